@@ -1,0 +1,66 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The one place that knows whether numba is there.
+
+Every kernel is written once, as a plain function on scalars and flat arrays. With numba it is
+compiled, without it the same function runs as Python; both do the same IEEE double operations in
+the same order, so the answers are identical. ``NUMBA_DISABLE_JIT=1`` selects plain Python.
+"""
+
+import numpy as np
+
+try:
+    import numba
+except ImportError:
+    numba = None
+
+COMPILED = numba is not None and not numba.config.DISABLE_JIT
+KERNEL = f'numba {numba.__version__}' if COMPILED else 'plain Python'
+
+
+def kernel(function):
+    """
+    Compile a module-level function with numba, or return it unchanged.
+
+    No ``fastmath``: fused or reordered arithmetic would break the error bounds that the exact
+    answers rest on. Division by zero gives infinity or NaN in compiled code and must be avoided
+    by the caller, because plain Python raises. The cache notices a change of a kernel's own file
+    only: delete ``__pycache__`` after editing a kernel that others call.
+    """
+    if not COMPILED:
+        return function
+    return numba.njit(cache=True, error_model='numpy', nogil=True)(function)
+
+
+def indexable(array):
+    """
+    Return what kernels should index: the array when compiled, else a memoryview of it.
+
+    A memoryview hands out Python floats, which plain Python computes with several times faster
+    than with NumPy scalars.
+    """
+    return array if COMPILED else memoryview(array)
+
+
+if COMPILED:
+    @kernel
+    def scratch(size):
+        """Return an uninitialised flat array of doubles for use inside a kernel."""
+        return np.empty(size)
+else:
+    def scratch(size):
+        """Return an uninitialised flat array of doubles for use inside a kernel."""
+        return memoryview(np.empty(size))

@@ -1,0 +1,186 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The one way to make a body: a checked, immutable polygon."""
+
+import enum
+
+import numpy as np
+
+from sat_collision import ring
+from sat_collision.decomposition import convex_parts
+from sat_collision.jit import indexable
+
+MAX_VERTICES = 1024
+
+
+class Reason(enum.Enum):
+    """Why points do not make a polygon."""
+
+    EMPTY = 'empty'
+    NOT_FINITE = 'not finite'
+    SELF_INTERSECTING = 'self-intersecting'
+    WRONG_SHAPE = 'wrong shape'
+    TOO_MANY_VERTICES = 'too many vertices'
+
+
+class PolygonError(ValueError):
+    """
+    Points that do not make a polygon.
+
+    Attributes
+    ----------
+    reason : Reason
+        What is wrong; the message names the vertex or the crossing.
+
+    """
+
+    def __init__(self, reason, message):
+        super().__init__(message)
+        self.reason = reason
+
+
+class Polygon:
+    """
+    An immutable simple polygon, segment or point: a closed set in the plane.
+
+    Repeated vertices, the closing vertex and collinear ones are dropped, clockwise order is
+    reversed. Points that all lie on one line become a segment, equal points a single point; both
+    are legal bodies.
+
+    Parameters
+    ----------
+    points : (n, 2) or (n, 3) array_like
+        Vertices in order, in metres in the caller's frame; z is ignored.
+    max_vertices : int, optional
+        The most vertices accepted, counted after dropping the superfluous ones.
+
+    Raises
+    ------
+    PolygonError
+        Empty, wrong shape, a coordinate that is not finite, a boundary that crosses, touches or
+        folds back on itself, or too many vertices.
+
+    """
+
+    __slots__ = ('_record', '_parts', '_block', '_count')
+
+    def __init__(self, points, max_vertices=MAX_VERTICES):
+        flat = _flat(points)
+        record = np.empty(ring.HEADER + flat.size)
+        verdict, count, i, j = ring.build(indexable(flat), indexable(record))
+        if verdict > ring.NON_CONVEX:
+            raise _error(verdict, record, count, i, j)
+        if count > max_vertices:
+            raise PolygonError(Reason.TOO_MANY_VERTICES,
+                               f'{count} vertices, but at most {max_vertices} are accepted')
+        self._record = record[:ring.HEADER + 2 * count]
+        if verdict == ring.CONVEX:
+            self._parts = (self,)
+            self._block = self._record
+            self._count = count
+        else:
+            self._parts = self._decompose()
+            self._block = _pack(self._record, self._parts)
+            self._count = -len(self._parts)
+
+    @property
+    def vertices(self):
+        """Vertices as a read-only (n, 2) float64 array, counter-clockwise; no closing vertex."""
+        vertices = self._record[ring.HEADER:].reshape(-1, 2)
+        vertices.flags.writeable = False
+        return vertices
+
+    @property
+    def parts(self):
+        """Convex polygons that cover this one, without new vertices: a tuple, itself if convex."""
+        return self._parts
+
+    @property
+    def is_convex(self):
+        """Whether the polygon is convex; points and segments are."""
+        return self._count > 0
+
+    @property
+    def centroid(self):
+        """Centre of gravity (x, y), (2,) array; of a segment its middle (paper section 2.2)."""
+        return self._record[:2].copy()
+
+    @property
+    def bounds(self):
+        """Bounding box (min_x, min_y, max_x, max_y) in metres."""
+        return tuple(self._record[2:ring.HEADER].tolist())
+
+    @property
+    def block(self):
+        """What the kernels read, see `improved.bodies_meet`: (flat float64 array, count)."""
+        return self._block, self._count
+
+    def _decompose(self):
+        vertices = self.vertices
+        corners, ends = convex_parts(indexable(self._record[ring.HEADER:]))
+        return tuple(Polygon(vertices[part], len(part)) for part in np.split(corners, ends[:-1]))
+
+    def __repr__(self):
+        return f'Polygon({self.vertices.tolist()})'
+
+
+def _pack(record, parts):
+    """Return the block of a body that is not convex: header, table of parts, their records."""
+    records = [part.block[0] for part in parts]
+    starts = ring.HEADER + 2 * len(parts) + np.cumsum([0] + [len(r) for r in records[:-1]])
+    table = np.column_stack([starts, [part.block[1] for part in parts]])
+    return np.concatenate([record[:ring.HEADER], table.ravel(), *records])
+
+
+def _flat(points):
+    """Return the x and y of the points as a new flat float64 array x, y, x, y, ..."""
+    try:
+        array = np.asarray(points, dtype=None if hasattr(points, 'dtype') else np.float64)
+        if array.size == 0 and array.ndim <= 2:
+            raise PolygonError(Reason.EMPTY, 'no points')
+        if array.ndim != 2 or array.shape[1] not in (2, 3):
+            raise PolygonError(Reason.WRONG_SHAPE,
+                               f'points of shape {array.shape}, expected (n, 2) or (n, 3)')
+        return array[:, :2].astype(np.float64).ravel()
+    except (TypeError, ValueError) as error:
+        if isinstance(error, PolygonError):
+            raise
+        raise PolygonError(Reason.WRONG_SHAPE, f'not an array of points: {error}') from error
+
+
+def _error(verdict, record, count, i, j):
+    """Put into words what `ring.build` found wrong."""
+    if verdict == ring.NOT_FINITE:
+        return PolygonError(Reason.NOT_FINITE, f'vertex {i} is not finite')
+    vertices = record[ring.HEADER:ring.HEADER + 2 * count].reshape(-1, 2).tolist()
+    if verdict == ring.SPIKE:
+        x, y = vertices[i]
+        return PolygonError(Reason.SELF_INTERSECTING,
+                            f'the boundary folds back on itself at ({x:.9g}, {y:.9g})')
+    a, b, c, d = (vertices[k % count] for k in (i, i + 1, j, j + 1))
+    x, y = _crossing(a, b, c, d)
+    return PolygonError(
+        Reason.SELF_INTERSECTING,
+        f'the edge from ({a[0]:.9g}, {a[1]:.9g}) to ({b[0]:.9g}, {b[1]:.9g}) meets the edge from '
+        f'({c[0]:.9g}, {c[1]:.9g}) to ({d[0]:.9g}, {d[1]:.9g}) at ({x:.9g}, {y:.9g})')
+
+
+def _crossing(a, b, c, d):
+    """Return where two segments that meet do so, rounded, for a message."""
+    determinant = (b[0] - a[0]) * (d[1] - c[1]) - (b[1] - a[1]) * (d[0] - c[0])
+    if determinant == 0.0:
+        return sorted((a, b, c, d))[1]
+    t = ((c[0] - a[0]) * (d[1] - c[1]) - (c[1] - a[1]) * (d[0] - c[0])) / determinant
+    return a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])

@@ -1,0 +1,176 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Many bodies packed into flat arrays, so that one compiled call answers for all of them."""
+
+import numpy as np
+
+from sat_collision.improved import bodies_meet
+from sat_collision.jit import COMPILED, indexable, kernel
+from sat_collision.ring import HEADER
+
+_FEWEST_ROWS = 16
+_FEWEST_DOUBLES = 1024
+_NOWHERE = np.array([np.inf, np.inf, -np.inf, -np.inf])
+
+
+class PolygonSet:
+    """
+    A set of bodies by row number, that can grow, shrink and be replaced in place.
+
+    The blocks of all bodies (see `improved.bodies_meet`) lie in one array, their bounds in
+    another. The space of a removed or outgrown block is reused when a block fits it, or won back
+    when the array is next repacked, which keeps it below four times what the bodies need.
+
+    Parameters
+    ----------
+    polygons : iterable of Polygon, optional
+        Bodies of rows 0, 1, 2, ...
+
+    """
+
+    def __init__(self, polygons=()):
+        self._bounds = np.empty((4, _FEWEST_ROWS))
+        # Per row: where its block starts, the block's count (see `Polygon.block`, 0: no body)
+        # and the space it may use.
+        self._rows = np.empty((3, _FEWEST_ROWS), np.int64)
+        self._data = np.empty(_FEWEST_DOUBLES)
+        self._used_rows = 0
+        self._used_data = 0
+        self._free = []
+        for polygon in polygons:
+            self.append(polygon)
+
+    def __len__(self):
+        """Return the number of rows with a body."""
+        return self._used_rows - len(self._free)
+
+    @property
+    def nbytes(self):
+        """Bytes of memory held by the arrays."""
+        return self._bounds.nbytes + self._rows.nbytes + self._data.nbytes
+
+    def append(self, polygon):
+        """Add a body and return its row: the one freed last, if any."""
+        if self._free:
+            row = self._free.pop()
+        else:
+            row = self._used_rows
+            if row == self._bounds.shape[1]:
+                self._bounds = np.concatenate([self._bounds, np.empty_like(self._bounds)], axis=1)
+                self._rows = np.concatenate([self._rows, np.empty_like(self._rows)], axis=1)
+            self._used_rows += 1
+            self._rows[:, row] = 0
+        self.replace(row, polygon)
+        return row
+
+    def replace(self, row, polygon):
+        """Put another body in place of that of a row."""
+        block, count = polygon.block
+        size = len(block)
+        if size > self._rows[2, row]:
+            self._rows[1, row] = 0
+            if self._used_data + size > len(self._data):
+                self._repack(size)
+            self._rows[0, row] = self._used_data
+            self._rows[2, row] = size
+            self._used_data += size
+        start = self._rows[0, row]
+        self._data[start:start + size] = block
+        self._rows[1, row] = count
+        self._bounds[:, row] = block[2:HEADER]
+
+    def remove(self, row):
+        """Take the body of a row out; the row number may be given to a later body."""
+        self._rows[1, row] = 0
+        self._bounds[:, row] = _NOWHERE
+        self._free.append(row)
+
+    def _repack(self, needed):
+        """Move the blocks in use to the front of a new array with room for as much again."""
+        rows = np.flatnonzero(self._rows[1, :self._used_rows])
+        live = int(self._rows[2, rows].sum())
+        data = np.empty(max(_FEWEST_DOUBLES, 2 * (live + needed)))
+        end = 0
+        for row in rows:
+            start, _, size = self._rows[:, row]
+            data[end:end + size] = self._data[start:start + size]
+            self._rows[0, row] = end
+            end += size
+        self._rows[2, self._rows[1] == 0] = 0
+        self._data = data
+        self._used_data = end
+
+    def hits(self, polygon):
+        """
+        Return the rows whose bodies share a point with a polygon, in ascending order; exact.
+
+        Returns
+        -------
+        (k,) ndarray of int64
+
+        """
+        block, count = polygon.block
+        rows = np.empty(self._used_rows, np.int64)
+        if COMPILED:
+            found = _hits(self._bounds, self._rows, self._data, self._used_rows, block, count,
+                          rows)
+            return rows[:found]
+        bounds = self._bounds[:, :self._used_rows]
+        rows = np.flatnonzero((bounds[0] <= block[4]) & (bounds[2] >= block[2])
+                              & (bounds[1] <= block[5]) & (bounds[3] >= block[3]))
+        data = indexable(self._data)
+        block = indexable(block)
+        starts, counts, _ = self._rows[:, rows].tolist()
+        return rows[[bodies_meet(data, start, n, block, 0, count)
+                     for start, n in zip(starts, counts)]]
+
+    def intersects(self, polygon):
+        """Return for each row whether its body shares a point with a polygon: (m,) bool."""
+        answers = np.zeros(self._used_rows, np.bool_)
+        answers[self.hits(polygon)] = True
+        return answers
+
+    def intersects_pairwise(self, other):
+        """Return for each row whether its body meets that of the same row of another set."""
+        if self._used_rows != other._used_rows:
+            raise ValueError(f'{self._used_rows} bodies cannot be paired with '
+                             f'{other._used_rows}')
+        answers = np.empty(self._used_rows, np.bool_)
+        _pairwise(indexable(self._rows), indexable(self._data), indexable(other._rows),
+                  indexable(other._data), answers)
+        return answers
+
+
+@kernel
+def _hits(bounds, rows, data, used, block, count, found):
+    min_x = block[2]
+    min_y = block[3]
+    max_x = block[4]
+    max_y = block[5]
+    k = 0
+    for row in range(used):
+        if (bounds[0, row] <= max_x and bounds[2, row] >= min_x
+                and bounds[1, row] <= max_y and bounds[3, row] >= min_y):
+            if bodies_meet(data, rows[0, row], rows[1, row], block, 0, count):
+                found[k] = row
+                k += 1
+    return k
+
+
+@kernel
+def _pairwise(rows, data, other_rows, other_data, answers):
+    for row in range(len(answers)):
+        answers[row] = rows[1, row] != 0 and other_rows[1, row] != 0 and bodies_meet(
+            data, rows[0, row], rows[1, row],
+            other_data, other_rows[0, row], other_rows[1, row])

@@ -1,0 +1,56 @@
+from glob import glob
+
+from setuptools import find_packages, setup
+
+package_name = 'sat_collision'
+
+extras = {
+    'ros': [
+        'ros-rclpy[fastrtps]==7.1.6',
+        'ros-jazzy-rclpy',
+        'ros-jazzy-common-interfaces',
+    ],
+    'fast': ['numba'],
+    'plot': ['matplotlib'],
+    'replay': ['rosbags'],
+    'test': [
+        'flake8',
+        'flake8-builtins',
+        'flake8-class-newline',
+        'flake8-comprehensions',
+        'flake8-docstrings',
+        'flake8-import-order',
+        'flake8-quotes',
+        'pytest',
+        'pyyaml',
+        'rosbags',
+        'shapely>=2',
+    ],
+}
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    packages=find_packages(exclude=['test']),
+    data_files=[
+        ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
+        ('share/' + package_name, ['package.xml']),
+        ('share/' + package_name + '/launch', glob('launch/*.launch.py')),
+        ('share/' + package_name + '/config', glob('config/*.yaml')),
+    ],
+    python_requires='>=3.10',
+    install_requires=['setuptools', 'numpy'],
+    extras_require=extras,
+    tests_require=['pytest'],
+    zip_safe=True,
+    maintainer='The sat_collision Authors',
+    maintainer_email='maintainers@users.noreply.github.com',
+    description='Exact collision checks between robot footprints and obstacles for ROS 2',
+    license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            'collision_monitor = sat_collision.node:main',
+            'demo = sat_collision.demo:main',
+        ],
+    },
+)

@@ -13,7 +13,7 @@
 # limitations under the License.
 """The collision decision for any two bodies."""
 
-from sat_collision.improved import bodies_meet
+from sat_collision.exact import bodies_meet
 from sat_collision.jit import indexable
 from sat_collision.polygon import Polygon
 from sat_collision.polygon_set import PolygonSet

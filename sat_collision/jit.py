@@ -24,6 +24,7 @@ import numpy as np
 
 try:
     import numba
+    import numba.extending
 except ImportError:
     numba = None
 
@@ -45,6 +46,13 @@ def kernel(function):
     return numba.njit(cache=True, error_model='numpy', nogil=True)(function)
 
 
+def inlined(function):
+    """Compile like `kernel`, and always inline: for the steps of a hot loop."""
+    if not COMPILED:
+        return function
+    return numba.njit(cache=True, error_model='numpy', nogil=True, forceinline=True)(function)
+
+
 def indexable(array):
     """
     Return what kernels should index: the array when compiled, else a memoryview of it.
@@ -56,11 +64,30 @@ def indexable(array):
 
 
 if COMPILED:
+    @numba.extending.intrinsic
+    def unowned(typing_context, array):
+        """
+        Return an array without its reference count, for the inside of a hot loop.
+
+        Passing an array on counts references atomically, which costs more than a collision check.
+        The caller must hold the array itself for as long as the loop runs.
+        """
+        def generate(context, builder, signature, arguments):
+            view = context.make_array(array)(context, builder, arguments[0])
+            view.meminfo = view.meminfo.type(None)
+            view.parent = view.parent.type(None)
+            return view._getvalue()
+        return array(array), generate
+
     @kernel
     def scratch(size):
         """Return an uninitialised flat array of doubles for use inside a kernel."""
         return np.empty(size)
 else:
+    def unowned(array):
+        """Return the array; there is a reference count to spare in compiled code only."""
+        return array
+
     def scratch(size):
         """Return an uninitialised flat array of doubles for use inside a kernel."""
         return memoryview(np.empty(size))

@@ -21,6 +21,7 @@ import numpy as np
 from sat_collision import ring
 from sat_collision.decomposition import convex_parts
 from sat_collision.jit import indexable
+from sat_collision.record import build, HEADER, LARGEST_TABLE
 
 MAX_VERTICES = 1024
 
@@ -74,31 +75,32 @@ class Polygon:
 
     """
 
-    __slots__ = ('_record', '_parts', '_block', '_count')
+    __slots__ = ('_vertices', '_parts', '_block', '_count')
 
     def __init__(self, points, max_vertices=MAX_VERTICES):
         flat = _flat(points)
-        record = np.empty(ring.HEADER + flat.size)
-        verdict, count, i, j = ring.build(indexable(flat), indexable(record))
+        record = np.empty(HEADER + LARGEST_TABLE + flat.size)
+        verdict, count, i, j, first = build(indexable(flat), indexable(record))
+        end = first + 2 * count
         if verdict > ring.NON_CONVEX:
-            raise _error(verdict, record, count, i, j)
+            raise _error(verdict, record[:end].reshape(-1, 2).tolist(), i, j)
         if count > max_vertices:
             raise PolygonError(Reason.TOO_MANY_VERTICES,
                                f'{count} vertices, but at most {max_vertices} are accepted')
-        self._record = record[:ring.HEADER + 2 * count]
+        self._vertices = record[first:end]
         if verdict == ring.CONVEX:
             self._parts = (self,)
-            self._block = self._record
+            self._block = record[:end]
             self._count = count
         else:
-            self._parts = self._decompose()
-            self._block = _pack(self._record, self._parts)
+            self._parts = _decompose(self._vertices)
+            self._block = _pack(record[:HEADER], self._parts)
             self._count = -len(self._parts)
 
     @property
     def vertices(self):
         """Vertices as a read-only (n, 2) float64 array, counter-clockwise; no closing vertex."""
-        vertices = self._record[ring.HEADER:].reshape(-1, 2)
+        vertices = self._vertices.reshape(-1, 2)
         vertices.flags.writeable = False
         return vertices
 
@@ -115,33 +117,40 @@ class Polygon:
     @property
     def centroid(self):
         """Centre of gravity (x, y), (2,) array; of a segment its middle (paper section 2.2)."""
-        return self._record[:2].copy()
+        first, *others = self.vertices
+        if len(others) < 2:
+            return first + (others[0] - first) / 2 if others else first.copy()
+        fan = np.array(others) - first
+        double_areas = fan[:-1, 0] * fan[1:, 1] - fan[:-1, 1] * fan[1:, 0]
+        weights = double_areas / double_areas.sum()
+        return first + weights @ (fan[:-1] + fan[1:]) / 3
 
     @property
     def bounds(self):
         """Bounding box (min_x, min_y, max_x, max_y) in metres."""
-        return tuple(self._record[2:ring.HEADER].tolist())
+        return tuple(self._block[2:HEADER].tolist())
 
     @property
     def block(self):
-        """What the kernels read, see `improved.bodies_meet`: (flat float64 array, count)."""
+        """What the kernels read, see `exact`: (flat float64 array, count)."""
         return self._block, self._count
-
-    def _decompose(self):
-        vertices = self.vertices
-        corners, ends = convex_parts(indexable(self._record[ring.HEADER:]))
-        return tuple(Polygon(vertices[part], len(part)) for part in np.split(corners, ends[:-1]))
 
     def __repr__(self):
         return f'Polygon({self.vertices.tolist()})'
 
 
-def _pack(record, parts):
+def _decompose(flat):
+    vertices = flat.reshape(-1, 2)
+    corners, ends = convex_parts(indexable(flat))
+    return tuple(Polygon(vertices[part], len(part)) for part in np.split(corners, ends[:-1]))
+
+
+def _pack(header, parts):
     """Return the block of a body that is not convex: header, table of parts, their records."""
     records = [part.block[0] for part in parts]
-    starts = ring.HEADER + 2 * len(parts) + np.cumsum([0] + [len(r) for r in records[:-1]])
+    starts = HEADER + 2 * len(parts) + np.cumsum([0] + [len(record) for record in records[:-1]])
     table = np.column_stack([starts, [part.block[1] for part in parts]])
-    return np.concatenate([record[:ring.HEADER], table.ravel(), *records])
+    return np.concatenate([header, table.ravel(), *records])
 
 
 def _flat(points):
@@ -160,16 +169,15 @@ def _flat(points):
         raise PolygonError(Reason.WRONG_SHAPE, f'not an array of points: {error}') from error
 
 
-def _error(verdict, record, count, i, j):
-    """Put into words what `ring.build` found wrong."""
+def _error(verdict, vertices, i, j):
+    """Put into words what `ring.clean` found wrong."""
     if verdict == ring.NOT_FINITE:
         return PolygonError(Reason.NOT_FINITE, f'vertex {i} is not finite')
-    vertices = record[ring.HEADER:ring.HEADER + 2 * count].reshape(-1, 2).tolist()
     if verdict == ring.SPIKE:
         x, y = vertices[i]
         return PolygonError(Reason.SELF_INTERSECTING,
                             f'the boundary folds back on itself at ({x:.9g}, {y:.9g})')
-    a, b, c, d = (vertices[k % count] for k in (i, i + 1, j, j + 1))
+    a, b, c, d = (vertices[k % len(vertices)] for k in (i, i + 1, j, j + 1))
     x, y = _crossing(a, b, c, d)
     return PolygonError(
         Reason.SELF_INTERSECTING,

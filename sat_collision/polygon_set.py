@@ -15,9 +15,10 @@
 
 import numpy as np
 
-from sat_collision.improved import bodies_meet
-from sat_collision.jit import COMPILED, indexable, kernel
-from sat_collision.ring import HEADER
+from sat_collision.exact import bodies_meet
+from sat_collision.improved import boxes_apart, MEET, search, SEPARATE, UNSURE
+from sat_collision.jit import COMPILED, indexable, inlined, kernel, unowned
+from sat_collision.record import HEADER
 
 _FEWEST_ROWS = 16
 _FEWEST_DOUBLES = 1024
@@ -28,7 +29,7 @@ class PolygonSet:
     """
     A set of bodies by row number, that can grow, shrink and be replaced in place.
 
-    The blocks of all bodies (see `improved.bodies_meet`) lie in one array, their bounds in
+    The blocks of all bodies (see `exact.bodies_meet`) lie in one array, their bounds in
     another. The space of a removed or outgrown block is reused when a block fits it, or won back
     when the array is next repacked, which keeps it below four times what the bodies need.
 
@@ -146,31 +147,71 @@ class PolygonSet:
         if self._used_rows != other._used_rows:
             raise ValueError(f'{self._used_rows} bodies cannot be paired with '
                              f'{other._used_rows}')
-        answers = np.empty(self._used_rows, np.bool_)
+        answers = np.empty(self._used_rows, np.int8)
         _pairwise(indexable(self._rows), indexable(self._data), indexable(other._rows),
                   indexable(other._data), answers)
-        return answers
+        return answers == MEET
 
 
 @kernel
 def _hits(bounds, rows, data, used, block, count, found):
+    """Write the rows that a block hits, in ascending order; return how many there are."""
+    candidates = _candidates(unowned(bounds), unowned(rows), unowned(data), used,
+                             unowned(block), count, unowned(found))
+    hits = 0
+    for k in range(candidates):
+        row = found[k]
+        if row < 0:
+            row = -1 - row
+            if not bodies_meet(data, rows[0, row], rows[1, row], block, 0, count):
+                continue
+        found[hits] = row
+        hits += 1
+    return hits
+
+
+@kernel
+def _candidates(bounds, rows, data, used, block, count, found):
+    """Write the rows that a block hits, and -1 - row where that has to be decided exactly."""
     min_x = block[2]
     min_y = block[3]
     max_x = block[4]
     max_y = block[5]
-    k = 0
+    candidates = 0
     for row in range(used):
         if (bounds[0, row] <= max_x and bounds[2, row] >= min_x
                 and bounds[1, row] <= max_y and bounds[3, row] >= min_y):
-            if bodies_meet(data, rows[0, row], rows[1, row], block, 0, count):
-                found[k] = row
-                k += 1
-    return k
+            verdict = _verdict(data, rows[0, row], rows[1, row], block, 0, count)
+            if verdict != SEPARATE:
+                found[candidates] = row if verdict == MEET else -1 - row
+                candidates += 1
+    return candidates
 
 
 @kernel
 def _pairwise(rows, data, other_rows, other_data, answers):
+    _pairwise_verdicts(unowned(rows), unowned(data), unowned(other_rows), unowned(other_data),
+                       unowned(answers))
     for row in range(len(answers)):
-        answers[row] = rows[1, row] != 0 and other_rows[1, row] != 0 and bodies_meet(
-            data, rows[0, row], rows[1, row],
-            other_data, other_rows[0, row], other_rows[1, row])
+        if answers[row] == UNSURE:
+            answers[row] = MEET if bodies_meet(
+                data, rows[0, row], rows[1, row],
+                other_data, other_rows[0, row], other_rows[1, row]) else SEPARATE
+
+
+@kernel
+def _pairwise_verdicts(rows, data, other_rows, other_data, verdicts):
+    for row in range(len(verdicts)):
+        verdicts[row] = _verdict(data, rows[0, row], rows[1, row],
+                                 other_data, other_rows[0, row], other_rows[1, row])
+
+
+@inlined
+def _verdict(p, p_start, n, q, q_start, m):
+    """Return what the search in plain doubles says of two blocks; it leaves parts to `exact`."""
+    if n == 0 or m == 0 or boxes_apart(p, p_start, q, q_start):
+        return SEPARATE
+    if n < 0 or m < 0:
+        return UNSURE
+    verdict, _, _, _ = search(p, p_start, n, q, q_start, m)
+    return verdict

@@ -1,0 +1,116 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+The exact answer for any two bodies, for where the search in plain doubles is not sure.
+
+A *block* is what the kernels read of a body: of a convex polygon its record (see `record`); of
+another the header of a record, of which only the bounds are used, and then, for each convex part,
+where the part's record starts in the block and its number of vertices, and these records.
+"""
+
+from sat_collision.improved import boxes_apart, MEET, search, UNSURE
+from sat_collision.jit import kernel
+from sat_collision.predicates import orient, segments_meet
+from sat_collision.record import HEADER, table_size
+
+
+@kernel
+def bodies_meet(p, p_start, n, q, q_start, m):
+    """
+    Tell exactly whether two bodies share a point; touching counts.
+
+    Parameters
+    ----------
+    p, q : flat arrays of float64
+        Hold the bodies' blocks, from p_start and q_start on.
+    n, m : int
+        The number of vertices of a convex body, minus the number of parts of another.
+
+    """
+    if boxes_apart(p, p_start, q, q_start):
+        return False
+    for i in range(max(1, -n)):
+        a, a_count = _part(p, p_start, n, i)
+        for j in range(max(1, -m)):
+            b, b_count = _part(q, q_start, m, j)
+            if not boxes_apart(p, a, q, b) and _convex_meet(p, a, a_count, q, b, b_count):
+                return True
+    return False
+
+
+@kernel
+def _part(block, start, count, i):
+    """Return where the record of convex part i starts and its number of vertices."""
+    if count > 0:
+        return start, count
+    entry = start + HEADER + 2 * i
+    return start + int(block[entry]), int(block[entry + 1])
+
+
+@kernel
+def _convex_meet(p, p_start, n, q, q_start, m):
+    """Tell exactly whether two convex polygons, given by their records, share a point."""
+    verdict, i, j, _ = search(p, p_start, n, q, q_start, m)
+    if verdict != UNSURE:
+        return verdict == MEET
+    first_p = p_start + HEADER + table_size(n)
+    first_q = q_start + HEADER + table_size(m)
+    i = (i - first_p) // 2 if i >= first_p else 0
+    j = (j - first_q) // 2 if j >= first_q else 0
+    return _meet_by_edges(p, first_p, n, q, first_q, m, i, j)
+
+
+@kernel
+def _meet_by_edges(p, ps, n, q, qs, m, i, j):
+    """
+    Decide by exact orientations; i and j are vertices near the contact, if there is one.
+
+    Two convex polygons are separate iff some edge of one has every vertex of the other strictly
+    outside it (a segment counts as two edges, there and back). Two bodies without area may be
+    separate along their common line only, so those are compared as segments. Most touching pairs
+    are recognised by their edges next to i and j.
+    """
+    for a in ((i + n - 1) % n, i):
+        b = (a + 1) % n
+        for c in ((j + m - 1) % m, j):
+            d = (c + 1) % m
+            if segments_meet(p[ps + 2 * a], p[ps + 2 * a + 1], p[ps + 2 * b], p[ps + 2 * b + 1],
+                             q[qs + 2 * c], q[qs + 2 * c + 1], q[qs + 2 * d], q[qs + 2 * d + 1]):
+                return True
+    if n <= 2 and m <= 2:
+        return False
+    return not (_some_edge_separates(p, ps, n, q, qs, m, i, j)
+                or _some_edge_separates(q, qs, m, p, ps, n, j, i))
+
+
+@kernel
+def _some_edge_separates(p, ps, n, q, qs, m, i, j):
+    """Tell whether an edge of P has all of Q strictly on its right; exact."""
+    if n < 2:
+        return False
+    inside = j
+    for s in range(n):
+        a = (i + n - 1 + s) % n
+        b = (a + 1) % n
+        separates = True
+        for t in range(m):
+            k = (inside + t) % m
+            if orient(p[ps + 2 * a], p[ps + 2 * a + 1], p[ps + 2 * b], p[ps + 2 * b + 1],
+                      q[qs + 2 * k], q[qs + 2 * k + 1]) >= 0:
+                inside = k
+                separates = False
+                break
+        if separates:
+            return True
+    return False

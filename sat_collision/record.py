@@ -1,0 +1,174 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+What a polygon knows once, laid out for the collision decision in one flat array of doubles.
+
+A *record* of a convex polygon is a point of the polygon, its centroid where that is certain (x,
+y); its bounds (min x, min y, max x, max y); for more than SCAN_LIMIT vertices a table from the
+direction of an axis to a support vertex near by; and the vertices x, y, x, y, ...
+
+The table cuts the directions into sectors, four for each double: a double holds four integers of
+13 bits without loss. It only says where to start looking, so rounding in it decides nothing.
+"""
+
+from sat_collision.jit import inlined, kernel, scratch
+from sat_collision.predicates import orient
+from sat_collision.ring import clean, CONVEX, NON_CONVEX
+
+HEADER = 6
+SCAN_LIMIT = 16
+LARGEST_TABLE = 32
+
+_ENTRY_BITS = 13
+_ENTRY_MASK = (1 << _ENTRY_BITS) - 1
+_INFINITY = float('inf')
+
+
+@inlined
+def table_size(count):
+    """Return how many doubles the table of a polygon with count vertices takes."""
+    if count <= SCAN_LIMIT:
+        return 0
+    return 8 if count <= 128 else LARGEST_TABLE
+
+
+@kernel
+def build(points, record):
+    """
+    Make a record from received points.
+
+    Parameters
+    ----------
+    points : (2 n,) flat array of float64, n >= 1
+        x, y, x, y, ... as received.
+    record : (HEADER + LARGEST_TABLE + 2 n,) flat array of float64
+        Receives the record; its tail may stay unused.
+
+    Returns
+    -------
+    verdict, count, i, j : int
+        As `ring.clean` says. When the points are refused the record holds the vertices in the
+        ring's order from the start on; of a polygon that is not convex it has no meaning but for
+        its bounds and its vertices.
+    first : int
+        Where the vertices start in the record.
+
+    """
+    ring = scratch(len(points))
+    verdict, count, i, j = clean(points, ring)
+    first = 0
+    if verdict == CONVEX or verdict == NON_CONVEX:
+        first = HEADER + table_size(count)
+        _write_bounds(ring, count, record)
+        if verdict == CONVEX:
+            _write_inner_point(ring, count, record)
+            _write_table(ring, count, record)
+    for k in range(2 * count):
+        record[first + k] = ring[k]
+    return verdict, count, i, j, first
+
+
+@kernel
+def _write_bounds(ring, count, record):
+    min_x = max_x = ring[0]
+    min_y = max_y = ring[1]
+    for i in range(1, count):
+        min_x = min(min_x, ring[2 * i])
+        max_x = max(max_x, ring[2 * i])
+        min_y = min(min_y, ring[2 * i + 1])
+        max_y = max(max_y, ring[2 * i + 1])
+    record[2] = min_x
+    record[3] = min_y
+    record[4] = max_x
+    record[5] = max_y
+
+
+@kernel
+def _write_inner_point(ring, count, record):
+    """
+    Write the centroid (paper section 2.2) where it is proved to lie in the polygon.
+
+    That makes it a point to reason with, not only a direction. Of slivers, segments and points,
+    where rounding may put it outside, a vertex serves instead.
+    """
+    x0 = ring[0]
+    y0 = ring[1]
+    record[0] = x0
+    record[1] = y0
+    area = 0.0
+    for i in range(1, count - 1):
+        area += _cross(ring, i)
+    if not 0.0 < area < _INFINITY:
+        return
+    x = x0
+    y = y0
+    for i in range(1, count - 1):
+        weight = _cross(ring, i) / area / 3.0
+        x += weight * ((ring[2 * i] - x0) + (ring[2 * i + 2] - x0))
+        y += weight * ((ring[2 * i + 1] - y0) + (ring[2 * i + 3] - y0))
+    for i in range(count):
+        k = i + 1 if i + 1 < count else 0
+        if orient(ring[2 * i], ring[2 * i + 1], ring[2 * k], ring[2 * k + 1], x, y) < 0:
+            return
+    record[0] = x
+    record[1] = y
+
+
+@kernel
+def _cross(ring, i):
+    """Return twice the signed area of the triangle of vertices 0, i and i + 1."""
+    return ((ring[2 * i] - ring[0]) * (ring[2 * i + 3] - ring[1])
+            - (ring[2 * i + 1] - ring[1]) * (ring[2 * i + 2] - ring[0]))
+
+
+@kernel
+def _write_table(ring, count, record):
+    """March around the boundary once while the direction turns once, sector by sector."""
+    size = table_size(count)
+    i = 0
+    for sector in range(4 * size):
+        turn = sector / size
+        if turn < 2.0:
+            uy = turn - 1.0
+            ux = 1.0 - abs(uy)
+        else:
+            uy = 3.0 - turn
+            ux = abs(uy) - 1.0
+        if sector == 0:
+            for k in range(count):
+                if ring[2 * k + 1] < ring[2 * i + 1]:
+                    i = k
+        for _ in range(count):
+            k = i + 1 if i + 1 < count else 0
+            if ((ring[2 * k] - ring[2 * i]) * ux + (ring[2 * k + 1] - ring[2 * i + 1]) * uy
+                    <= 0.0):
+                break
+            i = k
+        if sector % 4 == 0:
+            record[HEADER + sector // 4] = 0.0
+        entry = min(i, _ENTRY_MASK)
+        record[HEADER + sector // 4] += float(entry << (_ENTRY_BITS * (sector % 4)))
+
+
+@inlined
+def near_support(record, start, size, ux, uy):
+    """Return a vertex near the support vertex along u from the table of size doubles."""
+    length = abs(ux) + abs(uy)
+    if not 0.0 < length < _INFINITY:
+        return 0
+    # A quarter of the directions, from -y to +x and on, for each unit of turn.
+    turn = 1.0 + uy / length if ux >= 0.0 else 3.0 - uy / length
+    sector = min(int(turn * size), 4 * size - 1)
+    entries = int(record[start + HEADER + (sector >> 2)])
+    return (entries >> (_ENTRY_BITS * (sector & 3))) & _ENTRY_MASK

@@ -14,6 +14,7 @@
 """Exact collision checks between robot footprints and obstacles, for ROS 2."""
 
 from sat_collision.collision import intersects, intersects_many, intersects_pairs
+from sat_collision.distance import closest_points, separation
 from sat_collision.jit import KERNEL
 from sat_collision.polygon import Polygon, PolygonError, Reason
 from sat_collision.polygon_set import PolygonSet
@@ -24,7 +25,9 @@ __all__ = [
     'PolygonError',
     'PolygonSet',
     'Reason',
+    'closest_points',
     'intersects',
     'intersects_many',
     'intersects_pairs',
+    'separation',
 ]

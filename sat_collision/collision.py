@@ -15,7 +15,7 @@
 
 from sat_collision.exact import bodies_meet
 from sat_collision.jit import indexable
-from sat_collision.polygon import Polygon
+from sat_collision.polygon import as_polygon
 from sat_collision.polygon_set import PolygonSet
 
 
@@ -40,8 +40,8 @@ def intersects(a, b):
         Points that do not make a polygon.
 
     """
-    a_block, n = _polygon(a).block
-    b_block, m = _polygon(b).block
+    a_block, n = as_polygon(a).block
+    b_block, m = as_polygon(b).block
     return bool(bodies_meet(indexable(a_block), 0, n, indexable(b_block), 0, m))
 
 
@@ -67,8 +67,8 @@ def intersects_many(a, others):
 
     """
     if not isinstance(others, PolygonSet):
-        others = PolygonSet(_polygon(other) for other in others)
-    return others.intersects(_polygon(a))
+        others = PolygonSet(as_polygon(other) for other in others)
+    return others.intersects(as_polygon(a))
 
 
 def intersects_pairs(a, b):
@@ -91,7 +91,3 @@ def intersects_pairs(a, b):
 
     """
     return a.intersects_pairwise(b)
-
-
-def _polygon(body):
-    return body if isinstance(body, Polygon) else Polygon(body)

@@ -41,16 +41,16 @@ def bodies_meet(p, p_start, n, q, q_start, m):
     if boxes_apart(p, p_start, q, q_start):
         return False
     for i in range(max(1, -n)):
-        a, a_count = _part(p, p_start, n, i)
+        a, a_count = convex_part(p, p_start, n, i)
         for j in range(max(1, -m)):
-            b, b_count = _part(q, q_start, m, j)
-            if not boxes_apart(p, a, q, b) and _convex_meet(p, a, a_count, q, b, b_count):
+            b, b_count = convex_part(q, q_start, m, j)
+            if convex_meet(p, a, a_count, q, b, b_count):
                 return True
     return False
 
 
 @kernel
-def _part(block, start, count, i):
+def convex_part(block, start, count, i):
     """Return where the record of convex part i starts and its number of vertices."""
     if count > 0:
         return start, count
@@ -59,8 +59,10 @@ def _part(block, start, count, i):
 
 
 @kernel
-def _convex_meet(p, p_start, n, q, q_start, m):
+def convex_meet(p, p_start, n, q, q_start, m):
     """Tell exactly whether two convex polygons, given by their records, share a point."""
+    if boxes_apart(p, p_start, q, q_start):
+        return False
     verdict, i, j, _ = search(p, p_start, n, q, q_start, m)
     if verdict != UNSURE:
         return verdict == MEET
@@ -90,13 +92,22 @@ def _meet_by_edges(p, ps, n, q, qs, m, i, j):
                 return True
     if n <= 2 and m <= 2:
         return False
-    return not (_some_edge_separates(p, ps, n, q, qs, m, i, j)
-                or _some_edge_separates(q, qs, m, p, ps, n, j, i))
+    return not (_some_edge_separates(p, ps, n, q, qs, m, i, j, 0)
+                or _some_edge_separates(q, qs, m, p, ps, n, j, i, 0))
 
 
 @kernel
-def _some_edge_separates(p, ps, n, q, qs, m, i, j):
-    """Tell whether an edge of P has all of Q strictly on its right; exact."""
+def interiors_apart(p, p_start, n, q, q_start, m):
+    """Tell exactly whether some edge of two convex polygons has the other nowhere inside it."""
+    ps = p_start + HEADER + table_size(n)
+    qs = q_start + HEADER + table_size(m)
+    return (_some_edge_separates(p, ps, n, q, qs, m, 0, 0, 1)
+            or _some_edge_separates(q, qs, m, p, ps, n, 0, 0, 1))
+
+
+@kernel
+def _some_edge_separates(p, ps, n, q, qs, m, i, j, inner):
+    """Tell exactly whether all of Q is on the right of an edge of P: its turns less than inner."""
     if n < 2:
         return False
     inside = j
@@ -107,7 +118,7 @@ def _some_edge_separates(p, ps, n, q, qs, m, i, j):
         for t in range(m):
             k = (inside + t) % m
             if orient(p[ps + 2 * a], p[ps + 2 * a + 1], p[ps + 2 * b], p[ps + 2 * b + 1],
-                      q[qs + 2 * k], q[qs + 2 * k + 1]) >= 0:
+                      q[qs + 2 * k], q[qs + 2 * k + 1]) >= inner:
                 inside = k
                 separates = False
                 break

@@ -36,7 +36,7 @@ MEET = 1
 # A sum of two products of rounded differences has an error of at most (4 u + O(u^2)) times the
 # sum of the products' magnitudes, u = 2^-53; twice that is taken.
 PRODUCT_BOUND = 8.0 * 2.0 ** -53
-# What the support vertices of both polygons may fall short of the true ones, see `_support`, and
+# What the support vertices of both polygons may fall short of the true ones, see `support`, and
 # what up to 2^19 edges may hide in underflow.
 SUPPORT_BOUND = 64.0 * 2.0 ** -53
 SUPPORT_UNDERFLOW = 2.0 ** -1040
@@ -84,8 +84,8 @@ def search(p, p_start, n, q, q_start, m):
     queries = 0
     while queries < _MOST_QUERIES:
         queries += 1
-        i = _support(p, p_start, n, ux, uy)
-        j = _support(q, q_start, m, -ux, -uy)
+        i = support(p, p_start, n, ux, uy)
+        j = support(q, q_start, m, -ux, -uy)
         if i < 0 or j < 0:
             break
         wx = q[j] - p[i]
@@ -122,13 +122,16 @@ def search(p, p_start, n, q, q_start, m):
         elif from_a < 0:
             ax = wx
             ay = wy
+        elif queries > 2:
+            # Not proved to separate, and the next query would be the same.
+            break
         ux = by - ay
         uy = ax - bx
     return verdict, i, j, queries
 
 
 @inlined
-def _support(v, start, count, ux, uy):
+def support(v, start, count, ux, uy):
     """
     Return where in v the vertex furthest along u stands, or -1 where that is not certain.
 

@@ -153,6 +153,11 @@ def _pack(header, parts):
     return np.concatenate([header, table.ravel(), *records])
 
 
+def as_polygon(body):
+    """Return a Polygon as it is, and make one from points."""
+    return body if isinstance(body, Polygon) else Polygon(body)
+
+
 def _flat(points):
     """Return the x and y of the points as a new flat float64 array x, y, x, y, ..."""
     try:

@@ -1,0 +1,177 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Compare millions of answers with the exact oracle, over all hard families: `make accuracy`.
+
+Bodies go through the checked constructor and the compiled bulk decision, as the node runs them;
+the oracle (test/oracle.py) knows nothing of separating axes. Zero wrong answers is the only pass.
+Also measured: how often floating point left the decision to the exact stage, and what that cost.
+"""
+
+import argparse
+from collections import Counter
+import json
+import os
+from pathlib import Path
+import platform
+import sys
+import tempfile
+import time
+
+import numpy as np
+
+# Compile the kernels as they are now: numba's cache does not see a change of what a kernel calls.
+FRESH_CACHE = tempfile.TemporaryDirectory()
+os.environ['NUMBA_CACHE_DIR'] = FRESH_CACHE.name
+sys.path.insert(0, str(Path(__file__).parent.parent / 'test'))
+
+import families  # noqa: E402, I100
+import oracle  # noqa: E402
+from sat_collision import intersects_pairs, KERNEL, Polygon, PolygonSet  # noqa: E402
+from sat_collision.improved import boxes_apart, search, SEPARATE, UNSURE  # noqa: E402
+from sat_collision.jit import kernel  # noqa: E402
+from sat_collision.record import HEADER  # noqa: E402
+
+SIDES = 3, 4, 5, 6, 8, 16, 32, 64, 256, 1024
+CHECKED = 1000  # one in so many of the answers the filter proved is also decided in integers
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser.add_argument('--pairs', type=int, default=20_000_000)
+    parser.add_argument('--seed', type=int, default=1)
+    parser.add_argument('--json', type=Path)
+    arguments = parser.parse_args()
+    rng = np.random.default_rng(arguments.seed)
+    _compare(rng, families.near(rng, 1, 3))  # compiles everything
+    start = time.perf_counter()
+    results, wrong, done = {}, [], 0
+    for k, (family, n, count) in enumerate(_shares(arguments.pairs)):
+        name = family.__name__
+        rng = np.random.default_rng([arguments.seed, k])
+        total = results.setdefault(name, Counter())
+        for part in _chunks(count, n):
+            counts, examples = _compare(rng, family(rng, part, n))
+            total.update(counts)
+            for a, b in examples:
+                print(f'\nwrong in {name}: {a} against {b}', file=sys.stderr)
+                wrong.append({'family': name, 'a': a, 'b': b})
+            done += part
+            print(f'\r{done:>12,} of {arguments.pairs:,} pairs, '
+                  f'{time.perf_counter() - start:6.0f} s, {name:<22}',
+                  end='', file=sys.stderr, flush=True)
+    print(file=sys.stderr)
+    results['all'] = sum(results.values(), Counter())
+    _print(results)
+    if arguments.json:
+        arguments.json.write_text(json.dumps({
+            'seed': arguments.seed, 'seconds': round(time.perf_counter() - start),
+            'kernel': KERNEL, 'python': platform.python_version(), 'numpy': np.__version__,
+            'machine': platform.machine(), 'families': results, 'wrong': wrong}, indent=1) + '\n')
+    return 1 if wrong else 0
+
+
+def _shares(pairs):
+    """Return (family, n, count): equal shares for the families, but for many_sided; by 1 / n."""
+    named = [*families.CONVEX.values(), *families.SIMPLE.values()]
+    shares = []
+    for family in named:
+        share, sides = pairs // len(named), SIDES
+        if family is families.many_sided:
+            share, sides = share // 50, SIDES[-2:]
+        elif family.__name__ in families.SIMPLE:
+            sides = SIDES[:-2]
+        whole = sum(1 / n for n in sides)
+        shares += [(family, n, max(1, int(share / n / whole))) for n in sides]
+    left = pairs - sum(count for _, _, count in shares)
+    return [(*shares[0][:2], shares[0][2] + left), *shares[1:]]
+
+
+def _chunks(count, n):
+    size = min(max(5_000_000 // n**2, 4), 10_000)
+    while count > 0:
+        yield min(size, count)
+        count -= size
+
+
+def _compare(rng, pairs):
+    expected, unknown = oracle.intersects_pairs(pairs)
+    checked = np.flatnonzero(~unknown & (rng.random(len(pairs)) < 1 / CHECKED))
+    if any(oracle.intersects(*pairs[i]) != expected[i] for i in checked):
+        raise AssertionError('the filtered oracle contradicts the exact one')
+    a, b = ([Polygon(pair[k]) for pair in pairs] for k in (0, 1))
+    unsure = np.empty(len(pairs), np.bool_)
+    _find_unsure(*_packed(a), *_packed(b), unsure)
+    answers, seconds = np.empty(len(pairs), np.bool_), {}
+    for exact in (False, True):
+        rows = np.flatnonzero(unsure == exact)
+        sets = [PolygonSet(polygons[i] for i in rows) for polygons in (a, b)]
+        start = time.perf_counter()
+        answers[rows] = intersects_pairs(*sets)
+        seconds[exact] = time.perf_counter() - start
+    wrong = np.flatnonzero(answers != expected)
+    return Counter({
+        'pairs': len(pairs), 'meet': int(expected.sum()), 'wrong': len(wrong),
+        'oracle_in_integers': int(unknown.sum()), 'oracle_checked': len(checked),
+        'exact': int(unsure.sum()), 'seconds': seconds[False], 'exact_seconds': seconds[True],
+    }), [[body.tolist() for body in pairs[i]] for i in wrong]
+
+
+def _packed(polygons):
+    blocks = [polygon.block[0] for polygon in polygons]
+    starts = np.cumsum([0] + [len(block) for block in blocks[:-1]])
+    return np.concatenate(blocks), starts, np.array([polygon.block[1] for polygon in polygons])
+
+
+@kernel
+def _find_unsure(a, a_starts, a_counts, b, b_starts, b_counts, unsure):
+    for row in range(len(unsure)):
+        unsure[row] = _is_unsure(a, a_starts[row], a_counts[row], b, b_starts[row], b_counts[row])
+
+
+@kernel
+def _is_unsure(p, p_start, n, q, q_start, m):
+    """Tell whether `exact.bodies_meet` needs exact orientations for two bodies' blocks."""
+    for i in range(max(1, -n)):
+        a, a_count = _part(p, p_start, n, i)
+        for j in range(max(1, -m)):
+            b, b_count = _part(q, q_start, m, j)
+            if not boxes_apart(p, a, q, b):
+                verdict = search(p, a, a_count, q, b, b_count)[0]
+                if verdict != SEPARATE:
+                    return verdict == UNSURE
+    return False
+
+
+@kernel
+def _part(block, start, count, i):
+    if count > 0:
+        return start, count
+    return start + int(block[start + HEADER + 2 * i]), int(block[start + HEADER + 2 * i + 1])
+
+
+def _print(results):
+    print(f'{"family":<22}{"pairs":>12}{"meet":>7}{"wrong":>7}{"exact stage":>13}'
+          f'{"ns without":>12}{"ns with it":>12}')
+    for name, total in results.items():
+        pairs, exact = total['pairs'], total['exact']
+        without, with_it = total['seconds'] * 1e9, total['exact_seconds'] * 1e9
+        print(f'{name:<22}{pairs:>12,}{total["meet"] / pairs:>7.0%}{total["wrong"]:>7}'
+              f'{exact / pairs:>13.2%}{without / max(1, pairs - exact):>12.0f}'
+              f'{with_it / exact if exact else 0:>12.0f}')
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -15,11 +15,11 @@
 The improved separating axis method: the paper's first moves, continued until proved.
 
 Let w = q - p range over the Minkowski difference of Q and P. An axis u separates P from Q when
-w . u > 0 for all its vertices. The search starts with the centre line (paper section 3.2). Then
-it takes the line through the potential nearest points (section 3.1) or, where the bodies overlap
-deeply, goes on at once to the normal of the segment between the two w that bound the cone of axes
-still possible; until an axis separates, or three w hold the origin in their triangle: a common
-point.
+w . u > 0 for all its vertices. The search starts with the centre line u = d (paper section 3.2),
+which gives the potential nearest points and the w between them (section 3.1). The paper tries the
+axis along this w next. But d, between two inner points, is a w too, and the normal of the segment
+between the two bounds the cone of axes still possible: trying it instead needs fewer axes. So on,
+until an axis separates, or three w hold the origin in their triangle: a common point.
 
 Each sign is taken from plain doubles when it exceeds a forward error bound. Where one does not
 (touching, collinear, hair-thin gaps) the search says so, and `exact` decides.
@@ -76,13 +76,12 @@ def search(p, p_start, n, q, q_start, m):
     """
     reach_x = max(max(-p[p_start + 2], p[p_start + 4]), max(-q[q_start + 2], q[q_start + 4]))
     reach_y = max(max(-p[p_start + 3], p[p_start + 5]), max(-q[q_start + 3], q[q_start + 5]))
-    # The first w is no support: the difference of two inner points.
     ax = bx = ux = q[q_start] - p[p_start]
     ay = by = uy = q[q_start + 1] - p[p_start + 1]
-    verdict = UNSURE
+    verdict = MEET if ux == 0.0 and uy == 0.0 else UNSURE
     i = j = 0
     queries = 0
-    while queries < _MOST_QUERIES:
+    while verdict == UNSURE and queries < _MOST_QUERIES:
         queries += 1
         i = support(p, p_start, n, ux, uy)
         j = support(q, q_start, m, -ux, -uy)
@@ -90,40 +89,20 @@ def search(p, p_start, n, q, q_start, m):
             break
         wx = q[j] - p[i]
         wy = q[j + 1] - p[i + 1]
-        if _separates(wx, wy, ux, uy, reach_x, reach_y):
-            verdict = SEPARATE
-            break
-        if queries == 1:
-            turn = _turn(ax, ay, wx, wy)
-            if turn == 0:
-                break
-            overlap = -(wx * ux + wy * uy)
-            shallow = overlap < ux * ux + uy * uy
-            if turn > 0:
-                bx = wx
-                by = wy
-            else:
-                ax = wx
-                ay = wy
-            ux = wx if shallow else by - ay
-            uy = wy if shallow else ax - bx
-            continue
         # The cone of axes still possible is {u: u . a > 0, u . b > 0}, a to b a left turn.
         from_a = _turn(ax, ay, wx, wy)
         to_b = _turn(wx, wy, bx, by)
-        if from_a < 0 and to_b < 0:
+        if _separates(wx, wy, ux, uy, reach_x, reach_y):
+            verdict = SEPARATE
+        elif from_a < 0 and to_b < 0:
             verdict = MEET
-            break
-        if from_a == 0 or to_b == 0:
-            break
-        if to_b < 0:
+        elif from_a > 0 and to_b < 0:
             bx = wx
             by = wy
-        elif from_a < 0:
+        elif from_a < 0 and to_b > 0:
             ax = wx
             ay = wy
-        elif queries > 2:
-            # Not proved to separate, and the next query would be the same.
+        else:
             break
         ux = by - ay
         uy = ax - bx
@@ -152,10 +131,9 @@ def support(v, start, count, ux, uy):
             summit = i if along > most else summit
             most = along if along > most else most
         return summit
-    size = table_size(count)
-    first = start + HEADER + size
+    first = start + HEADER + table_size(count)
     last = first + 2 * count - 2
-    i = first + 2 * near_support(v, start, size, ux, uy)
+    i = start + near_support(v, start, count, ux, uy)
     ahead = i + 2 if i < last else first
     behind = i - 2 if i > first else last
     rise_ahead = _rise(v, i, ahead, ux, uy)

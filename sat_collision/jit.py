@@ -25,6 +25,7 @@ import numpy as np
 try:
     import numba
     import numba.extending
+    from llvmlite import ir
 except ImportError:
     numba = None
 
@@ -65,6 +66,22 @@ def indexable(array):
 
 if COMPILED:
     @numba.extending.intrinsic
+    def prefetch(typing_context, array, i):
+        """Ask the processor to bring element i of a flat array near, without waiting for it."""
+        def generate(context, builder, signature, arguments):
+            integer = ir.IntType(32)
+            pointer_type = ir.IntType(8).as_pointer()
+            view = context.make_array(array)(context, builder, arguments[0])
+            pointer = builder.bitcast(builder.gep(view.data, [arguments[1]]), pointer_type)
+            instruction = builder.module.declare_intrinsic(
+                'llvm.prefetch', [pointer_type],
+                ir.FunctionType(ir.VoidType(), [pointer_type, integer, integer, integer]))
+            to_read, to_all_caches, data = integer(0), integer(3), integer(1)
+            builder.call(instruction, [pointer, to_read, to_all_caches, data])
+            return context.get_dummy_value()
+        return numba.types.none(array, i), generate
+
+    @numba.extending.intrinsic
     def unowned(typing_context, array):
         """
         Return an array without its reference count, for the inside of a hot loop.
@@ -84,6 +101,9 @@ if COMPILED:
         """Return an uninitialised flat array of doubles for use inside a kernel."""
         return np.empty(size)
 else:
+    def prefetch(array, i):
+        """Do nothing; only compiled code waits for memory more than for itself."""
+
     def unowned(array):
         """Return the array; there is a reference count to spare in compiled code only."""
         return array

@@ -15,13 +15,17 @@
 
 import numpy as np
 
+from sat_collision import proximity
 from sat_collision.exact import bodies_meet
 from sat_collision.improved import boxes_apart, MEET, search, SEPARATE, UNSURE
-from sat_collision.jit import COMPILED, indexable, inlined, kernel, unowned
-from sat_collision.record import HEADER
+from sat_collision.jit import COMPILED, indexable, inlined, kernel, prefetch, unowned
+from sat_collision.record import HEADER, near_support, SCAN_LIMIT
 
 _FEWEST_ROWS = 16
 _FEWEST_DOUBLES = 1024
+_CACHE_LINE = 8
+_FAR_AHEAD = 16
+_NEAR_AHEAD = 8
 _NOWHERE = np.array([np.inf, np.inf, -np.inf, -np.inf])
 
 
@@ -136,6 +140,40 @@ class PolygonSet:
         return rows[[bodies_meet(data, start, n, block, 0, count)
                      for start, n in zip(starts, counts)]]
 
+    def within(self, polygon, margin):
+        """
+        Return the rows whose bodies are no further than margin (m) from a polygon, ascending.
+
+        A margin of 0 means contact and is exact; otherwise the separation, rounded to a few ulp of
+        the coordinates, is compared with it.
+        """
+        if margin == 0.0:
+            return self.hits(polygon)
+        block, count = polygon.block
+        rows = np.empty(self._used_rows, np.int64)
+        found = proximity.within(*self._indexable(), self._used_rows, indexable(block), count,
+                                 margin, indexable(rows))
+        return rows[:found]
+
+    def nearest(self, polygon):
+        """
+        Return what is nearest to a polygon, or deepest in it; some row must have a body.
+
+        Returns
+        -------
+        int, float, (x, y), (x, y)
+            The row, its separation from the polygon and the points that realise it, one of the
+            row's body and one of the polygon, see `distance`.
+
+        """
+        block, count = polygon.block
+        row, separation, ax, ay, bx, by = proximity.nearest(
+            *self._indexable(), self._used_rows, indexable(block), count)
+        return row, separation, (ax, ay), (bx, by)
+
+    def _indexable(self):
+        return indexable(self._bounds), indexable(self._rows), indexable(self._data)
+
     def intersects(self, polygon):
         """Return for each row whether its body shares a point with a polygon: (m,) bool."""
         answers = np.zeros(self._used_rows, np.bool_)
@@ -201,9 +239,35 @@ def _pairwise(rows, data, other_rows, other_data, answers):
 
 @kernel
 def _pairwise_verdicts(rows, data, other_rows, other_data, verdicts):
-    for row in range(len(verdicts)):
+    used = len(verdicts)
+    for row in range(used):
+        # Most of the time of a pair that is not in the cache goes by waiting for it.
+        if row + _FAR_AHEAD < used:
+            _prefetch_head(data, rows[0, row + _FAR_AHEAD], rows[1, row + _FAR_AHEAD])
+            _prefetch_head(other_data, other_rows[0, row + _FAR_AHEAD],
+                           other_rows[1, row + _FAR_AHEAD])
+        if row + _NEAR_AHEAD < used:
+            soon = row + _NEAR_AHEAD
+            _prefetch_first_supports(data, rows[0, soon], rows[1, soon],
+                                     other_data, other_rows[0, soon], other_rows[1, soon])
         verdicts[row] = _verdict(data, rows[0, row], rows[1, row],
                                  other_data, other_rows[0, row], other_rows[1, row])
+
+
+@inlined
+def _prefetch_head(block, start, count):
+    for k in range(0, min(HEADER + 2 * abs(count), 5 * _CACHE_LINE), _CACHE_LINE):
+        prefetch(block, start + k)
+
+
+@inlined
+def _prefetch_first_supports(p, p_start, n, q, q_start, m):
+    """Fetch where the search will look for its first support vertices, if it has tables."""
+    if n > SCAN_LIMIT and m > SCAN_LIMIT and not boxes_apart(p, p_start, q, q_start):
+        ux = q[q_start] - p[p_start]
+        uy = q[q_start + 1] - p[p_start + 1]
+        prefetch(p, p_start + near_support(p, p_start, n, ux, uy))
+        prefetch(q, q_start + near_support(q, q_start, m, -ux, -uy))
 
 
 @inlined

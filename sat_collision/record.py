@@ -162,13 +162,18 @@ def _write_table(ring, count, record):
 
 
 @inlined
-def near_support(record, start, size, ux, uy):
-    """Return a vertex near the support vertex along u from the table of size doubles."""
+def near_support(record, start, count, ux, uy):
+    """
+    Return where in a record, counted from its start, a vertex near the support along u stands.
+
+    For more than SCAN_LIMIT vertices: it is looked up in the table.
+    """
+    size = table_size(count)
     length = abs(ux) + abs(uy)
     if not 0.0 < length < _INFINITY:
-        return 0
+        return HEADER + size
     # A quarter of the directions, from -y to +x and on, for each unit of turn.
     turn = 1.0 + uy / length if ux >= 0.0 else 3.0 - uy / length
     sector = min(int(turn * size), 4 * size - 1)
     entries = int(record[start + HEADER + (sector >> 2)])
-    return (entries >> (_ENTRY_BITS * (sector & 3))) & _ENTRY_MASK
+    return HEADER + size + 2 * ((entries >> (_ENTRY_BITS * (sector & 3))) & _ENTRY_MASK)

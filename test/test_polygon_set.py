@@ -13,9 +13,11 @@
 # limitations under the License.
 """A set of bodies answers like shapely while it grows, shrinks and is replaced in place."""
 
+import math
+
 import numpy as np
 import pytest
-from sat_collision import intersects_many, intersects_pairs, Polygon, PolygonSet
+from sat_collision import intersects_many, intersects_pairs, Polygon, PolygonSet, separation
 
 shapely = pytest.importorskip('shapely')
 
@@ -111,3 +113,37 @@ def test_many_takes_a_set_or_plain_points():
     assert intersects_many(footprint.vertices,
                            [other.vertices for other in others]).tolist() == expected
     assert intersects_many(footprint, []).shape == (0,)
+
+
+def test_nearest_and_within_a_margin():
+    """Over sets with holes: the least separation of all rows, and the rows up to a margin."""
+    rng = np.random.default_rng(5)
+    apart = set()
+    for _ in range(40):
+        bodies = PolygonSet()
+        others = {}
+        for _ in range(30):
+            other = random_body(rng)
+            others[bodies.append(other)] = other
+        for row in rng.choice(30, 12, replace=False).tolist():
+            bodies.remove(row)
+            del others[row]
+        footprint = Polygon(rng.uniform(0, 20, 2) + [(0, 0), (0.3, 0), (0, 0.3)])
+        expected = {row: separation(footprint, other) for row, other in others.items()}
+        row, least, on_row, on_footprint = bodies.nearest(footprint)
+        assert math.dist(on_row, on_footprint) == pytest.approx(abs(least), abs=1e-14)
+        assert least == pytest.approx(min(expected.values()), abs=1e-14)
+        assert expected[row] == pytest.approx(least, abs=1e-14)
+        for margin in (0.0, 0.75, 4.0):
+            assert bodies.within(footprint, margin).tolist() == sorted(
+                row for row, value in expected.items() if value <= margin)
+        apart.add(least > 0)
+    assert apart == {True, False}
+
+
+def test_margin_counts_the_distance_itself():
+    """A box a quarter of a metre away is within that margin, and not within less."""
+    bodies = PolygonSet([Polygon([(1.25, 0), (2, 0), (2, 1), (1.25, 1)])])
+    footprint = Polygon([(0, 0), (1, 0), (1, 1), (0, 1)])
+    assert bodies.within(footprint, 0.25).tolist() == [0]
+    assert bodies.within(footprint, np.nextafter(0.25, 0)).tolist() == []

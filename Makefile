@@ -7,7 +7,9 @@ BIN := $(VENV)/bin
 demo: $(VENV)/demo.stamp
 	$(BIN)/python -m sat_collision.demo
 
+# numba's cache misses changes in a kernel's callees, so the tests compile afresh.
 test: $(VENV)/test.stamp
+	rm -rf sat_collision/__pycache__
 	$(BIN)/python -m pytest
 
 $(BIN)/python:

@@ -12,8 +12,10 @@ extras = {
     ],
     'fast': ['numba'],
     'plot': ['matplotlib'],
-    'replay': ['rosbags'],
+    'replay': ['pyyaml', 'rosbags'],
+    'cluster': ['dask[distributed]'],
     'test': [
+        'dask[distributed]',
         'flake8',
         'flake8-builtins',
         'flake8-class-newline',
@@ -41,7 +43,6 @@ setup(
     python_requires='>=3.10',
     install_requires=['setuptools', 'numpy'],
     extras_require=extras,
-    tests_require=['pytest'],
     zip_safe=True,
     maintainer='The sat_collision Authors',
     maintainer_email='maintainers@users.noreply.github.com',
@@ -51,6 +52,7 @@ setup(
         'console_scripts': [
             'collision_monitor = sat_collision.node:main',
             'demo = sat_collision.demo:main',
+            'replay_check = sat_collision.replay.command:main',
         ],
     },
 )

@@ -80,13 +80,14 @@ class Polygon:
     def __init__(self, points, max_vertices=MAX_VERTICES):
         flat = _flat(points)
         record = np.empty(HEADER + LARGEST_TABLE + flat.size)
-        verdict, count, i, j, first = build(indexable(flat), indexable(record))
+        verdict, count, i, j, first = build(
+            indexable(flat), indexable(record), max_vertices)
         end = first + 2 * count
-        if verdict > ring.NON_CONVEX:
-            raise _error(verdict, record[:end].reshape(-1, 2).tolist(), i, j)
-        if count > max_vertices:
+        if verdict == ring.TOO_MANY:
             raise PolygonError(Reason.TOO_MANY_VERTICES,
                                f'{count} vertices, but at most {max_vertices} are accepted')
+        if verdict > ring.NON_CONVEX:
+            raise _error(verdict, record[:end].reshape(-1, 2).tolist(), i, j)
         self._vertices = record[first:end]
         if verdict == ring.CONVEX:
             self._parts = (self,)

@@ -44,7 +44,7 @@ def table_size(count):
 
 
 @kernel
-def build(points, record):
+def build(points, record, most):
     """
     Make a record from received points.
 
@@ -54,6 +54,8 @@ def build(points, record):
         x, y, x, y, ... as received.
     record : (HEADER + LARGEST_TABLE + 2 n,) flat array of float64
         Receives the record; its tail may stay unused.
+    most : int
+        The most vertices accepted.
 
     Returns
     -------
@@ -66,10 +68,12 @@ def build(points, record):
 
     """
     ring = scratch(len(points))
-    verdict, count, i, j = clean(points, ring)
+    verdict, count, i, j = clean(points, ring, most)
     first = 0
     if verdict == CONVEX or verdict == NON_CONVEX:
         first = HEADER + table_size(count)
+        record[0] = ring[0]
+        record[1] = ring[1]
         _write_bounds(ring, count, record)
         if verdict == CONVEX:
             _write_inner_point(ring, count, record)
@@ -100,12 +104,10 @@ def _write_inner_point(ring, count, record):
     Write the centroid (paper section 2.2) where it is proved to lie in the polygon.
 
     That makes it a point to reason with, not only a direction. Of slivers, segments and points,
-    where rounding may put it outside, a vertex serves instead.
+    where rounding may put it outside, the vertex that stands there already serves instead.
     """
     x0 = ring[0]
     y0 = ring[1]
-    record[0] = x0
-    record[1] = y0
     area = 0.0
     for i in range(1, count - 1):
         area += _cross(ring, i)

@@ -28,10 +28,11 @@ NON_CONVEX = 1
 NOT_FINITE = 2
 SPIKE = 3
 CROSSING = 4
+TOO_MANY = 5
 
 
 @kernel
-def clean(points, ring):
+def clean(points, ring, most):
     """
     Turn points into a clean counter-clockwise ring.
 
@@ -44,11 +45,13 @@ def clean(points, ring):
         x, y, x, y, ... as received.
     ring : (2 n,) flat array of float64
         Receives the clean vertices; its tail may stay unused.
+    most : int
+        The most vertices accepted; what has more is not looked at any further.
 
     Returns
     -------
     verdict : int
-        CONVEX or NON_CONVEX (the ring is valid), or NOT_FINITE, SPIKE or CROSSING.
+        CONVEX or NON_CONVEX (the ring is valid), or NOT_FINITE, SPIKE, CROSSING or TOO_MANY.
     count : int
         Vertices in the ring.
     i, j : int
@@ -59,6 +62,8 @@ def clean(points, ring):
     """
     verdict, count, clockwise, i = _classify(points, ring)
     j = i
+    if count > most:
+        return TOO_MANY, count, i, j
     if verdict == NON_CONVEX:
         i, j = _first_crossing(ring, count)
         if i >= 0:

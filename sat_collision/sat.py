@@ -139,10 +139,10 @@ def published_a_axes(p, q, centre_p, centre_q):
             axes += 1
             if _edge_separates(p, q, body, i):
                 return False, axes
-    for point, body, nearest in ((p[b], q, c), (q[c], p, b)):
-        for i in (nearest, (nearest + 1) % len(body)):
+    for body, vertex, other, nearest in ((p, b, q, c), (q, c, p, b)):
+        for i in (nearest, (nearest + 1) % len(other)):
             axes += 1
-            x, y = _to_edge(point, body[i - 1], body[i])
+            x, y = _to_edge(body[vertex, 0], body[vertex, 1], other, i)
             if _separates(p, q, x, y):
                 return False, axes
     return True, axes
@@ -225,15 +225,16 @@ def _furthest(polygon, x, y):
 
 
 @kernel
-def _to_edge(point, start, end):
+def _to_edge(x, y, body, i):
     """Return the vector from a point to the nearest point of an edge."""
-    along_x, along_y = end[0] - start[0], end[1] - start[1]
+    start_x, start_y = body[i - 1, 0], body[i - 1, 1]
+    along_x, along_y = body[i, 0] - start_x, body[i, 1] - start_y
     length = along_x * along_x + along_y * along_y
     share = 0.0
     if length > 0:
-        share = ((point[0] - start[0]) * along_x + (point[1] - start[1]) * along_y) / length
+        share = ((x - start_x) * along_x + (y - start_y) * along_y) / length
     share = min(max(share, 0.0), 1.0)
-    return start[0] + share * along_x - point[0], start[1] + share * along_y - point[1]
+    return start_x + share * along_x - x, start_y + share * along_y - y
 
 
 @kernel

@@ -1,0 +1,130 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Which footprints meet which obstacles, kept up to date one body at a time."""
+
+from sat_collision.polygon_set import PolygonSet
+
+
+class Placeable:
+    """
+    What can be placed: a footprint or an obstacle.
+
+    Attributes
+    ----------
+    polygon : Polygon or None
+        Where the body is; None while it is nowhere.
+    row : int or None
+        Its row among the placed bodies of its kind.
+    meets : set of Placeable
+        The bodies of the other kind that share a point with it.
+
+    """
+
+    __slots__ = ('polygon', 'row', 'meets')
+
+    def __init__(self):
+        self.polygon = None
+        self.row = None
+        self.meets = set()
+
+
+class Contacts:
+    """
+    The placed footprints and obstacles, and which of them share a point.
+
+    Placing a body decides it against the bodies of the other kind alone: everything else stays as
+    it was decided before.
+
+    Attributes
+    ----------
+    changed : set of Placeable
+        Footprints that have gained or lost a contact; the reader empties it.
+
+    """
+
+    def __init__(self):
+        self.changed = set()
+        self._footprints = _Kind()
+        self._obstacles = _Kind()
+
+    def place_footprint(self, footprint, polygon):
+        """Put a footprint where a polygon is, or move it there."""
+        self._footprints.place(footprint, polygon)
+        if _meet(footprint, self._obstacles.hits(polygon)):
+            self.changed.add(footprint)
+
+    def remove_footprint(self, footprint):
+        """Take a footprint away, if it is placed."""
+        if self._footprints.remove(footprint) and _meet(footprint, ()):
+            self.changed.add(footprint)
+
+    def place_obstacle(self, obstacle, polygon):
+        """Put an obstacle where a polygon is, or move it there."""
+        self._obstacles.place(obstacle, polygon)
+        self.changed.update(_meet(obstacle, self._footprints.hits(polygon)))
+
+    def remove_obstacle(self, obstacle):
+        """Take an obstacle away, if it is placed."""
+        if self._obstacles.remove(obstacle):
+            self.changed.update(_meet(obstacle, ()))
+
+    def nearest(self, footprint):
+        """Return the name, separation and closest points of what is nearest, None if nothing."""
+        return footprint.polygon and self._obstacles.nearest(footprint.polygon)
+
+
+class _Kind:
+    """The placed bodies of one kind, by row."""
+
+    def __init__(self):
+        self._polygons = PolygonSet()
+        self._bodies = {}
+
+    def place(self, body, polygon):
+        body.polygon = polygon
+        if body.row is None:
+            body.row = self._polygons.append(polygon)
+            self._bodies[body.row] = body
+        else:
+            self._polygons.replace(body.row, polygon)
+
+    def remove(self, body):
+        """Return whether the body was there to be removed."""
+        if body.row is None:
+            return False
+        self._polygons.remove(body.row)
+        del self._bodies[body.row]
+        body.row = body.polygon = None
+        return True
+
+    def hits(self, polygon):
+        return [self._bodies[row] for row in self._polygons.hits(polygon).tolist()]
+
+    def nearest(self, polygon):
+        if not self._bodies:
+            return None
+        row, *found = self._polygons.nearest(polygon)
+        return self._bodies[row].name, *found
+
+
+def _meet(body, others):
+    """Let a body meet these others and no more; return those for which this is a change."""
+    if not others and not body.meets:
+        return ()
+    gained_or_lost = body.meets.symmetric_difference(others)
+    for other in gained_or_lost:
+        other.meets.symmetric_difference_update((body,))
+    body.meets ^= gained_or_lost
+    return gained_or_lost

@@ -1,0 +1,67 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Deadlines of many things, looked after at a cost that does not depend on how many there are."""
+
+import heapq
+import itertools
+
+NEVER = float('inf')
+
+
+class Deadlines:
+    """
+    Tells which things have let their deadline pass.
+
+    A thing has `deadline`, in ns or NEVER, and `watched`, which is kept here and begins as NEVER.
+    A deadline put off costs nothing: its entry in the queue is a lower bound, looked at again only
+    when it comes up. To stop watching a thing, set its `watched` to NEVER.
+    """
+
+    def __init__(self):
+        self._queue = []
+        self._order = itertools.count()
+        self._most = 64
+
+    @property
+    def earliest(self):
+        """A lower bound of all deadlines in ns, NEVER if there are none."""
+        return self._queue[0][0] if self._queue else NEVER
+
+    def watch(self, thing):
+        """Look after a thing: to be called when it is new or its deadline may be earlier."""
+        deadline = thing.deadline
+        if deadline < thing.watched:
+            thing.watched = deadline
+            if len(self._queue) >= self._most:
+                self._discard_dead()
+            heapq.heappush(self._queue, (deadline, next(self._order), thing))
+
+    def missed(self, now):
+        """Yield the things whose deadline lies before now (ns), and watch these no longer."""
+        queue = self._queue
+        while queue and queue[0][0] < now:
+            entry, _, thing = heapq.heappop(queue)
+            if thing.watched == entry:
+                thing.watched = NEVER
+                if thing.deadline < now:
+                    yield thing
+                else:
+                    self.watch(thing)
+
+    def _discard_dead(self):
+        """Drop the entries that stand for nothing any more, so that they cannot pile up."""
+        self._queue[:] = [item for item in self._queue if item[2].watched == item[0]]
+        heapq.heapify(self._queue)
+        self._most = 64 + 2 * len(self._queue)

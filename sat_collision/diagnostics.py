@@ -1,0 +1,151 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""States and the node's health as diagnostic_msgs/DiagnosticArray."""
+
+from collections import Counter
+import time
+
+from sat_collision.footprints import Status
+from sat_collision.interfaces import DiagnosticArray, DiagnosticStatus, KeyValue
+
+_LEVELS = {
+    Status.CLEAR: DiagnosticStatus.OK,
+    Status.COLLISION: DiagnosticStatus.ERROR,
+    Status.UNKNOWN: DiagnosticStatus.STALE,
+}
+_NAMED_IN_MESSAGE = 3
+
+
+def in_words(state):
+    """Say a footprint's state in a few words."""
+    if state.status is Status.COLLISION and state.contacts:
+        names = [str(obstacle) for obstacle in state.contacts[:_NAMED_IN_MESSAGE]]
+        more = len(state.contacts) - len(names)
+        return f'in contact with {", ".join(names)}' + (f' and {more} more' if more else '')
+    word = state.status.value
+    return f'{word}: {"; ".join(state.reasons)}' if state.reasons else word
+
+
+class States:
+    """
+    The message of ~/state: one status a footprint, rewritten only where a state has changed.
+
+    Parameters
+    ----------
+    node_name : str
+    footprints : iterable of FootprintSettings
+
+    """
+
+    def __init__(self, node_name, footprints):
+        self._statuses = {
+            footprint.name: DiagnosticStatus(name=f'{node_name}: {footprint.name}',
+                                             hardware_id=footprint.topic)
+            for footprint in footprints}
+        self._ages = {name: KeyValue(key='age') for name in self._statuses}
+        self._message = DiagnosticArray(status=list(self._statuses.values()))
+
+    def write(self, name, state):
+        """Write down a footprint's new state."""
+        status = self._statuses[name]
+        status.level = _LEVELS[state.status]
+        status.message = in_words(state)
+        status.values = [
+            KeyValue(key='state', value=state.status.value),
+            KeyValue(key='obstacles in contact', value=', '.join(map(str, state.contacts))),
+            self._ages[name],
+            KeyValue(key='reason', value='; '.join(state.reasons))]
+
+    def message(self, stamp, ages):
+        """Return the message as of now, given each footprint's age in seconds, None if unheard."""
+        self._message.header.stamp = stamp
+        for name, age in ages.items():
+            self._ages[name].value = '' if age is None else f'{age:.3f}'
+        return self._message
+
+
+class Health:
+    """
+    The message of /diagnostics: what came in, what was refused, and what a check costs.
+
+    Parameters
+    ----------
+    node_name, hardware_id : str
+    facts : dict
+        What does not change while the node runs, such as the kernel in use.
+
+    """
+
+    def __init__(self, node_name, hardware_id, facts):
+        self._status = DiagnosticStatus(name=f'{node_name}: health', hardware_id=hardware_id)
+        self._facts = facts
+        self._incompatible = {}
+        self._received = Counter()
+        self._refused = 0
+        self._begin_period()
+
+    def _begin_period(self):
+        self._begun = time.monotonic()
+        self._checks = 0
+        self._total = 0.0
+        self._longest = 0.0
+
+    def checked(self, seconds):
+        """Count one message and the time that its check took."""
+        self._checks += 1
+        self._total += seconds
+        if seconds > self._longest:
+            self._longest = seconds
+
+    def incompatible_qos(self, topic, policy):
+        """Note that a publisher on a topic cannot be heard."""
+        self._incompatible[topic] = policy
+
+    def message(self, stamp, received, rejected):
+        """
+        Return the message on the period that ends now, and begin the next.
+
+        Parameters
+        ----------
+        stamp : builtin_interfaces.msg.Time
+        received, rejected : collections.Counter
+            Messages since the start: by source, and by source and reason.
+
+        """
+        period = time.monotonic() - self._begun
+        refused = rejected.total()
+        mean = self._total / self._checks if self._checks else 0.0
+        values = dict(self._facts)
+        values['check time mean [ms]'] = f'{1e3 * mean:.3f}'
+        values['check time max [ms]'] = f'{1e3 * self._longest:.3f}'
+        for name, count in received.items():
+            values[f'{name}: received'] = str(count)
+            values[f'{name}: rate [Hz]'] = f'{(count - self._received[name]) / period:.1f}'
+        for (name, reason), count in rejected.items():
+            values[f'{name}: rejected, {reason}'] = str(count)
+        for topic, policy in self._incompatible.items():
+            values[f'{topic}: incompatible QoS'] = policy
+        self._status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
+        problems = [f'incompatible QoS on {topic}' for topic in self._incompatible]
+        if refused > self._refused:
+            problems.append(f'messages rejected: {refused - self._refused}')
+        self._status.level = DiagnosticStatus.WARN if problems else DiagnosticStatus.OK
+        self._status.message = '; '.join(problems) or 'running'
+        self._received = received.copy()
+        self._refused = refused
+        self._begin_period()
+        message = DiagnosticArray(status=[self._status])
+        message.header.stamp = stamp
+        return message

@@ -1,0 +1,65 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Which rclpy executor a node runs in, and how it runs there until a signal ends it."""
+
+import signal
+import threading
+
+from rclpy.executors import SingleThreadedExecutor
+
+try:
+    from rclpy.experimental import EventsExecutor
+except ImportError:
+    EventsExecutor = None
+
+EVENTS = 'events'
+SINGLE_THREADED = 'single_threaded'
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+def available(kind):
+    """Return the kind of executor named, or the one to take where this rclpy does not have it."""
+    return SINGLE_THREADED if kind == EVENTS and EventsExecutor is None else kind
+
+
+def create(kind, context):
+    """Return an executor of an available kind."""
+    return (EventsExecutor if kind == EVENTS else SingleThreadedExecutor)(context=context)
+
+
+def interrupt_on_signals():
+    """Have SIGINT and SIGTERM raise KeyboardInterrupt: a long start-up can be broken off."""
+    for number in _SIGNALS:
+        signal.signal(number, signal.default_int_handler)
+
+
+def ignore_signals():
+    """Let nothing more disturb the end of the process."""
+    for number in _SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+
+
+def spin_until_signal(executor):
+    """
+    Run an executor until SIGINT or SIGTERM, which from now on interrupt nothing.
+
+    Every wait is bounded, because the events executor does not return from others. A signal is
+    seen when Python code next runs, so at the latest with the node's next timer.
+    """
+    asked_to_stop = threading.Event()
+    for number in _SIGNALS:
+        signal.signal(number, lambda *_: asked_to_stop.set())
+    while not asked_to_stop.is_set():
+        executor.spin_once(timeout_sec=1.0)

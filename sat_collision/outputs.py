@@ -1,0 +1,99 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the node publishes of a scene: flags, states and markers."""
+
+from sat_collision.diagnostics import States
+from sat_collision.footprints import Status
+from sat_collision.interfaces import Bool, DiagnosticArray, MarkerArray, serialize
+from sat_collision.markers import Markers
+
+_FLAGS = {raised: serialize(Bool(data=raised)) for raised in (False, True)}
+
+
+class Outputs:
+    """
+    The publishers of a scene; what nobody subscribes to, and what has not changed, costs nothing.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    settings : Settings
+    scene : Scene
+
+    """
+
+    def __init__(self, node, settings, scene):
+        self._clock = node.get_clock()
+        self._scene = scene
+        self._common_flag = node.create_publisher(Bool, '~/collision', 10)
+        self._flags = {
+            footprint.name: node.create_publisher(Bool, f'~/{footprint.name}/collision', 10)
+            for footprint in settings.footprints}
+        self._raised = {}
+        self._states = States(node.get_name(), settings.footprints)
+        self._state_publisher = node.create_publisher(DiagnosticArray, '~/state', 10)
+        self._unwritten = set()
+        self._markers = Markers()
+        self._marker_publisher = node.create_publisher(MarkerArray, '~/markers', 1)
+        self._marker_message = None
+        self.configure(settings)
+
+    def configure(self, settings):
+        """Apply settings, with which every flag may mean something else."""
+        self._unknown_is_collision = settings.unknown_is_collision
+        self._watched = [footprint.name for footprint in settings.footprints if footprint.enabled]
+        self.update(self._flags)
+
+    def update(self, names):
+        """Take note of the new states of footprints."""
+        for name in names:
+            status = self._scene.state(name).status
+            self._raised[name] = (status is Status.COLLISION
+                                  or status is Status.UNKNOWN and self._unknown_is_collision)
+        self._unwritten.update(names)
+        self.outdate_markers()
+
+    def outdate_markers(self):
+        """Take note that bodies have changed."""
+        self._marker_message = None
+
+    def publish(self, names=None):
+        """Publish the common flag, the flags of some footprints or of all, and all states."""
+        for name in self._flags if names is None else names:
+            self._flags[name].publish(_FLAGS[self._raised[name]])
+        self._common_flag.publish(_FLAGS[self._common()])
+        if self._state_publisher.get_subscription_count():
+            self._publish_states()
+
+    def _common(self):
+        """Tell whether any footprint raises its flag; if none is watched, nothing is known."""
+        if not self._watched:
+            return self._unknown_is_collision
+        return any(self._raised[name] for name in self._watched)
+
+    def _publish_states(self):
+        states = {name: self._scene.state(name) for name in self._flags}
+        for name in self._unwritten:
+            self._states.write(name, states[name])
+        self._unwritten.clear()
+        ages = {name: state.age for name, state in states.items()}
+        self._state_publisher.publish(self._states.message(self._clock.now().to_msg(), ages))
+
+    def publish_markers(self):
+        """Publish the markers if somebody wants them."""
+        if self._marker_publisher.get_subscription_count():
+            if self._marker_message is None:
+                self._marker_message = self._markers.message(self._scene)
+            self._marker_publisher.publish(self._marker_message)

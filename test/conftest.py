@@ -1,0 +1,79 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What every test runs with: DDS that stays on this machine, and nodes that end with the test."""
+
+import itertools
+import os
+from pathlib import Path
+import tempfile
+
+import pytest
+
+_PROFILE = """<?xml version="1.0" encoding="UTF-8"?>
+<dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"><profiles>
+  <participant profile_name="prompt" is_default_profile="true"><rtps><builtin><discovery_config>
+    <leaseAnnouncement><sec>0</sec><nanosec>100000000</nanosec></leaseAnnouncement>
+    <initialAnnouncements>
+      <count>20</count><period><sec>0</sec><nanosec>20000000</nanosec></period>
+    </initialAnnouncements>
+  </discovery_config></builtin></rtps></participant>
+</profiles></dds>
+"""
+# A domain for each test, so that nothing of one reaches the next; other numbers in a session that
+# runs at the same time.
+_DOMAINS = itertools.cycle((os.getpid() * 37 + k) % 101 + 1 for k in range(101))
+
+
+def pytest_configure(config):
+    """Set the environment, which ROS reads when it is imported and its children inherit."""
+    config.ros_files = tempfile.TemporaryDirectory(prefix='sat_collision_test_')
+    profile = Path(config.ros_files.name, 'prompt_discovery.xml')
+    profile.write_text(_PROFILE)
+    os.environ.update(
+        FASTRTPS_DEFAULT_PROFILES_FILE=str(profile),
+        ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST',
+        ROS_LOG_DIR=config.ros_files.name,
+        ROS_PYTHON_CHECK_FIELDS='1')
+
+
+def pytest_unconfigure(config):
+    config.ros_files.cleanup()
+
+
+@pytest.fixture
+def domain():
+    """Return a DDS domain id that no other test uses."""
+    return next(_DOMAINS)
+
+
+@pytest.fixture(params=('events', 'single_threaded'))
+def executor(request):
+    """Name each executor that the node can run in."""
+    return request.param
+
+
+@pytest.fixture
+def start(domain, executor):
+    """Start a monitor with these parameters, dots as double underscores, in each executor."""
+    from harness import RunningMonitor
+    running = []
+
+    def start(arguments=(), **parameters):
+        running.append(RunningMonitor(domain, executor, arguments, parameters))
+        return running[-1]
+
+    yield start
+    for monitor in running:
+        monitor.close()

@@ -1,0 +1,184 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The monitor: serialised messages in, states out, and nothing that arrives makes it fail."""
+
+from dataclasses import replace
+import math
+import random
+import struct
+
+import pytest
+from sat_collision.monitor import Monitor
+from sat_collision.scene import Obstacle
+from sat_collision.settings import FootprintSettings, ObstacleSettings, Settings
+
+SECOND = 10**9
+NOW = 1000 * SECOND
+SETTINGS = Settings(
+    footprints=(FootprintSettings('robot', '/footprint'),),
+    obstacles=(ObstacleSettings('lidar', '/polygons'),
+               ObstacleSettings('tracks', '/tracks', type='polygon_instance', max_count=2)))
+BOW_TIE = [(5, 5), (6, 6), (6, 5), (5, 6)]
+CIRCLE = [(math.cos(k / 500), math.sin(k / 500)) for k in range(2000)]
+
+
+def box(x):
+    """Return the corners of a unit square."""
+    return [(x, 0), (x + 1, 0), (x + 1, 1), (x, 1)]
+
+
+def serialised(points, stamp=NOW, frame_id='map', instance=None):
+    """Write a polygon message as a little-endian publisher does."""
+    text = frame_id.encode() + b'\0'
+    body = struct.pack('<iII', *divmod(stamp, SECOND), len(text)) + text
+    body += bytes(-len(body) % 4) + struct.pack('<I', len(points))
+    body += b''.join(struct.pack('<fff', x, y, 0) for x, y in points)
+    if instance is not None:
+        body += bytes(-len(body) % 8) + struct.pack('<q', instance)
+    return b'\0\1\0\0' + body
+
+
+def clear_monitor(settings=SETTINGS):
+    """Return a monitor that has heard a footprint at 0 and of obstacles far from it."""
+    monitor = Monitor(settings)
+    assert monitor.receive('robot', serialised(box(0)), NOW) is None
+    assert monitor.receive('lidar', serialised(box(10)), NOW) is None
+    assert monitor.receive('tracks', serialised(box(20), instance=1), NOW) is None
+    assert status(monitor) == 'clear'
+    return monitor
+
+
+def status(monitor):
+    return monitor.scene.state('robot').status.value
+
+
+def test_messages_become_contacts():
+    """A footprint, a set and an instance touch; every message is counted."""
+    monitor = clear_monitor()
+    assert monitor.receive('lidar', serialised(box(1)), NOW) is None
+    assert monitor.receive('tracks', serialised(box(-0.5), instance=-7), NOW) is None
+    assert status(monitor) == 'collision'
+    assert monitor.scene.state('robot').contacts == (Obstacle('lidar', 1), Obstacle('tracks', -7))
+    assert monitor.received == {'robot': 1, 'lidar': 2, 'tracks': 2}
+    assert not monitor.rejected
+
+
+def test_empty_polygon_of_a_source_is_a_heartbeat():
+    """The stamp of the heartbeat counts, as that of any message."""
+    monitor = clear_monitor()
+    later = NOW + SECOND
+    assert monitor.receive('robot', serialised(box(0), later), later) is None
+    assert monitor.receive('lidar', serialised([], later - 1), later) is None
+    assert monitor.receive('lidar', serialised([], later + SECOND), later) is None
+    assert [name.source for name, _ in monitor.scene.obstacles] == ['tracks']
+    assert status(monitor) == 'clear'
+
+
+@pytest.mark.parametrize('name, instance', [('robot', None), ('lidar', None), ('tracks', 5)])
+@pytest.mark.parametrize('reason, points, frame_id', [
+    ('empty frame_id', box(0.5), ''),
+    ('other frame', box(0.5), 'odom'),
+    ('not finite', [(0, 0), (1, math.nan), (1, 1)], 'map'),
+    ('not finite', [(0, 0), (math.inf, 0), (1, 1)], 'map'),
+    ('self-intersecting', BOW_TIE, 'map'),
+    ('too many vertices', CIRCLE, 'map')])
+def test_bad_message_is_rejected_until_good_data_arrives(
+        name, instance, reason, points, frame_id):
+    """The state is unknown and says why; the rejection says where, why and what to do."""
+    monitor = clear_monitor()
+    rejection = monitor.receive(name, serialised(points, NOW, frame_id, instance), NOW)
+    topic = monitor.scene.settings_of(name).topic
+    assert (rejection.name, rejection.topic, rejection.reason) == (name, topic, reason)
+    assert topic in rejection.text and reason in rejection.text
+    assert monitor.rejected == {(name, reason): 1}
+    assert status(monitor) == 'unknown'
+    assert any(name in sentence for sentence in monitor.scene.state('robot').reasons)
+    later = NOW + SECOND // 2
+    for x in (30, 0.5):
+        assert monitor.receive(name, serialised(box(x), later, 'map', instance), later) is None
+    assert status(monitor) == ('clear' if name == 'robot' else 'collision')
+    assert monitor.scene.state('robot').reasons == ()
+
+
+def test_empty_footprint_is_rejected():
+    """There is no footprint without points: a zero-point message must not read as clear."""
+    monitor = clear_monitor()
+    assert monitor.receive('robot', serialised([]), NOW).reason == 'empty'
+    assert status(monitor) == 'unknown'
+
+
+@pytest.mark.parametrize('name, instance', [('robot', None), ('lidar', None), ('tracks', 5)])
+def test_undecodable_message_is_rejected(name, instance):
+    """Bytes that end too early, or none at all."""
+    good = serialised(box(0), instance=instance)
+    for data in (good[:-1], good[:3], b''):
+        monitor = clear_monitor()
+        assert monitor.receive(name, data, NOW).reason == 'undecodable'
+        assert status(monitor) == 'unknown'
+
+
+def test_source_over_its_limit_is_rejected():
+    """The third track of a source that may hold two."""
+    monitor = clear_monitor()
+    assert monitor.receive('tracks', serialised(box(21), instance=2), NOW) is None
+    rejection = monitor.receive('tracks', serialised(box(22), instance=3), NOW)
+    assert rejection.reason == 'too many obstacles'
+    assert 'max_count' in rejection.text
+    assert status(monitor) == 'unknown'
+
+
+def test_obstacle_past_its_timeout_is_rejected():
+    """The clocks of two machines differ by more than the timeout: the log must say so."""
+    monitor = clear_monitor()
+    rejection = monitor.receive('lidar', serialised(box(0), NOW - 3 * SECOND), NOW)
+    assert rejection.reason == 'too old'
+    assert '3.000 s old' in rejection.text and 'timeout' in rejection.text
+    assert status(monitor) == 'clear'
+
+
+def test_message_of_what_is_disabled_is_neither_taken_nor_rejected():
+    """Whatever it holds; it is counted as received."""
+    monitor = clear_monitor()
+    lidar, tracks = SETTINGS.obstacles
+    monitor.scene.update(replace(SETTINGS, obstacles=(replace(lidar, enabled=False), tracks)))
+    for data in (serialised(box(0)), serialised(BOW_TIE), b''):
+        assert monitor.receive('lidar', data, NOW) is None
+    assert monitor.received['lidar'] == 4
+    assert not monitor.rejected
+    assert status(monitor) == 'clear'
+
+
+def test_limit_of_vertices_can_be_changed():
+    """max_vertices is a setting of the monitor."""
+    monitor = clear_monitor(replace(SETTINGS, max_vertices=3000))
+    assert monitor.receive('lidar', serialised(CIRCLE), NOW) is None
+    assert status(monitor) == 'collision'
+
+
+def test_damaged_messages_never_raise():
+    """Random bytes are changed, inserted and cut in messages of every kind."""
+    rng = random.Random(0)
+    monitor = clear_monitor()
+    for step in range(3000):
+        name, instance = rng.choice((('robot', None), ('lidar', None), ('tracks', 3)))
+        data = bytearray(serialised(box(rng.randrange(5)), NOW + step, 'map', instance))
+        for _ in range(rng.randrange(4)):
+            data[rng.randrange(len(data))] = rng.randrange(256)
+        if rng.random() < 0.2:
+            del data[rng.randrange(len(data)):]
+        rejection = monitor.receive(name, bytes(data), NOW + step)
+        assert rejection is None or rejection.text
+    assert sum(monitor.received.values()) == 3003
+    assert {reason for _, reason in monitor.rejected} > {'undecodable', 'other frame', 'too old'}

@@ -1,0 +1,182 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Flags and states of a running node, message by message."""
+
+import time
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from harness import box, SECOND, to_ns, values
+
+ROBOT = box(0, 0)
+APART = box(5, 5)
+TOUCHING = box(1, 1)
+
+
+def test_nothing_heard_is_unknown_and_raises_the_flag(start):
+    """Before any message, and while one side alone has been heard."""
+    monitor = start()
+    status = monitor.await_state('unknown')
+    assert status.level == DiagnosticStatus.STALE
+    assert monitor.until(monitor.flag) and monitor.until(lambda: monitor.flag('footprint'))
+    monitor.send('footprint', ROBOT)
+    monitor.until(lambda: 'obstacles' in values(monitor.status())['reason']
+                  and values(monitor.status())['age'], 'a footprint')
+    assert monitor.state() == 'unknown' and monitor.flag()
+
+
+def test_clear_then_touching_then_clear(start):
+    """An obstacle comes as near as one common corner, and goes again."""
+    monitor = start(footprint__timeout=0.0, obstacles__timeout=0.0)
+    monitor.send('footprint', ROBOT)
+    monitor.send('obstacles', APART)
+    status = monitor.await_state('clear')
+    assert status.level == DiagnosticStatus.OK and status.hardware_id == '/footprint'
+    monitor.until(lambda: monitor.flag() is False and monitor.flag('footprint') is False)
+    monitor.send('obstacles', TOUCHING)
+    status = monitor.await_state('collision')
+    assert status.level == DiagnosticStatus.ERROR and 'obstacles/0' in status.message
+    assert monitor.contacts() == ['obstacles/0']
+    monitor.until(lambda: monitor.flag() and monitor.flag('footprint'))
+    monitor.send('obstacles', APART)
+    monitor.await_state('clear')
+    monitor.until(lambda: monitor.flag() is False and monitor.flag('footprint') is False)
+
+
+def test_states_say_age_and_all_obstacles_in_contact(start):
+    """Two of the three obstacles of a set are in contact; the age counts from the stamp."""
+    monitor = start(footprint__timeout=0.0, obstacles__timeout=0.0)
+    stamp = monitor.now() - 3 * SECOND
+    monitor.send('footprint', ROBOT, stamp)
+    for polygon in (TOUCHING, APART, [(0.5, 0.5)]):
+        monitor.send('obstacles', polygon, stamp)
+    monitor.await_state('collision')
+    monitor.until(lambda: monitor.contacts() == ['obstacles/0', 'obstacles/2'])
+    assert 3.0 <= float(values(monitor.status())['age']) < 3.0 + 10.0
+
+
+def test_each_footprint_has_its_own_flag(start):
+    """One of two robots collides: its flag and the common one rise, the other's does not."""
+    monitor = start(footprints=['left', 'right'], left__timeout=0.0, right__timeout=0.0,
+                    obstacles__timeout=0.0)
+    monitor.send('left', ROBOT)
+    monitor.send('right', box(9, 0))
+    monitor.send('obstacles', box(9.5, 0))
+    monitor.await_state('clear', 'left')
+    monitor.await_state('collision', 'right')
+    monitor.until(lambda: monitor.flag() and monitor.flag('right')
+                  and monitor.flag('left') is False)
+
+
+def test_unknown_lowers_the_flag_if_so_wished(start):
+    """With unknown_is_collision false an unknown footprint is not blocked; contact still is."""
+    monitor = start(unknown_is_collision=False, footprint__timeout=0.0, obstacles__timeout=0.0)
+    monitor.await_state('unknown')
+    monitor.until(lambda: monitor.flag() is False and monitor.flag('footprint') is False)
+    monitor.send('footprint', ROBOT)
+    monitor.send('obstacles', TOUCHING)
+    monitor.until(lambda: monitor.flag() and monitor.flag('footprint'))
+
+
+def test_change_is_published_at_once(start):
+    """With ten seconds between regular messages, each change still arrives within one."""
+    monitor = start(publish_rate=0.1, footprint__timeout=0.0, obstacles__timeout=0.0)
+    monitor.listen('~/collision'), monitor.listen('~/footprint/collision')
+    monitor.state()
+    monitor.send('footprint', ROBOT)
+    monitor.send('obstacles', APART)
+    monitor.await_state('clear')
+    for obstacle, state in 2 * ((TOUCHING, 'collision'), (APART, 'clear')):
+        sent = time.monotonic()
+        monitor.send('obstacles', obstacle)
+        monitor.await_state(state, patience=1.0)
+        monitor.until(lambda: monitor.flag() == monitor.flag('footprint')
+                      == (state == 'collision'), patience=1.0)
+        assert time.monotonic() - sent < 1.0
+
+
+def test_without_change_all_is_repeated_at_publish_rate(start):
+    """Silence would mean death: at 5 Hz each topic has ten messages in two seconds."""
+    monitor = start(publish_rate=5.0)
+    monitor.flag(), monitor.flag('footprint'), monitor.state()
+    topics = [monitor.listen(topic) for topic in ('~/collision', '~/footprint/collision',
+                                                  '~/state')]
+    monitor.until(lambda: all(len(heard) > 3 for heard in topics), 'a first few')
+    begun = time.monotonic()
+    counts = [len(heard) for heard in topics]
+    monitor.until(lambda: all(len(heard) >= count + 10 for heard, count in zip(topics, counts)))
+    assert 1.7 < time.monotonic() - begun < 2.7
+
+
+def test_states_are_repeated_with_a_fresh_stamp_and_age(start):
+    """Two states between which nothing happened."""
+    monitor = start(footprint__timeout=0.0)
+    monitor.send('footprint', ROBOT)
+    monitor.until(lambda: monitor.state() and values(monitor.status())['age'])
+    before, age = monitor.now(), float(values(monitor.status())['age'])
+    heard = monitor.listen('~/state')
+    monitor.until(lambda: to_ns(heard[-1].header.stamp) > before)
+    monitor.until(lambda: float(values(monitor.status())['age']) > age)
+
+
+def test_release_delay_holds_a_fall_and_no_rise(start):
+    """The flag falls half a second after the contact has ended, and rises at once."""
+    monitor = start(release_delay=0.5, footprint__timeout=0.0, obstacles__timeout=0.0)
+    monitor.send('footprint', ROBOT)
+    monitor.send('obstacles', TOUCHING)
+    monitor.await_state('collision')
+    parted = time.monotonic()
+    monitor.send('obstacles', APART)
+    monitor.await_state('clear')
+    assert time.monotonic() - parted > 0.4
+    monitor.send('obstacles', TOUCHING)
+    monitor.await_state('collision')
+
+
+def test_node_in_a_namespace(start):
+    """Its topics are below the namespace, the footprint's as well."""
+    monitor = start(arguments=['-r', '__ns:=/fleet/robot1'], footprint__timeout=0.0,
+                    obstacles__timeout=0.0)
+    monitor.name = 'fleet/robot1/collision_monitor'
+    monitor.send('/fleet/robot1/footprint', ROBOT)
+    monitor.send('/fleet/robot1/obstacles', TOUCHING)
+    monitor.await_state('collision')
+    monitor.until(lambda: monitor.flag('footprint'))
+
+
+def test_body_in_another_frame_is_unknown_until_it_comes_in_the_right_one(start):
+    """Frames are not transformed: neither the footprint nor an obstacle may be in another."""
+    monitor = start(frame_id='map', footprint__timeout=0.0, obstacles__timeout=0.0)
+    monitor.send('footprint', ROBOT)
+    monitor.send('obstacles', APART, frame_id='odom')
+    status = monitor.await_state('unknown')
+    monitor.until(lambda: 'other frame' in values(monitor.status())['reason'])
+    monitor.send('obstacles', APART)
+    monitor.await_state('clear')
+    monitor.send('footprint', ROBOT, frame_id='odom')
+    status = monitor.await_state('unknown')
+    assert 'frame' in values(status)['reason']
+    monitor.until(monitor.flag)
+    monitor.send('footprint', ROBOT)
+    monitor.await_state('clear')
+
+
+def test_first_footprint_gives_the_frame(start):
+    """Without frame_id, what comes in its frame is accepted and what does not is refused."""
+    monitor = start(footprint__timeout=0.0, obstacles__timeout=0.0)
+    monitor.send('footprint', ROBOT, frame_id='odom')
+    monitor.send('obstacles', APART, frame_id='odom')
+    monitor.await_state('clear')
+    monitor.send('obstacles', APART, frame_id='map')
+    monitor.await_state('unknown')

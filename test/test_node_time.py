@@ -1,0 +1,93 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A running node whose time is that of /clock."""
+
+from harness import box, SECOND, values
+
+ROBOT = box(0, 0)
+APART = box(5, 5)
+TOUCHING = box(1, 1)
+HOUR = 3600 * SECOND
+
+
+def send_pair(monitor, obstacle, stamp):
+    monitor.send('footprint', ROBOT, stamp)
+    monitor.send('obstacles', obstacle, stamp)
+
+
+def test_before_the_first_clock_nothing_is_known(start):
+    """Contact or not, without time no age can be told; publishing goes on regardless."""
+    monitor = start(use_sim_time=True)
+    send_pair(monitor, APART, HOUR)
+    monitor.until(lambda: monitor.received.total() == 2)
+    status = monitor.await_state('unknown')
+    assert 'clock' in values(status)['reason']
+    monitor.until(lambda: monitor.flag() and monitor.flag('footprint'))
+    count = len(monitor.listen('~/state'))
+    monitor.until(lambda: len(monitor.listen('~/state')) > count + 3, 'regular states')
+
+
+def test_ages_count_in_simulated_time(start):
+    """Fresh by the simulation's clock, though an age ago by the wall's; stale when it moves on."""
+    monitor = start(use_sim_time=True)
+    monitor.set_clock(HOUR)
+    monitor.await_state('unknown')
+    monitor.until(lambda: 'clock' not in values(monitor.status())['reason'])
+    send_pair(monitor, APART, HOUR)
+    monitor.await_state('clear')
+    monitor.spin(1.2)
+    assert monitor.state() == 'clear', 'the clock stands still'
+    monitor.set_clock(HOUR + 3 * SECOND // 2)
+    status = monitor.await_state('unknown')
+    assert values(status)['age'] == '1.500'
+
+
+def test_state_is_published_while_the_clock_stands_still(start):
+    """A paused simulation is no dead monitor."""
+    monitor = start(use_sim_time=True)
+    monitor.set_clock(HOUR)
+    send_pair(monitor, TOUCHING, HOUR)
+    monitor.await_state('collision')
+    heard = monitor.listen('~/collision')
+    monitor.until(lambda: heard)
+    count = len(heard)
+    monitor.until(lambda: len(heard) > count + 5, 'regular flags')
+
+
+def test_backward_jump_drops_everything_until_fresh_data(start):
+    """A recording begins again: the obstacle of its end must not collide with its beginning."""
+    monitor = start(use_sim_time=True, footprint__timeout=0.0, obstacles__timeout=0.0)
+    monitor.set_clock(HOUR)
+    send_pair(monitor, TOUCHING, HOUR)
+    monitor.await_state('collision')
+    monitor.set_clock(HOUR - 60 * SECOND)
+    status = monitor.await_state('unknown')
+    assert values(status)['age'] == ''
+    send_pair(monitor, APART, HOUR - 60 * SECOND)
+    monitor.await_state('clear')
+
+
+def test_release_delay_counts_in_simulated_time(start):
+    """The flag stays up for as long as the clock stands still."""
+    monitor = start(use_sim_time=True, release_delay=1.0, footprint__timeout=0.0,
+                    obstacles__timeout=0.0)
+    monitor.set_clock(HOUR)
+    send_pair(monitor, TOUCHING, HOUR)
+    monitor.await_state('collision')
+    monitor.send('obstacles', APART, HOUR + SECOND // 2)
+    monitor.until(lambda: not monitor.contacts())
+    assert monitor.state() == 'collision'
+    monitor.set_clock(HOUR + 2 * SECOND)
+    monitor.await_state('clear')

@@ -47,6 +47,11 @@ class Contacts:
     Placing a body decides it against the bodies of the other kind alone: everything else stays as
     it was decided before.
 
+    Parameters
+    ----------
+    margin : float
+        Metres up to which bodies apart count as meeting.
+
     Attributes
     ----------
     changed : set of Placeable
@@ -54,15 +59,26 @@ class Contacts:
 
     """
 
-    def __init__(self):
+    def __init__(self, margin=0.0):
         self.changed = set()
+        self._margin = margin
         self._footprints = _Kind()
         self._obstacles = _Kind()
+
+    def use_margin(self, margin):
+        """Decide everything anew by another margin, if it is another."""
+        if margin != self._margin:
+            self._margin = margin
+            for footprint in self._footprints:
+                self._meet_obstacles(footprint)
 
     def place_footprint(self, footprint, polygon):
         """Put a footprint where a polygon is, or move it there."""
         self._footprints.place(footprint, polygon)
-        if _meet(footprint, self._obstacles.hits(polygon)):
+        self._meet_obstacles(footprint)
+
+    def _meet_obstacles(self, footprint):
+        if _meet(footprint, self._obstacles.within(footprint.polygon, self._margin)):
             self.changed.add(footprint)
 
     def remove_footprint(self, footprint):
@@ -73,7 +89,7 @@ class Contacts:
     def place_obstacle(self, obstacle, polygon):
         """Put an obstacle where a polygon is, or move it there."""
         self._obstacles.place(obstacle, polygon)
-        self.changed.update(_meet(obstacle, self._footprints.hits(polygon)))
+        self.changed.update(_meet(obstacle, self._footprints.within(polygon, self._margin)))
 
     def remove_obstacle(self, obstacle):
         """Take an obstacle away, if it is placed."""
@@ -109,8 +125,11 @@ class _Kind:
         body.row = body.polygon = None
         return True
 
-    def hits(self, polygon):
-        return [self._bodies[row] for row in self._polygons.hits(polygon).tolist()]
+    def within(self, polygon, margin):
+        return [self._bodies[row] for row in self._polygons.within(polygon, margin).tolist()]
+
+    def __iter__(self):
+        return iter(self._bodies.values())
 
     def nearest(self, polygon):
         if not self._bodies:

@@ -26,14 +26,16 @@ _LEVELS = {
     Status.UNKNOWN: DiagnosticStatus.STALE,
 }
 _NAMED_IN_MESSAGE = 3
+_MOVING = ('age', 'least separation', 'nearest obstacle')
 
 
-def in_words(state):
-    """Say a footprint's state in a few words."""
+def in_words(state, margin=0.0):
+    """Say a footprint's state in a few words, given the margin (m) that counts as a collision."""
     if state.status is Status.COLLISION and state.contacts:
         names = [str(obstacle) for obstacle in state.contacts[:_NAMED_IN_MESSAGE]]
         more = len(state.contacts) - len(names)
-        return f'in contact with {", ".join(names)}' + (f' and {more} more' if more else '')
+        verb = f'within {margin:g} m of' if margin else 'in contact with'
+        return f'{verb} {", ".join(names)}' + (f' and {more} more' if more else '')
     word = state.status.value
     return f'{word}: {"; ".join(state.reasons)}' if state.reasons else word
 
@@ -45,34 +47,74 @@ class States:
     Parameters
     ----------
     node_name : str
-    footprints : iterable of FootprintSettings
+    settings : Settings
 
     """
 
-    def __init__(self, node_name, footprints):
+    def __init__(self, node_name, settings):
+        self.settings = settings
         self._statuses = {
             footprint.name: DiagnosticStatus(name=f'{node_name}: {footprint.name}',
                                              hardware_id=footprint.topic)
-            for footprint in footprints}
-        self._ages = {name: KeyValue(key='age') for name in self._statuses}
+            for footprint in settings.footprints}
+        self._moving = {name: [KeyValue(key=key) for key in _MOVING] for name in self._statuses}
+        self._coarse = dict.fromkeys(self._statuses)
         self._message = DiagnosticArray(status=list(self._statuses.values()))
 
-    def write(self, name, state):
-        """Write down a footprint's new state."""
+    def write(self, name, state, step):
+        """
+        Write down a footprint's new state.
+
+        Parameters
+        ----------
+        name : str
+        state : State
+        step : float
+            The float32 step of its coordinates in metres.
+
+        """
+        coarse = step > self.settings.resolution
+        self._coarse[name] = coarse
         status = self._statuses[name]
         status.level = _LEVELS[state.status]
-        status.message = in_words(state)
+        status.message = in_words(state, self.settings.margin)
+        if coarse:
+            if state.status is Status.CLEAR:
+                status.level = DiagnosticStatus.WARN
+            status.message += (
+                f'; its coordinates have steps of {step:.2g} m, coarser than the resolution of '
+                f'{self.settings.resolution:g} m: publish in a frame with a nearer origin')
         status.values = [
             KeyValue(key='state', value=state.status.value),
             KeyValue(key='obstacles in contact', value=', '.join(map(str, state.contacts))),
-            self._ages[name],
+            *self._moving[name],
             KeyValue(key='reason', value='; '.join(state.reasons))]
 
-    def message(self, stamp, ages):
-        """Return the message as of now, given each footprint's age in seconds, None if unheard."""
+    def is_current(self, name, step):
+        """Tell whether what was written of the coordinates' step still holds."""
+        return self._coarse[name] == (step > self.settings.resolution)
+
+    def write_moving(self, name, age, nearest):
+        """
+        Write down what changes all the time.
+
+        Parameters
+        ----------
+        name : str
+        age : float or None
+            Seconds since the footprint's stamp.
+        nearest : tuple or None
+            As `Scene.nearest` returns it.
+
+        """
+        age_value, separation_value, obstacle_value = self._moving[name]
+        age_value.value = '' if age is None else f'{age:.3f}'
+        separation_value.value = f'{nearest[1]:.6g}' if nearest else ''
+        obstacle_value.value = str(nearest[0]) if nearest else ''
+
+    def message(self, stamp):
+        """Return the message as of a stamp."""
         self._message.header.stamp = stamp
-        for name, age in ages.items():
-            self._ages[name].value = '' if age is None else f'{age:.3f}'
         return self._message
 
 

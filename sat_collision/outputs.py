@@ -42,7 +42,7 @@ class Outputs:
             footprint.name: node.create_publisher(Bool, f'~/{footprint.name}/collision', 10)
             for footprint in settings.footprints}
         self._raised = {}
-        self._states = States(node.get_name(), settings.footprints)
+        self._states = States(node.get_name(), settings)
         self._state_publisher = node.create_publisher(DiagnosticArray, '~/state', 10)
         self._unwritten = set()
         self._markers = Markers()
@@ -52,6 +52,7 @@ class Outputs:
 
     def configure(self, settings):
         """Apply settings, with which every flag may mean something else."""
+        self._states.settings = settings
         self._unknown_is_collision = settings.unknown_is_collision
         self._watched = [footprint.name for footprint in settings.footprints if footprint.enabled]
         self.update(self._flags)
@@ -84,12 +85,14 @@ class Outputs:
         return any(self._raised[name] for name in self._watched)
 
     def _publish_states(self):
-        states = {name: self._scene.state(name) for name in self._flags}
-        for name in self._unwritten:
-            self._states.write(name, states[name])
+        for name in self._flags:
+            state = self._scene.state(name)
+            step = self._scene.coordinate_step(name)
+            if name in self._unwritten or not self._states.is_current(name, step):
+                self._states.write(name, state, step)
+            self._states.write_moving(name, state.age, self._scene.nearest(name))
         self._unwritten.clear()
-        ages = {name: state.age for name, state in states.items()}
-        self._state_publisher.publish(self._states.message(self._clock.now().to_msg(), ages))
+        self._state_publisher.publish(self._states.message(self._clock.now().to_msg()))
 
     def publish_markers(self):
         """Publish the markers if somebody wants them."""

@@ -16,6 +16,7 @@
 
 from itertools import chain
 
+import numpy as np
 from sat_collision.contacts import Contacts
 from sat_collision.deadlines import Deadlines
 from sat_collision.footprints import Footprint, State, Status
@@ -39,8 +40,8 @@ class Scene:
 
     - UNKNOWN if nothing is known of the footprint itself (never heard, refused, in another frame,
       older than its timeout, disabled), if checking is disabled, or if there is no clock;
-    - else in COLLISION if it shares a point with an obstacle: a proved contact stays true
-      whatever else is in doubt;
+    - else in COLLISION if it shares a point with an obstacle, or is within the margin of one: a
+      proved contact stays true whatever else is in doubt;
     - else UNKNOWN if a source of obstacles is in trouble (never heard, silent, refused), or none
       is enabled: there may be an obstacle that nobody told of;
     - else CLEAR, which is reported once it has been so for `release_delay`.
@@ -70,7 +71,7 @@ class Scene:
 
     def _forget_all(self):
         self.frame_id = self.settings.frame_id
-        self._contacts = Contacts()
+        self._contacts = Contacts(self.settings.margin)
         self._deadlines = Deadlines()
         self._blanket = ''
         self._doubts = ()
@@ -89,6 +90,7 @@ class Scene:
         What is disabled forgets what it was told: enabled again, it is unknown until told anew.
         """
         self.settings = settings
+        self._contacts.use_margin(settings.margin)
         for source in settings.obstacles:
             self._sources[source.name].configure(source, self._now)
         for new in settings.footprints:
@@ -276,6 +278,11 @@ class Scene:
 
         """
         return self._contacts.nearest(self._footprints[name])
+
+    def coordinate_step(self, name):
+        """Return the distance (m) of neighbouring float32 numbers where a footprint is, else 0."""
+        polygon = self._footprints[name].polygon
+        return float(np.spacing(np.float32(np.abs(polygon.bounds).max()))) if polygon else 0.0
 
     def _fix_frame(self, frame_id):
         self.frame_id = frame_id

@@ -97,6 +97,11 @@ class Settings:
         False checks nothing: every state is unknown.
     unknown_is_collision : bool
         Whether a flag is raised for an unknown footprint too.
+    margin : float
+        Metres: a footprint collides when its separation from an obstacle is no more. 0 means
+        contact, decided exactly.
+    resolution : float
+        Metres: coordinates that float32 cannot tell apart by so much are warned of.
     release_delay : float
         Seconds that a footprint must have been clear before it is reported so.
     max_vertices : int
@@ -111,6 +116,8 @@ class Settings:
     frame_id: str = ''
     enabled: bool = True
     unknown_is_collision: bool = True
+    margin: float = 0.0
+    resolution: float = 0.001
     release_delay: float = 0.0
     max_vertices: int = MAX_VERTICES
     publish_rate: float = 10.0

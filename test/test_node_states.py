@@ -180,3 +180,48 @@ def test_first_footprint_gives_the_frame(start):
     monitor.await_state('clear')
     monitor.send('obstacles', APART, frame_id='map')
     monitor.await_state('unknown')
+
+
+def test_margin_counts_as_collision_and_can_be_changed(start):
+    """A box a quarter of a metre away collides with a margin of as much, not with less."""
+    monitor = start(margin=0.25, footprint__timeout=0.0, obstacles__timeout=0.0)
+    monitor.send('footprint', ROBOT)
+    monitor.send('obstacles', box(1.25, 0))
+    status = monitor.await_state('collision')
+    assert 'within 0.25 m of obstacles/0' in status.message
+    assert monitor.set_parameters(margin=0.125) == [None]
+    monitor.await_state('clear')
+    assert monitor.set_parameters(margin=-1.0)[0]
+    assert monitor.set_parameters(margin=0.5) == [None]
+    monitor.await_state('collision')
+
+
+def test_states_say_what_is_nearest(start):
+    """Of two obstacles the nearer one apart, then the one overlapped deepest."""
+    monitor = start(footprint__timeout=0.0, obstacles__timeout=0.0)
+    monitor.send('footprint', ROBOT)
+    stamp = monitor.now()
+    monitor.send('obstacles', box(4, 5), stamp)
+    monitor.send('obstacles', box(0, 1.5), stamp)
+    monitor.await_state('clear')
+    monitor.until(lambda: values(monitor.status())['nearest obstacle'] == 'obstacles/1')
+    assert values(monitor.status())['least separation'] == '0.5'
+    monitor.send('obstacles', box(0.75, 0))
+    monitor.await_state('collision')
+    monitor.until(lambda: values(monitor.status())['least separation'] == '-0.25')
+    assert values(monitor.status())['nearest obstacle'] == 'obstacles/0'
+
+
+def test_coordinates_coarser_than_the_resolution_are_warned_of(start):
+    """At UTM coordinates float32 steps by half a metre: the state says so, clear or not."""
+    monitor = start(footprint__timeout=0.0, obstacles__timeout=0.0)
+    north = 5_000_000.0
+    monitor.send('footprint', box(500_000, north))
+    monitor.send('obstacles', box(500_008, north))
+    status = monitor.await_state('clear')
+    assert status.level == DiagnosticStatus.WARN and 'steps of 0.5 m' in status.message
+    assert monitor.set_parameters(resolution=1.0) == [None]
+    monitor.until(lambda: monitor.status().level == DiagnosticStatus.OK)
+    monitor.set_parameters(resolution=0.001)
+    monitor.send('footprint', box(0, 0))
+    monitor.until(lambda: monitor.status().level == DiagnosticStatus.OK)

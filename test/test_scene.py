@@ -469,3 +469,29 @@ def test_time_alone_makes_no_change_until_something_is_due():
         assert stage.scene.changes() == []
     stage.wait_until(1.01)
     assert stage.scene.changes() == ['robot']
+
+
+def test_margin_makes_what_is_near_a_contact():
+    """A gap of 0.5 m: a collision for a margin of 0.5 m, clear for less, both changed live."""
+    stage = Stage(PATIENT_LIDAR, footprints=(PATIENT_ROBOT,), margin=0.5)
+    stage.robot()
+    stage.see(1.5)
+    assert stage.status() == 'collision'
+    for margin, status in ((0.25, 'clear'), (0.75, 'collision'), (0.0, 'clear')):
+        stage.scene.update(replace(stage.settings, margin=margin))
+        assert stage.status() == status
+    stage.wait_until(1)
+    stage.robot(0.5)
+    assert stage.status() == 'collision'
+
+
+def test_nearest_obstacle_and_coordinate_step():
+    """The nearest of two, none where there is none, and the float32 step 10 km from the origin."""
+    stage = Stage(PATIENT_LIDAR, footprints=(PATIENT_ROBOT,))
+    assert stage.scene.nearest('robot') is None and stage.scene.coordinate_step('robot') == 0.0
+    stage.robot(10000)
+    assert stage.scene.nearest('robot') is None
+    stage.burst(10004, 9997)
+    obstacle, separation, *_ = stage.scene.nearest('robot')
+    assert (obstacle, separation) == (Obstacle('lidar', 1), 2.0)
+    assert 0.0009 < stage.scene.coordinate_step('robot') < 0.001

@@ -25,7 +25,6 @@ from collections import Counter
 import json
 import os
 from pathlib import Path
-import platform
 import sys
 import tempfile
 import time
@@ -38,8 +37,9 @@ os.environ['NUMBA_CACHE_DIR'] = FRESH_CACHE.name
 sys.path.insert(0, str(Path(__file__).parent.parent / 'test'))
 
 import families  # noqa: E402, I100
+import machine  # noqa: E402
 import oracle  # noqa: E402
-from sat_collision import intersects_pairs, KERNEL, Polygon, PolygonSet  # noqa: E402
+from sat_collision import intersects_pairs, Polygon, PolygonSet  # noqa: E402
 from sat_collision.improved import boxes_apart, search, SEPARATE, UNSURE  # noqa: E402
 from sat_collision.jit import kernel  # noqa: E402
 from sat_collision.record import HEADER  # noqa: E402
@@ -73,13 +73,16 @@ def main():
                   f'{time.perf_counter() - start:6.0f} s, {name:<22}',
                   end='', file=sys.stderr, flush=True)
     print(file=sys.stderr)
-    results['all'] = sum(results.values(), Counter())
+    total = Counter()
+    for counts in results.values():
+        total.update(counts)  # unlike a sum, keeps what is 0
+    results['all'] = total
     _print(results)
     if arguments.json:
         arguments.json.write_text(json.dumps({
             'seed': arguments.seed, 'seconds': round(time.perf_counter() - start),
-            'kernel': KERNEL, 'python': platform.python_version(), 'numpy': np.__version__,
-            'machine': platform.machine(), 'families': results, 'wrong': wrong}, indent=1) + '\n')
+            'machine': machine.describe('numpy'), 'families': results, 'wrong': wrong},
+            indent=1) + '\n')
     return 1 if wrong else 0
 
 

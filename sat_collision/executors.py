@@ -15,7 +15,6 @@
 """Which rclpy executor a node runs in, and how it runs there until a signal ends it."""
 
 import signal
-import threading
 
 from rclpy.executors import SingleThreadedExecutor
 
@@ -53,13 +52,18 @@ def ignore_signals():
 
 def spin_until_signal(executor):
     """
-    Run an executor until SIGINT or SIGTERM, which from now on interrupt nothing.
+    Run an executor until SIGINT or SIGTERM, which interrupts nothing; further ones are ignored.
 
     Every wait is bounded, because the events executor does not return from others. A signal is
     seen when Python code next runs, so at the latest with the node's next timer.
     """
-    asked_to_stop = threading.Event()
+    signals = []
+
+    def take(number, frame):
+        ignore_signals()
+        signals.append(number)
+
     for number in _SIGNALS:
-        signal.signal(number, lambda *_: asked_to_stop.set())
-    while not asked_to_stop.is_set():
+        signal.signal(number, take)
+    while not signals:
         executor.spin_once(timeout_sec=1.0)

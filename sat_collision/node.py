@@ -161,7 +161,8 @@ class CollisionMonitor(Node):
         self._outputs.publish()
 
     def _now(self):
-        return self.get_clock().now().nanoseconds
+        # What get_clock().now() reads, at a fifth of its cost, which every message bears.
+        return self.get_clock().handle.get_now().nanoseconds
 
     def _receive(self, name, data):
         start = time.perf_counter()

@@ -90,7 +90,7 @@ class Polygon:
             raise _error(verdict, record[:end].reshape(-1, 2).tolist(), i, j)
         self._vertices = record[first:end]
         if verdict == ring.CONVEX:
-            self._parts = (self,)
+            self._parts = ()
             self._block = record[:end]
             self._count = count
         else:
@@ -108,7 +108,8 @@ class Polygon:
     @property
     def parts(self):
         """Convex polygons that cover this one, without new vertices: a tuple, itself if convex."""
-        return self._parts
+        # Made on demand: a polygon that held itself would be freed by the garbage collector only.
+        return self._parts or (self,)
 
     @property
     def is_convex(self):

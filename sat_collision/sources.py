@@ -125,7 +125,7 @@ class Source:
         bodies = self.bodies
         if _UNPLACED in bodies:
             self.forget(bodies[_UNPLACED])
-        shape = polygon.vertices.tobytes()
+        shape = polygon.block[0].tobytes()
         if self._forms_sets(stamp):
             self._join_set(stamp)
             key = self._in_set.get(shape)

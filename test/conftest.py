@@ -14,6 +14,7 @@
 
 """What every test runs with: DDS that stays on this machine, and nodes that end with the test."""
 
+import fcntl
 import itertools
 import os
 from pathlib import Path
@@ -31,9 +32,8 @@ _PROFILE = """<?xml version="1.0" encoding="UTF-8"?>
   </discovery_config></builtin></rtps></participant>
 </profiles></dds>
 """
-# A domain for each test, so that nothing of one reaches the next; other numbers in a session that
-# runs at the same time.
-_DOMAINS = itertools.cycle((os.getpid() * 37 + k) % 101 + 1 for k in range(101))
+# Another domain for each test, so that nothing of one reaches the next.
+_DOMAINS = itertools.cycle((os.getpid() + k) % 101 + 1 for k in range(101))
 
 
 def pytest_configure(config):
@@ -54,8 +54,19 @@ def pytest_unconfigure(config):
 
 @pytest.fixture
 def domain():
-    """Return a DDS domain id that no other test uses."""
-    return next(_DOMAINS)
+    """Return a DDS domain id, locked against test sessions that run at the same time."""
+    for number in _DOMAINS:
+        lock = os.open(Path(tempfile.gettempdir(), f'sat_collision_domain_{number}.lock'),
+                       os.O_CREAT | os.O_RDWR, 0o666)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            continue
+        else:
+            yield number
+            return
+        finally:
+            os.close(lock)
 
 
 @pytest.fixture(params=('events', 'single_threaded'))

@@ -13,11 +13,9 @@
 # limitations under the License.
 """Separation and closest points against rational arithmetic, and in agreement with intersects."""
 
-from fractions import Fraction
-import math
-
 import numpy as np
 import pytest
+from rationals import exact_depth, exact_distance
 from sat_collision import closest_points, intersects, Polygon, separation
 
 ULP = 2.0 ** -52
@@ -26,43 +24,6 @@ ULP = 2.0 ** -52
 def random_convex(rng, count):
     angles = np.sort(rng.uniform(0, 2 * np.pi, count))
     return Polygon(np.column_stack([np.cos(angles), np.sin(angles)]) * rng.uniform(0.5, 2))
-
-
-def edges(polygon):
-    vertices = [(Fraction(x), Fraction(y)) for x, y in polygon.vertices.tolist()]
-    return list(zip(vertices, vertices[1:] + vertices[:1]))
-
-
-def exact_distance(a, b):
-    """Return the distance of bodies apart: the least of a vertex and an edge, by rationals."""
-    least = min(_square_to_edge(vertex, *edge)
-                for p, q in ((a, b), (b, a)) for vertex, _ in edges(p) for edge in edges(q))
-    return _square_root(least)
-
-
-def _square_to_edge(vertex, start, end):
-    ex, ey = end[0] - start[0], end[1] - start[1]
-    wx, wy = vertex[0] - start[0], vertex[1] - start[1]
-    length = ex * ex + ey * ey
-    share = min(max((wx * ex + wy * ey) / length, 0), 1) if length else 0
-    return (wx - share * ex) ** 2 + (wy - share * ey) ** 2
-
-
-def exact_depth(a, b):
-    """Return the depth of convex bodies: the least reach beyond an edge, by rationals."""
-    reaches = []
-    for p, q in ((a, b), (b, a)):
-        for start, end in edges(p):
-            ex, ey = end[0] - start[0], end[1] - start[1]
-            reach = max(ex * (v[1] - start[1]) - ey * (v[0] - start[0]) for v, _ in edges(q))
-            reaches.append(reach * abs(reach) / (ex * ex + ey * ey))
-    return _square_root(min(reaches))
-
-
-def _square_root(square):
-    """Return the root of a rational, correct to far more digits than a double has."""
-    scale = 10 ** 60
-    return Fraction(math.isqrt(square.numerator * scale ** 2 // square.denominator), scale)
 
 
 @pytest.mark.parametrize('count', [3, 4, 9, 40])

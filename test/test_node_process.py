@@ -104,7 +104,7 @@ def launch_ready(launch):
 
 def ended(process):
     """Wait for the end of the process; return exit status and output."""
-    output, _ = process.communicate(timeout=20)
+    output, _ = process.communicate(timeout=60)
     return process.returncode, output
 
 

@@ -26,6 +26,9 @@ from sat_collision.parameters import ParameterError, Parameters
 from sat_collision.settings import FootprintSettings, ObstacleSettings, Settings
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
+# All fields are parameters but the names, that are in two lists; the executor comes on top.
+NUMBER = 1 + len(dataclasses.fields(Settings)) + sum(
+    len(dataclasses.fields(kind)) - 1 for kind in (FootprintSettings, ObstacleSettings))
 
 
 @pytest.fixture
@@ -67,7 +70,7 @@ def test_shipped_parameter_file_has_the_defaults(declare):
     node, parameters = declare(cli_args=['--ros-args', '--params-file',
                                          str(CONFIG / 'collision_monitor.yaml')])
     assert parameters.settings == defaults.settings
-    assert len(node._parameter_overrides) == 3 + 7 + 3 + 7
+    assert len(node._parameter_overrides) == NUMBER
 
 
 def test_nav2_parameter_file_takes_the_footprint_that_nav2_publishes(declare):
@@ -83,7 +86,9 @@ def test_every_setting_can_be_given(declare):
     footprints = (FootprintSettings('a', '/robot', 0.5, False), FootprintSettings('b', '/b'))
     obstacles = (ObstacleSettings('c', '/map', 'polygon_instance', 0.0, False, 0.1, True, 7),
                  ObstacleSettings('d', '/d'))
-    wanted = Settings(footprints, obstacles, 'odom', False, False, 0.5, 16, 20.0, 5.0)
+    wanted = Settings(footprints, obstacles, frame_id='odom', enabled=False,
+                      unknown_is_collision=False, margin=0.1, resolution=0.01, release_delay=0.5,
+                      max_vertices=16, publish_rate=20.0, marker_rate=5.0)
     values = {'footprints': ['a', 'b'], 'obstacles': ['c', 'd']}
     for source in (*footprints, *obstacles):
         values.update({f'{source.name}.{key}': value
@@ -107,7 +112,7 @@ def test_every_parameter_is_described(declare):
     node, _ = declare()
     ours = [name for name in node._parameters if name.split('.')[0] not in
             ('use_sim_time', 'start_type_description_service', 'qos_overrides')]
-    assert len(ours) == 3 + 7 + 3 + 7
+    assert len(ours) == NUMBER
     for descriptor in node.describe_parameters(ours):
         assert descriptor.description, descriptor.name
         assert (descriptor.type != ParameterType.PARAMETER_DOUBLE
@@ -148,6 +153,7 @@ def test_senseless_values_at_start_end_in_one_line(declare, values, words):
     ('footprint.timeout', 3.0), ('obstacles.timeout', 0.0), ('obstacles.set_window', 0.1),
     ('obstacles.accumulate', True), ('obstacles.max_count', 5), ('release_delay', 1.0),
     ('unknown_is_collision', False), ('publish_rate', 1.0), ('marker_rate', 1.0),
+    ('margin', 0.5), ('resolution', 0.5),
 ])
 def test_what_is_live_can_be_set_while_running(declare, name, value):
     """A change is told at once, with settings that have it and are otherwise the same."""

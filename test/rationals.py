@@ -1,0 +1,54 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""How far apart or how deep in each other convex bodies truly are, in rational arithmetic."""
+
+from fractions import Fraction
+import math
+
+
+def exact_distance(a, b):
+    """Return the distance of bodies apart: the least of a vertex and an edge, by rationals."""
+    least = min(_square_to_edge(vertex, *edge)
+                for p, q in ((a, b), (b, a)) for vertex, _ in _edges(p) for edge in _edges(q))
+    return _square_root(least)
+
+
+def exact_depth(a, b):
+    """Return the depth of convex bodies: the least reach beyond an edge, by rationals."""
+    reaches = []
+    for p, q in ((a, b), (b, a)):
+        for start, end in _edges(p):
+            ex, ey = end[0] - start[0], end[1] - start[1]
+            reach = max(ex * (v[1] - start[1]) - ey * (v[0] - start[0]) for v, _ in _edges(q))
+            reaches.append(reach * abs(reach) / (ex * ex + ey * ey))
+    return _square_root(min(reaches))
+
+
+def _edges(polygon):
+    vertices = [(Fraction(x), Fraction(y)) for x, y in polygon.vertices.tolist()]
+    return list(zip(vertices, vertices[1:] + vertices[:1]))
+
+
+def _square_to_edge(vertex, start, end):
+    ex, ey = end[0] - start[0], end[1] - start[1]
+    wx, wy = vertex[0] - start[0], vertex[1] - start[1]
+    length = ex * ex + ey * ey
+    share = min(max((wx * ex + wy * ey) / length, 0), 1) if length else 0
+    return (wx - share * ex) ** 2 + (wy - share * ey) ** 2
+
+
+def _square_root(square):
+    """Return the root of a rational, correct to far more digits than a double has."""
+    scale = 10 ** 60
+    return Fraction(math.isqrt(square.numerator * scale ** 2 // square.denominator), scale)

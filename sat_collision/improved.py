@@ -15,11 +15,12 @@
 The improved separating axis method: the paper's first moves, continued until proved.
 
 Let w = q - p range over the Minkowski difference of Q and P. An axis u separates P from Q when
-w . u > 0 for all its vertices. The search starts with the centre line u = d (paper section 3.2),
-which gives the potential nearest points and the w between them (section 3.1). The paper tries the
-axis along this w next. But d, between two inner points, is a w too, and the normal of the segment
-between the two bounds the cone of axes still possible: trying it instead needs fewer axes. So on,
-until an axis separates, or three w hold the origin in their triangle: a common point.
+w . u > 0 for all its vertices. Where discs inside the polygons overlap, so do they. Otherwise the
+search starts with the centre line u = d (paper section 3.2), which gives the potential nearest
+points and the w between them (section 3.1). The paper tries the axis along this w next. But d,
+between two inner points, is a w too, and the normal of the segment between the two bounds the cone
+of axes still possible: trying it instead needs fewer axes. So on, until an axis separates, or
+three w hold the origin in their triangle: a common point.
 
 Each sign is taken from plain doubles when it exceeds a forward error bound. Where one does not
 (touching, collinear, hair-thin gaps) the search says so, and `exact` decides.
@@ -78,7 +79,10 @@ def search(p, p_start, n, q, q_start, m):
     reach_y = max(max(-p[p_start + 3], p[p_start + 5]), max(-q[q_start + 3], q[q_start + 5]))
     ax = bx = ux = q[q_start] - p[p_start]
     ay = by = uy = q[q_start + 1] - p[p_start + 1]
-    verdict = MEET if ux == 0.0 and uy == 0.0 else UNSURE
+    inner = p[p_start + 6] + q[q_start + 6]
+    verdict = UNSURE
+    if ux * ux + uy * uy < inner * inner or (ux == 0.0 and uy == 0.0):
+        verdict = MEET
     i = j = 0
     queries = 0
     while verdict == UNSURE and queries < _MOST_QUERIES:
@@ -92,8 +96,11 @@ def search(p, p_start, n, q, q_start, m):
         # The cone of axes still possible is {u: u . a > 0, u . b > 0}, a to b a left turn.
         from_a = _turn(ax, ay, wx, wy)
         to_b = _turn(wx, wy, bx, by)
-        if _separates(wx, wy, ux, uy, reach_x, reach_y):
+        gap = _gap(wx, wy, ux, uy, reach_x, reach_y)
+        if gap > 0:
             verdict = SEPARATE
+        elif gap == 0:
+            break
         elif from_a < 0 and to_b < 0:
             verdict = MEET
         elif from_a > 0 and to_b < 0:
@@ -162,12 +169,15 @@ def _rise(v, i, k, ux, uy):
 
 
 @inlined
-def _separates(wx, wy, ux, uy, reach_x, reach_y):
-    """Tell whether w . u > 0 is proved for the true support vertices too."""
+def _gap(wx, wy, ux, uy, reach_x, reach_y):
+    """Return the sign of w . u for the true support vertices, 0 if not certain."""
+    along_x = wx * ux
+    along_y = wy * uy
+    gap = along_x + along_y
+    bound = (PRODUCT_BOUND * (abs(along_x) + abs(along_y))
+             + SUPPORT_BOUND * (abs(ux) * reach_x + abs(uy) * reach_y) + SUPPORT_UNDERFLOW)
     # Strict, so that overflow (infinity > infinity) and NaN prove nothing.
-    return (wx * ux + wy * uy
-            > PRODUCT_BOUND * (abs(wx * ux) + abs(wy * uy))
-            + SUPPORT_BOUND * (abs(ux) * reach_x + abs(uy) * reach_y) + SUPPORT_UNDERFLOW)
+    return int(gap > bound) - int(-gap > bound)
 
 
 @inlined

@@ -21,7 +21,7 @@ import numpy as np
 from sat_collision import ring
 from sat_collision.decomposition import convex_parts
 from sat_collision.jit import indexable
-from sat_collision.record import build, HEADER, LARGEST_TABLE
+from sat_collision.record import BOUNDS, build, HEADER, LARGEST_TABLE
 
 MAX_VERTICES = 1024
 
@@ -130,7 +130,7 @@ class Polygon:
     @property
     def bounds(self):
         """Bounding box (min_x, min_y, max_x, max_y) in metres."""
-        return tuple(self._block[2:HEADER].tolist())
+        return tuple(self._block[BOUNDS].tolist())
 
     @property
     def block(self):
@@ -163,7 +163,9 @@ def as_polygon(body):
 def _flat(points):
     """Return the x and y of the points as a new flat float64 array x, y, x, y, ..."""
     try:
-        array = np.asarray(points, dtype=None if hasattr(points, 'dtype') else np.float64)
+        array = points
+        if not isinstance(points, np.ndarray):
+            array = np.asarray(points, dtype=None if hasattr(points, 'dtype') else np.float64)
         if array.size == 0 and array.ndim <= 2:
             raise PolygonError(Reason.EMPTY, 'no points')
         if array.ndim != 2 or array.shape[1] not in (2, 3):

@@ -19,13 +19,15 @@ from sat_collision import proximity
 from sat_collision.exact import bodies_meet
 from sat_collision.improved import boxes_apart, MEET, search, SEPARATE, UNSURE
 from sat_collision.jit import COMPILED, indexable, inlined, kernel, prefetch, unowned
-from sat_collision.record import HEADER, near_support, SCAN_LIMIT
+from sat_collision.record import BOUNDS, HEADER, near_support, SCAN_LIMIT, table_size
 
 _FEWEST_ROWS = 16
 _FEWEST_DOUBLES = 1024
 _CACHE_LINE = 8
 _FAR_AHEAD = 16
 _NEAR_AHEAD = 8
+_FETCHED_WHOLE = 64
+_BATCH = 64
 _NOWHERE = np.array([np.inf, np.inf, -np.inf, -np.inf])
 
 
@@ -93,7 +95,7 @@ class PolygonSet:
         start = self._rows[0, row]
         self._data[start:start + size] = block
         self._rows[1, row] = count
-        self._bounds[:, row] = block[2:HEADER]
+        self._bounds[:, row] = block[BOUNDS]
 
     def remove(self, row):
         """Take the body of a row out; the row number may be given to a later body."""
@@ -194,8 +196,7 @@ class PolygonSet:
 @kernel
 def _hits(bounds, rows, data, used, block, count, found):
     """Write the rows that a block hits, in ascending order; return how many there are."""
-    candidates = _candidates(unowned(bounds), unowned(rows), unowned(data), used,
-                             unowned(block), count, unowned(found))
+    candidates = _candidates(bounds, rows, data, used, block, count, found)
     hits = 0
     for k in range(candidates):
         row = found[k]
@@ -211,6 +212,11 @@ def _hits(bounds, rows, data, used, block, count, found):
 @kernel
 def _candidates(bounds, rows, data, used, block, count, found):
     """Write the rows that a block hits, and -1 - row where that has to be decided exactly."""
+    bounds = unowned(bounds)
+    rows = unowned(rows)
+    data = unowned(data)
+    block = unowned(block)
+    found = unowned(found)
     min_x = block[2]
     min_y = block[3]
     max_x = block[4]
@@ -228,46 +234,66 @@ def _candidates(bounds, rows, data, used, block, count, found):
 
 @kernel
 def _pairwise(rows, data, other_rows, other_data, answers):
-    _pairwise_verdicts(unowned(rows), unowned(data), unowned(other_rows), unowned(other_data),
-                       unowned(answers))
-    for row in range(len(answers)):
-        if answers[row] == UNSURE:
-            answers[row] = MEET if bodies_meet(
-                data, rows[0, row], rows[1, row],
-                other_data, other_rows[0, row], other_rows[1, row]) else SEPARATE
+    rows = unowned(rows)
+    data = unowned(data)
+    other_rows = unowned(other_rows)
+    other_data = unowned(other_data)
+    # Batch by batch, so that what has to be decided exactly is still in the cache.
+    for start in range(0, len(answers), _BATCH):
+        end = min(start + _BATCH, len(answers))
+        _pairwise_verdicts(rows, data, other_rows, other_data, start, end, answers)
+        for row in range(start, end):
+            if answers[row] == UNSURE:
+                answers[row] = MEET if bodies_meet(
+                    data, rows[0, row], rows[1, row],
+                    other_data, other_rows[0, row], other_rows[1, row]) else SEPARATE
 
 
 @kernel
-def _pairwise_verdicts(rows, data, other_rows, other_data, verdicts):
+def _pairwise_verdicts(rows, data, other_rows, other_data, start, end, verdicts):
+    rows = unowned(rows)
+    data = unowned(data)
+    other_rows = unowned(other_rows)
+    other_data = unowned(other_data)
+    verdicts = unowned(verdicts)
     used = len(verdicts)
-    for row in range(used):
+    for row in range(start, end):
         # Most of the time of a pair that is not in the cache goes by waiting for it.
-        if row + _FAR_AHEAD < used:
-            _prefetch_head(data, rows[0, row + _FAR_AHEAD], rows[1, row + _FAR_AHEAD])
-            _prefetch_head(other_data, other_rows[0, row + _FAR_AHEAD],
-                           other_rows[1, row + _FAR_AHEAD])
-        if row + _NEAR_AHEAD < used:
-            soon = row + _NEAR_AHEAD
-            _prefetch_first_supports(data, rows[0, soon], rows[1, soon],
-                                     other_data, other_rows[0, soon], other_rows[1, soon])
+        far = row + _FAR_AHEAD
+        if far < used:
+            _prefetch(data, rows[0, far], 0, HEADER + 2 * min(rows[1, far], SCAN_LIMIT))
+            _prefetch(other_data, other_rows[0, far], 0,
+                      HEADER + 2 * min(other_rows[1, far], SCAN_LIMIT))
+        near = row + _NEAR_AHEAD
+        if near < used:
+            _prefetch_vertices(data, rows[0, near], rows[1, near],
+                               other_data, other_rows[0, near], other_rows[1, near])
         verdicts[row] = _verdict(data, rows[0, row], rows[1, row],
                                  other_data, other_rows[0, row], other_rows[1, row])
 
 
 @inlined
-def _prefetch_head(block, start, count):
-    for k in range(0, min(HEADER + 2 * abs(count), 5 * _CACHE_LINE), _CACHE_LINE):
+def _prefetch(block, start, first, end):
+    for k in range(first, end, _CACHE_LINE):
         prefetch(block, start + k)
 
 
 @inlined
-def _prefetch_first_supports(p, p_start, n, q, q_start, m):
-    """Fetch where the search will look for its first support vertices, if it has tables."""
-    if n > SCAN_LIMIT and m > SCAN_LIMIT and not boxes_apart(p, p_start, q, q_start):
+def _prefetch_vertices(p, p_start, n, q, q_start, m):
+    """Fetch what the search will read: of many vertices those where it will begin to climb."""
+    if n <= SCAN_LIMIT or m <= SCAN_LIMIT or boxes_apart(p, p_start, q, q_start):
+        return
+    first = HEADER + 2 * SCAN_LIMIT
+    if n <= _FETCHED_WHOLE and m <= _FETCHED_WHOLE:
+        _prefetch(p, p_start, first, HEADER + table_size(n) + 2 * n)
+        _prefetch(q, q_start, first, HEADER + table_size(m) + 2 * m)
+    else:
         ux = q[q_start] - p[p_start]
         uy = q[q_start + 1] - p[p_start + 1]
-        prefetch(p, p_start + near_support(p, p_start, n, ux, uy))
-        prefetch(q, q_start + near_support(q, q_start, m, -ux, -uy))
+        i = near_support(p, p_start, n, ux, uy)
+        j = near_support(q, q_start, m, -ux, -uy)
+        _prefetch(p, p_start, i - 2, i + _CACHE_LINE)
+        _prefetch(q, q_start, j - 2, j + _CACHE_LINE)
 
 
 @inlined

@@ -15,20 +15,29 @@
 What a polygon knows once, laid out for the collision decision in one flat array of doubles.
 
 A *record* of a convex polygon is a point of the polygon, its centroid where that is certain (x,
-y); its bounds (min x, min y, max x, max y); for more than SCAN_LIMIT vertices a table from the
-direction of an axis to a support vertex near by; and the vertices x, y, x, y, ...
+y); its bounds (min x, min y, max x, max y); the radius of a disc around that point inside the
+polygon; for more than SCAN_LIMIT vertices a table from the direction of an axis to a support
+vertex near by; and the vertices x, y, x, y, ...
 
 The table cuts the directions into sectors, four for each double: a double holds four integers of
 13 bits without loss. It only says where to start looking, so rounding in it decides nothing.
 """
 
+import math
+
 from sat_collision.jit import inlined, kernel, scratch
 from sat_collision.predicates import orient
 from sat_collision.ring import clean, CONVEX, NON_CONVEX
 
-HEADER = 6
+HEADER = 7
+BOUNDS = slice(2, 6)
 SCAN_LIMIT = 16
-LARGEST_TABLE = 32
+LARGEST_TABLE = 128
+
+# The disc's radius is shortened by more than the rounding in it and in comparing it, and is zero
+# where its square might underflow.
+_SHORTER = 2.0 ** -45
+_LEAST_RADIUS = 1e-140
 
 _ENTRY_BITS = 13
 _ENTRY_MASK = (1 << _ENTRY_BITS) - 1
@@ -40,7 +49,7 @@ def table_size(count):
     """Return how many doubles the table of a polygon with count vertices takes."""
     if count <= SCAN_LIMIT:
         return 0
-    return 8 if count <= 128 else LARGEST_TABLE
+    return 32 if count <= 128 else LARGEST_TABLE
 
 
 @kernel
@@ -74,9 +83,10 @@ def build(points, record, most):
         first = HEADER + table_size(count)
         record[0] = ring[0]
         record[1] = ring[1]
+        record[6] = 0.0
         _write_bounds(ring, count, record)
         if verdict == CONVEX:
-            _write_inner_point(ring, count, record)
+            _write_inner_disc(ring, count, record)
             _write_table(ring, count, record)
     for k in range(2 * count):
         record[first + k] = ring[k]
@@ -99,7 +109,7 @@ def _write_bounds(ring, count, record):
 
 
 @kernel
-def _write_inner_point(ring, count, record):
+def _write_inner_disc(ring, count, record):
     """
     Write the centroid (paper section 2.2) where it is proved to lie in the polygon.
 
@@ -119,12 +129,20 @@ def _write_inner_point(ring, count, record):
         weight = _cross(ring, i) / area / 3.0
         x += weight * ((ring[2 * i] - x0) + (ring[2 * i + 2] - x0))
         y += weight * ((ring[2 * i + 1] - y0) + (ring[2 * i + 3] - y0))
+    radius = _INFINITY
     for i in range(count):
         k = i + 1 if i + 1 < count else 0
         if orient(ring[2 * i], ring[2 * i + 1], ring[2 * k], ring[2 * k + 1], x, y) < 0:
             return
+        ex = ring[2 * k] - ring[2 * i]
+        ey = ring[2 * k + 1] - ring[2 * i + 1]
+        radius = min(radius, (ex * (y - ring[2 * i + 1]) - ey * (x - ring[2 * i]))
+                     / math.hypot(ex, ey))
     record[0] = x
     record[1] = y
+    radius -= _SHORTER * (radius + (record[4] - record[2]) + (record[5] - record[3]))
+    if _LEAST_RADIUS < radius < _INFINITY:
+        record[6] = radius
 
 
 @kernel

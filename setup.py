@@ -14,6 +14,7 @@ extras = {
     'plot': ['matplotlib'],
     'replay': ['pyyaml', 'rosbags'],
     'cluster': ['dask[distributed]'],
+    'bench': ['matplotlib', 'pymunk', 'pyyaml', 'rosbags', 'shapely>=2'],
     'test': [
         'dask[distributed]',
         'flake8',

@@ -57,8 +57,8 @@ def decode(data: bytes, instance: bool) -> Received:
         If neither this decoder nor the library's can account for every byte.
 
     """
-    fields = _read_in_place(data, instance) or _read_with_library(data, instance)
-    seconds, nanoseconds, frame_id, points, identity = fields
+    seconds, nanoseconds, frame_id, points, identity = (
+        _read_in_place(data, instance) or _read_with_library(data, instance))
     if nanoseconds >= _SECOND:
         raise MessageError(f'{nanoseconds} nanoseconds in the stamp make more than a second')
     return Received(seconds * _SECOND + nanoseconds, frame_id, points, identity)
@@ -93,7 +93,7 @@ def _read_in_place(data, instance):
         frame_id = data[_HEADER.size:text_end - 1].decode()
     except UnicodeDecodeError:
         return None
-    points = np.frombuffer(data, _POINT, 3 * count, points_at).reshape(count, 3)
+    points = np.ndarray((count, 3), _POINT, data, points_at)
     return seconds, nanoseconds, frame_id, points, identity
 
 

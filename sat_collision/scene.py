@@ -218,9 +218,10 @@ class Scene:
             self._forget_all()
             look_again = True
         self._now = now
-        for thing in self._deadlines.missed(now):
-            thing.expire()
-            look_again = True
+        if self._deadlines.earliest < now:
+            for thing in self._deadlines.missed(now):
+                thing.expire()
+                look_again = True
         if look_again:
             self._look_again()
 

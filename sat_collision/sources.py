@@ -92,6 +92,7 @@ class Source:
         self.timeout = round(settings.timeout * 1e9) if settings.timeout > 0.0 else NEVER
         self._set_window = round(settings.set_window * 1e9)
         self._by_id = settings.type == POLYGON_INSTANCE
+        self._in_sets = not self._by_id and not settings.accumulate
         if not settings.enabled:
             self._clear()
         self._silent = self.deadline < now
@@ -113,7 +114,7 @@ class Source:
         """Take the message that the publisher lives and saw nothing; return a refusal or None."""
         if self._hear(stamp, now) is None:
             return TOO_OLD
-        if self._forms_sets(stamp):
+        if self._in_sets and stamp:
             self._join_set(stamp)
         return None
 
@@ -126,7 +127,7 @@ class Source:
         if _UNPLACED in bodies:
             self.forget(bodies[_UNPLACED])
         shape = polygon.block[0].tobytes()
-        if self._forms_sets(stamp):
+        if self._in_sets and stamp:
             self._join_set(stamp)
             key = self._in_set.get(shape)
             if key is None:
@@ -162,7 +163,7 @@ class Source:
         time = self._hear(stamp, now)
         if time is None:
             return TOO_OLD
-        if self._forms_sets(stamp):
+        if self._in_sets and stamp != 0:
             if stamp is not None:
                 self._join_set(stamp)
             key = self._next_place()
@@ -207,10 +208,6 @@ class Source:
                 self._review()
         return time
 
-    def _forms_sets(self, stamp):
-        """Return whether a message with this stamp, None for unknown, belongs to a set."""
-        return stamp != 0 and not self._by_id and not self.settings.accumulate
-
     def _join_set(self, stamp):
         """
         Begin a set if the stamp does not belong to the one that is coming in.
@@ -235,9 +232,12 @@ class Source:
 
     def _next_place(self):
         """Return the next place in the set; when it is full, the one behind it."""
-        place = min(self._count, self.settings.max_count)
+        place = self._count
+        if place > self.settings.max_count:
+            place = self.settings.max_count
         self._count = place + 1
-        self._places = max(self._places, self._count)
+        if self._count > self._places:
+            self._places = self._count
         return place
 
     def _admit(self, key):

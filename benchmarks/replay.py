@@ -1,0 +1,124 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+How fast recordings are checked, against only iterating them with rosbags, in one run.
+
+The recording has a robot that drives among obstacles: a set of polygons ten times a second. All
+figures are processor time of one process, the least of some runs, in turn.
+"""
+
+import argparse
+import math
+from pathlib import Path
+import struct
+import tempfile
+import time
+import tracemalloc
+
+import numpy as np
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer
+from sat_collision.jit import KERNEL
+from sat_collision.replay.messages import STORE
+from sat_collision.replay.run import check
+
+_START = 1_700_000_000 * 10**9
+_KIND = 'geometry_msgs/msg/PolygonStamped'
+_TOPICS = ('/footprint', '/obstacles')
+
+
+def write(path, messages, per_set, storage):
+    """Write a recording: boxes and other convex polygons, one set in 0.1 s."""
+    rng = np.random.default_rng(0)
+    outlines = []
+    for k in range(per_set):
+        count = 4 + k % 8
+        angles = 2 * math.pi * np.arange(count) / count
+        centre = rng.uniform(3, 40) * np.array([math.cos(k), math.sin(k)])
+        outlines.append(centre + rng.uniform(0.3, 2.0) * np.column_stack(
+            [np.cos(angles), np.sin(angles)]))
+    robot = np.array([(-0.5, -0.4), (0.9, -0.4), (0.9, 0.4), (-0.5, 0.4)])
+    with Writer(path, version=9, storage_plugin=StoragePlugin[storage]) as writer:
+        footprint, obstacles = (writer.add_connection(topic, _KIND, typestore=STORE)
+                                for topic in _TOPICS)
+        for frame in range(messages // (per_set + 1)):
+            stamp = _START + frame * 10**8
+            drift = np.array([math.sin(frame / 300), math.cos(frame / 300)])
+            writer.write(footprint, stamp, _message(robot + 2 * drift, stamp))
+            for k, outline in enumerate(outlines):
+                writer.write(obstacles, stamp + k + 1, _message(outline + 0.1 * drift, stamp))
+
+
+def _message(outline, stamp):
+    points = np.zeros((len(outline), 3), np.float32)
+    points[:, :2] = outline
+    return struct.pack('<4siII4sI', b'\0\1\0\0', *divmod(stamp, 10**9), 4, b'map\0',
+                       len(points)) + points.tobytes()
+
+
+def iterate(path):
+    """Only read every message."""
+    with Reader(path) as reader:
+        return sum(1 for _ in reader.messages(
+            [connection for connection in reader.connections if connection.topic in _TOPICS]))
+
+
+def deserialise(path):
+    """Read every message and make it an object, as programs that look at polygons do."""
+    with AnyReader([path]) as reader:
+        return sum(bool(reader.deserialize(data, connection.msgtype))
+                   for connection, _, data in reader.messages())
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--messages', type=int, default=200_000)
+    parser.add_argument('--per-set', type=int, default=20)
+    parser.add_argument('--runs', type=int, default=3)
+    options = parser.parse_args()
+    print(f'{KERNEL}; {options.messages} messages, {options.per_set} obstacles a set')
+    with tempfile.TemporaryDirectory() as folder:
+        for storage in ('MCAP', 'SQLITE3'):
+            path = Path(folder, storage)
+            write(path, options.messages, options.per_set, storage)
+            what = {'iterate': iterate, 'deserialise': deserialise,
+                    'check': lambda path: check(path).messages}
+            times = {name: [] for name in what}
+            for _ in range(options.runs):
+                for name, function in what.items():
+                    begun = time.process_time()
+                    count = function(path)
+                    times[name].append(time.process_time() - begun)
+            least = {name: min(values) for name, values in times.items()}
+            for name, value in least.items():
+                print(f'{storage:8} {name:12} {1e6 * value / count:7.2f} us a message, '
+                      f'{count / value:9.0f} messages/s, '
+                      f'{value / least["iterate"]:6.2f} times iterating')
+            _print_memory(path, folder, storage, options)
+
+
+def _print_memory(path, folder, storage, options):
+    """Print the most memory that Python held during a check, of this and of half the length."""
+    half = Path(folder, f'{storage}_half')
+    write(half, options.messages // 2, options.per_set, storage)
+    for recording in (half, path):
+        tracemalloc.start()
+        result = check(recording)
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        print(f'{storage:8} {result.messages:8} messages: peak {peak / 1e6:.1f} MB')
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,198 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The command replay_check."""
+
+import argparse
+from pathlib import Path
+import sys
+
+from rosbags.rosbag2 import WriterError
+from sat_collision.replay.configuration import (
+    NODE, parameter_of_text, parameters_of_file, settings_of)
+from sat_collision.replay.example import write_example
+from sat_collision.replay.expectation import differences, ExpectationError
+from sat_collision.replay.fleet import check_here, check_on_cluster, check_one
+from sat_collision.replay.formats import write_csv, write_json, write_junit
+from sat_collision.replay.report import Progress, report, report_all
+from sat_collision.replay.result import overall, Verdict
+from sat_collision.replay.run import check, HEADER, Options, RECEIVE
+from sat_collision.specs import ParameterError
+
+_DESCRIPTION = """\
+Check recordings for collisions with the scene of the live node.
+
+Exit status: 0 clear; 1 collision; 2 cannot tell (unknown for longer than --max-unknown, or no
+data); 3 bad input. A proved collision counts before bad input, that before what cannot be told.
+With --expect: 0 as expected, 1 different, 3 bad input.
+"""
+
+
+def main(args=None):
+    """Run the command and return the exit status."""
+    parser = _parser()
+    options = parser.parse_args(args)
+    try:
+        return _run(options, parser)
+    except (ParameterError, ExpectationError, WriterError, OSError) as error:
+        print(f'replay_check: {error}', file=sys.stderr)
+        return int(Verdict.BAD_INPUT)
+    except KeyboardInterrupt:
+        print('replay_check: interrupted', file=sys.stderr)
+        return int(Verdict.UNKNOWN)
+
+
+def _run(options, parser):
+    if options.write_example:
+        write_example(options.write_example)
+        print(f'wrote {options.write_example}; check it with\n  replay_check '
+              f'{options.write_example} --params-file {options.write_example}/params.yaml')
+        return 0
+    if not options.bags:
+        parser.error('which BAG?')
+    several = len(options.bags) > 1
+    if options.write_bag and not several and Path(options.write_bag).exists():
+        raise ParameterError(f'{options.write_bag} exists')
+    results = []
+    for result in _results(options, several):
+        print('\n'.join(report(result)), flush=True)
+        results.append(result)
+        if options.plot:
+            from sat_collision.replay.plot import plot
+            plot(result, _of_bag(options.plot, result.bag, '.png') if several else options.plot)
+    if several:
+        order = {bag: place for place, bag in enumerate(options.bags)}
+        results.sort(key=lambda result: order[result.bag])
+        print('\n'.join(report_all(results)))
+    for path, write in ((options.json, write_json), (options.csv, write_csv),
+                        (options.junit, write_junit)):
+        if path:
+            write(results, path)
+    if options.expect:
+        lines = differences(results, options.expect)
+        print('\n'.join(lines) or f'as expected by {options.expect}')
+        return int(Verdict.COLLISION if lines else Verdict.CLEAR)
+    return int(overall(results))
+
+
+def _results(options, several):
+    """Yield results as they come."""
+    settings = _options(options)
+    if options.dask:
+        return check_on_cluster(options.bags, settings, options.dask)
+    if several and options.jobs > 1:
+        return check_here(options.bags, settings, options.jobs)
+    return _one_by_one(options.bags, settings, several)
+
+
+def _one_by_one(bags, settings, several):
+    for bag in bags:
+        progress = Progress()
+        result = (check_one if several else check)(bag, settings, progress.show)
+        progress.clear()
+        yield result
+
+
+def _options(options):
+    """Return what the command line says as Options; what makes no sense is found here."""
+    parameters = {}
+    for path in options.params_file:
+        parameters.update(parameters_of_file(path, options.node))
+    parameters.update(parameter_of_text(text) for text in options.param)
+    settings_of(parameters, options.node)
+    return Options(
+        parameters=parameters, footprints=tuple(options.footprint),
+        obstacles=tuple(options.obstacles), node=options.node, clock=options.clock,
+        start=options.start, duration=options.duration, max_unknown=options.max_unknown,
+        sample=options.sample, picture=bool(options.plot), write_bag=options.write_bag)
+
+
+def _of_bag(folder, bag, suffix):
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    return str(Path(folder, Path(bag).stem + suffix))
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser whose exit status for what it does not understand is that of bad input."""
+
+    def error(self, message):
+        self.print_usage(sys.stderr)
+        self.exit(int(Verdict.BAD_INPUT), f'{self.prog}: {message}\n')
+
+
+def _parser():
+    parser = _Parser(
+        'replay_check', description=_DESCRIPTION,
+        formatter_class=argparse.RawDescriptionHelpFormatter)
+    add = parser.add_argument
+    add('bags', nargs='*', metavar='BAG', help='rosbag2 directory or storage file')
+    scene = parser.add_argument_group('what to check')
+    add = scene.add_argument
+    add('--params-file', action='append', default=[], metavar='FILE',
+        help="the node's ROS 2 parameter file; later files win")
+    add('-p', '--param', action='append', default=[], metavar='NAME:=VALUE',
+        help='one parameter of the node, over the files')
+    add('--footprint', action='append', default=[], metavar='[NAME:=]TOPIC',
+        help='a footprint and its topic')
+    add('--obstacles', action='append', default=[], metavar='[NAME:=]TOPIC',
+        help='a source of obstacles and its topic')
+    add('--node', type=_node, default=NODE,
+        help='full name of the node, for parameter files and topics (%(default)s)')
+    add('--clock', choices=(RECEIVE, HEADER), default=RECEIVE,
+        help='time of a message: when it was received, or its header stamp (%(default)s)')
+    add('--start', type=_seconds, default=0.0, metavar='S', help='begin S s into the recording')
+    add('--duration', type=_seconds, metavar='S', help='check S s of it')
+    add('--sample', type=_period, default=0.1, metavar='S',
+        help='look what is nearest every S s (%(default)s)')
+    verdict = parser.add_argument_group('verdict')
+    add = verdict.add_argument
+    add('--max-unknown', type=_seconds, default=1.0, metavar='S',
+        help='how long a footprint may be unknown in all (%(default)s s)')
+    add('--expect', metavar='FILE', help='compare with a result that --json wrote')
+    output = parser.add_argument_group('output')
+    add = output.add_argument
+    add('--json', metavar='FILE', help='the result; docs/replay.md has the schema')
+    add('--csv', metavar='FILE', help='a row for each contact and each unknown interval')
+    add('--junit', metavar='FILE', help='a test suite for each recording')
+    add('--plot', metavar='FILE', help='a picture; with several recordings a directory of them')
+    add('--write-bag', metavar='DIR',
+        help='a bag of what the node publishes; with several recordings a directory of them')
+    add('--write-example', metavar='DIR', help='only write a recording of the demo scene')
+    many = parser.add_argument_group('many recordings')
+    add = many.add_argument
+    add('--jobs', type=int, default=1, metavar='N', help='check N at a time')
+    add('--dask', metavar='ADDRESS', help='check on the Dask cluster of this scheduler')
+    return parser
+
+
+def _node(text):
+    return '/' + text.strip('/')
+
+
+def _seconds(text):
+    value = float(text)
+    if not 0.0 <= value < float('inf'):
+        raise argparse.ArgumentTypeError(f'{text} is not a time in s')
+    return value
+
+
+def _period(text):
+    value = float(text)
+    if not 1e-3 <= value <= 1e6:
+        raise argparse.ArgumentTypeError(f'{text} is not from 0.001 to 1000000')
+    return value
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,144 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Settings without ROS, from what the node takes: its parameter files and single values."""
+
+from itertools import chain
+import math
+import re
+
+from sat_collision.specs import declare_parameters, ParameterError, read_settings
+import yaml
+
+NODE = '/collision_monitor'
+
+_TOPIC = re.compile(r'(~/|/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*', re.ASCII)
+_TYPES = {bool: 'a bool', int: 'an integer', float: 'a double', str: 'a string',
+          list: 'a list of strings'}
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML as rcl reads it: 1e3 is a number too."""
+
+
+_Loader.add_implicit_resolver(
+    'tag:yaml.org,2002:float', re.compile(r'[-+]?[0-9]+[eE][-+]?[0-9]+$'), list('-+0123456789'))
+
+
+def parameters_of_file(path, node=NODE):
+    """
+    Return the parameters that a ROS 2 parameter file has for a node, by their dotted names.
+
+    Raises
+    ------
+    ParameterError
+        If the file is none.
+
+    """
+    try:
+        with open(path, encoding='utf-8') as file:
+            content = yaml.load(file, _Loader)
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ParameterError(f'{path}: {error}') from error
+    if not isinstance(content, dict):
+        raise ParameterError(f'{path}: no parameter file: nodes by name are expected')
+    found = dict(_sections(content, ''))
+    if not found:
+        raise ParameterError(f"{path}: no parameter file: there is no 'ros__parameters'")
+    parameters = {}
+    for name, values in found.items():
+        if not isinstance(values, dict):
+            raise ParameterError(f"{path}: 'ros__parameters' of {name} has no parameters")
+        if _matches(name, node):
+            parameters.update(_flat(values))
+    return parameters
+
+
+def parameter_of_text(text):
+    """Return name and value of a parameter written as NAME:=VALUE, the value in YAML."""
+    name, given, value = text.partition(':=')
+    if not (given and name):
+        raise ParameterError(f"'{text}' is not NAME:=VALUE")
+    try:
+        return name, yaml.load(value, _Loader)
+    except yaml.YAMLError as error:
+        raise ParameterError(f'{text}: {error}') from error
+
+
+def settings_of(parameters, node=NODE):
+    """
+    Return the Settings that parameters by dotted names make; what the node refuses is refused.
+
+    Raises
+    ------
+    ParameterError
+        If a value has the wrong type or is out of place.
+
+    """
+    values = {}
+
+    def declare(name, default, spec):
+        values[name] = _checked(name, parameters.get(name, default), default, spec)
+        return values[name]
+
+    footprints, obstacles = declare_parameters(declare)
+    return read_settings(footprints, obstacles, values.__getitem__,
+                         lambda topic: _resolved(topic, node))
+
+
+def _sections(content, prefix):
+    """Yield the name and parameters of every node, namespaces written out or nested."""
+    for key, value in content.items():
+        if key == 'ros__parameters':
+            yield prefix or '/', value
+        elif isinstance(value, dict):
+            yield from _sections(value, f'{prefix}/{str(key).strip("/")}')
+
+
+def _matches(pattern, node):
+    """Return whether a name with wildcards, * for one token and ** for any, is the node's."""
+    expression = re.escape(pattern).replace(r'/\*\*', '(/[^/]+)*').replace(r'\*', '[^/]+')
+    return re.fullmatch(expression, node) is not None
+
+
+def _flat(values, prefix=''):
+    return dict(chain.from_iterable(
+        _flat(value, f'{prefix}{key}.').items() if isinstance(value, dict)
+        else [(f'{prefix}{key}', value)] for key, value in values.items()))
+
+
+def _checked(name, value, default, spec):
+    """Return a value that has the type of the default and is within limits, as the node would."""
+    if value is None:
+        raise ParameterError(f"parameter '{name}' is given without a value")
+    wanted = type(default)
+    if type(value) is not wanted or wanted is list and not all(
+            isinstance(item, str) for item in value):
+        raise ParameterError(f"parameter '{name}' is {value!r}, but must be {_TYPES[wanted]}")
+    if spec.choices and value not in spec.choices:
+        raise ParameterError(f"{name}: '{value}' is not one of {', '.join(spec.choices)}")
+    if spec.limits and not (spec.limits[0] <= value <= spec.limits[1] and math.isfinite(value)):
+        raise ParameterError(f'{name}: {value} is not from {spec.limits[0]} to {spec.limits[1]}')
+    return value
+
+
+def _resolved(topic, node):
+    """Return the full name of a topic, given relative to a node, its namespace or to nothing."""
+    if not _TOPIC.fullmatch(topic):
+        raise ValueError(f"'{topic}' is no name of a topic")
+    if topic.startswith('/'):
+        return topic
+    if topic.startswith('~'):
+        return node + topic[1:]
+    return f'{node.rpartition("/")[0]}/{topic}'

@@ -1,0 +1,96 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Many recordings: on the processors of this machine, or on a Dask cluster."""
+
+from concurrent.futures import as_completed, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
+import multiprocessing
+from pathlib import Path
+
+from sat_collision.replay.result import Result
+from sat_collision.replay.run import check
+
+_ATTEMPTS = 3
+
+
+def check_one(path, options, progress=None):
+    """Check a recording of several; what is written for it goes into a directory of its own."""
+    if options.write_bag:
+        options = replace(options, write_bag=str(Path(options.write_bag, Path(path).stem)))
+    return check(path, options, progress)
+
+
+def check_here(paths, options, jobs):
+    """
+    Yield the Result of each recording as soon as it is there, from processes of this machine.
+
+    A recording whose process died or failed is tried again, up to three times in all.
+    """
+    failed = []
+    with _pool(jobs) as pool:
+        futures = {pool.submit(check_one, path, options): path for path in paths}
+        for future in as_completed(futures):
+            if future.exception():
+                failed.append(futures[future])
+            else:
+                yield future.result()
+    # When a process dies all that was under way fails, so the culprit is found one by one.
+    pool = _pool(1)
+    for path in failed:
+        for _ in range(_ATTEMPTS - 1):
+            future = pool.submit(check_one, path, options)
+            error = future.exception()
+            if not error:
+                break
+            if isinstance(error, BrokenProcessPool):
+                pool.shutdown()
+                pool = _pool(1)
+        yield _failed(path, options, error) if error else future.result()
+    pool.shutdown()
+
+
+def _pool(jobs):
+    return ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context('spawn'))
+
+
+def check_on_cluster(paths, options, address):
+    """
+    Yield the Result of each recording as soon as it is there, from the workers of a Dask cluster.
+
+    The scheduler gives the recordings of a lost worker to others. Workers must see the same
+    paths, and have this package.
+
+    Raises
+    ------
+    OSError
+        If there is no scheduler at the address.
+
+    """
+    import distributed
+    with distributed.Client(address, set_as_default=False) as client:
+        futures = {client.submit(check_one, path, options, pure=False, retries=_ATTEMPTS - 1,
+                                 key=f'replay_check-{number}-{path}'): path
+                   for number, path in enumerate(paths)}
+        for future in distributed.as_completed(list(futures), loop=client.loop):
+            path = futures[future]
+            error = future.exception()
+            yield _failed(path, options, error) if error else future.result()
+
+
+def _failed(path, options, error):
+    result = Result(str(path), options.clock, options.max_unknown)
+    result.problems.append(f'{path}: could not be checked in {_ATTEMPTS} attempts: {error}')
+    return result

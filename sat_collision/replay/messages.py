@@ -1,0 +1,73 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Message classes made from rosbags' definitions, for machines without ROS."""
+
+import functools
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import get_typestore, Stores
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+
+_ENCAPSULATIONS = (b'\x00\x00', b'\x00\x01')  # plain CDR, big and little endian
+_QUATERNION = 'geometry_msgs/msg/Quaternion'
+
+
+def serialize(message):
+    """Return the CDR bytes of a message."""
+    return bytes(STORE.serialize_cdr(message, type(message).type_name))
+
+
+def deserialize(data, kind):
+    """Return the message of a class of `message_class` that CDR bytes hold."""
+    if bytes(data[:2]) not in _ENCAPSULATIONS:
+        raise ValueError(f'unknown encapsulation {bytes(data[:2]).hex()}')
+    message = STORE.deserialize_cdr(data, kind.type_name)
+    return kind(**{field: getattr(message, field) for field in kind.__slots__})
+
+
+@functools.cache
+def message_class(name):
+    """Return the class of a type such as std_msgs/msg/Bool: fields by keyword, all optional."""
+    constants, fields = STORE.fielddefs[name]
+
+    def __init__(self, **values):
+        for field, description in fields:
+            value = values.pop(field) if field in values else _default(description)
+            setattr(self, field, value)
+        if values:
+            raise TypeError(f'{name} has no field {", ".join(values)}')
+        if name == _QUATERNION and not (self.x or self.y or self.z):
+            self.w = 1.0
+
+    package, _, short = name.split('/')
+    return type(short, (), {
+        '__init__': __init__, '__slots__': [field for field, _ in fields],
+        '__module__': f'{package}.msg', '__doc__': f'{name}.', 'type_name': name,
+        **{constant: value for constant, _, value in constants}})
+
+
+def _default(description):
+    """Return the default of a field, by rosbags' description of its type."""
+    kind, detail = description
+    if kind is Nodetype.NAME:
+        return message_class(detail)()
+    if kind is Nodetype.BASE:
+        return {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}.get(detail[0], 0)
+    element, count = detail
+    if element[0] is Nodetype.BASE and element[1][0] != 'string':
+        return np.zeros(count, element[1][0].replace('byte', 'uint8'))
+    return [_default(element) for _ in range(count)]

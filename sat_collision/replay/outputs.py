@@ -1,0 +1,120 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A bag of what the node would have published: its own outputs, given a stand-in for the node."""
+
+from pathlib import Path
+
+from rosbags.rosbag2 import StoragePlugin, Writer
+from sat_collision.interfaces import serialize, Time, type_name
+from sat_collision.outputs import Outputs
+from sat_collision.replay.messages import STORE
+
+_SECOND = 10**9
+
+
+class BagOutputs:
+    """
+    Writes flags, states and markers to a new bag.
+
+    Parameters
+    ----------
+    path : str
+        Directory of the bag, which must not exist.
+    node : str
+        Full name of the node.
+    settings : Settings
+    scene : Scene
+
+    Raises
+    ------
+    WriterError
+        If the directory exists, or cannot be made.
+
+    """
+
+    def __init__(self, path, node, settings, scene):
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        self._writer = Writer(Path(path), version=9, storage_plugin=StoragePlugin.MCAP)
+        self._writer.open()
+        self._clock = _Clock()
+        self._outputs = Outputs(_Node(node, self._writer, self._clock), settings, scene)
+
+    def change(self, names, now):
+        """Write what the node publishes at once when states change."""
+        self._clock.time = now
+        self._outputs.update(names)
+        self._outputs.publish(names)
+
+    def publish(self, now):
+        """Write what the node publishes now and then: flags and states."""
+        self._clock.time = now
+        self._outputs.publish()
+
+    def publish_markers(self, now):
+        """Write the markers."""
+        self._clock.time = now
+        self._outputs.outdate_markers()
+        self._outputs.publish_markers()
+
+    def close(self):
+        """Finish the bag."""
+        self._writer.close()
+
+
+class _Clock:
+    """The recording's time."""
+
+    time = 0
+
+    def now(self):
+        return self
+
+    def to_msg(self):
+        return Time(sec=self.time // _SECOND, nanosec=self.time % _SECOND)
+
+
+class _Node:
+    """What Outputs asks of a node: a name, a clock, and publishers."""
+
+    def __init__(self, name, writer, clock):
+        self._name = name
+        self._writer = writer
+        self._clock = clock
+
+    def get_name(self):
+        return self._name.rpartition('/')[2]
+
+    def get_clock(self):
+        return self._clock
+
+    def create_publisher(self, kind, topic, _depth):
+        return _Topic(self._writer, topic.replace('~', self._name, 1), type_name(kind),
+                      self._clock)
+
+
+class _Topic:
+    """A topic of the bag, used as a publisher."""
+
+    def __init__(self, writer, name, kind, clock):
+        self._writer = writer
+        self._connection = writer.add_connection(name, kind, typestore=STORE)
+        self._clock = clock
+
+    def get_subscription_count(self):
+        return 1
+
+    def publish(self, message):
+        data = message if isinstance(message, bytes) else serialize(message)
+        self._writer.write(self._connection, self._clock.time, data)

@@ -1,0 +1,199 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Recordings: what rosbags reads of a bag, and of a damaged one what is left."""
+
+from collections import Counter
+from pathlib import Path
+import re
+import shutil
+import tempfile
+
+from rosbags.rosbag2 import Reader
+from sat_collision.replay.salvage import Damage, salvaged, zstd
+
+_STORAGE = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
+
+
+class Recording:
+    """
+    A rosbag2 recording: a directory with metadata.yaml, or one storage file.
+
+    What rosbags does not open is read file by file for as far as that goes, and every fault is
+    noted, so that a damaged recording still tells what it can. To be used as a context manager.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Attributes
+    ----------
+    problems : list of str
+        The faults found so far, each with the file that has it.
+    topics, counts : dict
+        Type and number of messages of each topic.
+    start, end : int
+        Times of the first and the last message in ns, None if there is none.
+
+    """
+
+    def __init__(self, path):
+        self.path = Path(path)
+        self.problems = []
+        self.topics = {}
+        self.counts = Counter()
+        self.start = self.end = None
+        self._parts = []
+        self._folder = None
+
+    def __enter__(self):
+        if not self.path.exists():
+            self.problems.append(f'{self.path}: there is no such file or directory')
+        elif not self._open(self.path):
+            for file in self._files():
+                plain = self._unpacked(file)
+                if not self._open(plain, shown=file):
+                    self._add(_Salvage(plain, file, self.problems))
+        return self
+
+    def __exit__(self, *_):
+        for part in self._parts:
+            part.close()
+        if self._folder:
+            self._folder.cleanup()
+
+    def messages(self, topics, start=None, stop=None):
+        """
+        Yield (topic, time in ns, data) of some topics, from start on and before stop (ns).
+
+        A fault ends what can be read of its file, and is noted.
+        """
+        for part in self._parts:
+            yield from part.messages(topics, start, stop)
+
+    def _open(self, path, shown=None):
+        """Open with rosbags; return whether that went well, and note the fault if not."""
+        try:
+            self._add(_Whole(path, shown or path, self.problems))
+        except Exception as error:  # rosbags raises anything for damaged files
+            problem = f'{shown or path}: {_in_words(error)}'
+            if (path / 'metadata.yaml').is_file() or not path.is_dir():
+                self.problems.append(problem)
+            else:
+                self.problems.append(f'{path / "metadata.yaml"} is missing; '
+                                     'ros2 bag reindex makes it anew')
+            return False
+        return True
+
+    def _add(self, part):
+        self._parts.append(part)
+        self.topics = {**part.topics, **self.topics}
+        self.counts += part.counts
+        times = [time for time in (self.start, self.end, part.start, part.end) if time is not None]
+        if times:
+            self.start, self.end = min(times), max(times)
+
+    def _files(self):
+        """Return the storage files that are there, in the order in which they were written."""
+        if not self.path.is_dir():
+            return [self.path]
+        files = [file for file in self.path.iterdir() if file.name.endswith(_STORAGE)]
+        if not files:
+            self.problems.append(f'{self.path}: no storage file in it, .mcap or .db3')
+        return sorted(files, key=lambda file: [int(part) if part.isdigit() else part
+                                               for part in re.split(r'(\d+)', file.name)])
+
+    def _unpacked(self, file):
+        """Return a storage file itself or, compressed as a whole, what it holds."""
+        if file.suffix != '.zstd':
+            return file
+        self._folder = self._folder or tempfile.TemporaryDirectory(prefix='replay_check_')
+        plain = Path(self._folder.name, file.stem)
+        try:
+            with zstd.open(file, 'rb') as packed, plain.open('wb') as unpacked:
+                shutil.copyfileobj(packed, unpacked)
+        except (EOFError, zstd.ZstdError) as error:
+            self.problems.append(f'{file}: {_in_words(error)}')
+        return plain
+
+
+class _Whole:
+    """What rosbags opens: a bag or a storage file."""
+
+    def __init__(self, path, shown, problems):
+        self._shown = shown
+        self._problems = problems
+        self._reader = Reader(path)
+        self._reader.open()
+        self.topics = {connection.topic: connection.msgtype
+                       for connection in self._reader.connections}
+        self.counts = Counter()
+        for connection in self._reader.connections:
+            self.counts[connection.topic] += connection.msgcount
+        empty = not self._reader.message_count
+        self.start = None if empty else self._reader.start_time
+        self.end = None if empty else self._reader.end_time - 1
+
+    def close(self):
+        self._reader.close()
+
+    def messages(self, topics, start, stop):
+        connections = [connection for connection in self._reader.connections
+                       if connection.topic in topics]
+        if not connections:
+            return
+        try:
+            for connection, time, data in self._reader.messages(connections, start, stop):
+                yield connection.topic, time, data
+        except GeneratorExit:
+            raise
+        except Exception as error:  # as above
+            self._problems.append(f'{self._shown}: cannot be read to its end: {_in_words(error)}')
+
+
+class _Salvage:
+    """A storage file that rosbags does not open."""
+
+    def __init__(self, path, shown, problems):
+        self._path = path
+        self.topics = {}
+        self.counts = Counter()
+        times = []
+        try:
+            for topic, kind, time, _ in salvaged(path):
+                self.topics[topic] = kind
+                self.counts[topic] += 1
+                times = [min(time, *times), max(time, *times)] if times else [time, time]
+        except Damage as damage:
+            problems.append(f'{shown}: read up to the damage {damage}')
+        except OSError as error:
+            problems.append(f'{shown}: {_in_words(error)}')
+        self.start, self.end = times or (None, None)
+
+    def close(self):
+        pass
+
+    def messages(self, topics, start, stop):
+        try:
+            for topic, _, time, data in salvaged(self._path):
+                if topic in topics and (start is None or time >= start) and (
+                        stop is None or time < stop):
+                    yield topic, time, data
+        except (Damage, OSError):
+            return  # noted when the file was first read
+
+
+def _in_words(error):
+    """Return what an exception says, or its kind if it says nothing."""
+    return ' '.join(str(error).split()) or type(error).__name__

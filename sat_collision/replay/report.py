@@ -1,0 +1,163 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Results for people: tables on a terminal, and how far a run has come."""
+
+import sys
+import time
+
+from sat_collision.replay.result import overall, Verdict
+
+_MOST_ROWS = 20
+_BAR = 30
+_PATIENCE = 1.0
+_REDRAW = 0.1
+
+
+def report(result):
+    """Return the lines that tell what was found in one recording."""
+    lines = [f'{result.bag}: {result.verdict.words.upper()}']
+    lines += [f'  problem: {problem}' for problem in result.problems]
+    lines += [f'  note: {note}' for note in result.notes]
+    if result.start is None:
+        return lines
+    lines.append(f'  {result.duration:.3f} s by {_CLOCKS[result.clock]}, {_counts(result)}')
+    lines += _rejections(result)
+    lines += _table(
+        ('footprint', 'known', 'clear [s]', 'collision [s]', 'unknown [s]', 'least separation'),
+        [_footprint_row(footprint, result) for footprint in result.footprints], 'footprints')
+    lines += _table(
+        ('footprint', 'obstacle', 'first [s]', 'duration [s]', 'depth [m]', 'x [m]', 'y [m]'),
+        [(contact.footprint, contact.obstacle, _since(contact.first, result),
+          f'{(contact.last - contact.first) / 1e9:.3f}{"+" if contact.at_end else ""}',
+          f'{contact.depth:.4g}', f'{contact.x:.3f}', f'{contact.y:.3f}')
+         for contact in result.contacts], 'contacts')
+    lines += _table(
+        ('footprint', 'first [s]', 'duration [s]', 'reason'),
+        [(unknown.footprint, _since(unknown.first, result),
+          f'{(unknown.last - unknown.first) / 1e9:.3f}', '; '.join(unknown.reasons))
+         for unknown in result.unknown], 'unknown')
+    return lines
+
+
+def report_all(results):
+    """Return the lines that sum several recordings up."""
+    figures = summary(results)
+    counts = ', '.join(f'{count} {word}' for word, count in figures['verdicts'].items())
+    lines = [f'{figures["bags"]} recordings, {figures["duration"] / 3600:.4g} h: {counts}']
+    rate = figures['contacts_per_hour']
+    lines.append(f'  {figures["contacts"]} contacts'
+                 + ('' if rate is None else f', {rate:.4g} an hour'))
+    lines += _table(('recording', 'footprint', 'obstacle', 'separation [m]'),
+                    [(worst['bag'], worst['footprint'], worst['obstacle'],
+                      f'{worst["separation"]:.4g}') for worst in figures['worst']],
+                    'worst separations')
+    lines.append(f'  {overall(results).words.upper()}')
+    return lines
+
+
+def summary(results, most=5):
+    """Return the figures over several recordings, the least separations among them."""
+    hours = sum(result.duration for result in results) / 3600
+    contacts = sum(len(result.contacts) for result in results)
+    verdicts = {verdict.words: sum(result.verdict is verdict for result in results)
+                for verdict in Verdict}
+    leasts = [(footprint.least.separation, result.bag, footprint.name, footprint.least.obstacle)
+              for result in results for footprint in result.footprints if footprint.least]
+    return {
+        'bags': len(results), 'duration': 3600 * hours, 'contacts': contacts,
+        'contacts_per_hour': contacts / hours if hours else None,
+        'verdicts': {word: count for word, count in verdicts.items() if count},
+        'worst': [{'separation': separation, 'bag': bag, 'footprint': footprint,
+                   'obstacle': obstacle}
+                  for separation, bag, footprint, obstacle in sorted(leasts)[:most]]}
+
+
+class Progress:
+    """A bar on a terminal that appears when a run takes long, and vanishes after it."""
+
+    def __init__(self, stream=sys.stderr):
+        self._stream = stream
+        self._begun = time.monotonic()
+        self._next = self._begun + _PATIENCE if stream.isatty() else float('inf')
+        self._shown = False
+
+    def show(self, share):
+        now = time.monotonic()
+        if now < self._next:
+            return
+        self._next = now + _REDRAW
+        self._shown = True
+        bar = f'[{"#" * round(_BAR * share):{_BAR}}] {share:4.0%}'
+        if share:
+            bar += f'  {(now - self._begun) * (1.0 / share - 1.0):.0f} s left'
+        self._stream.write(f'\r\033[K{bar}')
+        self._stream.flush()
+
+    def clear(self):
+        if self._shown:
+            self._stream.write('\r\033[K')
+            self._stream.flush()
+
+
+_CLOCKS = {'receive': 'times of reception', 'header': 'header stamps'}
+
+
+def _counts(result):
+    sources = ', '.join(f'{source.name} {source.received}' for source in result.sources)
+    return f'{result.messages} messages ({sources})'
+
+
+def _rejections(result):
+    for source in result.sources:
+        for reason, count in source.rejected.items():
+            yield f'  {source.name}: {count} messages rejected, {reason}'
+            yield f'    the first: {source.examples[reason]}'
+
+
+def _footprint_row(footprint, result):
+    seconds = [f'{getattr(footprint, state) / 1e9:.3f}'
+               for state in ('clear', 'collision', 'unknown')]
+    share = '' if footprint.coverage is None else f'{100 * footprint.coverage:.2f} %'
+    least = footprint.least
+    nearest = 'none known' if least is None else (
+        f'{least.separation:.4g} m from {least.obstacle} at {_since(least.time, result)} s')
+    return footprint.name + ('' if footprint.enabled else ' (off)'), share, *seconds, nearest
+
+
+def _since(instant, result):
+    return f'{(instant - result.start) / 1e9:.3f}'
+
+
+def _table(head, rows, title):
+    """Return the lines of a table, of which very many rows are cut off."""
+    if not rows:
+        return []
+    shown = [head, *rows[:_MOST_ROWS]]
+    widths = [max(map(len, column)) for column in zip(*shown)]
+    right = [all(_is_number(cell) for cell in column[1:]) for column in zip(*shown)]
+    lines = [f'  {title}'] + ['    ' + '  '.join(
+        f'{cell:>{width}}' if numeric else f'{cell:{width}}'
+        for cell, width, numeric in zip(row, widths, right)).rstrip() for row in shown]
+    if len(rows) > _MOST_ROWS:
+        lines.append(f'    and {len(rows) - _MOST_ROWS} more, see --json or --csv')
+    return lines
+
+
+def _is_number(cell):
+    try:
+        float(cell.rstrip('+ %') or 0)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,165 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a check of a recording finds, and the verdict on it. All times are ints in ns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+import enum
+
+
+class Verdict(enum.IntEnum):
+    """The verdict, whose value is the exit status."""
+
+    CLEAR = 0
+    COLLISION = 1
+    UNKNOWN = 2
+    BAD_INPUT = 3
+
+    @property
+    def words(self):
+        return self.name.lower().replace('_', ' ')
+
+
+@dataclass
+class Contact:
+    """
+    A footprint and an obstacle share a point, from `first` until just before `last`.
+
+    `depth` is the deepest penetration in m, at the time `deepest`: 0 if they only touch, negative
+    if they were apart within the margin; (x, y) is the middle of where their bounds overlapped
+    then. `at_end` says that they were still in contact at the end.
+    """
+
+    footprint: str
+    obstacle: str
+    first: int
+    last: int
+    depth: float = 0.0
+    deepest: int = 0
+    x: float = 0.0
+    y: float = 0.0
+    at_end: bool = False
+
+
+@dataclass
+class Unknown:
+    """The state of a footprint is unknown from `first` until just before `last`."""
+
+    footprint: str
+    first: int
+    last: int
+    reasons: list
+
+
+@dataclass
+class Least:
+    """The least separation in m found of a footprint, at a time, from an obstacle, at (x, y)."""
+
+    separation: float
+    time: int
+    obstacle: str
+    x: float
+    y: float
+
+
+@dataclass
+class FootprintResult:
+    """How long (ns) a footprint was in each state, and its separation from the nearest body."""
+
+    name: str
+    topic: str
+    enabled: bool
+    clear: int = 0
+    collision: int = 0
+    unknown: int = 0
+    ever_known: bool = False
+    least: Least | None = None
+    separation: list = field(default_factory=list)
+
+    @property
+    def coverage(self):
+        """The share of the time in which the state was known, None if no time passed."""
+        known = self.clear + self.collision
+        return known / (known + self.unknown) if known + self.unknown else None
+
+
+@dataclass
+class SourceResult:
+    """How many messages a footprint or source of obstacles had, and why some were rejected."""
+
+    name: str
+    topic: str
+    received: int
+    rejected: dict
+    examples: dict
+
+
+@dataclass
+class Result:
+    """
+    What was found in one recording.
+
+    `problems` say what is wrong with the recording, `notes` what else a reader should know.
+    `picture` has the bodies at the moment to draw, if that was asked for.
+    """
+
+    bag: str
+    clock: str
+    max_unknown: float
+    start: int | None = None
+    end: int | None = None
+    footprints: list = field(default_factory=list)
+    sources: list = field(default_factory=list)
+    contacts: list = field(default_factory=list)
+    unknown: list = field(default_factory=list)
+    problems: list = field(default_factory=list)
+    notes: list = field(default_factory=list)
+    picture: dict | None = None
+
+    @property
+    def duration(self):
+        """The time checked, in s."""
+        return 0.0 if self.start is None else (self.end - self.start) / 1e9
+
+    @property
+    def messages(self):
+        return sum(source.received for source in self.sources)
+
+    @property
+    def least(self):
+        """The least separation of any footprint, None if none was found."""
+        found = [footprint.least for footprint in self.footprints if footprint.least]
+        return min(found, key=lambda least: least.separation, default=None)
+
+    @property
+    def verdict(self):
+        """The verdict: a proved contact counts whatever else is wrong."""
+        if self.contacts:
+            return Verdict.COLLISION
+        if self.problems:
+            return Verdict.BAD_INPUT
+        watched = [footprint for footprint in self.footprints if footprint.enabled]
+        if not watched or not all(footprint.ever_known for footprint in watched) or any(
+                footprint.unknown > 1e9 * self.max_unknown for footprint in watched):
+            return Verdict.UNKNOWN
+        return Verdict.CLEAR
+
+
+def overall(results):
+    """Return the verdict on several recordings: the gravest one."""
+    gravity = (Verdict.CLEAR, Verdict.UNKNOWN, Verdict.BAD_INPUT, Verdict.COLLISION)
+    return max((result.verdict for result in results), key=gravity.index,
+               default=Verdict.BAD_INPUT)

@@ -1,0 +1,288 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The run of one recording through the scene of the live node."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import chain
+import struct
+
+from rosbags.rosbag2 import WriterError
+from sat_collision.monitor import Monitor
+from sat_collision.replay.configuration import NODE
+from sat_collision.replay.recording import Recording
+from sat_collision.replay.result import Result, SourceResult
+from sat_collision.replay.timeline import Timeline
+from sat_collision.replay.topics import absentees, misfits, settings_for
+from sat_collision.specs import ParameterError
+
+RECEIVE = 'receive'
+HEADER = 'header'
+
+_LONGEST_QUIET = 60 * 10**9
+_PROGRESS_EVERY = 5000
+_STAMP = struct.Struct('<4siI')
+_APART = 3600 * 10**9
+
+
+@dataclass(frozen=True)
+class Options:
+    """
+    How to check recordings; times in s.
+
+    Attributes
+    ----------
+    parameters : dict
+        Parameters of the node by dotted name.
+    footprints, obstacles : tuple of str
+        Topics, or NAME:=TOPIC.
+    node : str
+        Full name of the node.
+    clock : str
+        RECEIVE or HEADER: the time of a message is when it was received, or its stamp.
+    start, duration : float
+        What part to check, from the recording's beginning.
+    max_unknown : float
+        For how long in all a footprint may be unknown.
+    sample : float
+        How often to look what is nearest to the footprints.
+    picture : bool
+        Keep the bodies at the least separation.
+    write_bag : str or None
+        Where to write what the node would have published.
+
+    """
+
+    parameters: dict = field(default_factory=dict)
+    footprints: tuple = ()
+    obstacles: tuple = ()
+    node: str = NODE
+    clock: str = RECEIVE
+    start: float = 0.0
+    duration: float | None = None
+    max_unknown: float = 1.0
+    sample: float = 0.1
+    picture: bool = False
+    write_bag: str | None = None
+
+
+def check(path, options=Options(), progress=None):
+    """
+    Check a recording.
+
+    Parameters
+    ----------
+    path : str
+        A rosbag2 directory or storage file.
+    options : Options
+    progress : callable, optional
+        Called now and then with the share of messages that are done.
+
+    Returns
+    -------
+    Result
+        Whatever is wrong with the recording or the parameters is in its problems.
+
+    """
+    result = Result(str(path), options.clock, options.max_unknown)
+    with Recording(path) as recording:
+        try:
+            settings = settings_for(recording.topics, options.parameters, options.footprints,
+                                    options.obstacles, options.node)
+            _Run(recording, settings, options, result).run(progress)
+        except (ParameterError, WriterError, OSError) as error:
+            result.problems.append(f'{path}: {error}')
+        result.problems[:0] = recording.problems
+    return result
+
+
+class _Timer:
+    """Something that recurs in the recording's time."""
+
+    def __init__(self, period, action):
+        self.period = max(round(period * 1e9), 1)
+        self.action = action
+        self.due = 0
+
+
+class _Run:
+    """One recording on its way through the scene."""
+
+    def __init__(self, recording, settings, options, result):
+        self._recording = recording
+        self._settings = settings
+        self._options = options
+        self._result = result
+        self._monitor = Monitor(settings)
+        self._scene = self._monitor.scene
+        self._timeline = Timeline(self._scene, settings, options.picture)
+        self._timers = [_Timer(options.sample, self._timeline.sample)]
+        self._outputs = None
+        self._now = 0
+        self._due = 0
+        self._examples = {}
+
+    def run(self, progress):
+        result, recording, options = self._result, self._recording, self._options
+        wrong = dict(misfits(self._settings, recording.topics))
+        result.problems += [f'{recording.path}: {problem}' for problem in wrong.values()]
+        if recording.topics or not recording.problems:
+            result.notes += absentees(self._settings, recording.topics)
+        names = {}
+        for source in (*self._settings.footprints, *self._settings.obstacles):
+            if source.name not in wrong:
+                names.setdefault(source.topic, []).append(source.name)
+        if recording.start is not None:
+            start = recording.start + round(options.start * 1e9)
+            stop = None
+            if options.duration is not None:
+                stop = start + round(options.duration * 1e9)
+            if start > recording.end or stop == start:
+                result.notes.append('nothing of the recording lies in the time asked for')
+            else:
+                self._play(names, start, stop, progress)
+        result.sources = [
+            SourceResult(source.name, source.topic, self._monitor.received[source.name],
+                         {reason: count for (name, reason), count in
+                          sorted(self._monitor.rejected.items()) if name == source.name},
+                         self._examples.get(source.name, {}))
+            for source in (*self._settings.footprints, *self._settings.obstacles)]
+        result.footprints = self._timeline.footprints
+        result.contacts = self._timeline.contacts
+        result.unknown = self._timeline.unknown
+        result.picture = self._timeline.picture
+
+    def _play(self, names, start, stop, progress):
+        by_header = self._options.clock == HEADER
+        # What metadata.yaml says of the recording's bounds is not taken as a reason to drop any.
+        messages = self._recording.messages(names, start if self._options.start else None, stop)
+        messages = self._with_clocks_compared(messages)
+        if progress:
+            messages = self._with_progress(messages, names, progress)
+        if self._options.write_bag:
+            self._write_outputs(start)
+        if not by_header:
+            self._begin(start)
+        now = self._now
+        receive, scene, timeline = self._monitor.receive, self._scene, self._timeline
+        changes = scene.changes
+        touching = timeline.touching
+        for topic, time, data in messages:
+            if by_header:
+                time = _stamp(data)
+                if time and not now:
+                    self._begin(time)
+            if time > now:
+                now = time
+                if now > scene.deadline or now >= self._due:
+                    self._pass_until(now)
+            for name in names[topic]:
+                rejection = receive(name, data, now)
+                if rejection:
+                    self._examples.setdefault(name, {}).setdefault(
+                        rejection.reason, rejection.text)
+                changed = changes()
+                if changed:
+                    self._change(changed, now)
+                if touching:
+                    timeline.deepen(now)
+        if self._result.start is None:
+            return
+        end = now
+        if not by_header:
+            end = max(now, self._recording.end if stop is None else min(stop, self._recording.end))
+        self._pass_until(end)
+        for timer in self._timers:
+            if timer.due <= end:
+                timer.action(end)
+        self._timeline.finish(end)
+        self._result.end = end
+        if self._outputs:
+            self._outputs.close()
+
+    def _write_outputs(self, start):
+        from sat_collision.replay.outputs import BagOutputs
+        self._outputs = BagOutputs(self._options.write_bag, self._options.node, self._settings,
+                                   self._scene)
+        self._timers += [_Timer(1.0 / self._settings.publish_rate, self._outputs.publish),
+                         _Timer(1.0 / self._settings.marker_rate, self._outputs.publish_markers)]
+
+    def _begin(self, start):
+        """Let the time begin."""
+        self._result.start = self._now = start
+        self._scene.advance(start)
+        self._change(self._scene.changes(), start)
+        for timer in self._timers:
+            timer.due = start
+        self._due = start
+
+    def _change(self, changed, now):
+        self._timeline.change(changed, now)
+        if self._outputs:
+            self._outputs.change(changed, now)
+
+    def _pass_until(self, now):
+        """Do all that is due before the messages of now: what time brings about, and timers."""
+        while True:
+            # A bound may lie in the past, but the scene's time must not go back.
+            deadline = max(self._scene.deadline + 1, self._now)
+            timer = min(self._timers, key=lambda timer: timer.due)
+            event = min(deadline, timer.due)
+            if event >= now and event != deadline or event > now:
+                break
+            if event == deadline:
+                self._now = deadline
+                self._scene.advance(deadline)
+                changed = self._scene.changes()
+                if changed:
+                    self._change(changed, deadline)
+                continue
+            timer.action(event)
+            timer.due += timer.period
+            quiet = min(deadline, now) - timer.due
+            if quiet > _LONGEST_QUIET:
+                timer.due += quiet
+        self._now = now
+        self._due = timer.due
+
+    def _with_progress(self, messages, names, progress):
+        total = sum(self._recording.counts[topic] for topic in names)
+        for count, message in enumerate(messages):
+            if count % _PROGRESS_EVERY == 0:
+                progress(min(count / max(total, 1), 1.0))
+            yield message
+
+    def _with_clocks_compared(self, messages):
+        """Note clocks so far apart at the first message that one cannot be the robot's."""
+        for topic, time, data in messages:
+            stamp = _stamp(data)
+            if self._options.clock == RECEIVE and stamp and abs(time - stamp) > _APART:
+                self._result.notes.append(
+                    f'the first header stamp is {abs(time - stamp) / 1e9:.0f} s away from the '
+                    'time of its reception, as in a recording of a simulation: --clock header '
+                    'goes by the stamps')
+            return chain([(topic, time, data)], messages)
+        return ()
+
+
+def _stamp(data):
+    """Return the header stamp of a message in ns, 0 where there is none."""
+    if len(data) < _STAMP.size:
+        return 0
+    encapsulation, seconds, nanoseconds = _STAMP.unpack_from(data)
+    if encapsulation != b'\0\1\0\0' or nanoseconds >= 10**9:
+        return 0
+    return seconds * 10**9 + nanoseconds

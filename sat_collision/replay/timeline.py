@@ -1,0 +1,191 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The states of a scene in the course of time, put together to intervals."""
+
+from sat_collision.distance import separation
+from sat_collision.footprints import Status
+from sat_collision.replay.result import Contact, FootprintResult, Least, Unknown
+
+_MOST_SAMPLES = 4096
+
+
+class Timeline:
+    """
+    Follows a scene: told of every change, it notes contacts, unknown times and separations.
+
+    Parameters
+    ----------
+    scene : Scene
+    settings : Settings
+    with_picture : bool
+        Keep the bodies at the least separation of all.
+
+    Attributes
+    ----------
+    contacts, unknown : list
+        The Contact and Unknown intervals, in the order of their beginning.
+    footprints : list of FootprintResult
+    touching : dict
+        The open Contacts by footprint and Obstacle, only of footprints that have any.
+    picture : dict or None
+        Bodies at the least separation.
+
+    """
+
+    def __init__(self, scene, settings, with_picture=False):
+        self._scene = scene
+        self._with_picture = with_picture
+        self.contacts = []
+        self.unknown = []
+        self.touching = {}
+        self.picture = None
+        self.footprints = [FootprintResult(footprint.name, footprint.topic, footprint.enabled)
+                           for footprint in settings.footprints]
+        self._results = {result.name: result for result in self.footprints}
+        self._series = {result.name: _Series(result.separation) for result in self.footprints}
+        self._since = {}
+        self._open_unknown = {}
+        self._measured = {}
+
+    def change(self, names, now):
+        """Take the new states of footprints."""
+        for name in names:
+            state = self._scene.state(name)
+            self._count_time(name, now)
+            self._since[name] = now, state.status
+            if state.status is not Status.UNKNOWN:
+                self._results[name].ever_known = True
+            self._follow_unknown(name, state, now)
+            self._follow_contacts(name, state.contacts, now)
+
+    def deepen(self, now):
+        """Measure the open contacts of bodies that have moved."""
+        for name, contacts in self.touching.items():
+            for obstacle, *bodies in self._scene.contacts(name):
+                contact = contacts.get(obstacle)
+                if contact is None or self._measured.get((name, obstacle)) == bodies:
+                    continue
+                self._measured[name, obstacle] = bodies
+                depth = -separation(*bodies)
+                if contact.deepest == 0 or depth > contact.depth:
+                    contact.depth = depth + 0.0
+                    contact.deepest = now
+                    contact.x, contact.y = _place(*bodies)
+                    self._note_least(name, -contact.depth, now, obstacle, contact.x, contact.y)
+
+    def sample(self, now):
+        """Note how far each footprint is from what is nearest to it."""
+        for name, series in self._series.items():
+            found = None
+            if self._since[name][1] is not Status.UNKNOWN:
+                found = self._scene.nearest(name)
+            series.add(now, found and found[1])
+            if found:
+                obstacle, distance, (ax, ay), (bx, by) = found
+                self._note_least(name, distance, now, obstacle, (ax + bx) / 2, (ay + by) / 2)
+
+    def finish(self, now):
+        """End all that is open."""
+        for name in self._results:
+            self._count_time(name, now)
+        for contacts in self.touching.values():
+            for contact in contacts.values():
+                contact.last = now
+                contact.at_end = True
+        for unknown in self._open_unknown.values():
+            unknown.last = now
+        # What came and went between two messages of one time was never the case for long.
+        self.unknown = [unknown for unknown in self.unknown if unknown.last > unknown.first]
+
+    def _count_time(self, name, now):
+        if name in self._since:
+            since, status = self._since[name]
+            result = self._results[name]
+            setattr(result, status.value, getattr(result, status.value) + now - since)
+            self._since[name] = now, status
+
+    def _follow_unknown(self, name, state, now):
+        reasons = list(state.reasons)
+        unknown = self._open_unknown.get(name)
+        if unknown and (state.status is not Status.UNKNOWN or unknown.reasons != reasons):
+            unknown.last = now
+            del self._open_unknown[name]
+        if state.status is Status.UNKNOWN and name not in self._open_unknown:
+            self._open_unknown[name] = Unknown(name, now, now, reasons)
+            self.unknown.append(self._open_unknown[name])
+
+    def _follow_contacts(self, name, obstacles, now):
+        contacts = self.touching.get(name, {})
+        for obstacle in [obstacle for obstacle in contacts if obstacle not in obstacles]:
+            contacts.pop(obstacle).last = now
+            self._measured.pop((name, obstacle), None)
+        for obstacle in obstacles:
+            if obstacle not in contacts:
+                contacts[obstacle] = Contact(name, str(obstacle), now, now)
+                self.contacts.append(contacts[obstacle])
+        if contacts:
+            self.touching[name] = contacts
+        else:
+            self.touching.pop(name, None)
+
+    def _note_least(self, name, distance, now, obstacle, x, y):
+        result = self._results[name]
+        if result.least is None or distance < result.least.separation:
+            result.least = Least(distance + 0.0, now, str(obstacle), x, y)
+            if self._with_picture and (self.picture is None
+                                       or distance < self.picture['separation']):
+                self.picture = self._picture(distance, now, name, obstacle)
+
+    def _picture(self, distance, now, name, obstacle):
+        return {'separation': distance, 'time': now, 'pair': [name, str(obstacle)],
+                'footprints': [(other, polygon.vertices)
+                               for other, polygon in self._scene.footprints],
+                'obstacles': [(str(other), polygon.vertices)
+                              for other, polygon in self._scene.obstacles]}
+
+
+class _Series:
+    """
+    Separations [time in ns, metres or None] in a list that never grows beyond a fixed length.
+
+    Where it would, neighbours are merged to their least.
+    """
+
+    def __init__(self, samples):
+        self._samples = samples
+        self._merged = 1
+        self._pending = 0
+
+    def add(self, time, value):
+        samples = self._samples
+        if self._pending:
+            samples[-1][1] = _least(samples[-1][1], value)
+        else:
+            if len(samples) == _MOST_SAMPLES:
+                samples[:] = [[a[0], _least(a[1], b[1])]
+                              for a, b in zip(samples[::2], samples[1::2])]
+                self._merged *= 2
+            samples.append([time, value])
+        self._pending = (self._pending + 1) % self._merged
+
+
+def _place(a, b):
+    """Return the middle of where the bounds of two bodies in contact overlap."""
+    a, b = a.bounds, b.bounds
+    return ((max(a[0], b[0]) + min(a[2], b[2])) / 2, (max(a[1], b[1]) + min(a[3], b[3])) / 2)
+
+
+def _least(a, b):
+    return min((value for value in (a, b) if value is not None), default=None)

@@ -1,0 +1,93 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Measure everything and write docs/report: `make report`.
+
+With --written the page and its plots are made again from the figures stored there, after an
+accuracy run for instance.
+"""
+
+import argparse
+import json
+import os
+from pathlib import Path
+import sys
+import tempfile
+import time
+
+# Compile the kernels as they are now: numba's cache does not see a change of what a kernel calls.
+FRESH_CACHE = tempfile.TemporaryDirectory()
+os.environ['NUMBA_CACHE_DIR'] = FRESH_CACHE.name
+ROOT = Path(__file__).parents[2]
+sys.path += [str(ROOT / 'benchmarks'), str(ROOT / 'test')]
+
+import claims  # noqa: E402, I100
+import drawings  # noqa: E402
+import float32  # noqa: E402
+import machine  # noqa: E402
+import numpy as np  # noqa: E402
+import page  # noqa: E402
+import plots  # noqa: E402
+import speed  # noqa: E402
+import stability  # noqa: E402
+
+PACKAGES = 'numpy', 'numba', 'shapely', 'pymunk'
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser.add_argument('--directory', type=Path, default=ROOT / 'docs' / 'report')
+    parser.add_argument('--seed', type=int, default=1)
+    parser.add_argument('--scale', type=float, default=1.0,
+                        help='share of the usual number of pairs')
+    parser.add_argument('--written', action='store_true',
+                        help='write the page from the figures stored before')
+    arguments = parser.parse_args()
+    arguments.directory.mkdir(parents=True, exist_ok=True)
+    stored = arguments.directory / 'figures.json'
+    if not arguments.written:
+        stored.write_text(json.dumps(measure(arguments.seed, arguments.scale), indent=1) + '\n')
+    figures = json.loads(stored.read_text())
+    accuracy = arguments.directory / 'accuracy.json'
+    figures['accuracy'] = json.loads(accuracy.read_text()) if accuracy.exists() else None
+    plots.write_all(figures, arguments.directory)
+    drawings.write_all(figures, arguments.directory)
+    (arguments.directory / 'README.md').write_text(page.text(figures))
+
+
+def measure(seed, scale):
+    """Return all figures of the report but those of the accuracy run."""
+    start = time.perf_counter()
+    figures = {'seed': seed, 'machine': machine.describe(*PACKAGES)}
+    for name, measured in {
+            'speed': lambda rng: speed.measure(rng, scale),
+            'preparation': lambda rng: speed.preparation(rng, scale),
+            'steps': lambda rng: claims.measure(rng, int(4000 * scale)),
+            'examples': lambda rng: claims.examples(rng, int(4000 * scale)),
+            'families': lambda rng: stability.by_family(rng, int(8000 * scale)),
+            'by_offset': lambda rng: stability.by_offset(rng, int(4000 * scale)),
+            'by_sides': lambda rng: stability.by_sides(rng, int(2000 * scale)),
+            'float32': lambda rng: float32.measure(rng, int(4000 * scale)),
+            'separations': lambda rng: stability.separations(rng, int(300 * scale))}.items():
+        print(f'{time.perf_counter() - start:6.0f} s  {name}', file=sys.stderr)
+        figures[name] = measured(np.random.default_rng(seed))
+    figures['sides_offset'] = stability.SIDES_OFFSET
+    figures['warning'] = float32.warning()
+    figures['seconds'] = round(time.perf_counter() - start)
+    return figures
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,87 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The pairs of bodies measured on: four kinds, n vertices each, with the exact answers."""
+
+import families
+import numpy as np
+import oracle
+import shapes
+
+KINDS = 'clear', 'near', 'deep', 'hard'
+SIDES = 3, 4, 8, 16, 32, 64, 256, 1024
+RECTANGLES = 'rectangles'
+HARD = (families.hair_gaps, families.far_offsets, families.slivers, families.vertex_on_vertex,
+        families.vertex_on_edge, families.edge_on_edge, families.one_ulp, families.flat_arcs,
+        families.float32_round_trip)
+
+
+def sample(rng, shape, kind, count):
+    """
+    Return count pairs of a kind and their exact answers; half of near and hard pairs are apart.
+
+    A shape is a number of vertices or `RECTANGLES`. Clear pairs are all apart and deep ones all
+    overlap, so of equal numbers of the four kinds half are apart.
+    """
+    if kind in ('clear', 'deep'):
+        pairs = _generate(rng, shape, kind, count)
+        return pairs, oracle.intersects_pairs(pairs)[0]
+    found = {False: [], True: []}
+    while min(len(pairs) for pairs in found.values()) < count // 2:
+        pairs = _generate(rng, shape, kind, count)
+        for pair, meet in zip(pairs, oracle.intersects_pairs(pairs)[0].tolist()):
+            found[meet].append(pair)
+    pairs = [*found[False][:count // 2], *found[True][:count // 2]]
+    order = rng.permutation(len(pairs))
+    return [pairs[i] for i in order], order >= count // 2
+
+
+def chunked(generate, rng, count, n):
+    """Return count pairs of a generator of families, made in parts that fit into memory."""
+    size = min(max(5_000_000 // n**2, 4), 10_000)
+    pairs = []
+    while len(pairs) < count:
+        pairs += generate(rng, min(size, count - len(pairs)), n)
+    return pairs
+
+
+def _generate(rng, shape, kind, count):
+    if shape == RECTANGLES:
+        if kind == 'hard':
+            return families.rectangles_on_edge(rng, count, 4)
+        return _rectangles(rng, kind, count)
+    if kind != 'hard':
+        return chunked(getattr(families, kind), rng, count, shape)
+    pairs = sum((chunked(family, rng, -(-count // len(HARD)), shape) for family in HARD), [])
+    return [pairs[i] for i in rng.permutation(len(pairs))]
+
+
+def _rectangles(rng, kind, count):
+    a, b = (_turned_rectangles(rng, count) for _ in range(2))
+    heading = shapes.directions(rng, count)
+    reach, cosine = shapes.reach(a, b, heading)
+    if kind == 'deep':
+        reach *= rng.uniform(0, 0.9, count)
+    else:
+        low, high = (0.2, 4) if kind == 'clear' else (-0.1, 0.1)
+        reach += rng.uniform(low, high, count) / np.maximum(cosine, 0.1)
+    b += (reach[:, None] * heading)[:, None]
+    return list(zip(shapes.convex(a), shapes.convex(b)))
+
+
+def _turned_rectangles(rng, count):
+    along = shapes.directions(rng, count)
+    across = along[:, ::-1] * [-1, 1]
+    length, width = rng.uniform(0.1, 1, (2, count, 1))
+    return shapes.rectangle(np.zeros((count, 2)), length * along, width * across)

@@ -1,0 +1,134 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Wrong answers by family, and how they grow with the distance from the origin and with n."""
+
+from fractions import Fraction
+
+import bodies
+import families
+from methods import applicable, Pairs, run, shapely_shape
+import numpy as np
+import oracle
+import rationals
+from sat_collision import intersects, Polygon, separation
+import shapely
+import shapes
+
+SIDES = 3, 4, 8, 16, 64
+OFFSETS = 0, *(10**k for k in range(9))
+OFFSET_SIDES = 8
+SIDES_OFFSET = 1000
+GROWING = 'traditional', 'traditional_float32', 'improved', 'shapely', 'pymunk'
+MEASURED = 'near', 'deep', 'hair_gaps', 'vertex_on_edge', 'slivers', 'containment', 'far_offsets'
+
+
+def by_family(rng, count=2000):
+    """Return wrong answers by family and method; of bodies that are not convex, of two methods."""
+    rows = []
+    for name, family in {**families.CONVEX, **families.SIMPLE}.items():
+        sides = (256, 1024) if family is families.many_sided else SIDES
+        share = count // len(sides) if family is not families.many_sided else count // 50
+        pairs = sum((bodies.chunked(family, rng, share, n) for n in sides), [])
+        meet, _ = oracle.intersects_pairs(pairs)
+        if name in families.SIMPLE:
+            answers = {
+                'improved': np.array([intersects(a, b) for a, b in pairs]),
+                'shapely': shapely.intersects(*(np.array([shapely_shape(pair[k])
+                                                          for pair in pairs]) for k in (0, 1)))}
+        else:
+            prepared = Pairs(pairs)
+            shape = bodies.RECTANGLES if family is families.rectangles_on_edge else None
+            with np.errstate(all='ignore'):
+                answers = {method: run(method, prepared)[0] for method in applicable(shape)}
+        rows += [{'family': name, 'method': method, **_wrong(answer, meet)}
+                 for method, answer in answers.items()]
+    return rows
+
+
+def by_offset(rng, count=2000):
+    """Return wrong answers and the widest gap or overlap misjudged, by distance from 0."""
+    return [{'offset': offset, **row} for offset in OFFSETS
+            for row in _misjudged(rng, OFFSET_SIDES, offset, count)]
+
+
+def by_sides(rng, count=2000):
+    """Return the same by number of vertices, at one distance from the origin."""
+    return [{'n': n, **row} for n in bodies.SIDES[:-1]
+            for row in _misjudged(rng, n, SIDES_OFFSET, count if n < 256 else count // 4)]
+
+
+def separations(rng, count=60):
+    """Return the worst error of `separation` against rational arithmetic, and wrong signs."""
+    rows = []
+    for name in MEASURED:
+        worst, signs, measured = 0.0, 0, 0
+        for a, b in getattr(families, name)(rng, count, OFFSET_SIDES):
+            meet = oracle.intersects(a, b)
+            p, q = Polygon(a), Polygon(b)
+            value = separation(p, q)
+            exact = -rationals.exact_depth(p, q) if meet else rationals.exact_distance(p, q)
+            size = max(float(np.abs(body).max()) for body in (a, b))
+            worst = max(worst, abs(float(Fraction(value) - exact)) / np.spacing(size))
+            signs += int((value > 0) == meet)
+            measured += 1
+        rows.append({'family': name, 'pairs': measured, 'worst_ulp': float(worst),
+                     'wrong_signs': signs})
+    return rows
+
+
+def hair_pairs(rng, n, offset, count, least, most):
+    """
+    Return pairs of unit size, 10^least to 10^most apart or overlapping, and their separations.
+
+    They are moved by the offset, rounded there. Moved back, which is exact far from the origin,
+    they are measured with an error that does not grow with the offset.
+    """
+    gap = rng.choice([-1, 1], count) * 10.0 ** rng.uniform(least, most, count)
+    move = offset * shapes.directions(rng, count)
+    pairs = []
+    size = min(max(5_000_000 // n**2, 4), 10_000)
+    for start in range(0, count, size):
+        pairs += _moved_pairs(rng, n, gap[start:start + size], move[start:start + size])
+    back = [a[0] if offset > 1 else 0.0 for a, _ in pairs]
+    return pairs, np.array([separation(a - to, b - to) for (a, b), to in zip(pairs, back)])
+
+
+def _wrong(answers, meet):
+    return {'pairs': len(meet), 'apart': int((~meet).sum()),
+            'false_collisions': int((answers & ~meet).sum()),
+            'false_clears': int((~answers & meet).sum())}
+
+
+def _misjudged(rng, n, offset, count):
+    pairs, gaps = hair_pairs(rng, n, offset, count, -16, 0)
+    meet, _ = oracle.intersects_pairs(pairs)
+    prepared = Pairs(pairs)
+    rows = []
+    for method in applicable(None):
+        if method in GROWING:
+            answers, _ = run(method, prepared)
+            misjudged = np.abs(gaps[answers != meet])
+            rows.append({'method': method, **_wrong(answers, meet),
+                         'widest': float(misjudged.max(initial=0.0))})
+    return rows
+
+
+def _moved_pairs(rng, n, gap, move):
+    count = len(gap)
+    a, b = shapes.polygons(rng, count, n), shapes.polygons(rng, count, n)
+    heading = shapes.directions(rng, count)
+    reach, cosine = shapes.reach(a, b, heading)
+    b += ((reach + gap / np.maximum(cosine, 0.1))[:, None] * heading)[:, None]
+    return list(zip(*(shapes.convex(body + move[:, None]) for body in (a, b))))

@@ -1,0 +1,138 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How figures are written: in words, in tables, and which way a comparison goes."""
+
+
+import math
+import re
+import textwrap
+
+
+def table(head, rows):
+    """Return a Markdown table; the first column is text, the others are numbers."""
+    lines = [head, ['---'] + ['---:'] * (len(head) - 1), *rows]
+    return '\n'.join('| ' + ' | '.join(map(str, line)) + ' |' for line in lines)
+
+
+def duration(ns):
+    """Return a time given in ns with three figures and its unit; a dash for None."""
+    if ns is None:
+        return '–'
+    for unit, size in (('ns', 1), ('µs', 1e3), ('ms', 1e6), ('s', 1e9)):
+        if float(f'{ns / size:.3g}') < 1000:
+            return f'{_three_figures(ns / size)} {unit}'
+    return f'{ns / 1e9:.0f} s'
+
+
+def share(part, whole=1.0):
+    """Return a share as a percentage; only what is exactly none or all is written so."""
+    if part is None or not whole:
+        return '–'
+    if part == 0:
+        return '0'
+    per_cent = 100 * part / whole
+    if 99.5 <= per_cent < 100:
+        return f'{math.floor(10 * per_cent) / 10:g} %'
+    return f'{per_cent:.2g} %' if per_cent < 10 else f'{per_cent:.0f} %'
+
+
+def counted(count, whole):
+    """Return a count with the whole it is of, and its share where it is not 0."""
+    text = f'{count:,} of {whole:,}'
+    return f'{text} ({share(count, whole)})' if count else text
+
+
+def ratio(value):
+    """Return a ratio with two figures, or a dash."""
+    if value is None:
+        return '–'
+    return f'{value:.2g}' if value < 99.5 else f'{value:.0f}'
+
+
+def compared(time, other):
+    """Say how a time compares with another: '3.2 times as fast as', or 'as slow as'."""
+    if time < other:
+        return f'{_times(other / time)} as fast as'
+    return f'{_times(time / other)} as slow as'
+
+
+def metres(value):
+    """Return a length in m, with two figures."""
+    return f'{value:.2g} m' if 1e-3 <= value < 100 or value == 0 else f'{_power(value)} m'
+
+
+def distance(value):
+    """Return a distance in m or km."""
+    if value < 1000:
+        return f'{value:g} m'
+    return f'{value / 1000:,.3f}'.rstrip('0').rstrip('.') + ' km'
+
+
+def spread(values, form):
+    """Return the least and the greatest of values as a range, or the one value."""
+    low, high = form(min(values)), form(max(values))
+    return low if low == high else f'{low} to {high}'
+
+
+def listed(items):
+    """Return items as a list in a sentence."""
+    items = list(items)
+    return items[0] if len(items) == 1 else f'{", ".join(items[:-1])} and {items[-1]}'
+
+
+def compared_ends(first, last, time, other):
+    """Say how a time compares with another for the least and for the largest n, as `compared`."""
+    factors = [other[n] / time[n] for n in (first, last)]
+    if min(factors) < 1 < max(factors):
+        return (f'{compared(time[first], other[first])} (n = {first}) and '
+                f'{compared(time[last], other[last])} (n = {last})')
+    word = 'fast' if max(factors) > 1 else 'slow'
+    factors = [max(factor, 1 / factor) for factor in factors]
+    return f'{ratio(factors[0])} (n = {first}) to {_times(factors[1])} (n = {last}) as {word} as'
+
+
+def wrapped(markdown, width=130):
+    """Return Markdown with its paragraphs and list items filled, tables and headings as is."""
+    blocks = []
+    for block in markdown.split('\n\n'):
+        if not block.startswith(('|', '#', '![', '>')):
+            items = re.split(r'\n(?=- )', block)
+            block = '\n'.join(textwrap.fill(
+                ' '.join(item.split()), width, subsequent_indent='  ' * item.startswith('- '),
+                break_long_words=False, break_on_hyphens=False) for item in items)
+        blocks.append(block)
+    return '\n\n'.join(blocks)
+
+
+def none_wrong(count):
+    """Return what no wrong answer among so many says about their rate (the rule of three)."""
+    return f'below {_power(3 / count)} with 95 % confidence, for pairs so drawn'
+
+
+def _times(value):
+    return f'{value:.2g} times' if value < 99.5 else f'{value:.0f} times'
+
+
+def _power(value):
+    mantissa, exponent = f'{value:.1e}'.split('e')
+    return f'{mantissa}·10{_raised(int(exponent))}'
+
+
+def _raised(exponent):
+    return str(exponent).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))
+
+
+def _three_figures(value):
+    return f'{value:.{max(0, 2 - len(str(int(value))) + 1)}f}' if value >= 1 else f'{value:.2f}'

@@ -84,24 +84,24 @@ class PolygonSet:
     def replace(self, row, polygon):
         """Put another body in place of that of a row."""
         block, count = polygon.block
-        size = len(block)
-        if size > self._rows[2, row]:
-            self._rows[1, row] = 0
-            if self._used_data + size > len(self._data):
-                self._repack(size)
-            self._rows[0, row] = self._used_data
-            self._rows[2, row] = size
-            self._used_data += size
-        start = self._rows[0, row]
-        self._data[start:start + size] = block
-        self._rows[1, row] = count
-        self._bounds[:, row] = block[BOUNDS]
+        if not _put(self._bounds, self._rows, self._data, row, block, count):
+            self._make_room(row, len(block))
+            _put(self._bounds, self._rows, self._data, row, block, count)
 
     def remove(self, row):
         """Take the body of a row out; the row number may be given to a later body."""
         self._rows[1, row] = 0
         self._bounds[:, row] = _NOWHERE
         self._free.append(row)
+
+    def _make_room(self, row, size):
+        """Give a row space for a block, at the end of what is used."""
+        self._rows[1, row] = 0
+        if self._used_data + size > len(self._data):
+            self._repack(size)
+        self._rows[0, row] = self._used_data
+        self._rows[2, row] = size
+        self._used_data += size
 
     def _repack(self, needed):
         """Move the blocks in use to the front of a new array with room for as much again."""
@@ -194,6 +194,19 @@ class PolygonSet:
 
 
 @kernel
+def _put(bounds, rows, data, row, block, count):
+    """Write a body into its row if the row has the space; return whether it has."""
+    size = len(block)
+    if size > rows[2, row]:
+        return False
+    start = rows[0, row]
+    data[start:start + size] = block
+    rows[1, row] = count
+    bounds[:, row] = block[BOUNDS]
+    return True
+
+
+@kernel
 def _hits(bounds, rows, data, used, block, count, found):
     """Write the rows that a block hits, in ascending order; return how many there are."""
     candidates = _candidates(bounds, rows, data, used, block, count, found)
@@ -221,14 +234,19 @@ def _candidates(bounds, rows, data, used, block, count, found):
     min_y = block[3]
     max_x = block[4]
     max_y = block[5]
-    candidates = 0
+    near = 0
     for row in range(used):
-        if (bounds[0, row] <= max_x and bounds[2, row] >= min_x
-                and bounds[1, row] <= max_y and bounds[3, row] >= min_y):
-            verdict = _verdict(data, rows[0, row], rows[1, row], block, 0, count)
-            if verdict != SEPARATE:
-                found[candidates] = row if verdict == MEET else -1 - row
-                candidates += 1
+        # No branch, which a processor could not foresee: what is not near is overwritten.
+        found[near] = row
+        near += ((bounds[0, row] <= max_x) & (bounds[2, row] >= min_x)
+                 & (bounds[1, row] <= max_y) & (bounds[3, row] >= min_y))
+    candidates = 0
+    for k in range(near):
+        row = found[k]
+        verdict = _verdict(data, rows[0, row], rows[1, row], block, 0, count)
+        if verdict != SEPARATE:
+            found[candidates] = row if verdict == MEET else -1 - row
+            candidates += 1
     return candidates
 
 

@@ -1,0 +1,189 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The page of the benchmarks: every sentence with a figure in it is made from the figures."""
+
+import textwrap
+
+from kernel import GOALS
+
+_TITLES = {'monitor': 'sat_collision', 'floor': 'floor', 'rival': 'straightforward'}
+
+
+def text(figures, profiles):
+    """Return the page in Markdown."""
+    sections = [_head(figures)]
+    for name, section in (('kernel', _kernel), ('scene', _scene), ('node', _node),
+                          ('startup', _startup)):
+        if name in figures:
+            sections.append(section(figures[name]))
+    if 'profile' in figures:
+        sections.append(_profile(profiles.get('before'), figures['profile']))
+    return '\n\n'.join(sections) + '\n'
+
+
+def _wrapped(paragraph):
+    return textwrap.fill(' '.join(paragraph.split()), 99)
+
+
+def _table(head, rows):
+    lines = [head, ['---'] * len(head), *rows]
+    return '\n'.join(f'| {" | ".join(map(str, line))} |' for line in lines)
+
+
+def _goal(met, goal):
+    return f'{"met" if met else "**missed**"}: {goal}'
+
+
+def _times(ratio):
+    return f'{ratio:.1f} times' if ratio < 20 else f'{ratio:.0f} times'
+
+
+def _head(figures):
+    described = ', '.join(f'{key} {value}' for key, value in figures['machine'].items())
+    return '# How fast\n\n' + _wrapped(
+        f"""Every figure stands beside that of a rival or of a floor, measured in the same run by
+        turns; times are medians. `make bench` measures everything again and writes this page from
+        [`figures.json`](figures.json). Measured on: {described}; seed {figures['seed']}.""")
+
+
+def _kernel(rows):
+    lines = []
+    for row in rows:
+        ratio = row['shapely'] / row['ours']
+        goal = GOALS.get(row['vertices']) if row['load'] == 'random_pairs' else None
+        lines.append([row['load'].replace('_', ' '), row['vertices'], f'{row["ours"]:.0f}',
+                      f'{row["shapely"]:.0f}', _times(ratio),
+                      _goal(ratio >= goal, f'{goal} times') if goal else '',
+                      f'{row["setup"]:.1f}', row['wrong']])
+    random = {row['vertices']: row['ours'] for row in rows if row['load'] == 'random_pairs'}
+    growth = random[1024] / random[8]
+    worst = max(row['ours'] / random[row['vertices']] for row in rows
+                if row['load'] != 'random_pairs')
+    return '\n\n'.join([
+        '## The kernel\n\n![Time against vertices](kernel.png)',
+        _wrapped('Distinct pairs, streamed through one call of each side; random pairs are a '
+                 'third far, a third within 0.1 of touching, a third overlapping. Shapely is '
+                 'called vectorised. The setup is that of one polygon, once for its message.'),
+        _table(['pairs', 'vertices', 'ns a pair', 'shapely', 'faster', 'goal', 'setup µs',
+                'answers unlike shapely'], lines),
+        _wrapped(f'From 8 to 1024 vertices the time grows {growth:.1f} times '
+                 f'({_goal(growth <= 10, "at most 10")}). Pairs that touch exactly, which plain '
+                 f'doubles cannot decide, take up to {worst:.1f} times as long as random ones '
+                 f'({_goal(worst <= 10, "at most 10")}).')])
+
+
+def _scene(scene):
+    one = {row['obstacles']: row for row in scene['one']}
+    fleet = scene['fleet']
+    each = 1e3 * one[10_000]['us'] / 10_000
+    first, last = scene['message'][0], scene['message'][-1]
+    resident = scene['replacing']['resident']
+    growth = (resident[-1] - resident[1]) / 1e6
+    return '\n\n'.join([
+        '## The scene\n\n![One footprint against many obstacles](scene.png)',
+        _wrapped(f"""A footprint of 4 vertices against obstacles of 4 vertices scattered over
+        {scene['map']:.0f} m x {scene['map']:.0f} m. The rival, a tree of shapely, has to be built
+        again whenever an obstacle moves, which the last column contains."""),
+        _table(['obstacles', 'µs', 'ns an obstacle', 'tree µs', 'tree built and queried µs'],
+               [[f'{row["obstacles"]:,}', f'{row["us"]:.2f}',
+                 f'{1e3 * row["us"] / row["obstacles"]:.2f}', f'{row["tree_us"]:.1f}',
+                 f'{row["tree_build_us"]:,.0f}'] for row in scene['one']]),
+        _wrapped(f"""At 10,000 obstacles that is {each:.2f} ns an obstacle
+        ({_goal(each <= 1.5, 'at most 1.5')}), at 10 it is {one[10]['us']:.2f} µs
+        ({_goal(one[10]['us'] < 1.0, 'less than 1')}). A fleet of {fleet['footprints']} footprints
+        against {fleet['obstacles']:,} obstacles takes {fleet['us'] / 1e3:.2f} ms; the tree, once
+        built, {fleet['tree_us'] / 1e3:.2f} ms."""),
+        _wrapped("""A message, from its bytes to the changed states, in scenes of one footprint:
+        an obstacle costs the same whatever the size of the scene, a footprint the scan more."""),
+        _table(['obstacles', 'obstacle message µs', 'footprint message µs'],
+               [[f'{row["obstacles"]:,}', f'{row["obstacle_us"]:.1f}',
+                 f'{row["footprint_us"]:.1f}'] for row in scene['message']]),
+        _wrapped(f"""From {first['obstacles']} to {last['obstacles']:,} obstacles the cost of an
+        obstacle message changes by a factor of {last['obstacle_us'] / first['obstacle_us']:.2f}.
+        """),
+        _table(['vertices', 'bytes an obstacle in the packed arrays', 'with all of the scene'],
+               [[row['vertices'], f'{row["packed"]:.0f}', f'{row["scene"]:.0f}']
+                for row in scene['memory']]),
+        _wrapped(f"""Replacing obstacles by {scene['replacing']['messages']:,} messages changed
+        the memory of the process by {growth:.1f} MB, from {resident[1] / 1e6:.0f} MB after the
+        first tenth of them.""")])
+
+
+def _node(node):
+    loads = node['loads']
+    rows = []
+    for one in loads:
+        own, floor, rival = (one[kind] for kind in ('monitor', 'floor', 'rival'))
+        rows.append([one['obstacles'], one['vertices'], f'{own["cpu_us"]:.1f}',
+                     f'{floor["cpu_us"]:.1f}', f'{rival["cpu_us"]:.1f}',
+                     f'{own["cpu_us"] / floor["cpu_us"]:.2f}',
+                     f'{rival["cpu_us"] / own["cpu_us"]:.1f}'])
+    above = max(one['monitor']['cpu_us'] / one['floor']['cpu_us'] for one in loads)
+    below = min(one['rival']['cpu_us'] / one['monitor']['cpu_us'] for one in loads)
+    p99 = max(one['monitor']['p99_ms'] for one in loads if one['obstacles'] == 1000)
+    held = [rate for rate in node['rates'] if rate['lost'] == 0]
+    best = max((rate['sent_per_second'] for rate in held), default=0.0)
+    bursts = [{**one, 'vertices': '4, all at once'} for one in node['bursts']]
+    return '\n\n'.join([
+        '## The node\n\n![Processor time and latency](node.png)',
+        _wrapped("""One footprint at 50 Hz, every one of which changes the flag, and sets of
+        obstacles at 10 Hz, spread over the period, from another process. The straightforward node
+        has SingleThreadedExecutor, typed messages, shapely and one flag. The floor has
+        EventsExecutor, raw subscriptions, callbacks that do nothing, and the same publishes. Each
+        runs on one core; its processor time is that of all its threads, DDS's too, divided by the
+        messages that it took."""),
+        _table(['obstacles', 'vertices', 'sat_collision µs a message', 'floor', 'straightforward',
+                'times the floor', 'times less than straightforward'], rows),
+        _wrapped(f"""At most {above:.2f} times the floor ({_goal(above <= 1.5, 'at most 1.5')});
+        at least {below:.1f} times less than the straightforward node
+        ({_goal(below >= 5, 'at least 5')})."""),
+        'From `publish()` of a footprint to the arrival of its flag, ms:',
+        _table(['obstacles', 'vertices', 'node', 'half below', '99 of 100 below', 'most',
+                'obstacles lost', 'footprints unanswered'],
+               [[one['obstacles'], one['vertices'], _TITLES[kind],
+                 *(f'{one[kind][name]:.2f}' for name in ('p50_ms', 'p99_ms', 'max_ms')),
+                 one[kind]['lost'], one[kind]['unanswered']]
+                for one in loads + bursts for kind in _TITLES if kind in one]),
+        _wrapped(f"""With 1,000 obstacles 99 of 100 flags come within {p99:.2f} ms
+        ({_goal(p99 < 3.0, 'less than 3')}). Obstacle messages a second that the node takes on
+        one core without losing any: {best:,.0f} ({_goal(best >= 9_999, 'at least 10,000')})."""),
+        _table(['asked for', 'sent a second', 'lost', 'share of the core'],
+               [[f'{rate["asked_per_second"]:,}', f'{rate["sent_per_second"]:,.0f}',
+                 rate['lost'], f'{rate["core"]:.0%}'] for rate in node['rates']])])
+
+
+def _startup(startup):
+    return '## Start-up\n\n' + _wrapped(
+        f"""From the start of the process to the arrival of its first flag:
+        {startup['warm_s']:.2f} s, {startup['warm_s'] / startup['floor_s']:.1f} times the floor's
+        {startup['floor_s']:.2f} s. The first start after an installation compiles the kernels,
+        says so in the log, and takes {startup['cold_s']:.0f} s.""")
+
+
+def _profile(before, after):
+    profiles = [('before', before), ('now', after)] if before else [('now', after)]
+    sections = [
+        '## Where the time goes',
+        _wrapped(f"""The node under {after['obstacles']:,} obstacles at 10 Hz, by cProfile, which
+        makes calls dearer: own time in µs a message, of what is called for every other message
+        at least.""")]
+    for name, profile in profiles:
+        sections += [
+            f'{name.capitalize()}: {profile["cpu_us"]:.1f} µs a message without the profiler, '
+            f'{profile["profiled_us"]:.1f} µs in Python with it.',
+            _table(['function', 'calls a message', 'own µs'],
+                   [[f'`{row["function"]}`', f'{row["calls"]:.1f}', f'{row["own_us"]:.2f}']
+                    for row in profile['functions']])]
+    return '\n\n'.join(sections)

@@ -1,0 +1,145 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The node as a process under traffic, against a straightforward node and against the floor.
+
+Processor time is that of all threads of the process, as the kernel's scheduler counts it.
+"""
+
+import contextlib
+import os
+from pathlib import Path
+import subprocess
+import sys
+import tempfile
+
+import counts
+import matplotlib
+import numpy as np
+import rclpy
+from traffic import SET_RATE, Traffic
+
+matplotlib.use('Agg')
+from matplotlib import pyplot  # noqa: E402, I100
+
+HERE = Path(__file__).parent
+NODES = {'monitor': ['-m', 'sat_collision.node'],
+         'floor': [str(HERE / 'floor_node.py')],
+         'rival': [str(HERE / 'rival_node.py')]}
+OBSTACLES = 10, 100, 1000
+VERTICES = 4, 32
+RATES = 10_000, 20_000, 30_000
+_DISCOVERY = """<?xml version="1.0" encoding="UTF-8"?>
+<dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"><profiles>
+  <participant profile_name="prompt" is_default_profile="true"><rtps><builtin><discovery_config>
+    <initialAnnouncements>
+      <count>20</count><period><sec>0</sec><nanosec>20000000</nanosec></period>
+    </initialAnnouncements>
+  </discovery_config></builtin></rtps></participant>
+</profiles></dds>
+"""
+
+
+@contextlib.contextmanager
+def ros():
+    """Run ROS on this machine only, in a domain of its own, with prompt discovery."""
+    with tempfile.TemporaryDirectory() as folder:
+        profile = Path(folder, 'prompt.xml')
+        profile.write_text(_DISCOVERY)
+        os.environ.update(
+            FASTRTPS_DEFAULT_PROFILES_FILE=str(profile), ROS_LOG_DIR=folder,
+            ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST', ROS_DOMAIN_ID=str(1 + os.getpid() % 100))
+        rclpy.init()
+        try:
+            yield
+        finally:
+            rclpy.shutdown()
+
+
+@contextlib.contextmanager
+def running(kind, **environment):
+    """Start a node of some kind as a process; end it at last."""
+    process = subprocess.Popen([sys.executable, *NODES[kind]], stdout=subprocess.DEVNULL,
+                               stderr=subprocess.DEVNULL, env={**os.environ, **environment})
+    try:
+        yield process
+    finally:
+        process.terminate()
+        process.wait(30)
+
+
+def cpu_time(pid):
+    """Return the processor time in s that all threads of a process have used."""
+    return sum(int(path.read_text().split()[0])
+               for path in Path(f'/proc/{pid}/task').glob('*/schedstat')) / 1e9
+
+
+def load(kind, obstacles, vertices, seconds, burst=False, rate=SET_RATE, seed=1):
+    """
+    Run traffic against one node on one core.
+
+    Returns
+    -------
+    dict
+        Costs, latencies and losses. Processor time is divided by the messages that the node took.
+
+    """
+    core = max(os.sched_getaffinity(0))
+    with running(kind) as process, contextlib.closing(counts.Reader()) as reader, \
+            contextlib.closing(Traffic(obstacles, vertices, seed)) as traffic:
+        traffic.connect()
+        for thread in os.listdir(f'/proc/{process.pid}/task'):
+            os.sched_setaffinity(int(thread), {core})
+        traffic.run(0.5, burst, rate)
+        count = reader.steady()
+        used = cpu_time(process.pid)
+        footprints, sent, latencies = traffic.run(seconds, burst, rate)
+        used = cpu_time(process.pid) - used
+        taken = reader.steady() - count
+    return {'cpu_us': 1e6 * used / (taken + len(latencies)), 'core': used / seconds,
+            'sent_per_second': sent / seconds, 'lost': sent - taken,
+            'unanswered': footprints - len(latencies),
+            **{name: 1e3 * float(np.percentile(latencies, share)) for name, share in (
+                ('p50_ms', 50), ('p99_ms', 99), ('max_ms', 100))}}
+
+
+def measure(seconds):
+    """Return what each node costs under each load, bursts, and the rate that one core takes."""
+    return {
+        'loads': [{'obstacles': obstacles, 'vertices': vertices,
+                   **{kind: load(kind, obstacles, vertices, seconds) for kind in NODES}}
+                  for vertices in VERTICES for obstacles in OBSTACLES],
+        'bursts': [{'obstacles': obstacles,
+                    **{kind: load(kind, obstacles, 4, seconds, burst=True)
+                       for kind in ('monitor', 'floor')}} for obstacles in OBSTACLES[1:]],
+        'rates': [{'asked_per_second': rate,
+                   **load('monitor', 1000, 4, seconds, rate=rate / 1000)} for rate in RATES]}
+
+
+def plot(figures, path):
+    """Draw processor time a message and latency against the number of obstacles."""
+    figure, axes = pyplot.subplots(1, 2, figsize=(9.6, 3.8), layout='constrained')
+    loads = [one for one in figures['loads'] if one['vertices'] == VERTICES[0]]
+    sizes = [one['obstacles'] for one in loads]
+    for kind, style in zip(NODES, ('o-', 's--', '^:')):
+        axes[0].loglog(sizes, [one[kind]['cpu_us'] for one in loads], style, label=kind)
+        axes[1].loglog(sizes, [one[kind]['p99_ms'] for one in loads], style, label=kind)
+    axes[0].set(xlabel='obstacles at 10 Hz', ylabel='processor time a message [µs]')
+    axes[1].set(xlabel='obstacles at 10 Hz', ylabel='publish() to flag, 99 of 100 below [ms]')
+    for one in axes:
+        one.grid(alpha=0.3)
+        one.legend()
+    figure.savefig(path, dpi=120)
+    pyplot.close(figure)

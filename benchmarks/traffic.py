@@ -1,0 +1,178 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is sent to a node under test, and what comes back: one footprint and its obstacles."""
+
+import collections
+import itertools
+import struct
+import time
+
+from geometry_msgs.msg import PolygonStamped
+import numpy as np
+import rclpy
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
+from std_msgs.msg import Bool
+
+_FRAME = 'map'
+_VARIANTS = 8
+_PAUSE = 50e-6
+_AFTERMATH = 0.2
+_ROBOT = (-0.5, -0.4), (0.9, -0.4), (0.9, 0.4), (-0.5, 0.4)
+FOOTPRINT_RATE = 50.0
+SET_RATE = 10.0
+PATIENCE = 60.0
+
+
+def pack(outline, stamp):
+    """Serialise a PolygonStamped, little endian; stamp in ns."""
+    points = np.zeros((len(outline), 3), np.float32)
+    points[:, :2] = outline
+    return _head(stamp) + _tail(points)
+
+
+def _head(stamp):
+    return struct.pack('<4sII', b'\0\1\0\0', *divmod(stamp, 10**9))
+
+
+def _tail(points):
+    return struct.pack('<I4sI', 4, _FRAME.encode() + b'\0', len(points)) + points.tobytes()
+
+
+def regular(count, x, y, radius):
+    """Return the vertices of a regular polygon."""
+    angles = 2.0 * np.pi * np.arange(count) / count
+    return np.column_stack([x + radius * np.cos(angles), y + radius * np.sin(angles)])
+
+
+class Traffic:
+    """
+    A node that sends footprints and obstacles and awaits the flag.
+
+    Every footprint changes the flag: it is by turns on the first obstacle, which stays about the
+    origin, and far from all. The others are scattered around and never twice the same.
+
+    Parameters
+    ----------
+    obstacles, vertices : int
+        How many obstacles, and vertices of each.
+    seed : int
+
+    """
+
+    def __init__(self, obstacles, vertices, seed):
+        rng = np.random.default_rng(seed)
+        centres = rng.uniform(-100.0, 100.0, (obstacles, 2))
+        centres[0] = 0.0
+        self._per_set = obstacles
+        self._sets = []
+        for _ in range(_VARIANTS):
+            points = np.zeros((obstacles, vertices, 3), np.float32)
+            for k, (x, y) in enumerate(centres + rng.uniform(-0.1, 0.1, centres.shape)):
+                points[k, :, :2] = regular(vertices, x, y, 0.5)
+            self._sets.append([_tail(outline) for outline in points])
+        self._footprints = itertools.cycle(
+            (_tail(np.float32([(x + dx, dy, 0.0) for dx, dy in _ROBOT])), hit)
+            for x, hit in ((0.0, True), (1000.0, False)))
+        self._node = rclpy.create_node('traffic')
+        self._footprint = self._node.create_publisher(PolygonStamped, 'footprint', 10)
+        self._obstacle = self._node.create_publisher(
+            PolygonStamped, 'obstacles', QoSProfile(depth=1000))
+        self._flags = self._node.create_subscription(
+            Bool, '/collision_monitor/collision', lambda flag: None, 100)
+
+    def close(self):
+        self._node.destroy_node()
+
+    def connect(self):
+        """Wait until node and traffic see each other and a footprint is answered."""
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            stamp = time.time_ns()
+            for obstacle in self._sets[0]:
+                self._obstacle.publish(_head(stamp) + obstacle)
+            body, hit = next(self._footprints)
+            self._footprint.publish(_head(stamp) + body)
+            time.sleep(0.2)
+            if hit in self._arrived() and self._obstacle.get_subscription_count():
+                return
+        raise TimeoutError('the node under test does not answer')
+
+    def run(self, seconds, burst=False, rate=SET_RATE):
+        """
+        Send footprints and sets of obstacles for some time.
+
+        Parameters
+        ----------
+        seconds : float
+        burst : bool, optional
+            Whether all obstacles of a set are sent at once, else spread over the period.
+        rate : float, optional
+            Sets a second.
+
+        Returns
+        -------
+        footprints, obstacles : int
+            How many were sent.
+        latencies : list of float
+            Seconds from before a footprint's publish() to the arrival of its flag.
+
+        """
+        latencies = []
+        unanswered = collections.deque()
+        footprints = obstacles = 0
+        begun = time.monotonic()
+        while (now := time.monotonic() - begun) < seconds + _AFTERMATH:
+            for flag in self._arrived():
+                latencies += _answer(unanswered, flag, now)
+            if now < seconds and footprints / FOOTPRINT_RATE <= now:
+                body, hit = next(self._footprints)
+                unanswered.append((time.monotonic() - begun, hit))
+                self._footprint.publish(_head(time.time_ns()) + body)
+                footprints += 1
+            elif now < seconds and self._due(obstacles, burst) <= now * rate:
+                number, k = divmod(obstacles, self._per_set)
+                if k == 0:
+                    head = _head(time.time_ns())
+                self._obstacle.publish(head + self._sets[number % _VARIANTS][k])
+                obstacles += 1
+            else:
+                time.sleep(_PAUSE)
+        return footprints, obstacles, latencies
+
+    def _due(self, obstacle, burst):
+        """Return when an obstacle is due, in sets."""
+        return obstacle // self._per_set if burst else obstacle / self._per_set
+
+    def _arrived(self):
+        """Take the flags that have arrived."""
+        flags = []
+        with self._flags.handle:
+            while taken := self._flags.handle.take_message(Bool, True):
+                flags.append(deserialize_message(taken[0], Bool).data)
+        return flags
+
+
+def _answer(unanswered, flag, now):
+    """Return the latency of the footprint that a flag answers: none if the flag is repeated."""
+    while unanswered:
+        sent, expected = unanswered[0]
+        if flag == expected:
+            unanswered.popleft()
+            return [now - sent]
+        if len(unanswered) == 1:
+            return []
+        unanswered.popleft()  # superseded before the node came to it
+    return []

@@ -21,7 +21,7 @@ import numpy as np
 from sat_collision import ring
 from sat_collision.decomposition import convex_parts
 from sat_collision.jit import indexable
-from sat_collision.record import BOUNDS, build, HEADER, LARGEST_TABLE
+from sat_collision.record import BOUNDS, build, HEADER, LARGEST_TABLE, SCAN_LIMIT
 
 MAX_VERTICES = 1024
 
@@ -78,10 +78,12 @@ class Polygon:
     __slots__ = ('_vertices', '_parts', '_block', '_count')
 
     def __init__(self, points, max_vertices=MAX_VERTICES):
-        flat = _flat(points)
-        record = np.empty(HEADER + LARGEST_TABLE + flat.size)
+        flat, width = _flat(points)
+        received = len(flat) // width
+        table = LARGEST_TABLE if received > SCAN_LIMIT else 0
+        record = np.empty(HEADER + table + 2 * received)
         verdict, count, i, j, first = build(
-            indexable(flat), indexable(record), max_vertices)
+            indexable(flat), width, indexable(record), max_vertices)
         end = first + 2 * count
         if verdict == ring.TOO_MANY:
             raise PolygonError(Reason.TOO_MANY_VERTICES,
@@ -161,17 +163,15 @@ def as_polygon(body):
 
 
 def _flat(points):
-    """Return the x and y of the points as a new flat float64 array x, y, x, y, ..."""
+    """Return the points' coordinates as a flat float64 array, and how many each point has."""
     try:
-        array = points
-        if not isinstance(points, np.ndarray):
-            array = np.asarray(points, dtype=None if hasattr(points, 'dtype') else np.float64)
+        array = np.asarray(points, dtype=None if hasattr(points, 'dtype') else np.float64)
         if array.size == 0 and array.ndim <= 2:
             raise PolygonError(Reason.EMPTY, 'no points')
         if array.ndim != 2 or array.shape[1] not in (2, 3):
             raise PolygonError(Reason.WRONG_SHAPE,
                                f'points of shape {array.shape}, expected (n, 2) or (n, 3)')
-        return array[:, :2].astype(np.float64).ravel()
+        return array.astype(np.float64).ravel(), array.shape[1]
     except (TypeError, ValueError) as error:
         if isinstance(error, PolygonError):
             raise

@@ -53,16 +53,18 @@ def table_size(count):
 
 
 @kernel
-def build(points, record, most):
+def build(points, width, record, most):
     """
     Make a record from received points.
 
     Parameters
     ----------
-    points : (2 n,) flat array of float64, n >= 1
-        x, y, x, y, ... as received.
-    record : (HEADER + LARGEST_TABLE + 2 n,) flat array of float64
-        Receives the record; its tail may stay unused.
+    points : (width * n,) flat array of float64, n >= 1
+        x, y and, if width is 3, z of each point as received.
+    width : int
+        2 or 3.
+    record : flat array of float64
+        Receives the record; of HEADER + 2 n, and LARGEST_TABLE more if n > SCAN_LIMIT.
     most : int
         The most vertices accepted.
 
@@ -76,8 +78,8 @@ def build(points, record, most):
         Where the vertices start in the record.
 
     """
-    ring = scratch(len(points))
-    verdict, count, i, j = clean(points, ring, most)
+    ring = scratch(2 * (len(points) // width))
+    verdict, count, i, j = clean(points, width, ring, most)
     first = 0
     if verdict == CONVEX or verdict == NON_CONVEX:
         first = HEADER + table_size(count)

@@ -32,7 +32,7 @@ TOO_MANY = 5
 
 
 @kernel
-def clean(points, ring, most):
+def clean(points, width, ring, most):
     """
     Turn points into a clean counter-clockwise ring.
 
@@ -41,8 +41,10 @@ def clean(points, ring, most):
 
     Parameters
     ----------
-    points : (2 n,) flat array of float64, n >= 1
-        x, y, x, y, ... as received.
+    points : (width * n,) flat array of float64, n >= 1
+        x, y and, if width is 3, z of each point as received.
+    width : int
+        2 or 3.
     ring : (2 n,) flat array of float64
         Receives the clean vertices; its tail may stay unused.
     most : int
@@ -60,7 +62,7 @@ def clean(points, ring, most):
         j of the ring share a point.
 
     """
-    verdict, count, clockwise, i = _classify(points, ring)
+    verdict, count, clockwise, i = _classify(points, width, ring)
     j = i
     if count > most:
         return TOO_MANY, count, i, j
@@ -74,7 +76,7 @@ def clean(points, ring, most):
 
 
 @kernel
-def _classify(points, ring):
+def _classify(points, width, ring):
     """
     Write the clean ring; return verdict, vertex count, clockwise and place.
 
@@ -82,7 +84,7 @@ def _classify(points, ring):
     lexicographically smaller than both neighbours turns once around: it is convex, and therefore
     simple. What is not convex is NON_CONVEX here and has still to be checked for crossings.
     """
-    walk, count = _drop_repeated(points)
+    walk, count = _drop_repeated(points, width)
     if count < 0:
         return NOT_FINITE, 0, False, -1 - count
     if count <= 2:
@@ -133,15 +135,15 @@ def _classify(points, ring):
 
 
 @kernel
-def _drop_repeated(points):
+def _drop_repeated(points, width):
     """Return the points without consecutive repetitions and how many, or -1 - i: i not finite."""
-    received = len(points) // 2
+    received = len(points) // width
     walk = scratch(2 * received)
     count = 0
     for i in range(received):
         # Adding zero turns -0.0 into 0.0, so that equal vertices have equal bytes.
-        x = points[2 * i] + 0.0
-        y = points[2 * i + 1] + 0.0
+        x = points[width * i] + 0.0
+        y = points[width * i + 1] + 0.0
         if x - x != 0.0 or y - y != 0.0:
             return walk, -1 - i
         if count == 0 or x != walk[2 * count - 2] or y != walk[2 * count - 1]:

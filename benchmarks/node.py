@@ -139,7 +139,10 @@ def plot(figures, path):
     axes[0].set(xlabel='obstacles at 10 Hz', ylabel='processor time a message [µs]')
     axes[1].set(xlabel='obstacles at 10 Hz', ylabel='publish() to flag, 99 of 100 below [ms]')
     for one in axes:
-        one.grid(alpha=0.3)
+        one.set_xticks(sizes, [f'{size:,}' for size in sizes])
+        one.yaxis.set_major_formatter('{x:g}')
+        one.yaxis.set_minor_formatter('{x:g}')
+        one.grid(alpha=0.3, which='both')
         one.legend()
     figure.savefig(path, dpi=120)
     pyplot.close(figure)

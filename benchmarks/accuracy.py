@@ -40,9 +40,9 @@ import families  # noqa: E402, I100
 import machine  # noqa: E402
 import oracle  # noqa: E402
 from sat_collision import intersects_pairs, Polygon, PolygonSet  # noqa: E402
+from sat_collision.exact import convex_part  # noqa: E402
 from sat_collision.improved import boxes_apart, search, SEPARATE, UNSURE  # noqa: E402
 from sat_collision.jit import kernel  # noqa: E402
-from sat_collision.record import HEADER  # noqa: E402
 
 SIDES = 3, 4, 5, 6, 8, 16, 32, 64, 256, 1024
 CHECKED = 1000  # one in so many of the answers the filter proved is also decided in integers
@@ -148,21 +148,14 @@ def _find_unsure(a, a_starts, a_counts, b, b_starts, b_counts, unsure):
 def _is_unsure(p, p_start, n, q, q_start, m):
     """Tell whether `exact.bodies_meet` needs exact orientations for two bodies' blocks."""
     for i in range(max(1, -n)):
-        a, a_count = _part(p, p_start, n, i)
+        a, a_count = convex_part(p, p_start, n, i)
         for j in range(max(1, -m)):
-            b, b_count = _part(q, q_start, m, j)
+            b, b_count = convex_part(q, q_start, m, j)
             if not boxes_apart(p, a, q, b):
                 verdict = search(p, a, a_count, q, b, b_count)[0]
                 if verdict != SEPARATE:
                     return verdict == UNSURE
     return False
-
-
-@kernel
-def _part(block, start, count, i):
-    if count > 0:
-        return start, count
-    return start + int(block[start + HEADER + 2 * i]), int(block[start + HEADER + 2 * i + 1])
 
 
 def _print(results):

@@ -19,8 +19,8 @@ another the header of a record, of which only the bounds are used, and then, for
 where the part's record starts in the block and its number of vertices, and these records.
 """
 
-from sat_collision.improved import boxes_apart, MEET, search, UNSURE
-from sat_collision.jit import kernel
+from sat_collision.improved import boxes_apart, MEET, search, SEPARATE, UNSURE
+from sat_collision.jit import inlined, kernel
 from sat_collision.predicates import orient, segments_meet
 from sat_collision.record import HEADER, table_size
 
@@ -47,6 +47,22 @@ def bodies_meet(p, p_start, n, q, q_start, m):
             if convex_meet(p, a, a_count, q, b, b_count):
                 return True
     return False
+
+
+@inlined
+def quick_verdict(p, p_start, n, q, q_start, m):
+    """
+    Return what the search in plain doubles says of two bodies: SEPARATE, MEET or UNSURE.
+
+    The parameters are those of `bodies_meet`; a count of 0 stands for no body. Bodies that are
+    not convex and may meet are left UNSURE.
+    """
+    if n == 0 or m == 0 or boxes_apart(p, p_start, q, q_start):
+        return SEPARATE
+    if n < 0 or m < 0:
+        return UNSURE
+    verdict, _, _, _ = search(p, p_start, n, q, q_start, m)
+    return verdict
 
 
 @kernel

@@ -16,18 +16,14 @@
 import numpy as np
 
 from sat_collision import proximity
-from sat_collision.exact import bodies_meet
-from sat_collision.improved import boxes_apart, MEET, search, SEPARATE, UNSURE
-from sat_collision.jit import COMPILED, indexable, inlined, kernel, prefetch, unowned
-from sat_collision.record import BOUNDS, HEADER, near_support, SCAN_LIMIT, table_size
+from sat_collision.exact import bodies_meet, quick_verdict
+from sat_collision.improved import MEET, SEPARATE
+from sat_collision.jit import COMPILED, indexable, kernel, unowned
+from sat_collision.pairwise import pairwise
+from sat_collision.record import BOUNDS
 
 _FEWEST_ROWS = 16
 _FEWEST_DOUBLES = 1024
-_CACHE_LINE = 8
-_FAR_AHEAD = 16
-_NEAR_AHEAD = 8
-_FETCHED_WHOLE = 64
-_BATCH = 64
 _NOWHERE = np.array([np.inf, np.inf, -np.inf, -np.inf])
 
 
@@ -188,8 +184,8 @@ class PolygonSet:
             raise ValueError(f'{self._used_rows} bodies cannot be paired with '
                              f'{other._used_rows}')
         answers = np.empty(self._used_rows, np.int8)
-        _pairwise(indexable(self._rows), indexable(self._data), indexable(other._rows),
-                  indexable(other._data), answers)
+        pairwise(indexable(self._rows), indexable(self._data), indexable(other._rows),
+                 indexable(other._data), answers)
         return answers == MEET
 
 
@@ -243,83 +239,8 @@ def _candidates(bounds, rows, data, used, block, count, found):
     candidates = 0
     for k in range(near):
         row = found[k]
-        verdict = _verdict(data, rows[0, row], rows[1, row], block, 0, count)
+        verdict = quick_verdict(data, rows[0, row], rows[1, row], block, 0, count)
         if verdict != SEPARATE:
             found[candidates] = row if verdict == MEET else -1 - row
             candidates += 1
     return candidates
-
-
-@kernel
-def _pairwise(rows, data, other_rows, other_data, answers):
-    rows = unowned(rows)
-    data = unowned(data)
-    other_rows = unowned(other_rows)
-    other_data = unowned(other_data)
-    # Batch by batch, so that what has to be decided exactly is still in the cache.
-    for start in range(0, len(answers), _BATCH):
-        end = min(start + _BATCH, len(answers))
-        _pairwise_verdicts(rows, data, other_rows, other_data, start, end, answers)
-        for row in range(start, end):
-            if answers[row] == UNSURE:
-                answers[row] = MEET if bodies_meet(
-                    data, rows[0, row], rows[1, row],
-                    other_data, other_rows[0, row], other_rows[1, row]) else SEPARATE
-
-
-@kernel
-def _pairwise_verdicts(rows, data, other_rows, other_data, start, end, verdicts):
-    rows = unowned(rows)
-    data = unowned(data)
-    other_rows = unowned(other_rows)
-    other_data = unowned(other_data)
-    verdicts = unowned(verdicts)
-    used = len(verdicts)
-    for row in range(start, end):
-        # Most of the time of a pair that is not in the cache goes by waiting for it.
-        far = row + _FAR_AHEAD
-        if far < used:
-            _prefetch(data, rows[0, far], 0, HEADER + 2 * min(rows[1, far], SCAN_LIMIT))
-            _prefetch(other_data, other_rows[0, far], 0,
-                      HEADER + 2 * min(other_rows[1, far], SCAN_LIMIT))
-        near = row + _NEAR_AHEAD
-        if near < used:
-            _prefetch_vertices(data, rows[0, near], rows[1, near],
-                               other_data, other_rows[0, near], other_rows[1, near])
-        verdicts[row] = _verdict(data, rows[0, row], rows[1, row],
-                                 other_data, other_rows[0, row], other_rows[1, row])
-
-
-@inlined
-def _prefetch(block, start, first, end):
-    for k in range(first, end, _CACHE_LINE):
-        prefetch(block, start + k)
-
-
-@inlined
-def _prefetch_vertices(p, p_start, n, q, q_start, m):
-    """Fetch what the search will read: of many vertices those where it will begin to climb."""
-    if n <= SCAN_LIMIT or m <= SCAN_LIMIT or boxes_apart(p, p_start, q, q_start):
-        return
-    first = HEADER + 2 * SCAN_LIMIT
-    if n <= _FETCHED_WHOLE and m <= _FETCHED_WHOLE:
-        _prefetch(p, p_start, first, HEADER + table_size(n) + 2 * n)
-        _prefetch(q, q_start, first, HEADER + table_size(m) + 2 * m)
-    else:
-        ux = q[q_start] - p[p_start]
-        uy = q[q_start + 1] - p[p_start + 1]
-        i = near_support(p, p_start, n, ux, uy)
-        j = near_support(q, q_start, m, -ux, -uy)
-        _prefetch(p, p_start, i - 2, i + _CACHE_LINE)
-        _prefetch(q, q_start, j - 2, j + _CACHE_LINE)
-
-
-@inlined
-def _verdict(p, p_start, n, q, q_start, m):
-    """Return what the search in plain doubles says of two blocks; it leaves parts to `exact`."""
-    if n == 0 or m == 0 or boxes_apart(p, p_start, q, q_start):
-        return SEPARATE
-    if n < 0 or m < 0:
-        return UNSURE
-    verdict, _, _, _ = search(p, p_start, n, q, q_start, m)
-    return verdict

@@ -69,7 +69,7 @@ class Contacts:
         """Decide everything anew by another margin, if it is another."""
         if margin != self._margin:
             self._margin = margin
-            for footprint in self._footprints:
+            for footprint in self._footprints.bodies.values():
                 self._meet_obstacles(footprint)
 
     def place_footprint(self, footprint, polygon):
@@ -89,7 +89,9 @@ class Contacts:
     def place_obstacle(self, obstacle, polygon):
         """Put an obstacle where a polygon is, or move it there."""
         self._obstacles.place(obstacle, polygon)
-        self.changed.update(_meet(obstacle, self._footprints.within(polygon, self._margin)))
+        footprints = self._footprints.within(polygon, self._margin)
+        if footprints or obstacle.meets:
+            self.changed.update(_meet(obstacle, footprints))
 
     def remove_obstacle(self, obstacle):
         """Take an obstacle away, if it is placed."""
@@ -105,43 +107,39 @@ class _Kind:
     """The placed bodies of one kind, by row."""
 
     def __init__(self):
-        self._polygons = PolygonSet()
-        self._bodies = {}
+        self.polygons = PolygonSet()
+        self.bodies = {}
 
     def place(self, body, polygon):
         body.polygon = polygon
-        if body.row is None:
-            body.row = self._polygons.append(polygon)
-            self._bodies[body.row] = body
+        if body.row is not None:
+            self.polygons.replace(body.row, polygon)
         else:
-            self._polygons.replace(body.row, polygon)
+            body.row = self.polygons.append(polygon)
+            self.bodies[body.row] = body
 
     def remove(self, body):
         """Return whether the body was there to be removed."""
         if body.row is None:
             return False
-        self._polygons.remove(body.row)
-        del self._bodies[body.row]
+        self.polygons.remove(body.row)
+        del self.bodies[body.row]
         body.row = body.polygon = None
         return True
 
     def within(self, polygon, margin):
-        return [self._bodies[row] for row in self._polygons.within(polygon, margin).tolist()]
-
-    def __iter__(self):
-        return iter(self._bodies.values())
+        rows = self.polygons.within(polygon, margin)
+        return [self.bodies[row] for row in rows.tolist()] if len(rows) else ()
 
     def nearest(self, polygon):
-        if not self._bodies:
+        if not self.bodies:
             return None
-        row, *found = self._polygons.nearest(polygon)
-        return self._bodies[row].name, *found
+        row, *found = self.polygons.nearest(polygon)
+        return self.bodies[row].name, *found
 
 
 def _meet(body, others):
     """Let a body meet these others and no more; return those for which this is a change."""
-    if not others and not body.meets:
-        return ()
     gained_or_lost = body.meets.symmetric_difference(others)
     for other in gained_or_lost:
         other.meets.symmetric_difference_update((body,))

@@ -15,21 +15,23 @@
 """
 Serialised geometry_msgs/PolygonStamped and PolygonInstanceStamped to plain data.
 
-A message that every publisher on this kind of machine sends (CDR, little endian) is read in place,
+A message as publishers on this kind of machine send it (CDR, in its byte order) is read in place,
 with every length checked. Whatever does not fit to the byte goes to rclpy's own decoder, or
 without ROS to that of rosbags.
 """
 
+from array import array
 import struct
-from typing import NamedTuple
+import sys
 
-import numpy as np
-
-_LITTLE_ENDIAN_CDR = b'\x00\x01\x00\x00'
-_HEADER = struct.Struct('<4siII')  # encapsulation, seconds, nanoseconds, length of frame_id
-_COUNT = struct.Struct('<I')
-_ID = struct.Struct('<q')
-_POINT = np.dtype('<f4')
+_OWN_CDR = {'little': b'\x00\x01\x00\x00', 'big': b'\x00\x00\x00\x00'}[sys.byteorder]
+_HEADER = struct.Struct('=4siII')  # encapsulation, seconds, nanoseconds, length of frame_id
+_HEADER_SIZE = _HEADER.size
+_read_header = _HEADER.unpack_from
+_read_count = struct.Struct('=I').unpack_from
+_read_id = struct.Struct('=q').unpack_from
+_COUNT_SIZE = 4
+_ID_SIZE = 8
 _POINT_BYTES = 12
 _SECOND = 1_000_000_000
 
@@ -38,18 +40,24 @@ class MessageError(ValueError):
     """The bytes are not the message that their topic announces."""
 
 
-class Received(NamedTuple):
-    """What a polygon message says: stamp in ns, float32 points (n, 3), and the id if any."""
-
-    stamp: int
-    frame_id: str
-    points: np.ndarray
-    identity: int | None
-
-
-def decode(data: bytes, instance: bool) -> Received:
+def decode(data, instance):
     """
     Read a PolygonStamped, or a PolygonInstanceStamped if `instance` is true.
+
+    Parameters
+    ----------
+    data : bytes
+    instance : bool
+
+    Returns
+    -------
+    stamp : int
+        In ns.
+    frame_id : str
+    points : bytes
+        x, y and z of each vertex as float32 in this machine's byte order.
+    identity : int or None
+        The id, of an instance.
 
     Raises
     ------
@@ -57,49 +65,43 @@ def decode(data: bytes, instance: bool) -> Received:
         If neither this decoder nor the library's can account for every byte.
 
     """
-    seconds, nanoseconds, frame_id, points, identity = (
-        _read_in_place(data, instance) or _read_with_library(data, instance))
-    if nanoseconds >= _SECOND:
-        raise MessageError(f'{nanoseconds} nanoseconds in the stamp make more than a second')
-    return Received(seconds * _SECOND + nanoseconds, frame_id, points, identity)
-
-
-def _read_in_place(data, instance):
-    """Return the fields of a plain little-endian message, None if in any doubt."""
     size = len(data)
-    if size < _HEADER.size:
-        return None
-    encapsulation, seconds, nanoseconds, length = _HEADER.unpack_from(data)
-    text_end = _HEADER.size + length
+    if size < _HEADER_SIZE:
+        return _decode_with_library(data, instance)
+    encapsulation, seconds, nanoseconds, length = _read_header(data)
+    text_end = _HEADER_SIZE + length
     count_at = (text_end + 3) & ~3
-    points_at = count_at + _COUNT.size
-    if encapsulation != _LITTLE_ENDIAN_CDR or length == 0 or points_at > size:
-        return None
+    points_at = count_at + _COUNT_SIZE
     # The first NUL must be the last byte of the string.
-    if data.find(b'\0', _HEADER.size, text_end) != text_end - 1:
-        return None
-    count, = _COUNT.unpack_from(data, count_at)
-    end = points_at + count * _POINT_BYTES
-    identity = None
+    if (encapsulation != _OWN_CDR or length == 0 or points_at > size
+            or data.find(b'\0', _HEADER_SIZE, text_end) != text_end - 1):
+        return _decode_with_library(data, instance)
+    count, = _read_count(data, count_at)
+    points_end = end = points_at + count * _POINT_BYTES
     if instance:
         # Alignment counts from behind the encapsulation, hence the 4.
-        id_at = ((end - 4 + 7) & ~7) + 4
-        end = id_at + _ID.size
+        id_at = ((points_end - 4 + 7) & ~7) + 4
+        end = id_at + _ID_SIZE
     if end != size:
-        return None
-    if instance:
-        identity, = _ID.unpack_from(data, id_at)
+        return _decode_with_library(data, instance)
     try:
-        frame_id = data[_HEADER.size:text_end - 1].decode()
+        frame_id = data[_HEADER_SIZE:text_end - 1].decode()
     except UnicodeDecodeError:
-        return None
-    points = np.ndarray((count, 3), _POINT, data, points_at)
-    return seconds, nanoseconds, frame_id, points, identity
+        return _decode_with_library(data, instance)
+    return (_stamp(seconds, nanoseconds), frame_id, data[points_at:points_end],
+            _read_id(data, id_at)[0] if instance else None)
 
 
-def _read_with_library(data, instance):
+def _stamp(seconds, nanoseconds):
+    """Return a stamp in ns."""
+    if nanoseconds >= _SECOND:
+        raise MessageError(f'{nanoseconds} nanoseconds in the stamp make more than a second')
+    return seconds * _SECOND + nanoseconds
+
+
+def _decode_with_library(data, instance):
     """
-    Return the fields as the decoder of rclpy or rosbags reads them.
+    Return what `decode` does as the decoder of rclpy or rosbags reads it.
 
     rclpy's forgives what a monitor must not: a point count beyond the end of the message comes
     back as no points at all, and bytes left over are ignored. So what it read must, when encoded
@@ -122,11 +124,12 @@ def _read_with_library(data, instance):
     if len(data) != expected:
         raise MessageError(f'{len(data)} bytes where the contents need {expected}')
     polygon = message.polygon.polygon if instance else message.polygon
-    points = np.array([(p.x, p.y, p.z) for p in polygon.points], _POINT).reshape(-1, 3)
-    count_at = (_HEADER.size + len(frame_id.encode()) + 1 + 3) & ~3
-    stated = data[count_at:count_at + _COUNT.size]
+    points = polygon.points
+    count_at = (_HEADER_SIZE + len(frame_id.encode()) + 1 + 3) & ~3
+    stated = data[count_at:count_at + _COUNT_SIZE]
     if len(points) not in (int.from_bytes(stated, 'little'), int.from_bytes(stated, 'big')):
         raise MessageError('the points end before their stated number')
     stamp = message.header.stamp
-    identity = message.polygon.id if instance else None
-    return stamp.sec, stamp.nanosec, frame_id, points, identity
+    coordinates = array('f', [number for p in points for number in (p.x, p.y, p.z)]).tobytes()
+    return (_stamp(stamp.sec, stamp.nanosec), frame_id, coordinates,
+            message.polygon.id if instance else None)

@@ -112,44 +112,43 @@ class Monitor:
 
         """
         self.received[name] += 1
-        settings = self.scene.settings_of(name)
-        refusal = self._take(settings, data, now) if settings.enabled else None
-        if refusal is None:
-            return None
-        reason, detail = refusal
-        self.rejected[name, reason] += 1
-        return Rejection(name, settings.topic, reason, str(detail))
-
-    def _take(self, settings, data, now):
-        """Hand a message to the scene; return reason and detail if it is of no use."""
         scene = self.scene
-        name = settings.name
+        settings = scene.settings_of(name)
+        if not settings.enabled:
+            return None
         is_obstacle = isinstance(settings, ObstacleSettings)
         try:
             stamp, frame_id, points, instance = decode(
                 data, is_obstacle and settings.type == POLYGON_INSTANCE)
         except MessageError as error:
-            scene.refuse(name, UNDECODABLE, now)
-            return UNDECODABLE, error
+            return self._refuse(settings, UNDECODABLE, error, now)
         if not frame_id:
-            scene.refuse(name, EMPTY_FRAME_ID, now, stamp, instance)
-            return EMPTY_FRAME_ID, 'its header names no frame'
+            return self._refuse(settings, EMPTY_FRAME_ID, 'its header names no frame', now, stamp,
+                                instance)
         polygon = None
-        if len(points) or not is_obstacle:
+        if points or not is_obstacle:
             try:
-                polygon = Polygon(points, scene.settings.max_vertices)
+                polygon = Polygon.unpack(points, scene.settings.max_vertices)
             except PolygonError as error:
-                scene.refuse(name, error.reason.value, now, stamp, instance)
-                return error.reason.value, error
+                return self._refuse(settings, error.reason.value, error, now, stamp, instance)
         if is_obstacle:
             refusal = scene.obstacle(name, polygon, frame_id, stamp, now, instance)
         else:
             refusal = scene.footprint(name, polygon, frame_id, stamp, now)
-        if refusal == OTHER_FRAME:
-            return refusal, f"it is in '{frame_id}', all else in '{scene.frame_id}'"
-        if refusal == TOO_MANY:
-            return refusal, f'there are {settings.max_count} already'
-        if refusal == TOO_OLD:
-            return refusal, (f'its stamp is {(now - stamp) / 1e9:.3f} s old, past the timeout of '
-                             f'{settings.timeout:g} s')
-        return None
+        if refusal is None:
+            return None
+        details = {
+            OTHER_FRAME: f"it is in '{frame_id}', all else in '{scene.frame_id}'",
+            TOO_MANY: f'there are {settings.max_count} already' if is_obstacle else '',
+            TOO_OLD: f'its stamp is {(now - stamp) / 1e9:.3f} s old, past the timeout of '
+                     f'{settings.timeout:g} s'}
+        return self._reject(settings, refusal, details[refusal])
+
+    def _refuse(self, settings, reason, detail, *when_and_which):
+        """Tell the scene, and the caller, of a message that gives no polygon."""
+        self.scene.refuse(settings.name, reason, *when_and_which)
+        return self._reject(settings, reason, str(detail))
+
+    def _reject(self, settings, reason, detail):
+        self.rejected[settings.name, reason] += 1
+        return Rejection(settings.name, settings.topic, reason, detail)

@@ -21,9 +21,10 @@ import numpy as np
 from sat_collision import ring
 from sat_collision.decomposition import convex_parts
 from sat_collision.jit import indexable
-from sat_collision.record import BOUNDS, build, HEADER, LARGEST_TABLE, SCAN_LIMIT
+from sat_collision.record import BOUNDS, build, HEADER, SCAN_LIMIT, table_size, unpack
 
 MAX_VERTICES = 1024
+_POINT_BYTES = 12
 
 
 class Reason(enum.Enum):
@@ -67,6 +68,11 @@ class Polygon:
     max_vertices : int, optional
         The most vertices accepted, counted after dropping the superfluous ones.
 
+    Attributes
+    ----------
+    block : tuple
+        What the kernels read, see `exact`: (flat float64 array, count). Not to be changed.
+
     Raises
     ------
     PolygonError
@@ -75,35 +81,60 @@ class Polygon:
 
     """
 
-    __slots__ = ('_vertices', '_parts', '_block', '_count')
+    __slots__ = ('block', '_outline', '_parts')
 
     def __init__(self, points, max_vertices=MAX_VERTICES):
         flat, width = _flat(points)
-        received = len(flat) // width
-        table = LARGEST_TABLE if received > SCAN_LIMIT else 0
-        record = np.empty(HEADER + table + 2 * received)
-        verdict, count, i, j, first = build(
-            indexable(flat), width, indexable(record), max_vertices)
+        record = _room(len(flat) // width)
+        self._take(record, build(indexable(flat), width, indexable(record), max_vertices),
+                   max_vertices)
+
+    @classmethod
+    def unpack(cls, data, max_vertices=MAX_VERTICES):
+        """
+        Make a polygon of what a message holds, without a detour by an array.
+
+        Parameters
+        ----------
+        data : bytes
+            x, y and z of each vertex as float32 in this machine's byte order.
+        max_vertices : int, optional
+            As for the constructor, as are the errors raised.
+
+        """
+        count = len(data) // _POINT_BYTES
+        if count == 0:
+            raise _empty()
+        record = _room(count)
+        polygon = cls.__new__(cls)
+        polygon._take(record, unpack(data, indexable(record), max_vertices), max_vertices)
+        return polygon
+
+    def _take(self, record, built, max_vertices):
+        """Become what was built, or raise what is wrong with it."""
+        verdict, count, i, j, first = built
         end = first + 2 * count
-        if verdict == ring.TOO_MANY:
+        if end != len(record):
+            record = record[:end]
+        if verdict == ring.CONVEX:
+            self.block = record, count
+            self._outline = self._parts = None
+        elif verdict == ring.NON_CONVEX:
+            self._outline = record[first:]
+            self._parts = _decompose(self._outline)
+            self.block = _pack(record[:HEADER], self._parts), -len(self._parts)
+        elif verdict == ring.TOO_MANY:
             raise PolygonError(Reason.TOO_MANY_VERTICES,
                                f'{count} vertices, but at most {max_vertices} are accepted')
-        if verdict > ring.NON_CONVEX:
-            raise _error(verdict, record[:end].reshape(-1, 2).tolist(), i, j)
-        self._vertices = record[first:end]
-        if verdict == ring.CONVEX:
-            self._parts = ()
-            self._block = record[:end]
-            self._count = count
         else:
-            self._parts = _decompose(self._vertices)
-            self._block = _pack(record[:HEADER], self._parts)
-            self._count = -len(self._parts)
+            raise _error(verdict, record.reshape(-1, 2).tolist(), i, j)
 
     @property
     def vertices(self):
         """Vertices as a read-only (n, 2) float64 array, counter-clockwise; no closing vertex."""
-        vertices = self._vertices.reshape(-1, 2)
+        block, count = self.block
+        outline = block[-2 * count:] if self._outline is None else self._outline
+        vertices = outline.reshape(-1, 2)
         vertices.flags.writeable = False
         return vertices
 
@@ -116,7 +147,7 @@ class Polygon:
     @property
     def is_convex(self):
         """Whether the polygon is convex; points and segments are."""
-        return self._count > 0
+        return self._parts is None
 
     @property
     def centroid(self):
@@ -132,15 +163,16 @@ class Polygon:
     @property
     def bounds(self):
         """Bounding box (min_x, min_y, max_x, max_y) in metres."""
-        return tuple(self._block[BOUNDS].tolist())
-
-    @property
-    def block(self):
-        """What the kernels read, see `exact`: (flat float64 array, count)."""
-        return self._block, self._count
+        return tuple(self.block[0][BOUNDS].tolist())
 
     def __repr__(self):
         return f'Polygon({self.vertices.tolist()})'
+
+
+def _room(points):
+    """Return an array with room for the record of so many points."""
+    table = table_size(points) if points > SCAN_LIMIT else 0
+    return np.empty(HEADER + table + 2 * points)
 
 
 def _decompose(flat):
@@ -167,7 +199,7 @@ def _flat(points):
     try:
         array = np.asarray(points, dtype=None if hasattr(points, 'dtype') else np.float64)
         if array.size == 0 and array.ndim <= 2:
-            raise PolygonError(Reason.EMPTY, 'no points')
+            raise _empty()
         if array.ndim != 2 or array.shape[1] not in (2, 3):
             raise PolygonError(Reason.WRONG_SHAPE,
                                f'points of shape {array.shape}, expected (n, 2) or (n, 3)')
@@ -176,6 +208,10 @@ def _flat(points):
         if isinstance(error, PolygonError):
             raise
         raise PolygonError(Reason.WRONG_SHAPE, f'not an array of points: {error}') from error
+
+
+def _empty():
+    return PolygonError(Reason.EMPTY, 'no points')
 
 
 def _error(verdict, vertices, i, j):

@@ -24,6 +24,7 @@ from sat_collision.record import BOUNDS
 
 _FEWEST_ROWS = 16
 _FEWEST_DOUBLES = 1024
+_NO_ROWS = np.empty(0, np.int64)
 _NOWHERE = np.array([np.inf, np.inf, -np.inf, -np.inf])
 
 
@@ -128,7 +129,7 @@ class PolygonSet:
         if COMPILED:
             found = _hits(self._bounds, self._rows, self._data, self._used_rows, block, count,
                           rows)
-            return rows[:found]
+            return rows[:found] if found else _NO_ROWS
         bounds = self._bounds[:, :self._used_rows]
         rows = np.flatnonzero((bounds[0] <= block[4]) & (bounds[2] >= block[2])
                               & (bounds[1] <= block[5]) & (bounds[3] >= block[3]))

@@ -25,7 +25,7 @@ The table cuts the directions into sectors, four for each double: a double holds
 
 import math
 
-from sat_collision.jit import inlined, kernel, scratch
+from sat_collision.jit import float32s, inlined, kernel, scratch
 from sat_collision.predicates import orient
 from sat_collision.ring import clean, CONVEX, NON_CONVEX
 
@@ -64,7 +64,7 @@ def build(points, width, record, most):
     width : int
         2 or 3.
     record : flat array of float64
-        Receives the record; of HEADER + 2 n, and LARGEST_TABLE more if n > SCAN_LIMIT.
+        Receives the record; of HEADER + table_size(n) + 2 n.
     most : int
         The most vertices accepted.
 
@@ -93,6 +93,17 @@ def build(points, width, record, most):
     for k in range(2 * count):
         record[first + k] = ring[k]
     return verdict, count, i, j, first
+
+
+@kernel
+def unpack(data, record, most):
+    """Make a record as `build` does, from bytes: float32 x, y, z of each of n >= 1 points."""
+    values = float32s(data)
+    points = scratch(len(values) // 3 * 2)
+    for i in range(len(values) // 3):
+        points[2 * i] = values[3 * i]
+        points[2 * i + 1] = values[3 * i + 1]
+    return build(points, 2, record, most)
 
 
 @kernel

@@ -128,7 +128,8 @@ class Source:
             self.forget(bodies[_UNPLACED])
         shape = polygon.block[0].tobytes()
         if self._in_sets and stamp:
-            self._join_set(stamp)
+            if stamp != self._set_start:
+                self._join_set(stamp)
             key = self._in_set.get(shape)
             if key is None:
                 key = self._next_place()
@@ -150,7 +151,8 @@ class Source:
             self._count_refusal(body, None)
         body.shape = shape
         body.time = time
-        self._deadlines.watch(body)
+        if time + self.timeout < body.watched:
+            self._deadlines.watch(body)
         self._contacts.place_obstacle(body, polygon)
         return None
 
@@ -196,7 +198,7 @@ class Source:
 
     def _hear(self, stamp, now):
         """Note a sign of life; return the time it counts from, None if that is too long ago."""
-        time = min(stamp, now) if stamp else now
+        time = stamp if stamp and stamp < now else now
         if time + self.timeout < now:
             return None
         if self._heard is None or time > self._heard:

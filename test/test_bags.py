@@ -32,7 +32,7 @@ def recorded(bag):
     """Yield (stamp, [(topic, data), ...]) for each run of messages with one stamp."""
     with rosbags.AnyReader([bag]) as reader:
         connections = [c for c in reader.connections if c.topic in ('/footprint', '/obstacles')]
-        messages = [(decode(data, False).stamp, connection.topic, data)
+        messages = [(decode(data, False)[0], connection.topic, data)
                     for connection, _, data in reader.messages(connections)]
     for stamp, run in itertools.groupby(messages, key=lambda message: message[0]):
         yield stamp, [(topic, data) for _, topic, data in run]

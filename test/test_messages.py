@@ -54,16 +54,17 @@ def big_endian(frame_id, points, identity=None):
 
 
 def fields(message, instance):
-    """Return a message's fields in the order of Received, points as tuples."""
+    """Return a message's fields in the order of `decode`, points as tuples."""
     polygon = message.polygon.polygon if instance else message.polygon
     return (message.header.stamp.sec * 10**9 + message.header.stamp.nanosec,
             message.header.frame_id, [(p.x, p.y, p.z) for p in polygon.points],
             message.polygon.id if instance else None)
 
 
-def received_fields(received):
-    return (received.stamp, received.frame_id, [tuple(p) for p in received.points.tolist()],
-            received.identity)
+def decoded(data, instance):
+    """Return what `decode` does, points as tuples."""
+    stamp, frame_id, points, identity = decode(data, instance)
+    return stamp, frame_id, list(struct.iter_unpack('=fff', points)), identity
 
 
 @pytest.mark.parametrize('instance', (False, True))
@@ -72,19 +73,17 @@ def received_fields(received):
 def test_every_alignment_reads_as_rclpy_wrote_it(instance, length, count):
     """The frame_id's length moves the points and, with their number, the id's padding."""
     original = message(instance, 'frame_name'[:length], [(k, 0.5 * k, -k) for k in range(count)])
-    received = decode(serialize_message(original), instance)
-    assert received_fields(received) == fields(original, instance)
-    assert received.points.shape == (count, 3) and received.points.dtype == np.float32
+    assert decoded(serialize_message(original), instance) == fields(original, instance)
 
 
 @pytest.mark.parametrize('instance', (False, True))
 def test_extreme_fields_survive(instance):
     """Time before 1970, the largest id, a frame name that is not ASCII, NaN and infinity."""
     original = message(instance, 'größe', [(np.inf, -np.inf, np.nan)], -1, 999_999_999, 2**63 - 1)
-    received = decode(serialize_message(original), instance)
-    assert (received.stamp, received.frame_id) == (-1, 'größe')
-    np.testing.assert_array_equal(received.points, [(np.inf, -np.inf, np.nan)])
-    assert received.identity == (2**63 - 1 if instance else None)
+    stamp, frame_id, points, identity = decoded(serialize_message(original), instance)
+    assert (stamp, frame_id) == (-1, 'größe')
+    np.testing.assert_array_equal(points, [(np.inf, -np.inf, np.nan)])
+    assert identity == (2**63 - 1 if instance else None)
 
 
 @pytest.mark.parametrize('instance', (False, True))
@@ -126,7 +125,8 @@ def test_broken_frame_id_is_refused(text):
 def test_frame_id_ends_at_its_first_nul():
     """So it does for every typed subscriber."""
     data = serialize_message(message(False))
-    assert decode(data[:16] + b'm\0p\0' + data[20:], False).frame_id == 'm'
+    _, frame_id, _, _ = decode(data[:16] + b'm\0p\0' + data[20:], False)
+    assert frame_id == 'm'
 
 
 def test_broken_frame_id_of_same_encoded_size_is_refused():
@@ -155,8 +155,8 @@ def test_nanoseconds_beyond_a_second_are_refused():
 def test_big_endian_goes_through_rclpy(identity):
     """The other byte order is legal, if rare."""
     points = [(1.0, 2.0, 3.0), (4.0, 5.0, 6.0)]
-    received = decode(big_endian('odom', points, identity), identity is not None)
-    assert received_fields(received) == (7 * 10**9 + 8, 'odom', points, identity)
+    assert decoded(big_endian('odom', points, identity), identity is not None) == (
+        7 * 10**9 + 8, 'odom', points, identity)
 
 
 @pytest.mark.parametrize('data', (b'', b'\0', b'\xff\xff\0\0', b'\0\1\0\0', b'no CDR at all'))
@@ -179,12 +179,12 @@ def test_damaged_bytes_never_read_as_something_else(instance):
             damaged[at] = random.integers(256)
         damaged = bytes(damaged)
         try:
-            received = decode(damaged, instance)
+            received = decoded(damaged, instance)
         except MessageError:
             continue
         accepted += 1
         wanted = fields(deserialize_message(damaged, TYPES[instance]), instance)
-        np.testing.assert_equal(received_fields(received), wanted)
+        np.testing.assert_equal(received, wanted)
     assert accepted > 300
 
 
@@ -200,6 +200,6 @@ def test_plain_message_needs_no_ros():
     """Decoding in place imports no ROS package."""
     data = serialize_message(message(True))
     program = ('import sys; from sat_collision.messages import decode; '
-               f'assert decode({data!r}, True).identity == -9; '
+               f'assert decode({data!r}, True)[-1] == -9; '
                'assert not {"rclpy", "geometry_msgs"} & set(sys.modules)')
     subprocess.run([sys.executable, '-c', program], check=True)

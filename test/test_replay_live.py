@@ -33,7 +33,7 @@ def recorded(bag):
     """Yield (stamp, [(topic, data), ...]) for the messages of each stamp."""
     with Reader(bag) as reader:
         connections = [c for c in reader.connections if c.topic in ('/footprint', '/obstacles')]
-        messages = [(decode(data, False).stamp, c.topic, data)
+        messages = [(decode(data, False)[0], c.topic, data)
                     for c, _, data in reader.messages(connections)]
     for stamp, run in itertools.groupby(messages, key=lambda message: message[0]):
         yield stamp, [(topic, data) for _, topic, data in run]

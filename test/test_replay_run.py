@@ -53,7 +53,7 @@ def test_contacts_after_each_stamp_are_exactly_those_of_the_recording(
         def receive(self, name, data, now):
             rejection = super().receive(name, data, now)
             contacts = self.scene.state('footprint').contacts
-            seen[decode(data, False).stamp] = [str(obstacle) for obstacle in contacts]
+            seen[decode(data, False)[0]] = [str(obstacle) for obstacle in contacts]
             return rejection
 
     monkeypatch.setattr(replay, 'Monitor', Watched)

@@ -128,6 +128,11 @@ class Health:
     facts : dict
         What does not change while the node runs, such as the kernel in use.
 
+    Attributes
+    ----------
+    check_times : list of float
+        How many seconds the check of each message of the period took; to be appended to.
+
     """
 
     def __init__(self, node_name, hardware_id, facts):
@@ -136,20 +141,8 @@ class Health:
         self._incompatible = {}
         self._received = Counter()
         self._refused = 0
-        self._begin_period()
-
-    def _begin_period(self):
         self._begun = time.monotonic()
-        self._checks = 0
-        self._total = 0.0
-        self._longest = 0.0
-
-    def checked(self, seconds):
-        """Count one message and the time that its check took."""
-        self._checks += 1
-        self._total += seconds
-        if seconds > self._longest:
-            self._longest = seconds
+        self.check_times = []
 
     def incompatible_qos(self, topic, policy):
         """Note that a publisher on a topic cannot be heard."""
@@ -166,12 +159,13 @@ class Health:
             Messages since the start: by source, and by source and reason.
 
         """
-        period = time.monotonic() - self._begun
+        now = time.monotonic()
+        period = now - self._begun
         refused = rejected.total()
-        mean = self._total / self._checks if self._checks else 0.0
+        times = self.check_times or [0.0]
         values = dict(self._facts)
-        values['check time mean [ms]'] = f'{1e3 * mean:.3f}'
-        values['check time max [ms]'] = f'{1e3 * self._longest:.3f}'
+        values['check time mean [ms]'] = f'{1e3 * sum(times) / len(times):.3f}'
+        values['check time max [ms]'] = f'{1e3 * max(times):.3f}'
         for name, count in received.items():
             values[f'{name}: received'] = str(count)
             values[f'{name}: rate [Hz]'] = f'{(count - self._received[name]) / period:.1f}'
@@ -187,7 +181,8 @@ class Health:
         self._status.message = '; '.join(problems) or 'running'
         self._received = received.copy()
         self._refused = refused
-        self._begin_period()
+        self._begun = now
+        self.check_times.clear()
         message = DiagnosticArray(status=[self._status])
         message.header.stamp = stamp
         return message

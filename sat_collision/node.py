@@ -167,9 +167,9 @@ class CollisionMonitor(Node):
 
     def _receive(self, name, data):
         start = time.perf_counter()
-        rejection = self._monitor.receive(name, data, self._now())
-        self._health.checked(time.perf_counter() - start)
-        self._outputs.outdate_markers()
+        rejection = self._monitor.receive(name, data, self._read_clock().nanoseconds)
+        self._health.check_times.append(time.perf_counter() - start)
+        self._outputs.markers_current = False
         if rejection:
             self._log(rejection)
         self._publish_changes()

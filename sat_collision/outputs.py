@@ -32,6 +32,11 @@ class Outputs:
     settings : Settings
     scene : Scene
 
+    Attributes
+    ----------
+    markers_current : bool
+        Whether the markers made last show the scene as it is; to be unset when a body has changed.
+
     """
 
     def __init__(self, node, settings, scene):
@@ -48,6 +53,7 @@ class Outputs:
         self._markers = Markers()
         self._marker_publisher = node.create_publisher(MarkerArray, '~/markers', 1)
         self._marker_message = None
+        self.markers_current = False
         self.configure(settings)
 
     def configure(self, settings):
@@ -64,11 +70,7 @@ class Outputs:
             self._raised[name] = (status is Status.COLLISION
                                   or status is Status.UNKNOWN and self._unknown_is_collision)
         self._unwritten.update(names)
-        self.outdate_markers()
-
-    def outdate_markers(self):
-        """Take note that bodies have changed."""
-        self._marker_message = None
+        self.markers_current = False
 
     def publish(self, names=None):
         """Publish the common flag, the flags of some footprints or of all, and all states."""
@@ -97,6 +99,7 @@ class Outputs:
     def publish_markers(self):
         """Publish the markers if somebody wants them."""
         if self._marker_publisher.get_subscription_count():
-            if self._marker_message is None:
+            if not self.markers_current:
                 self._marker_message = self._markers.message(self._scene)
+                self.markers_current = True
             self._marker_publisher.publish(self._marker_message)

@@ -65,7 +65,7 @@ class BagOutputs:
     def publish_markers(self, now):
         """Write the markers."""
         self._clock.time = now
-        self._outputs.outdate_markers()
+        self._outputs.markers_current = False
         self._outputs.publish_markers()
 
     def close(self):

@@ -14,6 +14,7 @@
 
 """Which footprints meet which obstacles, kept up to date one body at a time."""
 
+from sat_collision.express import express, NOT_ORDINARY
 from sat_collision.polygon_set import PolygonSet
 
 
@@ -24,7 +25,8 @@ class Placeable:
     Attributes
     ----------
     polygon : Polygon or None
-        Where the body is; None while it is nowhere.
+        Where the body was placed; None while it is nowhere. Of an obstacle, `Contacts.polygon`
+        knows better.
     row : int or None
         Its row among the placed bodies of its kind.
     meets : set of Placeable
@@ -92,6 +94,42 @@ class Contacts:
         footprints = self._footprints.within(polygon, self._margin)
         if footprints or obstacle.meets:
             self.changed.update(_meet(obstacle, footprints))
+
+    def polygon(self, obstacle):
+        """Return where an obstacle is, None if nowhere; the same Polygon while it stays there."""
+        row = obstacle.row
+        polygons = self._obstacles.polygons
+        if row is not None and not polygons.holds(row, obstacle.polygon):
+            obstacle.polygon = polygons.convex_polygon(row)
+        return obstacle.polygon
+
+    def is_at(self, obstacle, polygon):
+        """Tell whether an obstacle is where a polygon is already."""
+        return obstacle.row is not None and self._obstacles.polygons.holds(obstacle.row, polygon)
+
+    def express(self, obstacle, *message):
+        """
+        Take an ordinary message for an obstacle that is placed.
+
+        Parameters
+        ----------
+        obstacle : Placeable
+        *message
+            The parameters of `express.express` up to `place`.
+
+        Returns
+        -------
+        int
+            The time in ns from which the obstacle counts, or NOT_ORDINARY.
+
+        """
+        if self._margin != 0.0:
+            return NOT_ORDINARY
+        obstacles, footprints = self._obstacles.polygons, self._footprints.polygons
+        return express(*message, obstacle.row,
+                       obstacles.bounds, obstacles.rows, obstacles.blocks,
+                       footprints.bounds, footprints.rows, footprints.blocks,
+                       footprints.used_rows)
 
     def remove_obstacle(self, obstacle):
         """Take an obstacle away, if it is placed."""

@@ -100,11 +100,6 @@ if COMPILED:
     def scratch(size):
         """Return an uninitialised flat array of doubles for use inside a kernel."""
         return np.empty(size)
-
-    @kernel
-    def float32s(data):
-        """Return the float32 numbers, in this machine's byte order, that bytes hold."""
-        return np.frombuffer(data, np.float32)
 else:
     def prefetch(array, i):
         """Do nothing; only compiled code waits for memory more than for itself."""
@@ -116,7 +111,3 @@ else:
     def scratch(size):
         """Return an uninitialised flat array of doubles for use inside a kernel."""
         return memoryview(np.empty(size))
-
-    def float32s(data):
-        """Return the float32 numbers, in this machine's byte order, that bytes hold."""
-        return memoryview(data).cast('f')

@@ -17,6 +17,7 @@
 from collections import Counter
 from typing import NamedTuple
 
+from sat_collision.jit import COMPILED
 from sat_collision.messages import decode, MessageError
 from sat_collision.polygon import Polygon, PolygonError, Reason
 from sat_collision.scene import Scene
@@ -113,6 +114,8 @@ class Monitor:
         """
         self.received[name] += 1
         scene = self.scene
+        if COMPILED and scene.express(name, data, now):
+            return None
         settings = scene.settings_of(name)
         if not settings.enabled:
             return None

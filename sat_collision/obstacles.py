@@ -44,7 +44,7 @@ class Obstacle(NamedTuple):
 class Body(Placeable):
     """An obstacle of a source; or, if `refused` says why, the place of one that was refused."""
 
-    __slots__ = ('source', 'key', 'number', 'time', 'shape', 'frame_id', 'refused', 'watched')
+    __slots__ = ('source', 'key', 'number', 'time', 'frame_id', 'refused', 'watched')
 
     def __init__(self, source, key, number, time):
         super().__init__()
@@ -52,7 +52,6 @@ class Body(Placeable):
         self.key = key
         self.number = number
         self.time = time
-        self.shape = None
         self.frame_id = ''
         self.refused = None
         self.watched = NEVER

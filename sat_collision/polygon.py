@@ -21,7 +21,7 @@ import numpy as np
 from sat_collision import ring
 from sat_collision.decomposition import convex_parts
 from sat_collision.jit import indexable
-from sat_collision.record import BOUNDS, build, HEADER, SCAN_LIMIT, table_size, unpack
+from sat_collision.record import BOUNDS, build, HEADER, record_size, unpack
 
 MAX_VERTICES = 1024
 _POINT_BYTES = 12
@@ -85,7 +85,7 @@ class Polygon:
 
     def __init__(self, points, max_vertices=MAX_VERTICES):
         flat, width = _flat(points)
-        record = _room(len(flat) // width)
+        record = np.empty(record_size(len(flat) // width))
         self._take(record, build(indexable(flat), width, indexable(record), max_vertices),
                    max_vertices)
 
@@ -105,9 +105,18 @@ class Polygon:
         count = len(data) // _POINT_BYTES
         if count == 0:
             raise _empty()
-        record = _room(count)
+        record = np.empty(record_size(count))
         polygon = cls.__new__(cls)
-        polygon._take(record, unpack(data, indexable(record), max_vertices), max_vertices)
+        values = indexable(np.frombuffer(data, np.float32))
+        polygon._take(record, unpack(values, indexable(record), max_vertices), max_vertices)
+        return polygon
+
+    @classmethod
+    def of_record(cls, record, count):
+        """Make a convex polygon of the record that `record.build` has made of it."""
+        polygon = cls.__new__(cls)
+        polygon.block = record, count
+        polygon._outline = polygon._parts = None
         return polygon
 
     def _take(self, record, built, max_vertices):
@@ -167,12 +176,6 @@ class Polygon:
 
     def __repr__(self):
         return f'Polygon({self.vertices.tolist()})'
-
-
-def _room(points):
-    """Return an array with room for the record of so many points."""
-    table = table_size(points) if points > SCAN_LIMIT else 0
-    return np.empty(HEADER + table + 2 * points)
 
 
 def _decompose(flat):

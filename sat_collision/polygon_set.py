@@ -20,7 +20,8 @@ from sat_collision.exact import bodies_meet, quick_verdict
 from sat_collision.improved import MEET, SEPARATE
 from sat_collision.jit import COMPILED, indexable, kernel, unowned
 from sat_collision.pairwise import pairwise
-from sat_collision.record import BOUNDS
+from sat_collision.polygon import Polygon
+from sat_collision.record import BOUNDS, record_size
 
 _FEWEST_ROWS = 16
 _FEWEST_DOUBLES = 1024
@@ -41,15 +42,24 @@ class PolygonSet:
     polygons : iterable of Polygon, optional
         Bodies of rows 0, 1, 2, ...
 
+    Attributes
+    ----------
+    bounds : (4, r) array of float64
+        For the kernels: bounds of each row; which rows have a body, `rows` says.
+    rows : (3, r) array of int64
+        Where the block of each row starts, the block's count (0: no body), and its space.
+    blocks : flat array of float64
+        The blocks.
+    used_rows : int
+        How many rows are, or were, in use.
+
     """
 
     def __init__(self, polygons=()):
-        self._bounds = np.empty((4, _FEWEST_ROWS))
-        # Per row: where its block starts, the block's count (see `Polygon.block`, 0: no body)
-        # and the space it may use.
-        self._rows = np.empty((3, _FEWEST_ROWS), np.int64)
-        self._data = np.empty(_FEWEST_DOUBLES)
-        self._used_rows = 0
+        self.bounds = np.empty((4, _FEWEST_ROWS))
+        self.rows = np.empty((3, _FEWEST_ROWS), np.int64)
+        self.blocks = np.empty(_FEWEST_DOUBLES)
+        self.used_rows = 0
         self._used_data = 0
         self._free = []
         for polygon in polygons:
@@ -57,62 +67,72 @@ class PolygonSet:
 
     def __len__(self):
         """Return the number of rows with a body."""
-        return self._used_rows - len(self._free)
+        return self.used_rows - len(self._free)
 
     @property
     def nbytes(self):
         """Bytes of memory held by the arrays."""
-        return self._bounds.nbytes + self._rows.nbytes + self._data.nbytes
+        return self.bounds.nbytes + self.rows.nbytes + self.blocks.nbytes
 
     def append(self, polygon):
         """Add a body and return its row: the one freed last, if any."""
         if self._free:
             row = self._free.pop()
         else:
-            row = self._used_rows
-            if row == self._bounds.shape[1]:
-                self._bounds = np.concatenate([self._bounds, np.empty_like(self._bounds)], axis=1)
-                self._rows = np.concatenate([self._rows, np.empty_like(self._rows)], axis=1)
-            self._used_rows += 1
-            self._rows[:, row] = 0
+            row = self.used_rows
+            if row == self.bounds.shape[1]:
+                self.bounds = np.concatenate([self.bounds, np.empty_like(self.bounds)], axis=1)
+                self.rows = np.concatenate([self.rows, np.empty_like(self.rows)], axis=1)
+            self.used_rows += 1
+            self.rows[:, row] = 0
         self.replace(row, polygon)
         return row
 
     def replace(self, row, polygon):
         """Put another body in place of that of a row."""
         block, count = polygon.block
-        if not _put(self._bounds, self._rows, self._data, row, block, count):
+        if not put(self.bounds, self.rows, self.blocks, row, block, count):
             self._make_room(row, len(block))
-            _put(self._bounds, self._rows, self._data, row, block, count)
+            put(self.bounds, self.rows, self.blocks, row, block, count)
 
     def remove(self, row):
         """Take the body of a row out; the row number may be given to a later body."""
-        self._rows[1, row] = 0
-        self._bounds[:, row] = _NOWHERE
+        self.rows[1, row] = 0
+        self.bounds[:, row] = _NOWHERE
         self._free.append(row)
+
+    def holds(self, row, polygon):
+        """Tell whether the body of a row is a polygon, in the very same vertices."""
+        block, count = polygon.block
+        return _holds(indexable(self.rows), indexable(self.blocks), row, indexable(block), count)
+
+    def convex_polygon(self, row):
+        """Return the body of a row, which is convex, as a Polygon."""
+        start, count, _ = self.rows[:, row].tolist()
+        return Polygon.of_record(self.blocks[start:start + record_size(count)].copy(), count)
 
     def _make_room(self, row, size):
         """Give a row space for a block, at the end of what is used."""
-        self._rows[1, row] = 0
-        if self._used_data + size > len(self._data):
+        self.rows[1, row] = 0
+        if self._used_data + size > len(self.blocks):
             self._repack(size)
-        self._rows[0, row] = self._used_data
-        self._rows[2, row] = size
+        self.rows[0, row] = self._used_data
+        self.rows[2, row] = size
         self._used_data += size
 
     def _repack(self, needed):
         """Move the blocks in use to the front of a new array with room for as much again."""
-        rows = np.flatnonzero(self._rows[1, :self._used_rows])
-        live = int(self._rows[2, rows].sum())
+        rows = np.flatnonzero(self.rows[1, :self.used_rows])
+        live = int(self.rows[2, rows].sum())
         data = np.empty(max(_FEWEST_DOUBLES, 2 * (live + needed)))
         end = 0
         for row in rows:
-            start, _, size = self._rows[:, row]
-            data[end:end + size] = self._data[start:start + size]
-            self._rows[0, row] = end
+            start, _, size = self.rows[:, row]
+            data[end:end + size] = self.blocks[start:start + size]
+            self.rows[0, row] = end
             end += size
-        self._rows[2, self._rows[1] == 0] = 0
-        self._data = data
+        self.rows[2, self.rows[1] == 0] = 0
+        self.blocks = data
         self._used_data = end
 
     def hits(self, polygon):
@@ -125,17 +145,17 @@ class PolygonSet:
 
         """
         block, count = polygon.block
-        rows = np.empty(self._used_rows, np.int64)
+        rows = np.empty(self.used_rows, np.int64)
         if COMPILED:
-            found = _hits(self._bounds, self._rows, self._data, self._used_rows, block, count,
-                          rows)
+            found = hit_rows(self.bounds, self.rows, self.blocks, self.used_rows, block, count,
+                             rows)
             return rows[:found] if found else _NO_ROWS
-        bounds = self._bounds[:, :self._used_rows]
+        bounds = self.bounds[:, :self.used_rows]
         rows = np.flatnonzero((bounds[0] <= block[4]) & (bounds[2] >= block[2])
                               & (bounds[1] <= block[5]) & (bounds[3] >= block[3]))
-        data = indexable(self._data)
+        data = indexable(self.blocks)
         block = indexable(block)
-        starts, counts, _ = self._rows[:, rows].tolist()
+        starts, counts, _ = self.rows[:, rows].tolist()
         return rows[[bodies_meet(data, start, n, block, 0, count)
                      for start, n in zip(starts, counts)]]
 
@@ -149,8 +169,8 @@ class PolygonSet:
         if margin == 0.0:
             return self.hits(polygon)
         block, count = polygon.block
-        rows = np.empty(self._used_rows, np.int64)
-        found = proximity.within(*self._indexable(), self._used_rows, indexable(block), count,
+        rows = np.empty(self.used_rows, np.int64)
+        found = proximity.within(*self._indexable(), self.used_rows, indexable(block), count,
                                  margin, indexable(rows))
         return rows[:found]
 
@@ -167,31 +187,31 @@ class PolygonSet:
         """
         block, count = polygon.block
         row, separation, ax, ay, bx, by = proximity.nearest(
-            *self._indexable(), self._used_rows, indexable(block), count)
+            *self._indexable(), self.used_rows, indexable(block), count)
         return row, separation, (ax, ay), (bx, by)
 
     def _indexable(self):
-        return indexable(self._bounds), indexable(self._rows), indexable(self._data)
+        return indexable(self.bounds), indexable(self.rows), indexable(self.blocks)
 
     def intersects(self, polygon):
         """Return for each row whether its body shares a point with a polygon: (m,) bool."""
-        answers = np.zeros(self._used_rows, np.bool_)
+        answers = np.zeros(self.used_rows, np.bool_)
         answers[self.hits(polygon)] = True
         return answers
 
     def intersects_pairwise(self, other):
         """Return for each row whether its body meets that of the same row of another set."""
-        if self._used_rows != other._used_rows:
-            raise ValueError(f'{self._used_rows} bodies cannot be paired with '
-                             f'{other._used_rows}')
-        answers = np.empty(self._used_rows, np.int8)
-        pairwise(indexable(self._rows), indexable(self._data), indexable(other._rows),
-                 indexable(other._data), answers)
+        if self.used_rows != other.used_rows:
+            raise ValueError(f'{self.used_rows} bodies cannot be paired with '
+                             f'{other.used_rows}')
+        answers = np.empty(self.used_rows, np.int8)
+        pairwise(indexable(self.rows), indexable(self.blocks), indexable(other.rows),
+                 indexable(other.blocks), answers)
         return answers == MEET
 
 
 @kernel
-def _put(bounds, rows, data, row, block, count):
+def put(bounds, rows, data, row, block, count):
     """Write a body into its row if the row has the space; return whether it has."""
     size = len(block)
     if size > rows[2, row]:
@@ -204,7 +224,18 @@ def _put(bounds, rows, data, row, block, count):
 
 
 @kernel
-def _hits(bounds, rows, data, used, block, count, found):
+def _holds(rows, blocks, row, block, count):
+    start = rows[0, row]
+    if rows[1, row] != count or rows[2, row] < len(block):
+        return False
+    for k in range(len(block)):
+        if blocks[start + k] != block[k]:
+            return False
+    return True
+
+
+@kernel
+def hit_rows(bounds, rows, data, used, block, count, found):
     """Write the rows that a block hits, in ascending order; return how many there are."""
     candidates = _candidates(bounds, rows, data, used, block, count, found)
     hits = 0

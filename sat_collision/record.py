@@ -25,7 +25,7 @@ The table cuts the directions into sectors, four for each double: a double holds
 
 import math
 
-from sat_collision.jit import float32s, inlined, kernel, scratch
+from sat_collision.jit import inlined, kernel, scratch
 from sat_collision.predicates import orient
 from sat_collision.ring import clean, CONVEX, NON_CONVEX
 
@@ -52,6 +52,12 @@ def table_size(count):
     return 32 if count <= 128 else LARGEST_TABLE
 
 
+def record_size(count):
+    """Return how many doubles the record of a polygon with count vertices takes."""
+    table = table_size(count) if count > SCAN_LIMIT else 0
+    return HEADER + table + 2 * count
+
+
 @kernel
 def build(points, width, record, most):
     """
@@ -64,7 +70,7 @@ def build(points, width, record, most):
     width : int
         2 or 3.
     record : flat array of float64
-        Receives the record; of HEADER + table_size(n) + 2 n.
+        Receives the record; of `record_size(n)` at least.
     most : int
         The most vertices accepted.
 
@@ -96,14 +102,20 @@ def build(points, width, record, most):
 
 
 @kernel
-def unpack(data, record, most):
-    """Make a record as `build` does, from bytes: float32 x, y, z of each of n >= 1 points."""
-    values = float32s(data)
+def unpack(values, record, most):
+    """Make a record as `build` does, from a flat array of float32: x, y, z of each point."""
     points = scratch(len(values) // 3 * 2)
     for i in range(len(values) // 3):
         points[2 * i] = values[3 * i]
         points[2 * i + 1] = values[3 * i + 1]
     return build(points, 2, record, most)
+
+
+@kernel
+def fingerprint(block):
+    """Return a number that is the same for equal blocks, and seldom for others."""
+    return (block[0] + 3.0 * block[1] + 0.7 * block[2] + 1.9 * block[3] + 5.3 * block[4]
+            + 11.0 * block[5] + 0.4 * block[6])
 
 
 @kernel

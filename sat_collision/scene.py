@@ -70,7 +70,7 @@ class Scene:
         self._look_again()
 
     def _forget_all(self):
-        self.frame_id = self.settings.frame_id
+        self._use_frame(self.settings.frame_id)
         self._contacts = Contacts(self.settings.margin)
         self._deadlines = Deadlines()
         self._blanket = ''
@@ -181,6 +181,25 @@ class Scene:
             self._look_again()
         return refusal
 
+    def express(self, name, data, now):
+        """
+        Take a serialised message if it is an ordinary one, see `express`; tell whether it was.
+
+        Parameters
+        ----------
+        name : str
+            Name of the footprint or source.
+        data : bytes
+        now : int
+            Present time in ns.
+
+        """
+        source = self._sources.get(name)
+        if source is None or not self._frame:
+            return False
+        self.advance(now)
+        return source.express(data, now, self._frame, self.settings.max_vertices)
+
     def refuse(self, name, reason, now, stamp=None, instance=None):
         """
         Take note of a message that gave no polygon.
@@ -254,9 +273,9 @@ class Scene:
     @property
     def obstacles(self):
         """The (Obstacle, Polygon) of every obstacle that is somewhere."""
-        return [(body.name, body.polygon)
+        return [(body.name, self._contacts.polygon(body))
                 for source in self._sources.values() for body in source.bodies.values()
-                if body.polygon is not None]
+                if body.row is not None]
 
     @property
     def deadline(self):
@@ -266,7 +285,8 @@ class Scene:
     def contacts(self, name):
         """Return (Obstacle, Polygon of the footprint, Polygon) of all that a footprint meets."""
         footprint = self._footprints[name]
-        return [(body.name, footprint.polygon, body.polygon) for body in footprint.meets]
+        return [(body.name, footprint.polygon, self._contacts.polygon(body))
+                for body in footprint.meets]
 
     def nearest(self, name):
         """
@@ -285,8 +305,12 @@ class Scene:
         polygon = self._footprints[name].polygon
         return float(np.spacing(np.float32(np.abs(polygon.bounds).max()))) if polygon else 0.0
 
-    def _fix_frame(self, frame_id):
+    def _use_frame(self, frame_id):
         self.frame_id = frame_id
+        self._frame = frame_id and frame_id.encode() + b'\0'
+
+    def _fix_frame(self, frame_id):
+        self._use_frame(frame_id)
         for source in self._sources.values():
             source.refuse_other_frames(frame_id)
 

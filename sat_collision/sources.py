@@ -16,8 +16,12 @@
 
 from collections import Counter
 
+import numpy as np
 from sat_collision.deadlines import NEVER
+from sat_collision.express import NOT_ORDINARY
+from sat_collision.jit import indexable
 from sat_collision.obstacles import Body
+from sat_collision.record import fingerprint
 from sat_collision.settings import POLYGON_INSTANCE
 
 OTHER_FRAME = 'other frame'
@@ -28,6 +32,7 @@ TOO_OLD = 'too old'
 # own, and whatever came when the source was full.
 _UNPLACED = 'unplaced'
 _EXCESS = 'excess'
+_FEWEST_PLACES = 16
 
 
 class Source:
@@ -82,7 +87,7 @@ class Source:
         self._heard = None
         self._silent = False
         self._set_start = None
-        self._in_set = {}
+        self._prints = np.empty(_FEWEST_PLACES)
         self._count = 0
         self._places = 0
 
@@ -126,35 +131,53 @@ class Source:
         bodies = self.bodies
         if _UNPLACED in bodies:
             self.forget(bodies[_UNPLACED])
-        shape = polygon.block[0].tobytes()
         if self._in_sets and stamp:
             if stamp != self._set_start:
                 self._join_set(stamp)
-            key = self._in_set.get(shape)
-            if key is None:
-                key = self._next_place()
+            key = self._place_of(polygon)
             full = key >= self.settings.max_count
-            if not full:
-                self._in_set[shape] = key
         else:
-            key = self._admit(instance if self._by_id else shape)
+            key = self._admit(instance if self._by_id else polygon.block[0].tobytes())
             full = key == _EXCESS
         if full:
             self._refuse(key, time, TOO_MANY)
             return TOO_MANY
         body = bodies.get(key) or self._new_body(key, time)
         body.frame_id = frame_id
-        if body.shape == shape:
+        if self._contacts.is_at(body, polygon):
             body.time = max(body.time, time)
             return None
         if body.refused:
             self._count_refusal(body, None)
-        body.shape = shape
         body.time = time
         if time + self.timeout < body.watched:
             self._deadlines.watch(body)
         self._contacts.place_obstacle(body, polygon)
         return None
+
+    def express(self, data, now, frame, most):
+        """
+        Take a message if it is an ordinary one, see `express`; return whether it was.
+
+        `frame` is the scene's frame_id with a NUL, in bytes, and `most` the most vertices.
+        """
+        place = self._count
+        body = self.bodies.get(place)
+        if (body is None or body.row is None or self.reasons or self._set_start is None
+                or place >= len(self._prints) or place >= self.settings.max_count):
+            return False
+        least = now - self.timeout
+        if least < body.time:
+            least = body.time
+        time = self._contacts.express(body, data, frame, most, now, least, self._set_start,
+                                      self._set_window, self._prints, place)
+        if time == NOT_ORDINARY:
+            return False
+        self._count = place + 1
+        body.time = time
+        if time > self._heard:
+            self._heard = time
+        return True
 
     def refuse(self, reason, stamp, now, instance):
         """
@@ -230,13 +253,29 @@ class Source:
         self._places = self._count
         self._count = 0
         self._set_start = stamp
-        self._in_set.clear()
 
-    def _next_place(self):
-        """Return the next place in the set; when it is full, the one behind it."""
+    def _place_of(self, polygon):
+        """Return the place in the set of an equal polygon, be it forgotten, else the next one."""
+        block, _ = polygon.block
+        own = fingerprint(indexable(block))
+        for place in np.flatnonzero(self._prints[:self._count] == own).tolist():
+            body = self.bodies.get(place)
+            if body is None or body.row is None or self._contacts.is_at(body, polygon):
+                return place
+        return self._next_place(own)
+
+    def _next_place(self, own=np.nan):
+        """
+        Return the next place in the set; when it is full, the one behind it.
+
+        It is marked by the fingerprint of what takes it, if that has one.
+        """
         place = self._count
         if place > self.settings.max_count:
             place = self.settings.max_count
+        if place == len(self._prints):
+            self._prints = np.concatenate([self._prints, np.empty_like(self._prints)])
+        self._prints[place] = own
         self._count = place + 1
         if self._count > self._places:
             self._places = self._count
@@ -260,7 +299,6 @@ class Source:
         """Put a refused message in the place of what was there."""
         body = self.bodies.get(key) or self._new_body(key, time)
         body.time = max(body.time, time)
-        body.shape = None
         self._deadlines.watch(body)
         self._contacts.remove_obstacle(body)
         if body.refused != reason:

@@ -20,18 +20,23 @@ is asked, and leaves geometry to shapely.
 """
 
 from dataclasses import replace
+import math
 import random
 from typing import NamedTuple
 
 import pytest
+from sat_collision.jit import COMPILED
+from sat_collision.monitor import Monitor
 from sat_collision.polygon import Polygon
 from sat_collision.scene import Scene
 from sat_collision.settings import FootprintSettings, ObstacleSettings, Settings
+from test_monitor import serialised
 
 shapely = pytest.importorskip('shapely')
 
 MILLISECOND = 1_000_000
 SECOND = 1000 * MILLISECOND
+FRAMES = {'other': 'odom'}
 SETTINGS = Settings(
     footprints=(FootprintSettings('robot', '/footprint', timeout=1.0),
                 FootprintSettings('cart', '/cart', timeout=0.0)),
@@ -173,17 +178,65 @@ def rings(rng, count):
     return sorted(made)
 
 
+class Polygons:
+    """Tells a scene of polygons."""
+
+    def __init__(self):
+        self.scene = Scene(SETTINGS)
+        self.ordinary = None
+
+    def footprint(self, name, ring, kind, stamp, now):
+        if kind == 'good':
+            self.scene.footprint(name, Polygon(ring), 'map', stamp, now)
+        else:
+            self.scene.refuse(name, 'not finite', now, stamp)
+
+    def obstacle(self, name, ring, kind, stamp, now, instance):
+        if kind == 'undecodable':
+            self.scene.refuse(name, kind, now)
+        elif kind == 'refused':
+            self.scene.refuse(name, kind, now, stamp, instance)
+        else:
+            self.scene.obstacle(name, Polygon(ring) if kind != 'heartbeat' else None,
+                                FRAMES.get(kind, 'map'), stamp, now, instance)
+
+
+class Messages:
+    """Tells a monitor of the same by messages, most of which change little."""
+
+    def __init__(self):
+        self.monitor = Monitor(SETTINGS)
+        self.scene = self.monitor.scene
+        self.ordinary = 0
+        self._express = self.scene.express
+        self.scene.express = self._count_express
+
+    def _count_express(self, *message):
+        taken = self._express(*message)
+        self.ordinary += taken
+        return taken
+
+    def footprint(self, name, ring, kind, stamp, now):
+        self.obstacle(name, ring, kind, stamp, now, None)
+
+    def obstacle(self, name, ring, kind, stamp, now, instance):
+        ring = {'refused': ((math.nan, 0),), 'heartbeat': ()}.get(kind, ring)
+        data = serialised(ring, stamp, FRAMES.get(kind, 'map'), instance)
+        self.monitor.receive(name, data[:9] if kind == 'undecodable' else data, now)
+
+
+@pytest.mark.parametrize('way', (Polygons, Messages))
 @pytest.mark.parametrize('seed', range(20))
-def test_scene_agrees_with_a_model_that_recomputes_everything(seed):
+def test_scene_agrees_with_a_model_that_recomputes_everything(seed, way):
     """Sources of every kind, messages of every kind, in any order, with stamps that jump about."""
     rng = random.Random(seed)
     pool = rings(rng, 40)
-    polygons = {ring: Polygon(ring) for ring in pool}
-    ring_of = {polygon: ring for ring, polygon in polygons.items()}
-    scene, model = Scene(SETTINGS), Model(SETTINGS)
+    ring_of = {tuple(map(tuple, Polygon(ring).vertices.tolist())): ring for ring in pool}
+    told, model = way(), Model(SETTINGS)
+    scene = told.scene
     now = 1000 * SECOND
     scene.advance(now)
-    told = {}
+    states = {}
     seen = set()
     for _ in range(1500):
         now += rng.choice((0, 1, 5, 30, 100)) * MILLISECOND
@@ -203,44 +256,40 @@ def test_scene_agrees_with_a_model_that_recomputes_everything(seed):
             scene.advance(now)
         elif event < 0.3:
             name = rng.choice(SETTINGS.footprints).name
-            if rng.random() < 0.1:
-                scene.refuse(name, 'not finite', now, stamp)
-                model.footprints[name] = None
-            else:
-                scene.footprint(name, polygons[ring], 'map', stamp, now)
-                model.footprints[name] = Seen(ring, min(stamp, now) if stamp else now)
+            kind = 'refused' if rng.random() < 0.1 else 'good'
+            told.footprint(name, ring, kind, stamp, now)
+            time = min(stamp, now) if stamp else now
+            model.footprints[name] = Seen(ring, time) if kind == 'good' else None
+        elif event < 0.5:
+            for ring in rng.sample(pool, 3):
+                take_obstacle(told, model, model.settings.obstacles[0], ring, 'good', now, now)
         else:
-            take_obstacle(rng, scene, model, polygons, ring, stamp, now)
-        drawn = sorted(ring_of[polygon] for _, polygon in scene.obstacles)
-        assert drawn == model.obstacles(now)
-        where = dict(scene.obstacles)
+            kind = rng.choice(('good',) * 20 + ('refused', 'other', 'heartbeat', 'undecodable'))
+            source = rng.choice(model.settings.obstacles)
+            instance = rng.randrange(7) if source.type == 'polygon_instance' else None
+            take_obstacle(told, model, source, ring, kind, stamp, now, instance)
+        scene.advance(now)
+        where = {obstacle: ring_of[tuple(map(tuple, polygon.vertices.tolist()))]
+                 for obstacle, polygon in scene.obstacles}
+        assert sorted(where.values()) == model.obstacles(now)
         for name in scene.changes():
-            told[name] = scene.state(name)
+            states[name] = scene.state(name)
         for name in model.footprints:
             state = scene.state(name)
-            assert told[name][:3] == state[:3]
-            contacts = sorted(ring_of[where[obstacle]] for obstacle in state.contacts)
+            assert states[name][:3] == state[:3]
+            contacts = sorted(where[obstacle] for obstacle in state.contacts)
             assert (state.status.value, contacts) == model.finding(name, now)
             seen.add(state.status.value)
     assert seen == {'clear', 'collision', 'unknown'}
+    if told.ordinary is not None and COMPILED:
+        assert told.ordinary > 40
 
 
-def take_obstacle(rng, scene, model, polygons, ring, stamp, now):
+def take_obstacle(told, model, source, ring, kind, stamp, now, instance=None):
     """Give one message of some kind of some source to scene and model."""
-    settings = rng.choice(model.settings.obstacles)
-    name = settings.name
-    instance = rng.randrange(7) if settings.type == 'polygon_instance' else None
-    kind = rng.choice(('good',) * 20 + ('refused', 'other frame', 'heartbeat', 'undecodable'))
-    if kind == 'good':
-        scene.obstacle(name, polygons[ring], 'map', stamp, now, instance)
-    elif kind == 'other frame':
-        scene.obstacle(name, polygons[ring], 'odom', stamp, now, instance)
-    elif kind == 'heartbeat':
-        scene.obstacle(name, None, 'map', stamp, now, instance)
-    else:
+    told.obstacle(source.name, ring, kind, stamp, now, instance)
+    if source.enabled:
         if kind == 'undecodable':
             stamp = instance = None
-        scene.refuse(name, kind, now, stamp, instance)
-    if settings.enabled:
         kind = kind if kind in ('good', 'heartbeat') else 'refused'
-        model.sources[name].take(kind, ring, stamp, now, instance)
+        model.sources[source.name].take(kind, ring, stamp, now, instance)

@@ -1,0 +1,136 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The ordinary obstacle message, from its bytes to its place in the scene, in one compiled call.
+
+Nearly every message of a set moves an obstacle that touches no footprint, neither before nor
+after, and changes nothing else. `express` takes exactly these. Whatever it does not take for one
+of them it leaves untouched, and the message goes the general way, through `messages`, `Polygon`
+and `Source.place`, which decides alike: which way a message went makes no difference but in time.
+"""
+
+import numpy as np
+from sat_collision.jit import kernel
+from sat_collision.polygon_set import hit_rows, put
+from sat_collision.record import fingerprint, HEADER, table_size, unpack
+from sat_collision.ring import CONVEX
+
+NOT_ORDINARY = -2 ** 63
+
+_FRAME_AT = 16
+_POINT_BYTES = 12
+_SECOND = 1_000_000_000
+
+
+@kernel
+def express(data, frame, most, now, least_time, set_start, set_window, prints, place,
+            row, bounds, rows, blocks, other_bounds, other_rows, other_blocks, other_used):
+    """
+    Take an ordinary message.
+
+    Parameters
+    ----------
+    data : bytes
+        A serialised PolygonStamped.
+    frame : bytes
+        The scene's frame_id and a NUL.
+    most : int
+        The most vertices accepted.
+    now, least_time : int
+        Present time, and the least that the message may count from, in ns.
+    set_start, set_window : int
+        Stamp of the set that is coming in, and how far from it those of its messages lie, in ns.
+    prints : (p,) array of float64
+        The fingerprint of each member of the set so far. That of this one is added.
+    place : int
+        Which of the set this message is, less than p.
+    row : int
+        The row of the obstacle in that place.
+    bounds, rows, blocks : arrays
+        Of the PolygonSet of all obstacles.
+    other_bounds, other_rows, other_blocks : arrays
+        Of that of all footprints.
+    other_used : int
+        Their used rows.
+
+    Returns
+    -------
+    int
+        The time in ns that the obstacle counts from, or NOT_ORDINARY.
+
+    """
+    points_at, count = _find_points(data, frame)
+    if count == 0:
+        return NOT_ORDINARY
+    nanoseconds = _uint32(data, 8)
+    stamp = _int32(data, 4) * _SECOND + nanoseconds
+    time = min(stamp, now)
+    if (nanoseconds >= _SECOND or stamp == 0 or time < least_time
+            or abs(stamp - set_start) > set_window):
+        return NOT_ORDINARY
+    points = np.frombuffer(data, np.uint8)[points_at:].view(np.float32)
+    record = np.empty(HEADER + table_size(count) + 2 * count)
+    verdict, count, _, _, first = unpack(points, record, most)
+    size = first + 2 * count
+    if verdict != CONVEX or size > rows[2, row]:
+        return NOT_ORDINARY
+    own = fingerprint(record)
+    equal = 0
+    for k in range(place):
+        equal += prints[k] == own
+    if equal:
+        return NOT_ORDINARY
+    found = np.empty(other_used, np.int64)
+    before = blocks[rows[0, row]:rows[0, row] + rows[2, row]]
+    after = record[:size]
+    if (hit_rows(other_bounds, other_rows, other_blocks, other_used, before, rows[1, row], found)
+            or hit_rows(other_bounds, other_rows, other_blocks, other_used, after, count, found)):
+        return NOT_ORDINARY
+    put(bounds, rows, blocks, row, after, count)
+    prints[place] = own
+    return time
+
+
+@kernel
+def _find_points(data, frame):
+    """
+    Return where the points start in a PolygonStamped in little-endian CDR, and how many they are.
+
+    None where the frame is another, or the lengths do not add up to the byte.
+    """
+    size = len(data)
+    length = len(frame)
+    count_at = (_FRAME_AT + length + 3) & ~3
+    points_at = count_at + 4
+    if (points_at > size or data[0] != 0 or data[1] != 1 or data[2] != 0 or data[3] != 0
+            or _uint32(data, 12) != length):
+        return 0, 0
+    for k in range(length):
+        if data[_FRAME_AT + k] != frame[k]:
+            return 0, 0
+    count = _uint32(data, count_at)
+    return (points_at, count) if points_at + _POINT_BYTES * count == size else (0, 0)
+
+
+@kernel
+def _uint32(data, at):
+    return (np.int64(data[at]) | np.int64(data[at + 1]) << 8 | np.int64(data[at + 2]) << 16
+            | np.int64(data[at + 3]) << 24)
+
+
+@kernel
+def _int32(data, at):
+    number = _uint32(data, at)
+    return number - ((number & 0x80000000) << 1)

@@ -28,11 +28,12 @@ Each sign is taken from plain doubles when it exceeds a forward error bound. Whe
 
 from sat_collision.jit import inlined
 from sat_collision.predicates import UNDERFLOW_BOUND
-from sat_collision.record import HEADER, near_support, SCAN_LIMIT, table_size
+from sat_collision.record import HEADER, near_support, SCAN_LIMIT, table_sector, table_size
 
 SEPARATE = -1
 UNSURE = 0
 MEET = 1
+OPEN = 2
 
 # A sum of two products of rounded differences has an error of at most (4 u + O(u^2)) times the
 # sum of the products' magnitudes, u = 2^-53; twice that is taken.
@@ -42,7 +43,7 @@ PRODUCT_BOUND = 8.0 * 2.0 ** -53
 SUPPORT_BOUND = 64.0 * 2.0 ** -53
 SUPPORT_UNDERFLOW = 2.0 ** -1040
 
-_MOST_QUERIES = 48
+MOST_QUERIES = 48
 
 
 @inlined
@@ -75,45 +76,92 @@ def search(p, p_start, n, q, q_start, m):
         How many axes were tried.
 
     """
-    reach_x = max(max(-p[p_start + 2], p[p_start + 4]), max(-q[q_start + 2], q[q_start + 4]))
-    reach_y = max(max(-p[p_start + 3], p[p_start + 5]), max(-q[q_start + 3], q[q_start + 5]))
-    ax = bx = ux = q[q_start] - p[p_start]
-    ay = by = uy = q[q_start + 1] - p[p_start + 1]
-    inner = p[p_start + 6] + q[q_start + 6]
-    verdict = UNSURE
-    if ux * ux + uy * uy < inner * inner or (ux == 0.0 and uy == 0.0):
-        verdict = MEET
+    verdict, ux, uy, reach_x, reach_y = begin(p, p_start, q, q_start)
+    ax = bx = ux
+    ay = by = uy
     i = j = 0
     queries = 0
-    while verdict == UNSURE and queries < _MOST_QUERIES:
+    while verdict == OPEN and queries < MOST_QUERIES:
         queries += 1
         i = support(p, p_start, n, ux, uy)
         j = support(q, q_start, m, -ux, -uy)
-        if i < 0 or j < 0:
-            break
+        verdict, ax, ay, bx, by, ux, uy = try_axis(p, i, q, j, ax, ay, bx, by, ux, uy,
+                                                   reach_x, reach_y)
+    return UNSURE if verdict == OPEN else verdict, i, j, queries
+
+
+@inlined
+def begin(p, p_start, q, q_start):
+    """
+    Compare the discs inside two polygons, and choose the first axis.
+
+    Returns
+    -------
+    verdict : int
+        MEET or OPEN.
+    ux, uy : float
+        The first axis, and both sides of the cone.
+    reach_x, reach_y : float
+        The greatest magnitudes of coordinates.
+
+    """
+    reach_x = max(max(-p[p_start + 2], p[p_start + 4]), max(-q[q_start + 2], q[q_start + 4]))
+    reach_y = max(max(-p[p_start + 3], p[p_start + 5]), max(-q[q_start + 3], q[q_start + 5]))
+    ux = q[q_start] - p[p_start]
+    uy = q[q_start + 1] - p[p_start + 1]
+    inner = p[p_start + 6] + q[q_start + 6]
+    verdict = OPEN
+    if ux * ux + uy * uy < inner * inner or (ux == 0.0 and uy == 0.0):
+        verdict = MEET
+    return verdict, ux, uy, reach_x, reach_y
+
+
+@inlined
+def try_axis(p, i, q, j, ax, ay, bx, by, ux, uy, reach_x, reach_y):
+    """
+    Judge an axis u by the support vertices along it, and choose the next one.
+
+    Parameters
+    ----------
+    p, q : flat arrays of float64
+    i, j : int
+        Where the support vertices stand, see `support`.
+    ax, ay, bx, by : float
+        The cone of axes still possible, {u: u . a > 0, u . b > 0}, a to b a left turn.
+    ux, uy : float
+        The axis.
+    reach_x, reach_y : float
+        The greatest magnitudes of coordinates.
+
+    Returns
+    -------
+    verdict : int
+        SEPARATE, MEET, UNSURE, or OPEN: another axis has to be tried.
+    ax, ay, bx, by, ux, uy : float
+        What remains of the cone, and the next axis; meaningless unless OPEN.
+
+    """
+    verdict = UNSURE
+    if i >= 0 and j >= 0:
         wx = q[j] - p[i]
         wy = q[j + 1] - p[i + 1]
-        # The cone of axes still possible is {u: u . a > 0, u . b > 0}, a to b a left turn.
         from_a = _turn(ax, ay, wx, wy)
         to_b = _turn(wx, wy, bx, by)
         gap = _gap(wx, wy, ux, uy, reach_x, reach_y)
         if gap > 0:
             verdict = SEPARATE
-        elif gap == 0:
-            break
-        elif from_a < 0 and to_b < 0:
-            verdict = MEET
-        elif from_a > 0 and to_b < 0:
-            bx = wx
-            by = wy
-        elif from_a < 0 and to_b > 0:
-            ax = wx
-            ay = wy
-        else:
-            break
-        ux = by - ay
-        uy = ax - bx
-    return verdict, i, j, queries
+        elif gap < 0:
+            if from_a < 0 and to_b < 0:
+                verdict = MEET
+            elif from_a > 0 and to_b < 0:
+                verdict = OPEN
+                bx = wx
+                by = wy
+            elif from_a < 0 and to_b > 0:
+                verdict = OPEN
+                ax = wx
+                ay = wy
+    return verdict, ax, ay, bx, by, by - ay, ax - bx
 
 
 @inlined
@@ -138,9 +186,15 @@ def support(v, start, count, ux, uy):
             summit = i if along > most else summit
             most = along if along > most else most
         return summit
+    i = near_support(v, start, count, table_sector(count, ux, uy))
+    return climb(v, start, count, i, ux, uy)
+
+
+@inlined
+def climb(v, start, count, i, ux, uy):
+    """Climb from the vertex at i to the one furthest along u, see `support`."""
     first = start + HEADER + table_size(count)
     last = first + 2 * count - 2
-    i = start + near_support(v, start, count, ux, uy)
     ahead = i + 2 if i < last else first
     behind = i - 2 if i > first else last
     rise_ahead = _rise(v, i, ahead, ux, uy)

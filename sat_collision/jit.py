@@ -100,6 +100,11 @@ if COMPILED:
     def scratch(size):
         """Return an uninitialised flat array of doubles for use inside a kernel."""
         return np.empty(size)
+
+    @kernel
+    def scratch_integers(size):
+        """Return the same of 64-bit integers."""
+        return np.empty(size, np.int64)
 else:
     def prefetch(array, i):
         """Do nothing; only compiled code waits for memory more than for itself."""
@@ -111,3 +116,7 @@ else:
     def scratch(size):
         """Return an uninitialised flat array of doubles for use inside a kernel."""
         return memoryview(np.empty(size))
+
+    def scratch_integers(size):
+        """Return the same of 64-bit integers."""
+        return memoryview(np.empty(size, np.int64))

@@ -12,18 +12,26 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Pairs by the thousand, from memory that the processor has to be asked for in time."""
+"""
+Pairs by the thousand, from memory that the processor has to be asked for in time.
+
+Most of the time of a pair that is not in the cache goes by waiting for it. So the headers are
+asked for some rows ahead. Of polygons with many vertices only the few that the search visits are
+worth fetching, and which these are is known one axis at a time: all pairs of a batch go on in
+step, and what one reads next comes while the others are at work.
+"""
 
 from sat_collision.exact import bodies_meet, quick_verdict
-from sat_collision.improved import boxes_apart, MEET, SEPARATE, UNSURE
-from sat_collision.jit import inlined, kernel, prefetch, unowned
-from sat_collision.record import HEADER, near_support, SCAN_LIMIT, table_size
+from sat_collision.improved import (
+    begin, boxes_apart, climb, MEET, MOST_QUERIES, OPEN, SEPARATE, try_axis, UNSURE)
+from sat_collision.jit import inlined, kernel, prefetch, scratch, scratch_integers, unowned
+from sat_collision.record import HEADER, near_support, SCAN_LIMIT, table_place, table_sector
 
 _CACHE_LINE = 8
-_FAR_AHEAD = 16
-_NEAR_AHEAD = 8
-_FETCHED_WHOLE = 64
+_AHEAD = 16
 _BATCH = 64
+# The doubles that a pair keeps between two axes: ax, ay, bx, by, ux, uy, reach_x, reach_y.
+_STATE = 8
 
 
 @kernel
@@ -45,59 +53,128 @@ def pairwise(rows, data, other_rows, other_data, answers):
     data = unowned(data)
     other_rows = unowned(other_rows)
     other_data = unowned(other_data)
+    state = scratch(_STATE * _BATCH)
+    near = scratch_integers(2 * _BATCH)
+    pending = scratch_integers(_BATCH)
     # Batch by batch, so that what has to be decided exactly is still in the cache.
     for start in range(0, len(answers), _BATCH):
-        end = min(start + _BATCH, len(answers))
-        _quick_verdicts(rows, data, other_rows, other_data, start, end, answers)
-        for row in range(start, end):
-            if answers[row] == UNSURE:
+        count = _begin(rows, data, other_rows, other_data, start, answers, state, pending)
+        _search(rows, data, other_rows, other_data, start, answers, state, near, pending, count)
+        for row in range(start, min(start + _BATCH, len(answers))):
+            if answers[row] == UNSURE or answers[row] == OPEN:
                 answers[row] = MEET if bodies_meet(
                     data, rows[0, row], rows[1, row],
                     other_data, other_rows[0, row], other_rows[1, row]) else SEPARATE
 
 
 @kernel
-def _quick_verdicts(rows, data, other_rows, other_data, start, end, verdicts):
+def _begin(rows, data, other_rows, other_data, start, verdicts, state, pending):
+    """Decide the pairs that need no table, begin with the others; return how many are pending."""
     rows = unowned(rows)
     data = unowned(data)
     other_rows = unowned(other_rows)
     other_data = unowned(other_data)
     verdicts = unowned(verdicts)
+    state = unowned(state)
+    pending = unowned(pending)
     used = len(verdicts)
-    for row in range(start, end):
-        # Most of the time of a pair that is not in the cache goes by waiting for it.
-        far = row + _FAR_AHEAD
-        if far < used:
-            _prefetch(data, rows[0, far], 0, HEADER + 2 * min(rows[1, far], SCAN_LIMIT))
-            _prefetch(other_data, other_rows[0, far], 0,
-                      HEADER + 2 * min(other_rows[1, far], SCAN_LIMIT))
-        near = row + _NEAR_AHEAD
-        if near < used:
-            _prefetch_vertices(data, rows[0, near], rows[1, near],
-                               other_data, other_rows[0, near], other_rows[1, near])
-        verdicts[row] = quick_verdict(data, rows[0, row], rows[1, row],
-                                      other_data, other_rows[0, row], other_rows[1, row])
+    count = 0
+    for row in range(start, min(start + _BATCH, used)):
+        ahead = row + _AHEAD
+        if ahead < used:
+            _prefetch(data, rows[0, ahead], rows[1, ahead])
+            _prefetch(other_data, other_rows[0, ahead], other_rows[1, ahead])
+        p = rows[0, row]
+        n = rows[1, row]
+        q = other_rows[0, row]
+        m = other_rows[1, row]
+        if n <= SCAN_LIMIT or m <= SCAN_LIMIT:
+            verdicts[row] = quick_verdict(data, p, n, other_data, q, m)
+        elif boxes_apart(data, p, other_data, q):
+            verdicts[row] = SEPARATE
+        else:
+            verdict, ux, uy, reach_x, reach_y = begin(data, p, other_data, q)
+            verdicts[row] = verdict
+            if verdict == OPEN:
+                pending[count] = row
+                count += 1
+                k = _STATE * (row - start)
+                state[k] = state[k + 2] = state[k + 4] = ux
+                state[k + 1] = state[k + 3] = state[k + 5] = uy
+                state[k + 6] = reach_x
+                state[k + 7] = reach_y
+    return count
+
+
+@kernel
+def _search(rows, data, other_rows, other_data, start, verdicts, state, near, pending, count):
+    """Search as `improved.search` does, one axis of each pair after the other."""
+    rows = unowned(rows)
+    data = unowned(data)
+    other_rows = unowned(other_rows)
+    other_data = unowned(other_data)
+    verdicts = unowned(verdicts)
+    state = unowned(state)
+    near = unowned(near)
+    pending = unowned(pending)
+    queries = 0
+    while count > 0 and queries < MOST_QUERIES:
+        queries += 1
+        for k in range(count):
+            row = pending[k]
+            s = row - start
+            ux = state[_STATE * s + 4]
+            uy = state[_STATE * s + 5]
+            i = table_sector(rows[1, row], ux, uy)
+            j = table_sector(other_rows[1, row], -ux, -uy)
+            near[2 * s] = i
+            near[2 * s + 1] = j
+            prefetch(data, table_place(rows[0, row], i))
+            prefetch(other_data, table_place(other_rows[0, row], j))
+        for k in range(count):
+            row = pending[k]
+            s = row - start
+            i = near_support(data, rows[0, row], rows[1, row], near[2 * s])
+            j = near_support(other_data, other_rows[0, row], other_rows[1, row], near[2 * s + 1])
+            near[2 * s] = i
+            near[2 * s + 1] = j
+            _prefetch_neighbours(data, i)
+            _prefetch_neighbours(other_data, j)
+        still = 0
+        for k in range(count):
+            row = pending[k]
+            s = row - start
+            t = _STATE * s
+            ux = state[t + 4]
+            uy = state[t + 5]
+            i = climb(data, rows[0, row], rows[1, row], near[2 * s], ux, uy)
+            j = climb(other_data, other_rows[0, row], other_rows[1, row], near[2 * s + 1],
+                      -ux, -uy)
+            verdict, ax, ay, bx, by, ux, uy = try_axis(
+                data, i, other_data, j, state[t], state[t + 1], state[t + 2], state[t + 3],
+                ux, uy, state[t + 6], state[t + 7])
+            verdicts[row] = verdict
+            if verdict == OPEN:
+                pending[still] = row
+                still += 1
+                state[t] = ax
+                state[t + 1] = ay
+                state[t + 2] = bx
+                state[t + 3] = by
+                state[t + 4] = ux
+                state[t + 5] = uy
+        count = still
 
 
 @inlined
-def _prefetch(block, start, first, end):
-    for k in range(first, end, _CACHE_LINE):
-        prefetch(block, start + k)
+def _prefetch(block, start, count):
+    """Fetch a header, and the vertices where they are few."""
+    for k in range(start, start + HEADER + 2 * min(count, SCAN_LIMIT), _CACHE_LINE):
+        prefetch(block, k)
 
 
 @inlined
-def _prefetch_vertices(p, p_start, n, q, q_start, m):
-    """Fetch what the search will read: of many vertices those where it will begin to climb."""
-    if n <= SCAN_LIMIT or m <= SCAN_LIMIT or boxes_apart(p, p_start, q, q_start):
-        return
-    first = HEADER + 2 * SCAN_LIMIT
-    if n <= _FETCHED_WHOLE and m <= _FETCHED_WHOLE:
-        _prefetch(p, p_start, first, HEADER + table_size(n) + 2 * n)
-        _prefetch(q, q_start, first, HEADER + table_size(m) + 2 * m)
-    else:
-        ux = q[q_start] - p[p_start]
-        uy = q[q_start + 1] - p[p_start + 1]
-        i = near_support(p, p_start, n, ux, uy)
-        j = near_support(q, q_start, m, -ux, -uy)
-        _prefetch(p, p_start, i - 2, i + _CACHE_LINE)
-        _prefetch(q, q_start, j - 2, j + _CACHE_LINE)
+def _prefetch_neighbours(block, i):
+    """Fetch a vertex and those before and after it."""
+    prefetch(block, i - 2)
+    prefetch(block, i + 3)

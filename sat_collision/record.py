@@ -207,18 +207,30 @@ def _write_table(ring, count, record):
 
 
 @inlined
-def near_support(record, start, count, ux, uy):
-    """
-    Return where in a record, counted from its start, a vertex near the support along u stands.
-
-    For more than SCAN_LIMIT vertices: it is looked up in the table.
-    """
+def table_sector(count, ux, uy):
+    """Return in which sector of the table of a polygon with count vertices an axis lies."""
     size = table_size(count)
     length = abs(ux) + abs(uy)
     if not 0.0 < length < _INFINITY:
-        return HEADER + size
+        return 0
     # A quarter of the directions, from -y to +x and on, for each unit of turn.
     turn = 1.0 + uy / length if ux >= 0.0 else 3.0 - uy / length
-    sector = min(int(turn * size), 4 * size - 1)
-    entries = int(record[start + HEADER + (sector >> 2)])
-    return HEADER + size + 2 * ((entries >> (_ENTRY_BITS * (sector & 3))) & _ENTRY_MASK)
+    return min(int(turn * size), 4 * size - 1)
+
+
+@inlined
+def table_place(start, sector):
+    """Return where the entry of a sector stands, given where the record starts."""
+    return start + HEADER + (sector >> 2)
+
+
+@inlined
+def near_support(record, start, count, sector):
+    """
+    Return where in the array a vertex near the support along the axes of a sector stands.
+
+    For more than SCAN_LIMIT vertices: it is looked up in the table.
+    """
+    entries = int(record[table_place(start, sector)])
+    entry = (entries >> (_ENTRY_BITS * (sector & 3))) & _ENTRY_MASK
+    return start + HEADER + table_size(count) + 2 * entry

@@ -20,7 +20,7 @@ where the part's record starts in the block and its number of vertices, and thes
 """
 
 from sat_collision.improved import boxes_apart, MEET, search, SEPARATE, UNSURE
-from sat_collision.jit import inlined, kernel
+from sat_collision.jit import bare, inlined, kernel
 from sat_collision.predicates import orient, segments_meet
 from sat_collision.record import HEADER, table_size
 
@@ -57,6 +57,8 @@ def quick_verdict(p, p_start, n, q, q_start, m):
     The parameters are those of `bodies_meet`; a count of 0 stands for no body. Bodies that are
     not convex and may meet are left UNSURE.
     """
+    p = bare(p)
+    q = bare(q)
     if n == 0 or m == 0 or boxes_apart(p, p_start, q, q_start):
         return SEPARATE
     if n < 0 or m < 0:
@@ -77,6 +79,8 @@ def convex_part(block, start, count, i):
 @kernel
 def convex_meet(p, p_start, n, q, q_start, m):
     """Tell exactly whether two convex polygons, given by their records, share a point."""
+    p = bare(p)
+    q = bare(q)
     if boxes_apart(p, p_start, q, q_start):
         return False
     verdict, i, j, _ = search(p, p_start, n, q, q_start, m)

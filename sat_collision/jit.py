@@ -96,6 +96,23 @@ if COMPILED:
             return view._getvalue()
         return array(array), generate
 
+    @numba.extending.intrinsic
+    def bare(typing_context, array):
+        """
+        Return a flat array without its reference count, see `unowned`, and without its length.
+
+        Indices below zero count from the end, which has to be looked for at each element; where
+        the length is zero an index is an index. It must be right, and slices are empty.
+        """
+        def generate(context, builder, signature, arguments):
+            view = context.make_array(array)(context, builder, arguments[0])
+            view.meminfo = view.meminfo.type(None)
+            view.parent = view.parent.type(None)
+            if not numba.config.BOUNDSCHECK:
+                view.shape = ir.Constant(view.shape.type, [0])
+            return view._getvalue()
+        return array(array), generate
+
     @kernel
     def scratch(size):
         """Return an uninitialised flat array of doubles for use inside a kernel."""
@@ -111,6 +128,10 @@ else:
 
     def unowned(array):
         """Return the array; there is a reference count to spare in compiled code only."""
+        return array
+
+    def bare(array):
+        """Return the array; plain Python looks at its length anyway."""
         return array
 
     def scratch(size):

@@ -24,7 +24,7 @@ step, and what one reads next comes while the others are at work.
 from sat_collision.exact import bodies_meet, quick_verdict
 from sat_collision.improved import (
     begin, boxes_apart, climb, MEET, MOST_QUERIES, OPEN, SEPARATE, try_axis, UNSURE)
-from sat_collision.jit import inlined, kernel, prefetch, scratch, scratch_integers, unowned
+from sat_collision.jit import bare, inlined, kernel, prefetch, scratch, scratch_integers, unowned
 from sat_collision.record import HEADER, near_support, SCAN_LIMIT, table_place, table_sector
 
 _CACHE_LINE = 8
@@ -50,9 +50,9 @@ def pairwise(rows, data, other_rows, other_data, answers):
 
     """
     rows = unowned(rows)
-    data = unowned(data)
+    data = bare(data)
     other_rows = unowned(other_rows)
-    other_data = unowned(other_data)
+    other_data = bare(other_data)
     state = scratch(_STATE * _BATCH)
     near = scratch_integers(2 * _BATCH)
     pending = scratch_integers(_BATCH)
@@ -71,13 +71,13 @@ def pairwise(rows, data, other_rows, other_data, answers):
 def _begin(rows, data, other_rows, other_data, start, verdicts, state, pending):
     """Decide the pairs that need no table, begin with the others; return how many are pending."""
     rows = unowned(rows)
-    data = unowned(data)
+    data = bare(data)
     other_rows = unowned(other_rows)
-    other_data = unowned(other_data)
-    verdicts = unowned(verdicts)
-    state = unowned(state)
-    pending = unowned(pending)
+    other_data = bare(other_data)
     used = len(verdicts)
+    verdicts = bare(verdicts)
+    state = bare(state)
+    pending = bare(pending)
     count = 0
     for row in range(start, min(start + _BATCH, used)):
         ahead = row + _AHEAD
@@ -110,13 +110,13 @@ def _begin(rows, data, other_rows, other_data, start, verdicts, state, pending):
 def _search(rows, data, other_rows, other_data, start, verdicts, state, near, pending, count):
     """Search as `improved.search` does, one axis of each pair after the other."""
     rows = unowned(rows)
-    data = unowned(data)
+    data = bare(data)
     other_rows = unowned(other_rows)
-    other_data = unowned(other_data)
-    verdicts = unowned(verdicts)
-    state = unowned(state)
-    near = unowned(near)
-    pending = unowned(pending)
+    other_data = bare(other_data)
+    verdicts = bare(verdicts)
+    state = bare(state)
+    near = bare(near)
+    pending = bare(pending)
     queries = 0
     while count > 0 and queries < MOST_QUERIES:
         queries += 1
@@ -169,8 +169,10 @@ def _search(rows, data, other_rows, other_data, start, verdicts, state, near, pe
 @inlined
 def _prefetch(block, start, count):
     """Fetch a header, and the vertices where they are few."""
-    for k in range(start, start + HEADER + 2 * min(count, SCAN_LIMIT), _CACHE_LINE):
-        prefetch(block, k)
+    end = HEADER + 2 * count if count <= SCAN_LIMIT else HEADER
+    for k in range(0, end, _CACHE_LINE):
+        prefetch(block, start + k)
+    prefetch(block, start + end - 1)
 
 
 @inlined

@@ -29,7 +29,7 @@ from sat_collision.record import HEADER, near_support, SCAN_LIMIT, table_place, 
 
 _CACHE_LINE = 8
 _AHEAD = 16
-_BATCH = 64
+_BATCH = 128
 # The doubles that a pair keeps between two axes: ax, ay, bx, by, ux, uy, reach_x, reach_y.
 _STATE = 8
 
@@ -54,12 +54,12 @@ def pairwise(rows, data, other_rows, other_data, answers):
     other_rows = unowned(other_rows)
     other_data = bare(other_data)
     state = scratch(_STATE * _BATCH)
-    near = scratch_integers(2 * _BATCH)
+    places = scratch_integers(2 * _BATCH)
     pending = scratch_integers(_BATCH)
     # Batch by batch, so that what has to be decided exactly is still in the cache.
     for start in range(0, len(answers), _BATCH):
         count = _begin(rows, data, other_rows, other_data, start, answers, state, pending)
-        _search(rows, data, other_rows, other_data, start, answers, state, near, pending, count)
+        _go_on(rows, data, other_rows, other_data, start, answers, state, pending, count, places)
         for row in range(start, min(start + _BATCH, len(answers))):
             if answers[row] == UNSURE or answers[row] == OPEN:
                 answers[row] = MEET if bodies_meet(
@@ -69,7 +69,7 @@ def pairwise(rows, data, other_rows, other_data, answers):
 
 @kernel
 def _begin(rows, data, other_rows, other_data, start, verdicts, state, pending):
-    """Decide the pairs that need no table, begin with the others; return how many are pending."""
+    """Decide pairs with few vertices, begin with the others; list and count those still open."""
     rows = unowned(rows)
     data = bare(data)
     other_rows = unowned(other_rows)
@@ -96,74 +96,75 @@ def _begin(rows, data, other_rows, other_data, start, verdicts, state, pending):
             verdict, ux, uy, reach_x, reach_y = begin(data, p, other_data, q)
             verdicts[row] = verdict
             if verdict == OPEN:
+                s = _STATE * (row - start)
+                state[s] = state[s + 2] = state[s + 4] = ux
+                state[s + 1] = state[s + 3] = state[s + 5] = uy
+                state[s + 6] = reach_x
+                state[s + 7] = reach_y
                 pending[count] = row
                 count += 1
-                k = _STATE * (row - start)
-                state[k] = state[k + 2] = state[k + 4] = ux
-                state[k + 1] = state[k + 3] = state[k + 5] = uy
-                state[k + 6] = reach_x
-                state[k + 7] = reach_y
     return count
 
 
 @kernel
-def _search(rows, data, other_rows, other_data, start, verdicts, state, near, pending, count):
-    """Search as `improved.search` does, one axis of each pair after the other."""
+def _go_on(rows, data, other_rows, other_data, start, verdicts, state, pending, count, places):
+    """Search on as `improved.search` does, all pending pairs one axis further in each round."""
     rows = unowned(rows)
     data = bare(data)
     other_rows = unowned(other_rows)
     other_data = bare(other_data)
     verdicts = bare(verdicts)
     state = bare(state)
-    near = bare(near)
     pending = bare(pending)
+    places = bare(places)
     queries = 0
     while count > 0 and queries < MOST_QUERIES:
         queries += 1
         for k in range(count):
             row = pending[k]
-            s = row - start
-            ux = state[_STATE * s + 4]
-            uy = state[_STATE * s + 5]
+            slot = row - start
+            ux = state[_STATE * slot + 4]
+            uy = state[_STATE * slot + 5]
             i = table_sector(rows[1, row], ux, uy)
             j = table_sector(other_rows[1, row], -ux, -uy)
-            near[2 * s] = i
-            near[2 * s + 1] = j
             prefetch(data, table_place(rows[0, row], i))
             prefetch(other_data, table_place(other_rows[0, row], j))
+            places[2 * slot] = i
+            places[2 * slot + 1] = j
         for k in range(count):
             row = pending[k]
-            s = row - start
-            i = near_support(data, rows[0, row], rows[1, row], near[2 * s])
-            j = near_support(other_data, other_rows[0, row], other_rows[1, row], near[2 * s + 1])
-            near[2 * s] = i
-            near[2 * s + 1] = j
+            slot = row - start
+            i = near_support(data, rows[0, row], rows[1, row], places[2 * slot])
+            j = near_support(other_data, other_rows[0, row], other_rows[1, row],
+                             places[2 * slot + 1])
             _prefetch_neighbours(data, i)
             _prefetch_neighbours(other_data, j)
-        still = 0
+            places[2 * slot] = i
+            places[2 * slot + 1] = j
+        left = 0
         for k in range(count):
             row = pending[k]
-            s = row - start
-            t = _STATE * s
-            ux = state[t + 4]
-            uy = state[t + 5]
-            i = climb(data, rows[0, row], rows[1, row], near[2 * s], ux, uy)
-            j = climb(other_data, other_rows[0, row], other_rows[1, row], near[2 * s + 1],
+            slot = row - start
+            s = _STATE * slot
+            ux = state[s + 4]
+            uy = state[s + 5]
+            i = climb(data, rows[0, row], rows[1, row], places[2 * slot], ux, uy)
+            j = climb(other_data, other_rows[0, row], other_rows[1, row], places[2 * slot + 1],
                       -ux, -uy)
             verdict, ax, ay, bx, by, ux, uy = try_axis(
-                data, i, other_data, j, state[t], state[t + 1], state[t + 2], state[t + 3],
-                ux, uy, state[t + 6], state[t + 7])
+                data, i, other_data, j, state[s], state[s + 1], state[s + 2], state[s + 3],
+                ux, uy, state[s + 6], state[s + 7])
             verdicts[row] = verdict
             if verdict == OPEN:
-                pending[still] = row
-                still += 1
-                state[t] = ax
-                state[t + 1] = ay
-                state[t + 2] = bx
-                state[t + 3] = by
-                state[t + 4] = ux
-                state[t + 5] = uy
-        count = still
+                state[s] = ax
+                state[s + 1] = ay
+                state[s + 2] = bx
+                state[s + 3] = by
+                state[s + 4] = ux
+                state[s + 5] = uy
+                pending[left] = row
+                left += 1
+        count = left
 
 
 @inlined

@@ -17,7 +17,8 @@ import math
 
 import numpy as np
 import pytest
-from sat_collision import intersects_many, intersects_pairs, Polygon, PolygonSet, separation
+from sat_collision import (
+    intersects, intersects_many, intersects_pairs, Polygon, PolygonSet, separation)
 
 shapely = pytest.importorskip('shapely')
 
@@ -100,6 +101,29 @@ def test_pairs_are_row_by_row():
     assert answers.dtype == np.bool_ and answers.tolist() == expected
     with pytest.raises(ValueError, match='399'):
         intersects_pairs(PolygonSet(a), PolygonSet(b[1:]))
+
+
+def test_pairs_of_few_and_many_vertices_side_by_side():
+    """What is searched at once and what in step, over several batches and with rows freed."""
+    rng = np.random.default_rng(8)
+
+    def body(_):
+        if rng.random() < 0.2:
+            return random_body(rng)
+        angles = np.linspace(0, 2 * np.pi, rng.choice([3, 16, 17, 40, 129, 300]), endpoint=False)
+        return Polygon(rng.uniform(0, 20, 2) + rng.uniform(1, 8) * np.column_stack(
+            [np.cos(angles), np.sin(angles)]))
+
+    a, b = (list(map(body, range(700))) for _ in range(2))
+    expected = np.array([intersects(p, q) for p, q in zip(a, b)])
+    assert 200 < expected.sum() < 500
+    first, second = PolygonSet(a), PolygonSet(b)
+    np.testing.assert_array_equal(intersects_pairs(first, second), expected)
+    for rows, bodies in ((range(0, 700, 7), first), (range(5, 700, 11), second)):
+        for row in rows:
+            bodies.remove(row)
+            expected[row] = False
+    np.testing.assert_array_equal(intersects_pairs(first, second), expected)
 
 
 def test_many_takes_a_set_or_plain_points():

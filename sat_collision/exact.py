@@ -86,6 +86,14 @@ def convex_meet(p, p_start, n, q, q_start, m):
     verdict, i, j, _ = search(p, p_start, n, q, q_start, m)
     if verdict != UNSURE:
         return verdict == MEET
+    return meet_near(p, p_start, n, q, q_start, m, i, j)
+
+
+@kernel
+def meet_near(p, p_start, n, q, q_start, m, i, j):
+    """Tell the same where the search, which ended at i and j in p and q, was not sure."""
+    p = bare(p)
+    q = bare(q)
     first_p = p_start + HEADER + table_size(n)
     first_q = q_start + HEADER + table_size(m)
     i = (i - first_p) // 2 if i >= first_p else 0

@@ -21,9 +21,10 @@ worth fetching, and which these are is known one axis at a time: all pairs of a 
 step, and what one reads next comes while the others are at work.
 """
 
-from sat_collision.exact import bodies_meet, quick_verdict
+from sat_collision.exact import bodies_meet, meet_near
 from sat_collision.improved import (
-    begin, boxes_apart, climb, MEET, MOST_QUERIES, OPEN, SEPARATE, try_axis, UNSURE)
+    begin, boxes_apart, climb, MEET, MOST_QUERIES, OPEN, search, SEPARATE, try_axis,
+    UNSURE)
 from sat_collision.jit import bare, inlined, kernel, prefetch, scratch, scratch_integers, unowned
 from sat_collision.record import HEADER, near_support, SCAN_LIMIT, table_place, table_sector
 
@@ -58,17 +59,26 @@ def pairwise(rows, data, other_rows, other_data, answers):
     pending = scratch_integers(_BATCH)
     # Batch by batch, so that what has to be decided exactly is still in the cache.
     for start in range(0, len(answers), _BATCH):
-        count = _begin(rows, data, other_rows, other_data, start, answers, state, pending)
+        count = _begin(rows, data, other_rows, other_data, start, answers, state, pending, places)
         _go_on(rows, data, other_rows, other_data, start, answers, state, pending, count, places)
         for row in range(start, min(start + _BATCH, len(answers))):
             if answers[row] == UNSURE or answers[row] == OPEN:
-                answers[row] = MEET if bodies_meet(
+                answers[row] = MEET if _meet(
                     data, rows[0, row], rows[1, row],
-                    other_data, other_rows[0, row], other_rows[1, row]) else SEPARATE
+                    other_data, other_rows[0, row], other_rows[1, row],
+                    places[2 * (row - start)], places[2 * (row - start) + 1]) else SEPARATE
+
+
+@inlined
+def _meet(p, p_start, n, q, q_start, m, i, j):
+    """Tell exactly whether two bodies meet; a search of convex ones ended at i and j."""
+    if n > 0 and m > 0:
+        return meet_near(p, p_start, n, q, q_start, m, i, j)
+    return bodies_meet(p, p_start, n, q, q_start, m)
 
 
 @kernel
-def _begin(rows, data, other_rows, other_data, start, verdicts, state, pending):
+def _begin(rows, data, other_rows, other_data, start, verdicts, state, pending, places):
     """Decide pairs with few vertices, begin with the others; list and count those still open."""
     rows = unowned(rows)
     data = bare(data)
@@ -78,6 +88,7 @@ def _begin(rows, data, other_rows, other_data, start, verdicts, state, pending):
     verdicts = bare(verdicts)
     state = bare(state)
     pending = bare(pending)
+    places = bare(places)
     count = 0
     for row in range(start, min(start + _BATCH, used)):
         ahead = row + _AHEAD
@@ -88,15 +99,21 @@ def _begin(rows, data, other_rows, other_data, start, verdicts, state, pending):
         n = rows[1, row]
         q = other_rows[0, row]
         m = other_rows[1, row]
-        if n <= SCAN_LIMIT or m <= SCAN_LIMIT:
-            verdicts[row] = quick_verdict(data, p, n, other_data, q, m)
-        elif boxes_apart(data, p, other_data, q):
+        slot = row - start
+        if n == 0 or m == 0 or boxes_apart(data, p, other_data, q):
             verdicts[row] = SEPARATE
+        elif n < 0 or m < 0:
+            verdicts[row] = UNSURE
+        elif n <= SCAN_LIMIT or m <= SCAN_LIMIT:
+            verdict, i, j, _ = search(data, p, n, other_data, q, m)
+            verdicts[row] = verdict
+            places[2 * slot] = i
+            places[2 * slot + 1] = j
         else:
             verdict, ux, uy, reach_x, reach_y = begin(data, p, other_data, q)
             verdicts[row] = verdict
             if verdict == OPEN:
-                s = _STATE * (row - start)
+                s = _STATE * slot
                 state[s] = state[s + 2] = state[s + 4] = ux
                 state[s + 1] = state[s + 3] = state[s + 5] = uy
                 state[s + 6] = reach_x
@@ -155,6 +172,8 @@ def _go_on(rows, data, other_rows, other_data, start, verdicts, state, pending, 
                 data, i, other_data, j, state[s], state[s + 1], state[s + 2], state[s + 3],
                 ux, uy, state[s + 6], state[s + 7])
             verdicts[row] = verdict
+            places[2 * slot] = i
+            places[2 * slot + 1] = j
             if verdict == OPEN:
                 state[s] = ax
                 state[s + 1] = ay

@@ -14,12 +14,14 @@
 
 """The node: topics and parameters around a Monitor."""
 
+from dataclasses import replace
 from functools import partial
+from itertools import product
 import sys
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
+from geometry_msgs.msg import Point32, PolygonInstanceStamped, PolygonStamped
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -27,6 +29,7 @@ from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
 from sat_collision import executors
 from sat_collision.diagnostics import Health
@@ -35,9 +38,8 @@ from sat_collision.jit import COMPILED, KERNEL
 from sat_collision.monitor import Monitor
 from sat_collision.outputs import Outputs
 from sat_collision.parameters import ParameterError, Parameters
-from sat_collision.polygon import Polygon
-from sat_collision.polygon_set import PolygonSet
-from sat_collision.settings import POLYGON_INSTANCE
+from sat_collision.settings import (
+    FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
 
 # The longest that anything due by time alone waits. Each tick wakes the process, which costs far
 # more than what it does.
@@ -48,6 +50,14 @@ _FOOTPRINT_DEPTH = 1
 _OBSTACLES_DEPTH = 1000
 _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
                 QoSPolicyKind.DURABILITY)
+
+
+def _serialised(outline, second):
+    message = PolygonStamped()
+    message.header.stamp.sec = second
+    message.header.frame_id = 'map'
+    message.polygon.points = [Point32(x=float(x), y=float(y)) for x, y in outline]
+    return serialize_message(message)
 
 
 class _Every:
@@ -127,11 +137,16 @@ class CollisionMonitor(Node):
             self.get_logger().info(f'preparing kernels ({KERNEL}); '
                                    'the first start after an installation compiles them')
         start = time.monotonic()
-        square = Polygon([(0, 0), (1, 0), (1, 1), (0, 1)])
-        notched = Polygon([(0, 0), (2, 0), (2, 2), (1, 0.5), (0, 2)])
-        bodies = PolygonSet([square, notched, Polygon([(1, 1), (2, 2)]), Polygon([(1, 1)])])
-        for body in (square, notched):
-            bodies.hits(body)
+        settings = Settings((FootprintSettings('footprint', ''),),
+                            (ObstacleSettings('obstacles', ''),))
+        monitor = Monitor(settings)
+        square = [(0, 0), (1, 0), (1, 1), (0, 1)]
+        notched = [(0, 0), (2, 0), (2, 2), (1, 0.5), (0, 2)]
+        for second, margin in enumerate((0.0, 0.0, 0.5), 1):
+            monitor.scene.update(replace(settings, margin=margin))
+            for name, outline in product(('footprint', 'obstacles'), (square, notched)):
+                monitor.receive(name, _serialised(outline, second), second * 10**9)
+            monitor.scene.nearest('footprint')
         closest_points(square, notched)
         self.get_logger().info(f'kernels ({KERNEL}) ready after {time.monotonic() - start:.1f} s')
 

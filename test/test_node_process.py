@@ -29,7 +29,7 @@ PROGRAM = 'import sys; from sat_collision.node import main; sys.exit(main(sys.ar
 
 ALL_KINDS_OF_MESSAGES = """
 from dataclasses import replace
-import math, sys
+import math, sys, time
 sys.path.insert(0, 'test')
 from harness import box, polygon_message
 import rclpy
@@ -49,17 +49,16 @@ circle = [(math.cos(k), math.sin(k)) for k in range(6)]
 polygons = [[], [(2, 2)], [(0, 0), (1, 1)], [(0, 0), (1, 1), (2, 2)], box(0, 0), box(9, 9), circle,
             [(0, 0), (2, 0), (2, 2), (1, 1), (0, 2)], [(0, 0), (1, 1), (1, 0), (0, 1)],
             [(math.nan, 0)]]
-for stamp in (0, 1000, 2000):
+for stamp in (0, time.time_ns(), time.time_ns() + 10**9):
     messages = [serialize_message(polygon_message(polygon, stamp)) for polygon in polygons]
     for footprint in messages:
         node._receive('footprint', footprint)
         for obstacle in messages:
             node._receive('obstacles', obstacle)
             Markers().message(node._scene)
-    node._scene.nearest('footprint')
+        node._scene.nearest('footprint')
 node._scene.update(replace(node._scene.settings, margin=0.1))
-for message in messages:
-    node._receive('obstacles', message)
+node._receive('footprint', messages[-3])
 assert compiled() == before
 """
 

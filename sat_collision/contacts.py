@@ -107,27 +107,15 @@ class Contacts:
         """Tell whether an obstacle is where a polygon is already."""
         return obstacle.row is not None and self._obstacles.polygons.holds(obstacle.row, polygon)
 
-    def express(self, obstacle, *message):
-        """
-        Take an ordinary message for an obstacle that is placed.
-
-        Parameters
-        ----------
-        obstacle : Placeable
-        *message
-            The parameters of `express.express` up to `place`.
-
-        Returns
-        -------
-        int
-            The time in ns from which the obstacle counts, or NOT_ORDINARY.
-
-        """
+    def express(self, obstacle, data, frame, most, now, least_time, set_start, set_window, prints,
+                place):
+        """Take an ordinary message for an obstacle that is placed; see `express.express`."""
         if self._margin != 0.0:
             return NOT_ORDINARY
-        obstacles, footprints = self._obstacles.polygons, self._footprints.polygons
-        return express(*message, obstacle.row,
-                       obstacles.bounds, obstacles.rows, obstacles.blocks,
+        obstacles = self._obstacles.polygons
+        footprints = self._footprints.polygons
+        return express(data, frame, most, now, least_time, set_start, set_window, prints, place,
+                       obstacle.row, obstacles.bounds, obstacles.rows, obstacles.blocks,
                        footprints.bounds, footprints.rows, footprints.blocks,
                        footprints.used_rows)
 

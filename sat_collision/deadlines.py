@@ -27,17 +27,19 @@ class Deadlines:
     A thing has `deadline`, in ns or NEVER, and `watched`, which is kept here and begins as NEVER.
     A deadline put off costs nothing: its entry in the queue is a lower bound, looked at again only
     when it comes up. To stop watching a thing, set its `watched` to NEVER.
+
+    Attributes
+    ----------
+    earliest : int or float
+        A lower bound of all deadlines in ns, NEVER if there are none.
+
     """
 
     def __init__(self):
+        self.earliest = NEVER
         self._queue = []
         self._order = itertools.count()
         self._most = 64
-
-    @property
-    def earliest(self):
-        """A lower bound of all deadlines in ns, NEVER if there are none."""
-        return self._queue[0][0] if self._queue else NEVER
 
     def watch(self, thing):
         """Look after a thing: to be called when it is new or its deadline may be earlier."""
@@ -47,6 +49,7 @@ class Deadlines:
             if len(self._queue) >= self._most:
                 self._discard_dead()
             heapq.heappush(self._queue, (deadline, next(self._order), thing))
+            self.earliest = self._queue[0][0]
 
     def missed(self, now):
         """Yield the things whose deadline lies before now (ns), and watch these no longer."""
@@ -59,6 +62,7 @@ class Deadlines:
                     yield thing
                 else:
                     self.watch(thing)
+        self.earliest = queue[0][0] if queue else NEVER
 
     def _discard_dead(self):
         """Drop the entries that stand for nothing any more, so that they cannot pile up."""

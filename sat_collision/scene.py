@@ -232,15 +232,16 @@ class Scene:
         A step back (a recording begins again, a simulation is reset) drops everything: it belongs
         to another time.
         """
-        look_again = now > self._now == 0
-        if now < self._now:
+        last, self._now = self._now, now
+        if 0 < last <= now <= self._deadlines.earliest:
+            return
+        look_again = now > last == 0
+        if now < last:
             self._forget_all()
             look_again = True
-        self._now = now
-        if self._deadlines.earliest < now:
-            for thing in self._deadlines.missed(now):
-                thing.expire()
-                look_again = True
+        for thing in self._deadlines.missed(now):
+            thing.expire()
+            look_again = True
         if look_again:
             self._look_again()
 

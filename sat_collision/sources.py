@@ -163,7 +163,7 @@ class Source:
         """
         place = self._count
         body = self.bodies.get(place)
-        if (body is None or body.row is None or self.reasons or self._set_start is None
+        if (body is None or body.row is None or self.reasons or not self._in_sets
                 or place >= len(self._prints) or place >= self.settings.max_count):
             return False
         least = now - self.timeout

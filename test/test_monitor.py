@@ -182,3 +182,16 @@ def test_damaged_messages_never_raise():
         assert rejection is None or rejection.text
     assert sum(monitor.received.values()) == 3003
     assert {reason for _, reason in monitor.rejected} > {'undecodable', 'other frame', 'too old'}
+
+
+def test_accumulating_begins_in_the_middle_of_a_set():
+    """From then on nothing is replaced any more."""
+    monitor = clear_monitor()
+    for stamp in (NOW + SECOND, NOW + 2 * SECOND):
+        for x in (10, 20, 30):
+            if stamp == NOW + 2 * SECOND and x == 20:
+                lidar, tracks = SETTINGS.obstacles
+                monitor.scene.update(replace(SETTINGS, obstacles=(
+                    replace(lidar, accumulate=True), tracks)))
+            monitor.receive('lidar', serialised(box(x + stamp / SECOND), stamp), stamp)
+    assert len([name for name, _ in monitor.scene.obstacles if name.source == 'lidar']) == 5

@@ -21,6 +21,7 @@ Processor time is that of all threads of the process, as the kernel's scheduler 
 import contextlib
 import os
 from pathlib import Path
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -115,15 +116,32 @@ def load(kind, obstacles, vertices, seconds, burst=False, rate=SET_RATE, seed=1)
                 ('p50_ms', 50), ('p99_ms', 99), ('max_ms', 100))}}
 
 
-def measure(seconds):
+def _by_turns(kinds, repeats, *arguments, **options):
+    """
+    Run the same traffic against nodes of some kinds by turns.
+
+    Returns
+    -------
+    dict
+        For each kind the medians of its runs; the greatest latency and losses are of all runs.
+
+    """
+    runs = [{kind: load(kind, *arguments, **options) for kind in kinds} for _ in range(repeats)]
+    combine = {'lost': sum, 'unanswered': sum, 'max_ms': max}
+    return {kind: {name: combine.get(name, statistics.median)([run[kind][name] for run in runs])
+                   for name in runs[0][kind]} for kind in kinds}
+
+
+def measure(seconds, repeats):
     """Return what each node costs under each load, bursts, and the rate that one core takes."""
     return {
+        'repeats': repeats,
         'loads': [{'obstacles': obstacles, 'vertices': vertices,
-                   **{kind: load(kind, obstacles, vertices, seconds) for kind in NODES}}
+                   **_by_turns(NODES, repeats, obstacles, vertices, seconds)}
                   for vertices in VERTICES for obstacles in OBSTACLES],
         'bursts': [{'obstacles': obstacles,
-                    **{kind: load(kind, obstacles, 4, seconds, burst=True)
-                       for kind in ('monitor', 'floor')}} for obstacles in OBSTACLES[1:]],
+                    **_by_turns(('monitor', 'floor'), repeats, obstacles, 4, seconds, burst=True)}
+                   for obstacles in OBSTACLES[1:]],
         'rates': [{'asked_per_second': rate,
                    **load('monitor', 1000, 4, seconds, rate=rate / 1000)} for rate in RATES]}
 

@@ -107,14 +107,14 @@ class Contacts:
         """Tell whether an obstacle is where a polygon is already."""
         return obstacle.row is not None and self._obstacles.polygons.holds(obstacle.row, polygon)
 
-    def express(self, obstacle, data, frame, most, now, least_time, set_start, set_window, prints,
+    def express(self, obstacle, data, frame, most, now, last_time, set_start, set_window, prints,
                 place):
         """Take an ordinary message for an obstacle that is placed; see `express.express`."""
         if self._margin != 0.0:
             return NOT_ORDINARY
         obstacles = self._obstacles.polygons
         footprints = self._footprints.polygons
-        return express(data, frame, most, now, least_time, set_start, set_window, prints, place,
+        return express(data, frame, most, now, last_time, set_start, set_window, prints, place,
                        obstacle.row, obstacles.bounds, obstacles.rows, obstacles.blocks,
                        footprints.bounds, footprints.rows, footprints.blocks,
                        footprints.used_rows)

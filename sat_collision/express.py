@@ -35,7 +35,7 @@ _SECOND = 1_000_000_000
 
 
 @kernel
-def express(data, frame, most, now, least_time, set_start, set_window, prints, place,
+def express(data, frame, most, now, last_time, set_start, set_window, prints, place,
             row, bounds, rows, blocks, other_bounds, other_rows, other_blocks, other_used):
     """
     Take an ordinary message.
@@ -48,8 +48,8 @@ def express(data, frame, most, now, least_time, set_start, set_window, prints, p
         The scene's frame_id and a NUL.
     most : int
         The most vertices accepted.
-    now, least_time : int
-        Present time, and the least that the message may count from, in ns.
+    now, last_time : int
+        Present time, and the time that the obstacle has counted from, in ns.
     set_start, set_window : int
         Stamp of the set that is coming in, and how far from it those of its messages lie, in ns.
     prints : (p,) array of float64
@@ -77,7 +77,7 @@ def express(data, frame, most, now, least_time, set_start, set_window, prints, p
     nanoseconds = _uint32(data, 8)
     stamp = _int32(data, 4) * _SECOND + nanoseconds
     time = min(stamp, now)
-    if (nanoseconds >= _SECOND or stamp == 0 or time < least_time
+    if (nanoseconds >= _SECOND or stamp == 0 or time < last_time
             or abs(stamp - set_start) > set_window):
         return NOT_ORDINARY
     points = np.frombuffer(data, np.uint8)[points_at:].view(np.float32)

@@ -166,10 +166,7 @@ class Source:
         if (body is None or body.row is None or self.reasons or not self._in_sets
                 or place >= len(self._prints) or place >= self.settings.max_count):
             return False
-        least = now - self.timeout
-        if least < body.time:
-            least = body.time
-        time = self._contacts.express(body, data, frame, most, now, least, self._set_start,
+        time = self._contacts.express(body, data, frame, most, now, body.time, self._set_start,
                                       self._set_window, self._prints, place)
         if time == NOT_ORDINARY:
             return False

@@ -195,3 +195,75 @@ def test_accumulating_begins_in_the_middle_of_a_set():
                     replace(lidar, accumulate=True), tracks)))
             monitor.receive('lidar', serialised(box(x + stamp / SECOND), stamp), stamp)
     assert len([name for name, _ in monitor.scene.obstacles if name.source == 'lidar']) == 5
+
+
+def monitor_in_a_set(settings=SETTINGS):
+    """Return a monitor that holds three obstacles and has heard of the first one anew."""
+    monitor = clear_monitor(settings)
+    stamp = NOW + SECOND
+    for x in (10, 20, 30):
+        monitor.receive('lidar', serialised(box(x), stamp), stamp)
+    stamp += SECOND // 10
+    monitor.receive('lidar', serialised(box(11), stamp), stamp)
+    return monitor, stamp
+
+
+def places(monitor):
+    """Return where the obstacles of the set are, by number."""
+    return {name.key: polygon.bounds[0] for name, polygon in monitor.scene.obstacles
+            if name.source == 'lidar'}
+
+
+def test_obstacle_of_a_set_replaces_its_predecessor():
+    """In the middle of a set, where hardly anything else ever comes."""
+    monitor, stamp = monitor_in_a_set()
+    assert monitor.receive('lidar', serialised(box(21), stamp), stamp) is None
+    assert places(monitor) == {0: 11, 1: 21, 2: 30}
+
+
+@pytest.mark.parametrize('data, reason', [
+    (serialised(box(21), NOW + 11 * SECOND // 10, 'cam'), 'other frame'),
+    (serialised(box(21), NOW + 11 * SECOND // 10, ''), 'empty frame_id'),
+    (serialised(box(21), NOW + 11 * SECOND // 10)[:-1], 'undecodable'),
+    (serialised(box(21), NOW + 11 * SECOND // 10) + bytes(12), 'undecodable'),
+    (serialised(box(21), NOW + 11 * SECOND // 10)[:8]
+     + struct.pack('<I', SECOND) + serialised(box(21))[12:], 'undecodable'),
+    (serialised(CIRCLE, NOW + 11 * SECOND // 10), 'too many vertices'),
+    (serialised(BOW_TIE, NOW + 11 * SECOND // 10), 'self-intersecting')])
+def test_bad_message_in_the_middle_of_a_set_is_rejected(data, reason):
+    """It takes the place of the obstacle that it would have been."""
+    monitor, stamp = monitor_in_a_set()
+    assert monitor.receive('lidar', data, stamp).reason == reason
+    assert places(monitor) == {0: 11, 2: 30}
+
+
+def test_obstacle_ages_by_its_own_stamp():
+    """Within a set a stamp may be earlier than that of the obstacle's predecessor."""
+    monitor = clear_monitor()
+    first = NOW + SECOND
+    millisecond = SECOND // 1000
+    for stamp, x in ((0, 10), (19, 20), (21, 11), (5, 21)):
+        stamp = first + stamp * millisecond
+        monitor.receive('lidar', serialised(box(x), stamp), first + 21 * millisecond)
+    assert places(monitor) == {0: 11, 1: 21}
+    monitor.scene.advance(first + 2 * SECOND + 6 * millisecond)
+    assert places(monitor) == {0: 11}
+
+
+def test_body_that_is_not_convex_in_the_middle_of_a_set():
+    """It takes its place and is found there."""
+    monitor, stamp = monitor_in_a_set()
+    notched = [(-2, -2), (3, -2), (3, 3), (2, 3), (2, -1), (-2, -1)]
+    assert monitor.receive('lidar', serialised(notched, stamp), stamp) is None
+    monitor.receive('robot', serialised(box(0), stamp), stamp)
+    assert status(monitor) == 'clear'
+    monitor.receive('robot', serialised(box(1), stamp), stamp)
+    assert monitor.scene.state('robot').contacts == (Obstacle('lidar', 1),)
+
+
+def test_margin_holds_in_the_middle_of_a_set():
+    """Half a metre away is near enough."""
+    monitor, stamp = monitor_in_a_set(replace(SETTINGS, margin=0.5))
+    monitor.receive('robot', serialised(box(0), stamp), stamp)
+    monitor.receive('lidar', serialised(box(1.5), stamp), stamp)
+    assert monitor.scene.state('robot').contacts == (Obstacle('lidar', 1),)

@@ -36,7 +36,7 @@ shapely = pytest.importorskip('shapely')
 
 MILLISECOND = 1_000_000
 SECOND = 1000 * MILLISECOND
-FRAMES = {'other': 'odom'}
+FRAMES = {'other': 'cam'}
 SETTINGS = Settings(
     footprints=(FootprintSettings('robot', '/footprint', timeout=1.0),
                 FootprintSettings('cart', '/cart', timeout=0.0)),

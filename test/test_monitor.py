@@ -226,8 +226,8 @@ def test_obstacle_of_a_set_replaces_its_predecessor():
     (serialised(box(21), NOW + 11 * SECOND // 10, ''), 'empty frame_id'),
     (serialised(box(21), NOW + 11 * SECOND // 10)[:-1], 'undecodable'),
     (serialised(box(21), NOW + 11 * SECOND // 10) + bytes(12), 'undecodable'),
-    (serialised(box(21), NOW + 11 * SECOND // 10)[:8]
-     + struct.pack('<I', SECOND) + serialised(box(21))[12:], 'undecodable'),
+    (serialised(box(21))[:8] + struct.pack('<I', 11 * SECOND // 10) + serialised(box(21))[12:],
+     'undecodable'),
     (serialised(CIRCLE, NOW + 11 * SECOND // 10), 'too many vertices'),
     (serialised(BOW_TIE, NOW + 11 * SECOND // 10), 'self-intersecting')])
 def test_bad_message_in_the_middle_of_a_set_is_rejected(data, reason):

@@ -55,7 +55,8 @@ def clear_monitor(settings=SETTINGS):
     monitor = Monitor(settings)
     assert monitor.receive('robot', serialised(box(0)), NOW) is None
     assert monitor.receive('lidar', serialised(box(10)), NOW) is None
-    assert monitor.receive('tracks', serialised(box(20), instance=1), NOW) is None
+    if len(settings.obstacles) > 1:
+        assert monitor.receive('tracks', serialised(box(20), instance=1), NOW) is None
     assert status(monitor) == 'clear'
     return monitor
 
@@ -248,6 +249,20 @@ def test_obstacle_ages_by_its_own_stamp():
     assert places(monitor) == {0: 11, 1: 21}
     monitor.scene.advance(first + 2 * SECOND + 6 * millisecond)
     assert places(monitor) == {0: 11}
+
+
+def test_source_is_silent_from_its_last_message_on():
+    """Be that in the middle of a set."""
+    monitor = clear_monitor(replace(SETTINGS, obstacles=SETTINGS.obstacles[:1]))
+    millisecond = SECOND // 1000
+    for stamp, x in ((0, 10), (1, 20), (30, 11), (45, 21)):
+        stamp = NOW + SECOND + stamp * millisecond
+        assert monitor.receive('lidar', serialised(box(x), stamp), stamp) is None
+    now = NOW + 3 * SECOND + 45 * millisecond
+    monitor.receive('robot', serialised(box(0), now), now)
+    assert status(monitor) == 'clear'
+    monitor.scene.advance(now + 1)
+    assert status(monitor) == 'unknown'
 
 
 def test_body_that_is_not_convex_in_the_middle_of_a_set():

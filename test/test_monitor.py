@@ -265,6 +265,16 @@ def test_source_is_silent_from_its_last_message_on():
     assert status(monitor) == 'unknown'
 
 
+def test_good_obstacle_ends_the_doubt_in_the_middle_of_a_set():
+    """A refused message without a stamp has no place of its own, where another could end it."""
+    monitor, stamp = monitor_in_a_set(replace(SETTINGS, obstacles=SETTINGS.obstacles[:1]))
+    monitor.receive('robot', serialised(box(0), stamp), stamp)
+    monitor.receive('lidar', serialised([(0, math.nan)], 0), stamp)
+    assert status(monitor) == 'unknown'
+    monitor.receive('lidar', serialised(box(21), stamp), stamp)
+    assert status(monitor) == 'clear'
+
+
 def test_body_that_is_not_convex_in_the_middle_of_a_set():
     """It takes its place and is found there."""
     monitor, stamp = monitor_in_a_set()

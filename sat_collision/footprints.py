@@ -67,11 +67,13 @@ class Footprint(Placeable):
         Since when it has been clear without interruption.
     status : Status
         The status reported: CLEAR only after the release delay.
+    finding : tuple
+        Status, contacts and reasons of its State, as the scene settled them last.
 
     """
 
     __slots__ = ('settings', 'timeout', 'time', 'trouble', 'stale', 'clear_since', 'status',
-                 'watched', '_release', '_due')
+                 'finding', 'watched', '_release', '_due')
 
     def __init__(self, settings, due):
         super().__init__()

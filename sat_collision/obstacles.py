@@ -44,22 +44,17 @@ class Obstacle(NamedTuple):
 class Body(Placeable):
     """An obstacle of a source; or, if `refused` says why, the place of one that was refused."""
 
-    __slots__ = ('source', 'key', 'number', 'time', 'frame_id', 'refused', 'watched')
+    __slots__ = ('source', 'key', 'name', 'time', 'frame_id', 'refused', 'watched')
 
     def __init__(self, source, key, number, time):
         super().__init__()
         self.source = source
         self.key = key
-        self.number = number
+        self.name = Obstacle(source.settings.name, number)
         self.time = time
         self.frame_id = ''
         self.refused = None
         self.watched = NEVER
-
-    @property
-    def name(self):
-        """What the obstacle is called in states."""
-        return Obstacle(self.source.settings.name, self.number)
 
     @property
     def deadline(self):

@@ -66,6 +66,7 @@ class Scene:
         self.settings = settings
         self._now = 0
         self._reported = {}
+        self._release_delay = round(settings.release_delay * 1e9)
         self._forget_all()
         self._look_again()
 
@@ -90,6 +91,7 @@ class Scene:
         What is disabled forgets what it was told: enabled again, it is unknown until told anew.
         """
         self.settings = settings
+        self._release_delay = round(settings.release_delay * 1e9)
         self._contacts.use_margin(settings.margin)
         for source in settings.obstacles:
             self._sources[source.name].configure(source, self._now)
@@ -130,9 +132,10 @@ class Scene:
             return None
         if not self.frame_id:
             self._fix_frame(frame_id)
+            self._look_again()
         if frame_id != self.frame_id:
             self._lose(footprint, f"is not in the frame '{self.frame_id}'")
-            self._look_again()
+            self._settle()
             return OTHER_FRAME
         footprint.time = min(stamp, now) if stamp else now
         if footprint.trouble or footprint.stale or footprint.time + footprint.timeout < now:
@@ -141,7 +144,7 @@ class Scene:
         self._contacts.place_footprint(footprint, polygon)
         self._deadlines.watch(footprint)
         if self._contacts.changed:
-            self._look_again()
+            self._settle()
         return None
 
     def obstacle(self, name, polygon, frame_id, stamp, now, instance=None):
@@ -177,8 +180,10 @@ class Scene:
             refusal = source.refuse(OTHER_FRAME, stamp, now, instance)
         else:
             refusal = source.place(polygon, frame_id, stamp, now, instance)
-        if self._contacts.changed or source.reasons is not reasons:
+        if source.reasons is not reasons:
             self._look_again()
+        elif self._contacts.changed:
+            self._settle()
         return refusal
 
     def express(self, name, data, now):
@@ -252,9 +257,8 @@ class Scene:
         changed = []
         for name, footprint in self._footprints.items():
             if footprint in self._unreported:
-                finding = self._finding(footprint)
-                if finding != self._reported.get(name):
-                    self._reported[name] = finding
+                if footprint.finding != self._reported.get(name):
+                    self._reported[name] = footprint.finding
                     changed.append(name)
         self._unreported.clear()
         return changed
@@ -263,7 +267,7 @@ class Scene:
         """Return the State of a footprint at the time that was passed last."""
         footprint = self._footprints[name]
         age = None if footprint.time is None else (self._now - footprint.time) / 1e9
-        return State(*self._finding(footprint), age)
+        return State(*footprint.finding, age)
 
     @property
     def footprints(self):
@@ -323,7 +327,6 @@ class Scene:
 
     def _look_again(self):
         """Settle the footprints for which something has changed: all, if a common doubt has."""
-        changed = self._contacts.changed
         blanket = '' if self.settings.enabled and self._now else (
             _NO_CLOCK if self.settings.enabled else _DISABLED)
         doubts = tuple(chain.from_iterable(source.reasons for source in self._sources.values()))
@@ -331,12 +334,17 @@ class Scene:
             doubts = _NO_SOURCE,
         if (blanket, doubts) != (self._blanket, self._doubts):
             self._blanket, self._doubts = blanket, doubts
-            changed.update(self._footprints.values())
-        release_delay = round(self.settings.release_delay * 1e9)
+            self._contacts.changed.update(self._footprints.values())
+        self._settle()
+
+    def _settle(self):
+        """Settle the footprints for which something has changed, but no common doubt."""
+        changed = self._contacts.changed
         for footprint in changed:
             footprint.stale = (footprint.time is not None
                                and footprint.time + footprint.timeout < self._now)
-            footprint.report(self._status(footprint), self._now, release_delay)
+            footprint.report(self._status(footprint), self._now, self._release_delay)
+            footprint.finding = self._finding(footprint)
             self._deadlines.watch(footprint)
         self._unreported |= changed
         changed.clear()

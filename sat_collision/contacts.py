@@ -14,7 +14,9 @@
 
 """Which footprints meet which obstacles, kept up to date one body at a time."""
 
-from sat_collision.express import express, NOT_ORDINARY
+import numpy as np
+from sat_collision import express
+from sat_collision.express import NOT_ORDINARY
 from sat_collision.polygon_set import PolygonSet
 
 
@@ -24,9 +26,6 @@ class Placeable:
 
     Attributes
     ----------
-    polygon : Polygon or None
-        Where the body was placed; None while it is nowhere. Of an obstacle, `Contacts.polygon`
-        knows better.
     row : int or None
         Its row among the placed bodies of its kind.
     meets : set of Placeable
@@ -34,12 +33,28 @@ class Placeable:
 
     """
 
-    __slots__ = ('polygon', 'row', 'meets')
+    __slots__ = ('row', 'meets', '_kind', '_polygon')
 
     def __init__(self):
-        self.polygon = None
         self.row = None
         self.meets = set()
+
+    @property
+    def polygon(self):
+        """Where the body is, None if nowhere; the same Polygon while it stays there."""
+        if self.row is None:
+            return None
+        # A message may have moved it since in the packed arrays alone.
+        polygons = self._kind.polygons
+        if not polygons.holds(self.row, self._polygon):
+            self._polygon = polygons.convex_polygon(self.row)
+        return self._polygon
+
+    def put(self, kind, row, polygon):
+        """Take note of where it was placed."""
+        self._kind = kind
+        self.row = row
+        self._polygon = polygon
 
 
 class Contacts:
@@ -72,16 +87,30 @@ class Contacts:
         if margin != self._margin:
             self._margin = margin
             for footprint in self._footprints.bodies.values():
-                self._meet_obstacles(footprint)
+                self._meet_obstacles(footprint, footprint.polygon)
 
     def place_footprint(self, footprint, polygon):
         """Put a footprint where a polygon is, or move it there."""
         self._footprints.place(footprint, polygon)
-        self._meet_obstacles(footprint)
+        self._meet_obstacles(footprint, polygon)
 
-    def _meet_obstacles(self, footprint):
-        if _meet(footprint, self._obstacles.within(footprint.polygon, self._margin)):
+    def _meet_obstacles(self, footprint, polygon):
+        if _meet(footprint, self._obstacles.within(polygon, self._margin)):
             self.changed.add(footprint)
+
+    def move_footprint(self, footprint, data, frame, most):
+        """Move a placed footprint by an ordinary message; return its stamp or NOT_ORDINARY."""
+        if self._margin != 0.0:
+            return NOT_ORDINARY
+        footprints, obstacles = self._footprints.polygons, self._obstacles.polygons
+        found = np.empty(obstacles.used_rows, np.int64)
+        stamp, hits = express.move_footprint(
+            data, frame, most, footprint.row, footprints.bounds, footprints.rows,
+            footprints.blocks, obstacles.bounds, obstacles.rows, obstacles.blocks,
+            obstacles.used_rows, found)
+        if stamp != NOT_ORDINARY and _meet(footprint, self._obstacles.of_rows(found[:hits])):
+            self.changed.add(footprint)
+        return stamp
 
     def remove_footprint(self, footprint):
         """Take a footprint away, if it is placed."""
@@ -95,29 +124,20 @@ class Contacts:
         if footprints or obstacle.meets:
             self.changed.update(_meet(obstacle, footprints))
 
-    def polygon(self, obstacle):
-        """Return where an obstacle is, None if nowhere; the same Polygon while it stays there."""
-        row = obstacle.row
-        polygons = self._obstacles.polygons
-        if row is not None and not polygons.holds(row, obstacle.polygon):
-            obstacle.polygon = polygons.convex_polygon(row)
-        return obstacle.polygon
-
     def is_at(self, obstacle, polygon):
         """Tell whether an obstacle is where a polygon is already."""
         return obstacle.row is not None and self._obstacles.polygons.holds(obstacle.row, polygon)
 
-    def express(self, obstacle, data, frame, most, now, last_time, set_start, set_window, prints,
-                place):
-        """Take an ordinary message for an obstacle that is placed; see `express.express`."""
+    def move_obstacle(self, obstacle, data, frame, most, now, last_time, set_start, set_window,
+                      prints, place):
+        """Move a placed obstacle by an ordinary message; see `express.move_obstacle`."""
         if self._margin != 0.0:
             return NOT_ORDINARY
-        obstacles = self._obstacles.polygons
-        footprints = self._footprints.polygons
-        return express(data, frame, most, now, last_time, set_start, set_window, prints, place,
-                       obstacle.row, obstacles.bounds, obstacles.rows, obstacles.blocks,
-                       footprints.bounds, footprints.rows, footprints.blocks,
-                       footprints.used_rows)
+        footprints, obstacles = self._footprints.polygons, self._obstacles.polygons
+        return express.move_obstacle(
+            data, frame, most, now, last_time, set_start, set_window, prints, place,
+            obstacle.row, obstacles.bounds, obstacles.rows, obstacles.blocks,
+            footprints.bounds, footprints.rows, footprints.blocks, footprints.used_rows)
 
     def remove_obstacle(self, obstacle):
         """Take an obstacle away, if it is placed."""
@@ -137,12 +157,13 @@ class _Kind:
         self.bodies = {}
 
     def place(self, body, polygon):
-        body.polygon = polygon
-        if body.row is not None:
-            self.polygons.replace(body.row, polygon)
+        row = body.row
+        if row is not None:
+            self.polygons.replace(row, polygon)
         else:
-            body.row = self.polygons.append(polygon)
-            self.bodies[body.row] = body
+            row = self.polygons.append(polygon)
+            self.bodies[row] = body
+        body.put(self, row, polygon)
 
     def remove(self, body):
         """Return whether the body was there to be removed."""
@@ -150,11 +171,13 @@ class _Kind:
             return False
         self.polygons.remove(body.row)
         del self.bodies[body.row]
-        body.row = body.polygon = None
+        body.row = None
         return True
 
     def within(self, polygon, margin):
-        rows = self.polygons.within(polygon, margin)
+        return self.of_rows(self.polygons.within(polygon, margin))
+
+    def of_rows(self, rows):
         return [self.bodies[row] for row in rows.tolist()] if len(rows) else ()
 
     def nearest(self, polygon):

@@ -13,12 +13,13 @@
 # limitations under the License.
 
 """
-The ordinary obstacle message, from its bytes to its place in the scene, in one compiled call.
+The ordinary message, from its bytes to its place in the scene, in one compiled call.
 
-Nearly every message of a set moves an obstacle that touches no footprint, neither before nor
-after, and changes nothing else. `express` takes exactly these. Whatever it does not take for one
-of them it leaves untouched, and the message goes the general way, through `messages`, `Polygon`
-and `Source.place`, which decides alike: which way a message went makes no difference but in time.
+Nearly every obstacle message of a set moves an obstacle that touches no footprint, neither before
+nor after, and nearly every footprint message moves a footprint; nothing else changes. The kernels
+here take exactly these. Whatever they do not take for one they leave untouched, and the message
+goes the general way, through `messages`, `Polygon` and `Scene`, which decides alike: which way a
+message went makes no difference but in time.
 """
 
 import numpy as np
@@ -35,10 +36,10 @@ _SECOND = 1_000_000_000
 
 
 @kernel
-def express(data, frame, most, now, last_time, set_start, set_window, prints, place,
-            row, bounds, rows, blocks, other_bounds, other_rows, other_blocks, other_used):
+def move_obstacle(data, frame, most, now, last_time, set_start, set_window, prints, place,
+                  row, bounds, rows, blocks, other_bounds, other_rows, other_blocks, other_used):
     """
-    Take an ordinary message.
+    Take an ordinary message of an obstacle.
 
     Parameters
     ----------
@@ -71,20 +72,10 @@ def express(data, frame, most, now, last_time, set_start, set_window, prints, pl
         The time in ns that the obstacle counts from, or NOT_ORDINARY.
 
     """
-    points_at, count = _find_points(data, frame)
-    if count == 0:
-        return NOT_ORDINARY
-    nanoseconds = _uint32(data, 8)
-    stamp = _int32(data, 4) * _SECOND + nanoseconds
+    stamp, record, count = _read(data, frame, most)
     time = min(stamp, now)
-    if (nanoseconds >= _SECOND or stamp == 0 or time < last_time
+    if (count == 0 or len(record) > rows[2, row] or stamp == 0 or time < last_time
             or abs(stamp - set_start) > set_window):
-        return NOT_ORDINARY
-    points = np.frombuffer(data, np.uint8)[points_at:].view(np.float32)
-    record = np.empty(HEADER + table_size(count) + 2 * count)
-    verdict, count, _, _, first = unpack(points, record, most)
-    size = first + 2 * count
-    if verdict != CONVEX or size > rows[2, row]:
         return NOT_ORDINARY
     own = fingerprint(record)
     equal = 0
@@ -94,13 +85,63 @@ def express(data, frame, most, now, last_time, set_start, set_window, prints, pl
         return NOT_ORDINARY
     found = np.empty(other_used, np.int64)
     before = blocks[rows[0, row]:rows[0, row] + rows[2, row]]
-    after = record[:size]
     if (hit_rows(other_bounds, other_rows, other_blocks, other_used, before, rows[1, row], found)
-            or hit_rows(other_bounds, other_rows, other_blocks, other_used, after, count, found)):
+            or hit_rows(other_bounds, other_rows, other_blocks, other_used, record, count, found)):
         return NOT_ORDINARY
-    put(bounds, rows, blocks, row, after, count)
+    put(bounds, rows, blocks, row, record, count)
     prints[place] = own
     return time
+
+
+@kernel
+def move_footprint(data, frame, most, row, bounds, rows, blocks,
+                   other_bounds, other_rows, other_blocks, other_used, found):
+    """
+    Take an ordinary message of a footprint.
+
+    Parameters
+    ----------
+    data, frame, most
+        As for `move_obstacle`.
+    row : int
+        The row of the footprint.
+    bounds, rows, blocks : arrays
+        Of the PolygonSet of all footprints.
+    other_bounds, other_rows, other_blocks : arrays
+        Of that of all obstacles.
+    other_used : int
+        Their used rows.
+    found : (other_used,) array of int64
+        Receives the rows of the obstacles that it hits.
+
+    Returns
+    -------
+    stamp : int
+        In ns, or NOT_ORDINARY.
+    hits : int
+        How many rows were found.
+
+    """
+    stamp, record, count = _read(data, frame, most)
+    if count == 0 or not put(bounds, rows, blocks, row, record, count):
+        return NOT_ORDINARY, 0
+    return stamp, hit_rows(other_bounds, other_rows, other_blocks, other_used, record, count,
+                           found)
+
+
+@kernel
+def _read(data, frame, most):
+    """Return the stamp of a message, the record of its polygon, and how many vertices that has."""
+    points_at, received = _find_points(data, frame)
+    record = np.empty(HEADER + table_size(received) + 2 * received)
+    if received == 0:
+        return 0, record, 0
+    nanoseconds = _uint32(data, 8)
+    points = np.frombuffer(data, np.uint8)[points_at:].view(np.float32)
+    verdict, count, _, _, first = unpack(points, record, most)
+    if verdict != CONVEX or nanoseconds >= _SECOND:
+        return 0, record, 0
+    return _int32(data, 4) * _SECOND + nanoseconds, record[:first + 2 * count], count
 
 
 @kernel

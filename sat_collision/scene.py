@@ -19,6 +19,7 @@ from itertools import chain
 import numpy as np
 from sat_collision.contacts import Contacts
 from sat_collision.deadlines import Deadlines
+from sat_collision.express import NOT_ORDINARY
 from sat_collision.footprints import Footprint, State, Status
 from sat_collision.obstacles import Obstacle
 from sat_collision.sources import OTHER_FRAME, Source
@@ -137,15 +138,20 @@ class Scene:
             self._lose(footprint, f"is not in the frame '{self.frame_id}'")
             self._settle()
             return OTHER_FRAME
+        self._contacts.place_footprint(footprint, polygon)
+        self._placed(footprint, stamp)
+        return None
+
+    def _placed(self, footprint, stamp):
+        """Take note that a footprint has been placed, and settle what follows."""
+        now = self._now
         footprint.time = min(stamp, now) if stamp else now
         if footprint.trouble or footprint.stale or footprint.time + footprint.timeout < now:
             footprint.trouble = ''
             self._contacts.changed.add(footprint)
-        self._contacts.place_footprint(footprint, polygon)
         self._deadlines.watch(footprint)
         if self._contacts.changed:
             self._settle()
-        return None
 
     def obstacle(self, name, polygon, frame_id, stamp, now, instance=None):
         """
@@ -199,11 +205,21 @@ class Scene:
             Present time in ns.
 
         """
-        source = self._sources.get(name)
-        if source is None or not self._frame:
+        if not self._frame:
             return False
         self.advance(now)
-        return source.express(data, now, self._frame, self.settings.max_vertices)
+        source = self._sources.get(name)
+        if source is not None:
+            return source.express(data, now, self._frame, self.settings.max_vertices)
+        footprint = self._footprints[name]
+        if footprint.row is None:
+            return False
+        stamp = self._contacts.move_footprint(footprint, data, self._frame,
+                                              self.settings.max_vertices)
+        if stamp == NOT_ORDINARY:
+            return False
+        self._placed(footprint, stamp)
+        return True
 
     def refuse(self, name, reason, now, stamp=None, instance=None):
         """
@@ -278,7 +294,7 @@ class Scene:
     @property
     def obstacles(self):
         """The (Obstacle, Polygon) of every obstacle that is somewhere."""
-        return [(body.name, self._contacts.polygon(body))
+        return [(body.name, body.polygon)
                 for source in self._sources.values() for body in source.bodies.values()
                 if body.row is not None]
 
@@ -290,8 +306,7 @@ class Scene:
     def contacts(self, name):
         """Return (Obstacle, Polygon of the footprint, Polygon) of all that a footprint meets."""
         footprint = self._footprints[name]
-        return [(body.name, footprint.polygon, self._contacts.polygon(body))
-                for body in footprint.meets]
+        return [(body.name, footprint.polygon, body.polygon) for body in footprint.meets]
 
     def nearest(self, name):
         """

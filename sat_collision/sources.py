@@ -166,8 +166,9 @@ class Source:
         if (body is None or body.row is None or self.reasons or not self._in_sets
                 or place >= len(self._prints) or place >= self.settings.max_count):
             return False
-        time = self._contacts.express(body, data, frame, most, now, body.time, self._set_start,
-                                      self._set_window, self._prints, place)
+        time = self._contacts.move_obstacle(body, data, frame, most, now, body.time,
+                                            self._set_start, self._set_window, self._prints,
+                                            place)
         if time == NOT_ORDINARY:
             return False
         self._count = place + 1

@@ -66,7 +66,7 @@ class Outputs:
     def update(self, names):
         """Take note of the new states of footprints."""
         for name in names:
-            status = self._scene.state(name).status
+            status = self._scene.status(name)
             self._raised[name] = (status is Status.COLLISION
                                   or status is Status.UNKNOWN and self._unknown_is_collision)
         self._unwritten.update(names)

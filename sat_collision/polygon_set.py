@@ -217,9 +217,11 @@ def put(bounds, rows, data, row, block, count):
     if size > rows[2, row]:
         return False
     start = rows[0, row]
-    data[start:start + size] = block
+    for k in range(size):
+        data[start + k] = block[k]
     rows[1, row] = count
-    bounds[:, row] = block[BOUNDS]
+    for k in range(4):
+        bounds[k, row] = block[BOUNDS.start + k]
     return True
 
 

@@ -279,6 +279,11 @@ class Scene:
         self._unreported.clear()
         return changed
 
+    def status(self, name):
+        """Return the Status of a footprint."""
+        status, _, _ = self._footprints[name].finding
+        return status
+
     def state(self, name):
         """Return the State of a footprint at the time that was passed last."""
         footprint = self._footprints[name]

@@ -108,8 +108,9 @@ class Contacts:
             data, frame, most, footprint.row, footprints.bounds, footprints.rows,
             footprints.blocks, obstacles.bounds, obstacles.rows, obstacles.blocks,
             obstacles.used_rows, found)
-        if stamp != NOT_ORDINARY and _meet(footprint, self._obstacles.of_rows(found[:hits])):
-            self.changed.add(footprint)
+        if stamp != NOT_ORDINARY and (hits or footprint.meets):
+            if _meet(footprint, self._obstacles.of_rows(found[:hits])):
+                self.changed.add(footprint)
         return stamp
 
     def remove_footprint(self, footprint):

@@ -212,7 +212,11 @@ class PolygonSet:
 
 @kernel
 def put(bounds, rows, data, row, block, count):
-    """Write a body into its row if the row has the space; return whether it has."""
+    """
+    Write a body into its row if the row has the space; return whether it has.
+
+    The arrays are those of a PolygonSet, and block and count those of a Polygon, here and below.
+    """
     size = len(block)
     if size > rows[2, row]:
         return False
@@ -238,7 +242,7 @@ def _holds(rows, blocks, row, block, count):
 
 @kernel
 def hit_rows(bounds, rows, data, used, block, count, found):
-    """Write the rows that a block hits, in ascending order; return how many there are."""
+    """Write the rows that a block hits into found, (used,), ascending; return how many they are."""
     candidates = _candidates(bounds, rows, data, used, block, count, found)
     hits = 0
     for k in range(candidates):

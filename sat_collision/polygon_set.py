@@ -242,7 +242,7 @@ def _holds(rows, blocks, row, block, count):
 
 @kernel
 def hit_rows(bounds, rows, data, used, block, count, found):
-    """Write the rows that a block hits into found, (used,), ascending; return how many they are."""
+    """Write the rows that a block hits into found, (used,), ascending; return their number."""
     candidates = _candidates(bounds, rows, data, used, block, count, found)
     hits = 0
     for k in range(candidates):

@@ -23,6 +23,7 @@ import pytest
 from sat_collision.monitor import Monitor
 from sat_collision.scene import Obstacle
 from sat_collision.settings import FootprintSettings, ObstacleSettings, Settings
+from sat_collision.sources import TOO_MANY
 
 SECOND = 10**9
 NOW = 1000 * SECOND
@@ -263,6 +264,14 @@ def test_source_is_silent_from_its_last_message_on():
     assert status(monitor) == 'clear'
     monitor.scene.advance(now + 1)
     assert status(monitor) == 'unknown'
+
+
+def test_limit_of_obstacles_can_be_lowered_in_the_middle_of_a_set():
+    """What is beyond it is in doubt from then on, although it has been taken before."""
+    monitor, stamp = monitor_in_a_set()
+    lidar, tracks = SETTINGS.obstacles
+    monitor.scene.update(replace(SETTINGS, obstacles=(replace(lidar, max_count=1), tracks)))
+    assert monitor.receive('lidar', serialised(box(21), stamp), stamp).reason == TOO_MANY
 
 
 def test_good_obstacle_ends_the_doubt_in_the_middle_of_a_set():

@@ -85,6 +85,7 @@ def test_nobody_subscribed_no_markers_are_made(start, monkeypatch):
 def test_health_tells_rates_rejections_check_time_and_kernel(start):
     """Five obstacles, one of them bad: a warning in one period, running in the next."""
     monitor = start(**NO_TIMEOUT)
+    monitor.until(monitor.health, 'a first word')
     for points in 4 * [APART] + [[(0, 0), (1, 1), (1, 0), (0, 1)]]:
         monitor.send('obstacles', points)
     warned = monitor.until(lambda: monitor.health() and monitor.health().level

@@ -16,7 +16,6 @@
 
 import numpy as np
 from sat_collision import express
-from sat_collision.express import NOT_ORDINARY
 from sat_collision.polygon_set import PolygonSet
 
 
@@ -101,14 +100,14 @@ class Contacts:
     def move_footprint(self, footprint, data, frame, most):
         """Move a placed footprint by an ordinary message; return its stamp or NOT_ORDINARY."""
         if self._margin != 0.0:
-            return NOT_ORDINARY
+            return express.NOT_ORDINARY
         footprints, obstacles = self._footprints.polygons, self._obstacles.polygons
         found = np.empty(obstacles.used_rows, np.int64)
         stamp, hits = express.move_footprint(
             data, frame, most, footprint.row, footprints.bounds, footprints.rows,
             footprints.blocks, obstacles.bounds, obstacles.rows, obstacles.blocks,
             obstacles.used_rows, found)
-        if stamp != NOT_ORDINARY and (hits or footprint.meets):
+        if stamp != express.NOT_ORDINARY and (hits or footprint.meets):
             if _meet(footprint, self._obstacles.of_rows(found[:hits])):
                 self.changed.add(footprint)
         return stamp
@@ -133,7 +132,7 @@ class Contacts:
                       prints, place):
         """Move a placed obstacle by an ordinary message; see `express.move_obstacle`."""
         if self._margin != 0.0:
-            return NOT_ORDINARY
+            return express.NOT_ORDINARY
         footprints, obstacles = self._footprints.polygons, self._obstacles.polygons
         return express.move_obstacle(
             data, frame, most, now, last_time, set_start, set_window, prints, place,

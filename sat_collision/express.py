@@ -19,13 +19,16 @@ Nearly every obstacle message of a set moves an obstacle that touches no footpri
 nor after, and nearly every footprint message moves a footprint; nothing else changes. The kernels
 here take exactly these. Whatever they do not take for one they leave untouched, and the message
 goes the general way, through `messages`, `Polygon` and `Scene`, which decides alike: which way a
-message went makes no difference but in time.
+message went makes no difference but in time. Plain Python, which would gain nothing, always goes
+the general way.
 """
+
+import sys
 
 import numpy as np
 from sat_collision.jit import kernel
 from sat_collision.polygon_set import hit_rows, put
-from sat_collision.record import fingerprint, HEADER, table_size, unpack
+from sat_collision.record import fingerprint, record_size, unpack
 from sat_collision.ring import CONVEX
 
 NOT_ORDINARY = -2 ** 63
@@ -33,6 +36,7 @@ NOT_ORDINARY = -2 ** 63
 _FRAME_AT = 16
 _POINT_BYTES = 12
 _SECOND = 1_000_000_000
+_LITTLE_ENDIAN = sys.byteorder == 'little'
 
 
 @kernel
@@ -133,7 +137,7 @@ def move_footprint(data, frame, most, row, bounds, rows, blocks,
 def _read(data, frame, most):
     """Return the stamp of a message, the record of its polygon, and how many vertices that has."""
     points_at, received = _find_points(data, frame)
-    record = np.empty(HEADER + table_size(received) + 2 * received)
+    record = np.empty(record_size(received))
     if received == 0:
         return 0, record, 0
     nanoseconds = _uint32(data, 8)
@@ -155,7 +159,8 @@ def _find_points(data, frame):
     length = len(frame)
     count_at = (_FRAME_AT + length + 3) & ~3
     points_at = count_at + 4
-    if (points_at > size or data[0] != 0 or data[1] != 1 or data[2] != 0 or data[3] != 0
+    if (not _LITTLE_ENDIAN or points_at > size
+            or data[0] != 0 or data[1] != 1 or data[2] != 0 or data[3] != 0
             or _uint32(data, 12) != length):
         return 0, 0
     for k in range(length):

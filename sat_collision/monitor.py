@@ -140,12 +140,14 @@ class Monitor:
             refusal = scene.footprint(name, polygon, frame_id, stamp, now)
         if refusal is None:
             return None
-        details = {
-            OTHER_FRAME: f"it is in '{frame_id}', all else in '{scene.frame_id}'",
-            TOO_MANY: f'there are {settings.max_count} already' if is_obstacle else '',
-            TOO_OLD: f'its stamp is {(now - stamp) / 1e9:.3f} s old, past the timeout of '
-                     f'{settings.timeout:g} s'}
-        return self._reject(settings, refusal, details[refusal])
+        if refusal == OTHER_FRAME:
+            detail = f"it is in '{frame_id}', all else in '{scene.frame_id}'"
+        elif refusal == TOO_MANY:
+            detail = f'there are {settings.max_count} already'
+        else:
+            detail = (f'its stamp is {(now - stamp) / 1e9:.3f} s old, past the timeout of '
+                      f'{settings.timeout:g} s')
+        return self._reject(settings, refusal, detail)
 
     def _refuse(self, settings, reason, detail, *when_and_which):
         """Tell the scene, and the caller, of a message that gives no polygon."""

@@ -52,10 +52,10 @@ def table_size(count):
     return 32 if count <= 128 else LARGEST_TABLE
 
 
+@inlined
 def record_size(count):
     """Return how many doubles the record of a polygon with count vertices takes."""
-    table = table_size(count) if count > SCAN_LIMIT else 0
-    return HEADER + table + 2 * count
+    return HEADER + table_size(count) + 2 * count
 
 
 @kernel

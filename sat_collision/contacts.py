@@ -72,6 +72,8 @@ class Contacts:
     ----------
     changed : set of Placeable
         Footprints that have gained or lost a contact; the reader empties it.
+    packed : tuple or None
+        What `pack` returned, while it is true.
 
     """
 
@@ -80,6 +82,17 @@ class Contacts:
         self._margin = margin
         self._footprints = _Kind()
         self._obstacles = _Kind()
+        self.packed = None
+        self._found = None
+
+    def pack(self):
+        """Return bounds, rows, blocks and used_rows of the footprints, then of the obstacles."""
+        footprints, obstacles = self._footprints.polygons, self._obstacles.polygons
+        self.packed = (
+            footprints.bounds, footprints.rows, footprints.blocks, footprints.used_rows,
+            obstacles.bounds, obstacles.rows, obstacles.blocks, obstacles.used_rows)
+        self._found = np.empty(obstacles.used_rows, np.int64)
+        return self.packed
 
     def use_margin(self, margin):
         """Decide everything anew by another margin, if it is another."""
@@ -90,6 +103,7 @@ class Contacts:
 
     def place_footprint(self, footprint, polygon):
         """Put a footprint where a polygon is, or move it there."""
+        self.packed = None
         self._footprints.place(footprint, polygon)
         self._meet_obstacles(footprint, polygon)
 
@@ -99,16 +113,11 @@ class Contacts:
 
     def move_footprint(self, footprint, data, frame, most):
         """Move a placed footprint by an ordinary message; return its stamp or NOT_ORDINARY."""
-        if self._margin != 0.0:
-            return express.NOT_ORDINARY
-        footprints, obstacles = self._footprints.polygons, self._obstacles.polygons
-        found = np.empty(obstacles.used_rows, np.int64)
+        packed = self.packed or self.pack()
         stamp, hits = express.move_footprint(
-            data, frame, most, footprint.row, footprints.bounds, footprints.rows,
-            footprints.blocks, obstacles.bounds, obstacles.rows, obstacles.blocks,
-            obstacles.used_rows, found)
+            data, frame, most, footprint.row, self._found, *packed)
         if stamp != express.NOT_ORDINARY and (hits or footprint.meets):
-            if _meet(footprint, self._obstacles.of_rows(found[:hits])):
+            if _meet(footprint, self._obstacles.of_rows(self._found[:hits]) if hits else ()):
                 self.changed.add(footprint)
         return stamp
 
@@ -119,6 +128,7 @@ class Contacts:
 
     def place_obstacle(self, obstacle, polygon):
         """Put an obstacle where a polygon is, or move it there."""
+        self.packed = None
         self._obstacles.place(obstacle, polygon)
         footprints = self._footprints.within(polygon, self._margin)
         if footprints or obstacle.meets:
@@ -127,17 +137,6 @@ class Contacts:
     def is_at(self, obstacle, polygon):
         """Tell whether an obstacle is where a polygon is already."""
         return obstacle.row is not None and self._obstacles.polygons.holds(obstacle.row, polygon)
-
-    def move_obstacle(self, obstacle, data, frame, most, now, last_time, set_start, set_window,
-                      prints, place):
-        """Move a placed obstacle by an ordinary message; see `express.move_obstacle`."""
-        if self._margin != 0.0:
-            return express.NOT_ORDINARY
-        footprints, obstacles = self._footprints.polygons, self._obstacles.polygons
-        return express.move_obstacle(
-            data, frame, most, now, last_time, set_start, set_window, prints, place,
-            obstacle.row, obstacles.bounds, obstacles.rows, obstacles.blocks,
-            footprints.bounds, footprints.rows, footprints.blocks, footprints.used_rows)
 
     def remove_obstacle(self, obstacle):
         """Take an obstacle away, if it is placed."""
@@ -178,7 +177,7 @@ class _Kind:
         return self.of_rows(self.polygons.within(polygon, margin))
 
     def of_rows(self, rows):
-        return [self.bodies[row] for row in rows.tolist()] if len(rows) else ()
+        return map(self.bodies.__getitem__, rows.tolist()) if len(rows) else ()
 
     def nearest(self, polygon):
         if not self.bodies:

@@ -15,12 +15,12 @@
 """
 The ordinary message, from its bytes to its place in the scene, in one compiled call.
 
-Nearly every obstacle message of a set moves an obstacle that touches no footprint, neither before
-nor after, and nearly every footprint message moves a footprint; nothing else changes. The kernels
-here take exactly these. Whatever they do not take for one they leave untouched, and the message
-goes the general way, through `messages`, `Polygon` and `Scene`, which decides alike: which way a
-message went makes no difference but in time. Plain Python, which would gain nothing, always goes
-the general way.
+Nearly every obstacle message moves an obstacle of a set that is as long as the one before, and
+the obstacle touches the same footprints as before, mostly none; nearly every footprint message
+moves a footprint; nothing else changes. The kernels here take exactly these. Whatever they do not
+take for one they leave untouched, and the message goes the general way, through `messages`,
+`Polygon` and `Scene`, which decides alike: which way a message went makes no difference but in
+time. Plain Python, which would gain nothing, always goes the general way.
 """
 
 import sys
@@ -40,8 +40,9 @@ _LITTLE_ENDIAN = sys.byteorder == 'little'
 
 
 @kernel
-def move_obstacle(data, frame, most, now, last_time, set_start, set_window, prints, place,
-                  row, bounds, rows, blocks, other_bounds, other_rows, other_blocks, other_used):
+def move_obstacle(data, frame, most, now, last_time, set_start, set_window, begins, prints, place,
+                  row, footprint_bounds, footprint_rows, footprint_blocks, footprints,
+                  bounds, rows, blocks, obstacles):
     """
     Take an ordinary message of an obstacle.
 
@@ -57,29 +58,34 @@ def move_obstacle(data, frame, most, now, last_time, set_start, set_window, prin
         Present time, and the time that the obstacle has counted from, in ns.
     set_start, set_window : int
         Stamp of the set that is coming in, and how far from it those of its messages lie, in ns.
+    begins : bool
+        Whether the message should begin the next set, else belong to this one.
     prints : (p,) array of float64
         The fingerprint of each member of the set so far. That of this one is added.
     place : int
         Which of the set this message is, less than p.
     row : int
         The row of the obstacle in that place.
-    bounds, rows, blocks : arrays
-        Of the PolygonSet of all obstacles.
-    other_bounds, other_rows, other_blocks : arrays
-        Of that of all footprints.
-    other_used : int
-        Their used rows.
+    footprint_bounds, footprint_rows, footprint_blocks, footprints
+        Arrays of the PolygonSet of all footprints, and its used rows.
+    bounds, rows, blocks, obstacles
+        Those of the obstacles.
 
     Returns
     -------
     int
-        The time in ns that the obstacle counts from, or NOT_ORDINARY.
+        The time in ns that the obstacle counts from, which is the stamp if it begins a set; or
+        NOT_ORDINARY.
 
     """
     stamp, record, count = _read(data, frame, most)
     time = min(stamp, now)
-    if (count == 0 or len(record) > rows[2, row] or stamp == 0 or time < last_time
-            or abs(stamp - set_start) > set_window):
+    if count == 0 or len(record) > rows[2, row] or stamp == 0 or time < last_time:
+        return NOT_ORDINARY
+    if begins:
+        if stamp <= set_start + set_window or stamp > now:
+            return NOT_ORDINARY
+    elif abs(stamp - set_start) > set_window:
         return NOT_ORDINARY
     own = fingerprint(record)
     equal = 0
@@ -87,10 +93,9 @@ def move_obstacle(data, frame, most, now, last_time, set_start, set_window, prin
         equal += prints[k] == own
     if equal:
         return NOT_ORDINARY
-    found = np.empty(other_used, np.int64)
     before = blocks[rows[0, row]:rows[0, row] + rows[2, row]]
-    if (hit_rows(other_bounds, other_rows, other_blocks, other_used, before, rows[1, row], found)
-            or hit_rows(other_bounds, other_rows, other_blocks, other_used, record, count, found)):
+    if not _hits_the_same(footprint_bounds, footprint_rows, footprint_blocks, footprints, before,
+                          rows[1, row], record, count):
         return NOT_ORDINARY
     put(bounds, rows, blocks, row, record, count)
     prints[place] = own
@@ -98,8 +103,8 @@ def move_obstacle(data, frame, most, now, last_time, set_start, set_window, prin
 
 
 @kernel
-def move_footprint(data, frame, most, row, bounds, rows, blocks,
-                   other_bounds, other_rows, other_blocks, other_used, found):
+def move_footprint(data, frame, most, row, found, bounds, rows, blocks, footprints,
+                   obstacle_bounds, obstacle_rows, obstacle_blocks, obstacles):
     """
     Take an ordinary message of a footprint.
 
@@ -109,14 +114,12 @@ def move_footprint(data, frame, most, row, bounds, rows, blocks,
         As for `move_obstacle`.
     row : int
         The row of the footprint.
-    bounds, rows, blocks : arrays
-        Of the PolygonSet of all footprints.
-    other_bounds, other_rows, other_blocks : arrays
-        Of that of all obstacles.
-    other_used : int
-        Their used rows.
-    found : (other_used,) array of int64
+    found : (obstacles,) array of int64
         Receives the rows of the obstacles that it hits.
+    bounds, rows, blocks, footprints
+        Arrays of the PolygonSet of all footprints, and its used rows.
+    obstacle_bounds, obstacle_rows, obstacle_blocks, obstacles
+        Those of the obstacles.
 
     Returns
     -------
@@ -129,8 +132,21 @@ def move_footprint(data, frame, most, row, bounds, rows, blocks,
     stamp, record, count = _read(data, frame, most)
     if count == 0 or not put(bounds, rows, blocks, row, record, count):
         return NOT_ORDINARY, 0
-    return stamp, hit_rows(other_bounds, other_rows, other_blocks, other_used, record, count,
-                           found)
+    return stamp, hit_rows(obstacle_bounds, obstacle_rows, obstacle_blocks, obstacles, record,
+                           count, found)
+
+
+@kernel
+def _hits_the_same(bounds, rows, blocks, used, before, count_before, after, count_after):
+    """Tell whether two records hit the same rows of a set."""
+    found = np.empty((2, used), np.int64)
+    hits = hit_rows(bounds, rows, blocks, used, before, count_before, found[0])
+    if hit_rows(bounds, rows, blocks, used, after, count_after, found[1]) != hits:
+        return False
+    for k in range(hits):
+        if found[0, k] != found[1, k]:
+            return False
+    return True
 
 
 @kernel

@@ -15,11 +15,14 @@
 """Footprints, and the states in which they are."""
 
 import enum
+from operator import attrgetter
 from typing import NamedTuple
 
 from sat_collision.contacts import Placeable
 from sat_collision.deadlines import NEVER
 from sat_collision.obstacles import Obstacle
+
+_NAME = attrgetter('name')
 
 
 class Status(enum.Enum):
@@ -68,7 +71,7 @@ class Footprint(Placeable):
     status : Status
         The status reported: CLEAR only after the release delay.
     finding : tuple
-        Status, contacts and reasons of its State, as the scene settled them last.
+        Status, contacts and reasons of its State, as they were settled last.
 
     """
 
@@ -99,21 +102,38 @@ class Footprint(Placeable):
             return self._release
         return min(self._release, self.time + self.timeout)
 
-    @property
-    def complaint(self):
-        """What is wrong with the footprint itself, as a sentence; empty if nothing is."""
-        trouble = self.trouble
-        if self.stale:
-            trouble = f'is older than its timeout of {self.settings.timeout:g} s'
-        return trouble and f'footprint {self.settings.name} on {self.settings.topic} {trouble}'
-
     def expire(self):
         """Ask for another look, now that the deadline is past."""
         self._due.add(self)
 
-    def report(self, status, now, release_delay):
-        """Take what the status is now; a release is reported after the delay, a rise at once."""
+    def settle(self, now, blanket, doubts, release_delay):
+        """
+        Work out what to report: a release after the delay, anything else at once.
+
+        Parameters
+        ----------
+        now : int
+        blanket : str
+            Why nothing can be known of any footprint; empty if something can.
+        doubts : tuple of str
+            Why there may be obstacles that nobody told of.
+        release_delay : int
+
+        """
+        self.stale = self.time is not None and self.time + self.timeout < now
         self._release = NEVER
+        contacts = ()
+        reasons = doubts
+        if blanket:
+            status, reasons = Status.UNKNOWN, (blanket,)
+        elif not self.settings.enabled:
+            status, reasons = Status.UNKNOWN, (f'footprint {self.settings.name} is disabled',)
+        elif self.trouble or self.stale:
+            status, reasons = Status.UNKNOWN, (self._complaint(), *doubts)
+        elif self.meets:
+            status, contacts = Status.COLLISION, tuple(sorted(map(_NAME, self.meets)))
+        else:
+            status = Status.UNKNOWN if doubts else Status.CLEAR
         if status is not Status.CLEAR:
             self.clear_since = None
         else:
@@ -121,5 +141,15 @@ class Footprint(Placeable):
                 self.clear_since = now
             if now < self.clear_since + release_delay:
                 self._release = self.clear_since + release_delay - 1
-                return
+                if self.status is not Status.CLEAR:
+                    status = self.status
+                    reasons = f'clear for less than release_delay, {release_delay / 1e9:g} s',
         self.status = status
+        self.finding = status, contacts, reasons
+
+    def _complaint(self):
+        """Return what is wrong with the footprint itself, as a sentence."""
+        trouble = self.trouble
+        if self.stale:
+            trouble = f'is older than its timeout of {self.settings.timeout:g} s'
+        return f'footprint {self.settings.name} on {self.settings.topic} {trouble}'

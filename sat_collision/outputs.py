@@ -46,7 +46,7 @@ class Outputs:
         self._flags = {
             footprint.name: node.create_publisher(Bool, f'~/{footprint.name}/collision', 10)
             for footprint in settings.footprints}
-        self._raised = {}
+        self._raised = set()
         self._states = States(node.get_name(), settings)
         self._state_publisher = node.create_publisher(DiagnosticArray, '~/state', 10)
         self._unwritten = set()
@@ -59,32 +59,30 @@ class Outputs:
     def configure(self, settings):
         """Apply settings, with which every flag may mean something else."""
         self._states.settings = settings
-        self._unknown_is_collision = settings.unknown_is_collision
-        self._watched = [footprint.name for footprint in settings.footprints if footprint.enabled]
+        self._raising = ((Status.COLLISION, Status.UNKNOWN) if settings.unknown_is_collision
+                         else (Status.COLLISION,))
+        # If none is enabled, nothing is known: all are unknown.
+        self._watched = ({footprint.name for footprint in settings.footprints if footprint.enabled}
+                         or set(self._flags))
         self.update(self._flags)
 
     def update(self, names):
         """Take note of the new states of footprints."""
         for name in names:
-            status = self._scene.status(name)
-            self._raised[name] = (status is Status.COLLISION
-                                  or status is Status.UNKNOWN and self._unknown_is_collision)
+            if self._scene.status(name) in self._raising:
+                self._raised.add(name)
+            else:
+                self._raised.discard(name)
         self._unwritten.update(names)
         self.markers_current = False
 
     def publish(self, names=None):
         """Publish the common flag, the flags of some footprints or of all, and all states."""
         for name in self._flags if names is None else names:
-            self._flags[name].publish(_FLAGS[self._raised[name]])
-        self._common_flag.publish(_FLAGS[self._common()])
+            self._flags[name].publish(_FLAGS[name in self._raised])
+        self._common_flag.publish(_FLAGS[not self._raised.isdisjoint(self._watched)])
         if self._state_publisher.get_subscription_count():
             self._publish_states()
-
-    def _common(self):
-        """Tell whether any footprint raises its flag; if none is watched, nothing is known."""
-        if not self._watched:
-            return self._unknown_is_collision
-        return any(self._raised[name] for name in self._watched)
 
     def _publish_states(self):
         for name in self._flags:

@@ -94,6 +94,7 @@ class Scene:
         self.settings = settings
         self._release_delay = round(settings.release_delay * 1e9)
         self._contacts.use_margin(settings.margin)
+        self._use_frame(self.frame_id)
         for source in settings.obstacles:
             self._sources[source.name].configure(source, self._now)
         for new in settings.footprints:
@@ -149,7 +150,8 @@ class Scene:
         if footprint.trouble or footprint.stale or footprint.time + footprint.timeout < now:
             footprint.trouble = ''
             self._contacts.changed.add(footprint)
-        self._deadlines.watch(footprint)
+        elif footprint.time + footprint.timeout < footprint.watched:
+            self._deadlines.watch(footprint)
         if self._contacts.changed:
             self._settle()
 
@@ -205,16 +207,19 @@ class Scene:
             Present time in ns.
 
         """
-        if not self._frame:
+        if not self._ordinary_frame:
             return False
-        self.advance(now)
+        if 0 < self._now <= now <= self._deadlines.earliest:
+            self._now = now
+        else:
+            self.advance(now)
         source = self._sources.get(name)
         if source is not None:
-            return source.express(data, now, self._frame, self.settings.max_vertices)
+            return source.express(data, now, self._ordinary_frame, self.settings.max_vertices)
         footprint = self._footprints[name]
         if footprint.row is None:
             return False
-        stamp = self._contacts.move_footprint(footprint, data, self._frame,
+        stamp = self._contacts.move_footprint(footprint, data, self._ordinary_frame,
                                               self.settings.max_vertices)
         if stamp == NOT_ORDINARY:
             return False
@@ -331,8 +336,10 @@ class Scene:
         return float(np.spacing(np.float32(np.abs(polygon.bounds).max()))) if polygon else 0.0
 
     def _use_frame(self, frame_id):
+        """Take the frame of all bodies; with a margin no message is ordinary."""
         self.frame_id = frame_id
-        self._frame = frame_id and frame_id.encode() + b'\0'
+        no_margin = self.settings.margin == 0.0
+        self._ordinary_frame = frame_id.encode() + b'\0' if frame_id and no_margin else b''
 
     def _fix_frame(self, frame_id):
         self._use_frame(frame_id)
@@ -361,35 +368,8 @@ class Scene:
         """Settle the footprints for which something has changed, but no common doubt."""
         changed = self._contacts.changed
         for footprint in changed:
-            footprint.stale = (footprint.time is not None
-                               and footprint.time + footprint.timeout < self._now)
-            footprint.report(self._status(footprint), self._now, self._release_delay)
-            footprint.finding = self._finding(footprint)
-            self._deadlines.watch(footprint)
+            footprint.settle(self._now, self._blanket, self._doubts, self._release_delay)
+            if footprint.deadline < footprint.watched:
+                self._deadlines.watch(footprint)
         self._unreported |= changed
         changed.clear()
-
-    def _status(self, footprint):
-        """Return what a footprint's status is, without any delay."""
-        if self._blanket or footprint.trouble or footprint.stale:
-            return Status.UNKNOWN
-        if footprint.meets:
-            return Status.COLLISION
-        return Status.UNKNOWN if self._doubts else Status.CLEAR
-
-    def _finding(self, footprint):
-        """Return the status, contacts and reasons to report of a footprint."""
-        if self._blanket:
-            return Status.UNKNOWN, (), (self._blanket,)
-        if not footprint.settings.enabled:
-            return Status.UNKNOWN, (), (f'footprint {footprint.settings.name} is disabled',)
-        contacts = ()
-        reasons = self._doubts
-        if footprint.complaint:
-            reasons = footprint.complaint, *reasons
-        if footprint.clear_since is None:
-            if footprint.status is Status.COLLISION:
-                contacts = tuple(sorted(body.name for body in footprint.meets))
-        elif footprint.status is not Status.CLEAR:
-            reasons = f'clear for less than release_delay, {self.settings.release_delay:g} s',
-        return footprint.status, contacts, reasons

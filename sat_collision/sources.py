@@ -18,7 +18,7 @@ from collections import Counter
 
 import numpy as np
 from sat_collision.deadlines import NEVER
-from sat_collision.express import NOT_ORDINARY
+from sat_collision.express import move_obstacle, NOT_ORDINARY
 from sat_collision.jit import indexable
 from sat_collision.obstacles import Body
 from sat_collision.record import fingerprint
@@ -162,15 +162,20 @@ class Source:
         `frame` is the scene's frame_id with a NUL, in bytes, and `most` the most vertices.
         """
         place = self._count
+        begins = place == self._places
+        if begins:
+            place = 0
         body = self.bodies.get(place)
         if (body is None or body.row is None or self.reasons or not self._in_sets
                 or place >= len(self._prints) or place >= self.settings.max_count):
             return False
-        time = self._contacts.move_obstacle(body, data, frame, most, now, body.time,
-                                            self._set_start, self._set_window, self._prints,
-                                            place)
+        time = move_obstacle(data, frame, most, now, body.time, self._set_start, self._set_window,
+                             begins, self._prints, place, body.row,
+                             *self._contacts.packed or self._contacts.pack())
         if time == NOT_ORDINARY:
             return False
+        if begins:
+            self._set_start = time
         self._count = place + 1
         body.time = time
         if time > self._heard:

@@ -295,9 +295,12 @@ def test_body_that_is_not_convex_in_the_middle_of_a_set():
     assert monitor.scene.state('robot').contacts == (Obstacle('lidar', 1),)
 
 
-def test_margin_holds_in_the_middle_of_a_set():
-    """Half a metre away is near enough."""
-    monitor, stamp = monitor_in_a_set(replace(SETTINGS, margin=0.5))
+@pytest.mark.parametrize('live', [False, True])
+def test_margin_holds_in_the_middle_of_a_set(live):
+    """Half a metre away is near enough, from the start or from now on."""
+    settings = replace(SETTINGS, margin=0.5)
+    monitor, stamp = monitor_in_a_set(SETTINGS if live else settings)
+    monitor.scene.update(settings)
     monitor.receive('robot', serialised(box(0), stamp), stamp)
     monitor.receive('lidar', serialised(box(1.5), stamp), stamp)
     assert monitor.scene.state('robot').contacts == (Obstacle('lidar', 1),)

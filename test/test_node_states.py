@@ -206,7 +206,7 @@ def test_states_say_what_is_nearest(start):
     monitor.await_state('clear')
     monitor.until(lambda: values(monitor.status())['nearest obstacle'] == 'obstacles/1')
     assert values(monitor.status())['least separation'] == '0.5'
-    monitor.send('obstacles', box(0.75, 0))
+    monitor.send('obstacles', box(0.75, 0), stamp + SECOND // 10)
     monitor.await_state('collision')
     monitor.until(lambda: values(monitor.status())['least separation'] == '-0.25')
     assert values(monitor.status())['nearest obstacle'] == 'obstacles/0'

@@ -133,6 +133,7 @@ def test_every_parameter_is_described(declare):
     ({'publish_rate': None}, 'publish_rate.*without a value'),
     ({'footprints': None}, 'footprints.*without a value'),
     ({'footprints': 'robot'}, 'footprints.*STRING_ARRAY'),
+    ({'footprints': []}, 'footprints.*STRING_ARRAY'),
     ({'footprints': ['left arm']}, 'left arm.*no name'),
     ({'footprints': ['']}, 'no name'),
     ({'obstacles': ['/map']}, '/map.*no name'),

@@ -44,14 +44,14 @@ def kernel(function):
     """
     if not COMPILED:
         return function
-    return numba.njit(cache=True, error_model='numpy', nogil=True)(function)
+    return numba.njit(cache=True, error_model='numpy')(function)
 
 
 def inlined(function):
     """Compile like `kernel`, and always inline: for the steps of a hot loop."""
     if not COMPILED:
         return function
-    return numba.njit(cache=True, error_model='numpy', nogil=True, forceinline=True)(function)
+    return numba.njit(cache=True, error_model='numpy', forceinline=True)(function)
 
 
 def indexable(array):

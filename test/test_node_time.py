@@ -91,3 +91,19 @@ def test_release_delay_counts_in_simulated_time(start):
     assert monitor.state() == 'collision'
     monitor.set_clock(HOUR + 2 * SECOND)
     monitor.await_state('clear')
+
+
+def test_simulated_time_can_be_switched_on_and_off(start):
+    """Each switch leaves the messages of the other time behind; fresh ones are told apart again."""
+    monitor = start()
+    send_pair(monitor, APART, monitor.now())
+    monitor.await_state('clear')
+    assert monitor.set_parameters(use_sim_time=True) == [None]
+    monitor.until(lambda: 'no clock yet' in values(monitor.status())['reason'])
+    monitor.set_clock(HOUR)
+    send_pair(monitor, TOUCHING, HOUR)
+    monitor.await_state('collision')
+    assert monitor.set_parameters(use_sim_time=False) == [None]
+    monitor.await_state('unknown')
+    send_pair(monitor, APART, monitor.now())
+    monitor.await_state('clear')

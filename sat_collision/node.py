@@ -181,7 +181,7 @@ class CollisionMonitor(Node):
         self._outputs.publish()
 
     def _choose_clock(self, jump=None):
-        """Have `_now` ask the system's clock itself unless time is simulated: each message does."""
+        """Have `_now` ask the system itself unless time is simulated: each message does."""
         clock = self.get_clock()
         if clock.ros_time_is_active:
             self._now = lambda: clock.now().nanoseconds

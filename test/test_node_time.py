@@ -94,7 +94,7 @@ def test_release_delay_counts_in_simulated_time(start):
 
 
 def test_simulated_time_can_be_switched_on_and_off(start):
-    """Each switch leaves the messages of the other time behind; fresh ones are told apart again."""
+    """Each switch leaves the messages of the other time behind; fresh ones count again."""
     monitor = start()
     send_pair(monitor, APART, monitor.now())
     monitor.await_state('clear')

@@ -146,7 +146,8 @@ def _node(node):
         messages that it took. Medians of {node['repeats']} runs by turns; greatest latencies and
         losses of all of them."""),
         _table(['obstacles', 'vertices', 'sat_collision µs a message', 'floor', 'straightforward',
-                'times the floor', 'times less than straightforward', 'the floor'], rows),
+                'times the floor', 'times less than straightforward',
+                'floor, times less than straightforward'], rows),
         _wrapped(f"""At most {above:.2f} times the floor ({_goal(above <= 1.5, 'at most 1.5')}).
         {_against_straightforward(loads)}"""),
         'From `publish()` of a footprint to the arrival of its flag, ms:',

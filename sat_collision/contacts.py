@@ -112,7 +112,11 @@ class Contacts:
             self.changed.add(footprint)
 
     def move_footprint(self, footprint, data, frame, most):
-        """Move a placed footprint by an ordinary message; return its stamp or NOT_ORDINARY."""
+        """
+        Move a placed footprint by an ordinary message; return its stamp or NOT_ORDINARY.
+
+        As for all messages that go the short way, there must be no margin.
+        """
         packed = self.packed or self.pack()
         stamp, hits = express.move_footprint(
             data, frame, most, footprint.row, self._found, *packed)

@@ -209,6 +209,7 @@ class Scene:
         """
         if not self._ordinary_frame:
             return False
+        # What `advance` would do for nearly every message, without the call.
         if 0 < self._now <= now <= self._deadlines.earliest:
             self._now = now
         else:
@@ -369,7 +370,6 @@ class Scene:
         changed = self._contacts.changed
         for footprint in changed:
             footprint.settle(self._now, self._blanket, self._doubts, self._release_delay)
-            if footprint.deadline < footprint.watched:
-                self._deadlines.watch(footprint)
+            self._deadlines.watch(footprint)
         self._unreported |= changed
         changed.clear()

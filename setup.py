@@ -51,8 +51,8 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'collision_monitor = sat_collision.node:main',
-            'demo = sat_collision.demo:main',
+            'collision_monitor = sat_collision.node.footprint_monitor:main',
+            'demo = sat_collision.demo.__main__:main',
             'replay_check = sat_collision.replay.command:main',
         ],
     },

@@ -34,15 +34,15 @@ import numpy as np
 # Compile the kernels as they are now: numba's cache does not see a change of what a kernel calls.
 FRESH_CACHE = tempfile.TemporaryDirectory()
 os.environ['NUMBA_CACHE_DIR'] = FRESH_CACHE.name
-sys.path.insert(0, str(Path(__file__).parent.parent / 'test'))
+sys.path.insert(0, str(Path(__file__).parents[1] / 'test' / 'support'))
 
 import families  # noqa: E402, I100
 import machine  # noqa: E402
 import oracle  # noqa: E402
 from sat_collision import intersects_pairs, Polygon, PolygonSet  # noqa: E402
-from sat_collision.exact import convex_part  # noqa: E402
-from sat_collision.improved import boxes_apart, search, SEPARATE, UNSURE  # noqa: E402
-from sat_collision.jit import kernel  # noqa: E402
+from sat_collision.geometry.intersection import convex_part  # noqa: E402
+from sat_collision.geometry.separating_axis import boxes_apart, find_separating_axis, SEPARATE, UNCERTAIN  # noqa: E402
+from sat_collision.geometry.jit import kernel  # noqa: E402
 
 SIDES = 3, 4, 5, 6, 8, 16, 32, 64, 256, 1024
 CHECKED = 1000  # one in so many of the answers the filter proved is also decided in integers
@@ -152,9 +152,9 @@ def _is_unsure(p, p_start, n, q, q_start, m):
         for j in range(max(1, -m)):
             b, b_count = convex_part(q, q_start, m, j)
             if not boxes_apart(p, a, q, b):
-                verdict = search(p, a, a_count, q, b, b_count)[0]
+                verdict = find_separating_axis(p, a, a_count, q, b, b_count)[0]
                 if verdict != SEPARATE:
-                    return verdict == UNSURE
+                    return verdict == UNCERTAIN
     return False
 
 

@@ -28,7 +28,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
-from sat_collision import executors
+from sat_collision.node import executors
 from std_msgs.msg import Bool
 
 _SIGN_OF_FIRST_X = 27

@@ -28,7 +28,7 @@ import numpy as np
 from sat_collision import intersects_pairs, Polygon, PolygonSet
 import shapely
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test'))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test' / 'support'))
 
 import shapes  # noqa: E402
 

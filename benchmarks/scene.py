@@ -26,9 +26,9 @@ import tracemalloc
 import matplotlib
 import numpy as np
 from sat_collision import Polygon
+from sat_collision.geometry.polygon_set import PolygonSet
 from sat_collision.monitor import Monitor
-from sat_collision.polygon_set import PolygonSet
-from sat_collision.settings import FootprintSettings, ObstacleSettings, Settings
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 import shapely
 from traffic import pack, regular
 
@@ -84,11 +84,11 @@ def _one_against_many(rng, footprints, size, repeats):
     theirs = [shapely.Polygon(outline) for outline in footprints]
     for body, other in zip(own, theirs):
         found = np.sort(tree.query(other, predicate='intersects'))
-        assert np.array_equal(bodies.hits(body), found)
+        assert np.array_equal(bodies.intersecting_rows(body), found)
 
     def scan():
         for body in own:
-            bodies.hits(body)
+            bodies.intersecting_rows(body)
 
     def query():
         for body in theirs:
@@ -108,7 +108,7 @@ def _fleet(rng, footprints, obstacles, repeats):
     own = [Polygon(outline) for outline in fleet]
     tree = shapely.STRtree(shapely.polygons(np.array(outlines)))
     theirs = shapely.polygons(np.array(fleet))
-    times = _by_turns({'scan': lambda: [bodies.hits(body) for body in own],
+    times = _by_turns({'scan': lambda: [bodies.intersecting_rows(body) for body in own],
                        'query': lambda: tree.query(theirs, predicate='intersects')}, repeats)
     return {'footprints': footprints, 'obstacles': obstacles,
             'us': 1e6 * times['scan'], 'tree_us': 1e6 * times['query']}

@@ -13,11 +13,11 @@
 # limitations under the License.
 """Exact collision checks between robot footprints and obstacles, for ROS 2."""
 
-from sat_collision.collision import intersects, intersects_many, intersects_pairs
-from sat_collision.distance import closest_points, separation
-from sat_collision.jit import KERNEL
-from sat_collision.polygon import Polygon, PolygonError, Reason
-from sat_collision.polygon_set import PolygonSet
+from sat_collision.geometry.jit import KERNEL
+from sat_collision.geometry.polygon import Polygon, PolygonError, Reason
+from sat_collision.geometry.polygon_set import PolygonSet
+from sat_collision.geometry.query import (
+    closest_points, intersects, intersects_many, intersects_pairs, separation)
 
 __all__ = [
     'KERNEL',

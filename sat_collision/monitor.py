@@ -17,12 +17,12 @@
 from collections import Counter
 from typing import NamedTuple
 
-from sat_collision.jit import COMPILED
-from sat_collision.messages import decode, MessageError
-from sat_collision.polygon import Polygon, PolygonError, Reason
-from sat_collision.scene import Scene
-from sat_collision.settings import ObstacleSettings, POLYGON_INSTANCE
-from sat_collision.sources import OTHER_FRAME, TOO_MANY, TOO_OLD
+from sat_collision.geometry.jit import COMPILED
+from sat_collision.geometry.polygon import Polygon, PolygonError, Reason
+from sat_collision.messages.cdr import decode, MessageError
+from sat_collision.scene.scene import Scene
+from sat_collision.scene.settings import ObstacleSettings, POLYGON_INSTANCE
+from sat_collision.scene.sources import OTHER_FRAME, TOO_MANY, TOO_OLD
 
 EMPTY_FRAME_ID = 'empty frame_id'
 UNDECODABLE = 'undecodable'

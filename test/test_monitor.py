@@ -17,13 +17,13 @@
 from dataclasses import replace
 import math
 import random
-import struct
 
+from builders import serialised
 import pytest
 from sat_collision.monitor import Monitor
-from sat_collision.scene import Obstacle
-from sat_collision.settings import FootprintSettings, ObstacleSettings, Settings
-from sat_collision.sources import TOO_MANY
+from sat_collision.scene.scene import Obstacle
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from sat_collision.scene.sources import TOO_MANY
 
 SECOND = 10**9
 NOW = 1000 * SECOND
@@ -38,17 +38,6 @@ CIRCLE = [(math.cos(k / 500), math.sin(k / 500)) for k in range(2000)]
 def box(x):
     """Return the corners of a unit square."""
     return [(x, 0), (x + 1, 0), (x + 1, 1), (x, 1)]
-
-
-def serialised(points, stamp=NOW, frame_id='map', instance=None):
-    """Write a polygon message as a little-endian publisher does."""
-    text = frame_id.encode() + b'\0'
-    body = struct.pack('<iII', *divmod(stamp, SECOND), len(text)) + text
-    body += bytes(-len(body) % 4) + struct.pack('<I', len(points))
-    body += b''.join(struct.pack('<fff', x, y, 0) for x, y in points)
-    if instance is not None:
-        body += bytes(-len(body) % 8) + struct.pack('<q', instance)
-    return b'\0\1\0\0' + body
 
 
 def clear_monitor(settings=SETTINGS):

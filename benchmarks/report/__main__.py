@@ -31,7 +31,7 @@ import time
 FRESH_CACHE = tempfile.TemporaryDirectory()
 os.environ['NUMBA_CACHE_DIR'] = FRESH_CACHE.name
 ROOT = Path(__file__).parents[2]
-sys.path += [str(ROOT / 'benchmarks'), str(ROOT / 'test')]
+sys.path += [str(ROOT / 'benchmarks'), str(ROOT / 'test' / 'support')]
 
 import claims  # noqa: E402, I100
 import drawings  # noqa: E402

@@ -17,7 +17,8 @@
 import bodies
 from methods import Pairs, run
 import numpy as np
-from sat_collision import closest_points, sat, separation
+from sat_collision import closest_points, separation
+from sat_collision.geometry import sat_methods
 
 DRAWN_SIDES = 8
 PUBLISHED = 'published_a', 'published_b'
@@ -64,5 +65,5 @@ def examples(rng, count=4000):
         found[method] = {
             'a': a.tolist(), 'b': b.tolist(), 'separation': float(separation(a, b)),
             'closest_points': [point.tolist() for point in closest_points(a, b)],
-            'centres': [list(map(float, sat.centre_of_gravity(body))) for body in (a, b)]}
+            'centres': [list(map(float, sat_methods.centre_of_gravity(body))) for body in (a, b)]}
     return found

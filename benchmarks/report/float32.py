@@ -16,9 +16,9 @@
 
 import numpy as np
 from sat_collision import intersects, Polygon, PolygonError
-from sat_collision.diagnostics import States
-from sat_collision.scene import Scene
-from sat_collision.settings import FootprintSettings, ObstacleSettings, Settings
+from sat_collision.messages.states import States
+from sat_collision.scene.scene import Scene
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from stability import hair_pairs, OFFSET_SIDES
 
 DISTANCES = 10, 100, 1e3, 5e3, 1e4, 2e4, 1e5, 1e6, 5e6

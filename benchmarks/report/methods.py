@@ -17,15 +17,16 @@ The methods compared, each as a loop over many pairs prepared for it.
 
 What a body needs once is made before: packed arrays, boxes, centres of gravity, records, the
 rivals' own shapes. Running a method then returns its answers and, of the methods of
-`sat_collision.sat`, how many axes each took.
+`sat_collision.geometry.sat_methods`, how many axes each took.
 """
 
 from functools import cached_property
 
 import numpy as np
-from sat_collision import intersects_pairs, Polygon, PolygonSet, sat
-from sat_collision.improved import boxes_apart, search, UNSURE
-from sat_collision.jit import COMPILED, kernel, unowned
+from sat_collision import intersects_pairs, Polygon, PolygonSet
+from sat_collision.geometry import sat_methods
+from sat_collision.geometry.jit import borrowed, COMPILED, kernel
+from sat_collision.geometry.separating_axis import boxes_apart, find_separating_axis, UNCERTAIN
 import shapely
 
 try:
@@ -78,11 +79,11 @@ class Pairs:
 
     @cached_property
     def bounds(self):
-        return _each(sat.bounds, self.sides)
+        return _each(sat_methods.bounds, self.sides)
 
     @cached_property
     def centres(self):
-        return _each(sat.centre_of_gravity, self.sides)
+        return _each(sat_methods.centre_of_gravity, self.sides)
 
     @cached_property
     def polygons(self):
@@ -170,12 +171,12 @@ def pymunk_shape(body):
 
 # name: (kernel, what it takes of each body besides the vertices)
 _KERNELS = {
-    'traditional': (sat.traditional_axes, None),
-    'traditional_float32': (sat.traditional_axes, None),
-    'boxed': (sat.boxed_axes, 'bounds'),
-    'rectangles': (sat.rectangles_axes, None),
-    'published_a': (sat.published_a_axes, 'centres'),
-    'published_b': (sat.published_b_axes, 'centres'),
+    'traditional': (sat_methods.traditional_axes, None),
+    'traditional_float32': (sat_methods.traditional_axes, None),
+    'boxed': (sat_methods.boxed_axes, 'bounds'),
+    'rectangles': (sat_methods.rectangles_axes, None),
+    'published_a': (sat_methods.published_a_axes, 'centres'),
+    'published_b': (sat_methods.published_b_axes, 'centres'),
 }
 
 
@@ -203,14 +204,14 @@ def _loop(method, a, b, extra, answers, axes):
 @kernel
 def _stream(method, a, a_ends, b, b_ends, answers, axes):
     # Without reference counts, which would cost the quicker methods more than they do themselves.
-    a, b = unowned(a), unowned(b)
+    a, b = borrowed(a), borrowed(b)
     for i in range(len(answers)):
         answers[i], axes[i] = method(a[a_ends[i]:a_ends[i + 1]], b[b_ends[i]:b_ends[i + 1]])
 
 
 @kernel
 def _stream_prepared(method, a, a_ends, of_a, b, b_ends, of_b, answers, axes):
-    a, b, of_a, of_b = unowned(a), unowned(b), unowned(of_a), unowned(of_b)
+    a, b, of_a, of_b = borrowed(a), borrowed(b), borrowed(of_a), borrowed(of_b)
     for i in range(len(answers)):
         answers[i], axes[i] = method(a[a_ends[i]:a_ends[i + 1]], b[b_ends[i]:b_ends[i + 1]],
                                      of_a[i], of_b[i])
@@ -218,9 +219,9 @@ def _stream_prepared(method, a, a_ends, of_a, b, b_ends, of_b, answers, axes):
 
 @kernel
 def _find_centres(points, ends, centres):
-    points = unowned(points)
+    points = borrowed(points)
     for i in range(len(centres)):
-        centres[i, 0], centres[i, 1] = sat.centre_of_gravity(points[ends[i]:ends[i + 1]])
+        centres[i, 0], centres[i, 1] = sat_methods.centre_of_gravity(points[ends[i]:ends[i + 1]])
 
 
 @kernel
@@ -229,7 +230,7 @@ def _count(a, a_starts, a_counts, b, b_starts, b_counts, counts, unsure):
         counts[i] = BOX_AXES
         unsure[i] = False
         if not boxes_apart(a, a_starts[i], b, b_starts[i]):
-            verdict, _, _, tried = search(a, a_starts[i], a_counts[i],
+            verdict, _, _, tried = find_separating_axis(a, a_starts[i], a_counts[i],
                                           b, b_starts[i], b_counts[i])
             counts[i] += tried
-            unsure[i] = verdict == UNSURE
+            unsure[i] = verdict == UNCERTAIN

@@ -19,8 +19,8 @@ from methods import LABELS
 import page_errors
 import page_paper
 import page_speed
-from words import (compared, compared_ends, counted, duration, listed, metres, none_wrong, share,
-                   table, wrapped)
+from words import (
+    compared, compared_ends, counted, duration, listed, metres, none_wrong, share, table, wrapped)
 
 
 def text(figures):

@@ -16,8 +16,8 @@
 
 import lookup
 from methods import LABELS, STYLES
-from sat_collision.improved import PRODUCT_BOUND, SUPPORT_BOUND
-from sat_collision.predicates import ORIENTATION_BOUND
+from sat_collision.geometry.predicates import ORIENTATION_BOUND
+from sat_collision.geometry.separating_axis import PRODUCT_BOUND, SUPPORT_BOUND
 from words import counted, distance, duration, listed, metres, none_wrong, share, table
 
 U = 2.0 ** -53

@@ -24,11 +24,11 @@ import tempfile
 
 import bodies
 import clock
-from methods import (applicable, BOX_AXES, find_centres, Pairs, pymunk_shape, queries, run,
-                     shapely_shape)
+from methods import (
+    applicable, BOX_AXES, find_centres, Pairs, pymunk_shape, queries, run, shapely_shape)
 import numpy as np
 from sat_collision import intersects, Polygon
-from sat_collision.jit import COMPILED
+from sat_collision.geometry.jit import COMPILED
 import shapely
 
 REPEATS = 7

@@ -23,12 +23,12 @@ from sat_collision.replay.configuration import (
     NODE, parameter_of_text, parameters_of_file, settings_of)
 from sat_collision.replay.example import write_example
 from sat_collision.replay.expectation import differences, ExpectationError
-from sat_collision.replay.fleet import check_here, check_on_cluster, check_one
 from sat_collision.replay.formats import write_csv, write_json, write_junit
+from sat_collision.replay.parallel import check_here, check_on_cluster, check_one
 from sat_collision.replay.report import Progress, report, report_all
 from sat_collision.replay.result import overall, Verdict
 from sat_collision.replay.run import check, HEADER, Options, RECEIVE
-from sat_collision.specs import ParameterError
+from sat_collision.scene.parameters import ParameterError
 
 _DESCRIPTION = """\
 Check recordings for collisions with the scene of the live node.

@@ -18,7 +18,7 @@ from itertools import chain
 import math
 import re
 
-from sat_collision.specs import declare_parameters, ParameterError, read_settings
+from sat_collision.scene.parameters import declare_parameters, ParameterError, read_settings
 import yaml
 
 NODE = '/collision_monitor'

@@ -18,8 +18,8 @@ from pathlib import Path
 
 import numpy as np
 from rosbags.rosbag2 import StoragePlugin, Writer
-from sat_collision import warehouse
-from sat_collision.replay.messages import message_class, serialize, STORE
+from sat_collision.demo import warehouse
+from sat_collision.messages.rosbags_interfaces import message_class, serialize, STORE
 
 _START = 1_700_000_000 * 10**9
 _PERIOD = 0.05

@@ -17,9 +17,9 @@
 from pathlib import Path
 
 from rosbags.rosbag2 import StoragePlugin, Writer
-from sat_collision.interfaces import serialize, Time, type_name
-from sat_collision.outputs import Outputs
-from sat_collision.replay.messages import STORE
+from sat_collision.messages.interfaces import serialize, Time, type_name
+from sat_collision.messages.outputs import Outputs
+from sat_collision.messages.rosbags_interfaces import STORE
 
 _SECOND = 10**9
 

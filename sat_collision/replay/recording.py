@@ -21,7 +21,7 @@ import shutil
 import tempfile
 
 from rosbags.rosbag2 import Reader
-from sat_collision.replay.salvage import Damage, salvaged, zstd
+from sat_collision.replay.recovery import Damage, recovered, zstd
 
 _STORAGE = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 
@@ -64,7 +64,7 @@ class Recording:
             for file in self._files():
                 plain = self._unpacked(file)
                 if not self._open(plain, shown=file):
-                    self._add(_Salvage(plain, file, self.problems))
+                    self._add(_Recovered(plain, file, self.problems))
         return self
 
     def __exit__(self, *_):
@@ -162,7 +162,7 @@ class _Whole:
             self._problems.append(f'{self._shown}: cannot be read to its end: {_in_words(error)}')
 
 
-class _Salvage:
+class _Recovered:
     """A storage file that rosbags does not open."""
 
     def __init__(self, path, shown, problems):
@@ -171,7 +171,7 @@ class _Salvage:
         self.counts = Counter()
         times = []
         try:
-            for topic, kind, time, _ in salvaged(path):
+            for topic, kind, time, _ in recovered(path):
                 self.topics[topic] = kind
                 self.counts[topic] += 1
                 times = [min(time, *times), max(time, *times)] if times else [time, time]
@@ -186,7 +186,7 @@ class _Salvage:
 
     def messages(self, topics, start, stop):
         try:
-            for topic, _, time, data in salvaged(self._path):
+            for topic, _, time, data in recovered(self._path):
                 if topic in topics and (start is None or time >= start) and (
                         stop is None or time < stop):
                     yield topic, time, data

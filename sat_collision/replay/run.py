@@ -26,8 +26,8 @@ from sat_collision.replay.configuration import NODE
 from sat_collision.replay.recording import Recording
 from sat_collision.replay.result import Result, SourceResult
 from sat_collision.replay.timeline import Timeline
-from sat_collision.replay.topics import absentees, misfits, settings_for
-from sat_collision.specs import ParameterError
+from sat_collision.replay.topics import missing_topics, settings_for, wrong_types
+from sat_collision.scene.parameters import ParameterError
 
 RECEIVE = 'receive'
 HEADER = 'header'
@@ -137,10 +137,10 @@ class _Run:
 
     def run(self, progress):
         result, recording, options = self._result, self._recording, self._options
-        wrong = dict(misfits(self._settings, recording.topics))
+        wrong = dict(wrong_types(self._settings, recording.topics))
         result.problems += [f'{recording.path}: {problem}' for problem in wrong.values()]
         if recording.topics or not recording.problems:
-            result.notes += absentees(self._settings, recording.topics)
+            result.notes += missing_topics(self._settings, recording.topics)
         names = {}
         for source in (*self._settings.footprints, *self._settings.obstacles):
             if source.name not in wrong:

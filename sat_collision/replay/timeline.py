@@ -14,9 +14,9 @@
 
 """The states of a scene in the course of time, put together to intervals."""
 
-from sat_collision.distance import separation
-from sat_collision.footprints import Status
+from sat_collision.geometry.distance import separation
 from sat_collision.replay.result import Contact, FootprintResult, Least, Unknown
+from sat_collision.scene.footprints import Status
 
 _MOST_SAMPLES = 4096
 

@@ -17,8 +17,8 @@
 import re
 
 from sat_collision.replay.configuration import NODE, settings_of
-from sat_collision.settings import POLYGON, POLYGON_INSTANCE
-from sat_collision.specs import ParameterError
+from sat_collision.scene.parameters import ParameterError
+from sat_collision.scene.settings import POLYGON, POLYGON_INSTANCE
 
 _KINDS = {'geometry_msgs/msg/PolygonStamped': POLYGON,
           'geometry_msgs/msg/PolygonInstanceStamped': POLYGON_INSTANCE}
@@ -70,7 +70,7 @@ def settings_for(types, parameters, footprints=(), obstacles=(), node=NODE):
     return settings_of(parameters, node)
 
 
-def misfits(settings, types):
+def wrong_types(settings, types):
     """Return (name, problem) of each source whose topic the recording has with another type."""
     for source in (*settings.footprints, *settings.obstacles):
         wanted = _TYPES[getattr(source, 'type', POLYGON)]
@@ -79,7 +79,7 @@ def misfits(settings, types):
             yield source.name, f'{source.name}: {source.topic} is of type {found}, not {wanted}'
 
 
-def absentees(settings, types):
+def missing_topics(settings, types):
     """Return a sentence for each source whose topic the recording does not have."""
     return [f'{source.name}: the recording has no topic {source.topic}'
             for source in (*settings.footprints, *settings.obstacles)

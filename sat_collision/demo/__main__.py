@@ -1,0 +1,216 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+See the monitor at work: robots in a warehouse, three processes, real DDS.
+
+This process starts the collision_monitor node and a publisher of the embedded scene, prints each
+change of a flag as it arrives, checks that the flags are those that the scene is built to cause,
+and draws the published markers at the first contact into demo.png.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Point32, PolygonStamped
+import rclpy
+from rclpy.node import Node
+from sat_collision.demo import warehouse
+from sat_collision.demo.picture import draw_markers
+from std_msgs.msg import Bool
+from visualization_msgs.msg import MarkerArray
+
+_PERIOD = 0.05
+_STATIC_STEPS = 20
+_START_TIMEOUT = 90.0
+# Long enough that a publisher held up by a busy machine does not count as silent.
+_TIMEOUT = 5.0
+_PARAMETERS = {
+    'footprints': list(warehouse.FOOTPRINTS),
+    'obstacles': ['warehouse', 'people'],
+    'frame_id': warehouse.FRAME,
+    **{f'{name}.timeout': _TIMEOUT for name in [*warehouse.FOOTPRINTS, 'warehouse', 'people']},
+}
+
+
+class _Publisher(Node):
+    """Publishes the footprints and the person often, and what does not move now and then."""
+
+    def __init__(self):
+        super().__init__('warehouse')
+        self._topics = {name: self.create_publisher(PolygonStamped, name, 100)
+                        for name in [*warehouse.FOOTPRINTS, 'warehouse', 'people']}
+
+    def play(self):
+        while any(topic.get_subscription_count() == 0 for topic in self._topics.values()):
+            time.sleep(_PERIOD)
+        # Scene time goes by steps: a busy machine makes the demo slower, and skips no contact.
+        for step in range(round(warehouse.DURATION / _PERIOD)):
+            elapsed = step * _PERIOD
+            stamp = self.get_clock().now().to_msg()
+            if step % _STATIC_STEPS == 0:
+                for outline in warehouse.STATIC:
+                    self._publish('warehouse', outline, stamp)
+            self._publish('people', warehouse.person(elapsed), stamp)
+            for name in warehouse.FOOTPRINTS:
+                self._publish(name, warehouse.footprint(name, elapsed), stamp)
+            time.sleep(_PERIOD)
+
+    def _publish(self, topic, outline, stamp):
+        message = PolygonStamped()
+        message.header.stamp = stamp
+        message.header.frame_id = warehouse.FRAME
+        message.polygon.points = [Point32(x=x, y=y) for x, y in outline.tolist()]
+        self._topics[topic].publish(message)
+
+
+class _Viewer(Node):
+    """Notes the flags, the obstacles in contact, and the markers at the first contact."""
+
+    def __init__(self):
+        super().__init__('viewer')
+        self.flags = {name: [] for name in warehouse.FOOTPRINTS}
+        self.touched = {name: [] for name in warehouse.FOOTPRINTS}
+        self.markers = None
+        # When the first robot was seen to be clear: the scene has begun.
+        self.start = time.monotonic()
+        monitor = '/collision_monitor'
+        for name in self.flags:
+            self.create_subscription(Bool, f'{monitor}/{name}/collision',
+                                     lambda flag, name=name: self._note_flag(name, flag.data), 10)
+        self.create_subscription(DiagnosticArray, f'{monitor}/state', self._note_state, 10)
+        self.create_subscription(MarkerArray, f'{monitor}/markers', self._note_markers, 10)
+
+    def _note_flag(self, name, raised):
+        flags = self.flags[name]
+        if not flags or flags[-1] != raised:
+            if not raised and not any(False in seen for seen in self.flags.values()):
+                self.start = time.monotonic()
+            flags.append(raised)
+            _print(f'{time.monotonic() - self.start:6.2f} s  {name:8} collision: {raised}')
+
+    def _note_state(self, states):
+        for name, status in zip(self.flags, states.status):
+            values = {pair.key: pair.value for pair in status.values}
+            obstacles = values['obstacles in contact']
+            touched = self.touched[name]
+            if obstacles and (not touched or touched[-1] != obstacles):
+                touched.append(obstacles)
+                _print(f'{"":8}  {name:8} {status.message}')
+
+    def _note_markers(self, markers):
+        if self.markers is None and any(m.ns.startswith('contacts/') for m in markers.markers):
+            self.markers = markers
+
+    def show_progress(self):
+        share = min((time.monotonic() - self.start) / warehouse.DURATION, 1.0)
+        flags = '  '.join(f'{name} {"COLLISION" if flags[-1] else "clear"}'
+                          for name, flags in self.flags.items() if flags)
+        if sys.stdout.isatty():
+            print(f'\r\033[K[{"#" * round(30 * share):30}] {flags}', end='', flush=True)
+
+
+def _print(line):
+    print(f'\r\033[K{line}' if sys.stdout.isatty() else line, flush=True)
+
+
+def _parameters():
+    for name, value in _PARAMETERS.items():
+        text = f'[{", ".join(value)}]' if isinstance(value, list) else value
+        yield from ('-p', f'{name}:={text}')
+
+
+def _spin(viewer, condition, timeout):
+    """Spin until a condition holds; return whether it came to hold within the timeout (s)."""
+    deadline = time.monotonic() + timeout
+    while not condition():
+        if time.monotonic() > deadline:
+            return False
+        rclpy.spin_once(viewer, timeout_sec=0.1)
+        viewer.show_progress()
+    return True
+
+
+def _watch(viewer):
+    """Run node and publisher to the end; return whether they came up and ended well."""
+    monitor = subprocess.Popen([sys.executable, '-m', 'sat_collision.node',
+                                '--ros-args', *_parameters()])
+    publisher = None
+    try:
+        if not _spin(viewer, lambda: all(viewer.flags.values()), _START_TIMEOUT):
+            print('the collision monitor does not publish')
+            return False
+        publisher = subprocess.Popen([sys.executable, '-m', 'sat_collision.demo', '--publish'])
+        return (_spin(viewer, lambda: publisher.poll() is not None, 2 * warehouse.DURATION)
+                and publisher.returncode == 0 and monitor.poll() is None)
+    finally:
+        for process in filter(None, (publisher, monitor)):
+            process.terminate()
+            process.wait()
+
+
+def _verdict(viewer):
+    """Print and return whether what was received is what the scene causes."""
+    # Nothing is known at first, then clear, and a rise and a fall for each contact.
+    right = True
+    for name, contacts in warehouse.CONTACTS.items():
+        flags = [True, False] + [True, False] * len(contacts)
+        touched = [f'{source}/{number}' for source, number in contacts]
+        right &= viewer.flags[name] == flags and viewer.touched[name] == touched
+        _print(f'{name:8} touched {", ".join(viewer.touched[name]) or "nothing"}, '
+               f'as built: {", ".join(touched)}; flags {viewer.flags[name]}, as built: {flags}')
+    print('the flags are right' if right else 'THE FLAGS ARE WRONG')
+    return right
+
+
+def _draw(markers, path):
+    import matplotlib
+    matplotlib.use('Agg')
+    from matplotlib import pyplot
+    figure, axes = pyplot.subplots(figsize=(11, 6.5))
+    draw_markers(markers, axes)
+    axes.set_title('The published markers at the first contact')
+    figure.tight_layout()
+    figure.savefig(path, dpi=110)
+    print(f'wrote {path}')
+
+
+def main(args=None):
+    """Run the demo; return the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser.add_argument('--publish', action='store_true', help='only publish the scene')
+    parser.add_argument('--picture', default='demo.png', help='where to draw the first contact')
+    options = parser.parse_args(args)
+    if options.publish:
+        rclpy.init()
+        _Publisher().play()
+        rclpy.shutdown()
+        return 0
+    # A robot near by shall neither see the demo nor disturb it.
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
+    rclpy.init()
+    viewer = _Viewer()
+    right = _watch(viewer) and _verdict(viewer)
+    rclpy.shutdown()
+    if viewer.markers is not None:
+        _draw(viewer.markers, options.picture)
+    return 0 if right and viewer.markers is not None else 1
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,152 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The one place that knows whether numba is there.
+
+Every kernel is written once, as a plain function on scalars and flat arrays. With numba it is
+compiled, without it the same function runs as Python; both do the same IEEE double operations in
+the same order, so the answers are identical. ``NUMBA_DISABLE_JIT=1`` selects plain Python.
+"""
+
+import numpy as np
+
+try:
+    from llvmlite import ir
+    import numba
+    import numba.extending
+except ImportError:
+    numba = None
+
+COMPILED = numba is not None and not numba.config.DISABLE_JIT
+KERNEL = f'numba {numba.__version__}' if COMPILED else 'plain Python'
+
+
+def kernel(function):
+    """
+    Compile a module-level function with numba, or return it unchanged.
+
+    No ``fastmath``: fused or reordered arithmetic would break the error bounds that the exact
+    answers rest on. Division by zero gives infinity or NaN in compiled code and must be avoided
+    by the caller, because plain Python raises. The cache notices a change of a kernel's own file
+    only: delete ``__pycache__`` after editing a kernel that others call.
+    """
+    if not COMPILED:
+        return function
+    return numba.njit(cache=True, error_model='numpy')(function)
+
+
+def inlined(function):
+    """Compile like `kernel`, and always inline: for the steps of a hot loop."""
+    if not COMPILED:
+        return function
+    return numba.njit(cache=True, error_model='numpy', forceinline=True)(function)
+
+
+def indexable(array):
+    """
+    Return what kernels should index: the array when compiled, else a memoryview of it.
+
+    A memoryview hands out Python floats, which plain Python computes with several times faster
+    than with NumPy scalars.
+    """
+    return array if COMPILED else memoryview(array)
+
+
+if COMPILED:
+    @numba.extending.intrinsic
+    def prefetch(typing_context, array, i):
+        """Ask the processor to bring element i of a flat array near, without waiting for it."""
+        def generate(context, builder, signature, arguments):
+            integer = ir.IntType(32)
+            pointer_type = ir.IntType(8).as_pointer()
+            view = context.make_array(array)(context, builder, arguments[0])
+            pointer = builder.bitcast(builder.gep(view.data, [arguments[1]]), pointer_type)
+            instruction = builder.module.declare_intrinsic(
+                'llvm.prefetch', [pointer_type],
+                ir.FunctionType(ir.VoidType(), [pointer_type, integer, integer, integer]))
+            to_read, to_all_caches, data = integer(0), integer(3), integer(1)
+            builder.call(instruction, [pointer, to_read, to_all_caches, data])
+            return context.get_dummy_value()
+        return numba.types.none(array, i), generate
+
+    @numba.extending.intrinsic
+    def borrowed(typing_context, array):
+        """
+        Return an array without its reference count, for the inside of a hot loop.
+
+        Passing an array on counts references atomically, which costs more than a collision check.
+        The caller must hold the array itself for as long as the loop runs.
+        """
+        def generate(context, builder, signature, arguments):
+            view = context.make_array(array)(context, builder, arguments[0])
+            view.meminfo = view.meminfo.type(None)
+            view.parent = view.parent.type(None)
+            return view._getvalue()
+        return array(array), generate
+
+    @numba.extending.intrinsic
+    def unchecked_view(typing_context, array):
+        """
+        Return a flat array without its reference count, see `borrowed`, and without its length.
+
+        Indices below zero count from the end, which has to be looked for at each element; where
+        the length is zero an index is an index. It must be right, and slices are empty.
+        """
+        def generate(context, builder, signature, arguments):
+            view = context.make_array(array)(context, builder, arguments[0])
+            view.meminfo = view.meminfo.type(None)
+            view.parent = view.parent.type(None)
+            if not numba.config.BOUNDSCHECK:
+                view.shape = ir.Constant(view.shape.type, [0])
+            return view._getvalue()
+        return array(array), generate
+
+    @kernel
+    def scratch(size):
+        """Return an uninitialised flat array of doubles for use inside a kernel."""
+        return np.empty(size)
+
+    @kernel
+    def scratch_integers(size):
+        """Return the same of 64-bit integers."""
+        return np.empty(size, np.int64)
+
+    @kernel
+    def float32_values(data, start):
+        """Return the numbers that stand in bytes from start on, as this machine writes float32."""
+        return np.frombuffer(data, np.uint8)[start:].view(np.float32)
+else:
+    def prefetch(array, i):
+        """Do nothing; only compiled code waits for memory more than for itself."""
+
+    def borrowed(array):
+        """Return the array; there is a reference count to spare in compiled code only."""
+        return array
+
+    def unchecked_view(array):
+        """Return the array; plain Python looks at its length anyway."""
+        return array
+
+    def scratch(size):
+        """Return an uninitialised flat array of doubles for use inside a kernel."""
+        return memoryview(np.empty(size))
+
+    def scratch_integers(size):
+        """Return the same of 64-bit integers."""
+        return memoryview(np.empty(size, np.int64))
+
+    def float32_values(data, start):
+        """Return the numbers that stand in bytes from start on, as this machine writes float32."""
+        return memoryview(data)[start:].cast('f')

@@ -1,0 +1,105 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Where what stands in a packed polygon: a flat array of doubles that the kernels read.
+
+Every packed polygon begins with a header: two places whose meaning depends on the kind; the bounds
+(min x, min y, max x, max y); the radius of a disc inside the polygon; and a fingerprint, the same
+number for equal polygons and seldom for others.
+
+A *convex* polygon's count is its number of vertices. Its header begins with a point of the
+polygon, the centre of the disc: the centroid where that is certain to lie inside. Then follow, for
+more than SCAN_LIMIT vertices, a table from the direction of an axis to a support vertex near by,
+and the vertices x, y, x, y, ...
+
+The count of a polygon that is *not convex* is minus the number of its convex parts. Its header
+begins with the places where its outline begins and ends. Then follow, for each part, where it
+starts in the packed polygon and its number of vertices; the packed parts; and the outline, which
+ends the packed polygon.
+
+The table cuts the directions into sectors, four for each double: a double holds four integers of
+13 bits without loss. It only says where to start looking, so rounding in it decides nothing.
+"""
+
+from sat_collision.geometry.jit import inlined, kernel
+
+HEADER = 8
+BOUNDS = slice(2, 6)
+FINGERPRINT = 7
+SCAN_LIMIT = 16
+LARGEST_TABLE = 128
+ENTRY_BITS = 13
+ENTRY_MASK = (1 << ENTRY_BITS) - 1
+
+_INFINITY = float('inf')
+
+
+@inlined
+def table_size(count):
+    """Return how many doubles the table of a polygon with count vertices takes."""
+    if count <= SCAN_LIMIT:
+        return 0
+    return 32 if count <= 128 else LARGEST_TABLE
+
+
+@inlined
+def packed_size(count):
+    """Return how many doubles a packed convex polygon with count vertices takes."""
+    return HEADER + table_size(count) + 2 * count
+
+
+@inlined
+def table_sector(count, ux, uy):
+    """Return in which sector of the table of a polygon with count vertices an axis lies."""
+    size = table_size(count)
+    length = abs(ux) + abs(uy)
+    if not 0.0 < length < _INFINITY:
+        return 0
+    # A quarter of the directions, from -y to +x and on, for each unit of turn.
+    turn = 1.0 + uy / length if ux >= 0.0 else 3.0 - uy / length
+    return min(int(turn * size), 4 * size - 1)
+
+
+@inlined
+def table_place(start, sector):
+    """Return where the entry of a sector stands, given where the polygon starts."""
+    return start + HEADER + (sector >> 2)
+
+
+@inlined
+def near_support(packed, start, count, sector):
+    """
+    Return where in the array a vertex near the support along the axes of a sector stands.
+
+    For more than SCAN_LIMIT vertices: it is looked up in the table.
+    """
+    entries = int(packed[table_place(start, sector)])
+    entry = (entries >> (ENTRY_BITS * (sector & 3))) & ENTRY_MASK
+    return start + HEADER + table_size(count) + 2 * entry
+
+
+@kernel
+def convex_part(packed, start, count, i):
+    """Return where convex part i of a polygon starts, and its number of vertices."""
+    if count > 0:
+        return start, count
+    entry = start + HEADER + 2 * i
+    return start + int(packed[entry]), int(packed[entry + 1])
+
+
+@kernel
+def body_size(packed, start, count):
+    """Return how many doubles a packed polygon takes, convex or not."""
+    return packed_size(count) if count > 0 else int(packed[start + 1])

@@ -1,0 +1,197 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Make packed polygons, see `layout`, of received points."""
+
+import math
+
+from sat_collision.geometry.jit import float32_values, kernel, scratch
+from sat_collision.geometry.layout import ENTRY_BITS, ENTRY_MASK, FINGERPRINT, HEADER, table_size
+from sat_collision.geometry.predicates import orient
+from sat_collision.geometry.ring import clean, CONVEX, NON_CONVEX
+
+# The disc's radius is shortened by more than the rounding in it and in comparing it, and is zero
+# where its square might underflow.
+_SHORTER = 2.0 ** -45
+_LEAST_RADIUS = 1e-140
+
+_INFINITY = float('inf')
+
+
+@kernel
+def pack(points, width, packed, most):
+    """
+    Pack a polygon, given as received points, see `layout`.
+
+    Parameters
+    ----------
+    points : (width * n,) flat array of float64, n >= 1
+        x, y and, if width is 3, z of each point as received.
+    width : int
+        2 or 3.
+    packed : flat array of float64
+        Receives the polygon; of `packed_size(n)` at least.
+    most : int
+        The most vertices accepted.
+
+    Returns
+    -------
+    verdict, count, i, j : int
+        As `ring.clean` says. When the points are refused the array holds the vertices in the
+        ring's order from the start on; of a polygon that is not convex it has no meaning but for
+        its bounds, its fingerprint and its vertices.
+    first : int
+        Where the vertices start in the array.
+
+    """
+    ring = scratch(2 * (len(points) // width))
+    verdict, count, i, j = clean(points, width, ring, most)
+    first = 0
+    if verdict == CONVEX or verdict == NON_CONVEX:
+        first = HEADER + table_size(count)
+        packed[0] = ring[0]
+        packed[1] = ring[1]
+        packed[6] = 0.0
+        _write_bounds(ring, count, packed)
+        if verdict == CONVEX:
+            _write_inner_disc(ring, count, packed)
+            _write_table(ring, count, packed)
+        packed[FINGERPRINT] = _fingerprint(packed)
+    for k in range(2 * count):
+        packed[first + k] = ring[k]
+    return verdict, count, i, j, first
+
+
+@kernel
+def pack_float32(data, start, received, packed, most):
+    """
+    Pack a polygon as `pack` does, from bytes: x, y and z of each point as float32.
+
+    Parameters
+    ----------
+    data : bytes
+    start, received : int
+        Where in the data the points start, and how many there are.
+    packed, most
+        As for `pack`, whose values are returned.
+
+    """
+    values = float32_values(data, start)
+    points = scratch(2 * received)
+    for i in range(received):
+        points[2 * i] = values[3 * i]
+        points[2 * i + 1] = values[3 * i + 1]
+    return pack(points, 2, packed, most)
+
+
+@kernel
+def pack_convex(data, start, received, packed, most):
+    """Return the number of vertices if `pack_float32` gives a convex polygon, else 0."""
+    verdict, count, _, _, _ = pack_float32(data, start, received, packed, most)
+    return count if verdict == CONVEX else 0
+
+
+@kernel
+def _fingerprint(packed):
+    return (packed[0] + 3.0 * packed[1] + 0.7 * packed[2] + 1.9 * packed[3] + 5.3 * packed[4]
+            + 11.0 * packed[5] + 0.4 * packed[6])
+
+
+@kernel
+def _write_bounds(ring, count, packed):
+    min_x = max_x = ring[0]
+    min_y = max_y = ring[1]
+    for i in range(1, count):
+        min_x = min(min_x, ring[2 * i])
+        max_x = max(max_x, ring[2 * i])
+        min_y = min(min_y, ring[2 * i + 1])
+        max_y = max(max_y, ring[2 * i + 1])
+    packed[2] = min_x
+    packed[3] = min_y
+    packed[4] = max_x
+    packed[5] = max_y
+
+
+@kernel
+def _write_inner_disc(ring, count, packed):
+    """
+    Write the centroid (paper section 2.2) where it is proved to lie in the polygon.
+
+    That makes it a point to reason with, not only a direction. Of slivers, segments and points,
+    where rounding may put it outside, the vertex that stands there already serves instead.
+    """
+    x0 = ring[0]
+    y0 = ring[1]
+    area = 0.0
+    for i in range(1, count - 1):
+        area += _cross(ring, i)
+    if not 0.0 < area < _INFINITY:
+        return
+    x = x0
+    y = y0
+    for i in range(1, count - 1):
+        weight = _cross(ring, i) / area / 3.0
+        x += weight * ((ring[2 * i] - x0) + (ring[2 * i + 2] - x0))
+        y += weight * ((ring[2 * i + 1] - y0) + (ring[2 * i + 3] - y0))
+    radius = _INFINITY
+    for i in range(count):
+        k = i + 1 if i + 1 < count else 0
+        if orient(ring[2 * i], ring[2 * i + 1], ring[2 * k], ring[2 * k + 1], x, y) < 0:
+            return
+        ex = ring[2 * k] - ring[2 * i]
+        ey = ring[2 * k + 1] - ring[2 * i + 1]
+        radius = min(radius, (ex * (y - ring[2 * i + 1]) - ey * (x - ring[2 * i]))
+                     / math.hypot(ex, ey))
+    packed[0] = x
+    packed[1] = y
+    radius -= _SHORTER * (radius + (packed[4] - packed[2]) + (packed[5] - packed[3]))
+    if _LEAST_RADIUS < radius < _INFINITY:
+        packed[6] = radius
+
+
+@kernel
+def _cross(ring, i):
+    """Return twice the signed area of the triangle of vertices 0, i and i + 1."""
+    return ((ring[2 * i] - ring[0]) * (ring[2 * i + 3] - ring[1])
+            - (ring[2 * i + 1] - ring[1]) * (ring[2 * i + 2] - ring[0]))
+
+
+@kernel
+def _write_table(ring, count, packed):
+    """March around the boundary once while the direction turns once, sector by sector."""
+    size = table_size(count)
+    i = 0
+    for sector in range(4 * size):
+        turn = sector / size
+        if turn < 2.0:
+            uy = turn - 1.0
+            ux = 1.0 - abs(uy)
+        else:
+            uy = 3.0 - turn
+            ux = abs(uy) - 1.0
+        if sector == 0:
+            for k in range(count):
+                if ring[2 * k + 1] < ring[2 * i + 1]:
+                    i = k
+        for _ in range(count):
+            k = i + 1 if i + 1 < count else 0
+            if ((ring[2 * k] - ring[2 * i]) * ux + (ring[2 * k + 1] - ring[2 * i + 1]) * uy
+                    <= 0.0):
+                break
+            i = k
+        if sector % 4 == 0:
+            packed[HEADER + sector // 4] = 0.0
+        entry = min(i, ENTRY_MASK)
+        packed[HEADER + sector // 4] += float(entry << (ENTRY_BITS * (sector % 4)))
+
+

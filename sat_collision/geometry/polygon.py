@@ -1,0 +1,260 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The one way to make a body: a checked, immutable polygon."""
+
+from __future__ import annotations
+
+import enum
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sat_collision.geometry import ring
+from sat_collision.geometry.convex_parts import convex_parts
+from sat_collision.geometry.jit import indexable
+from sat_collision.geometry.layout import body_size, BOUNDS, convex_part, HEADER, packed_size
+from sat_collision.geometry.packing import pack, pack_float32
+
+MAX_VERTICES = 1024
+
+# A packed polygon, see `layout`, and its count: vertices if convex, else minus the convex parts.
+# The array may be longer than the polygon.
+PackedBody: TypeAlias = tuple[NDArray[np.float64], int]
+
+
+class Reason(enum.Enum):
+    """Why points do not make a polygon."""
+
+    EMPTY = 'empty'
+    NOT_FINITE = 'not finite'
+    SELF_INTERSECTING = 'self-intersecting'
+    WRONG_SHAPE = 'wrong shape'
+    TOO_MANY_VERTICES = 'too many vertices'
+
+
+class PolygonError(ValueError):
+    """
+    Points that do not make a polygon.
+
+    Attributes
+    ----------
+    reason : Reason
+        What is wrong; the message names the vertex or the crossing.
+
+    """
+
+    def __init__(self, reason: Reason, message: str) -> None:
+        super().__init__(message)
+        self.reason = reason
+
+
+class Polygon:
+    """
+    An immutable simple polygon, segment or point: a closed set in the plane.
+
+    Repeated vertices, the closing vertex and collinear ones are dropped, clockwise order is
+    reversed. Points that all lie on one line become a segment, equal points a single point; both
+    are legal bodies.
+
+    Parameters
+    ----------
+    points : (n, 2) or (n, 3) array_like
+        Vertices in order, in metres in the caller's frame; z is ignored.
+    max_vertices : int, optional
+        The most vertices accepted, counted after dropping the superfluous ones.
+
+    Attributes
+    ----------
+    packed : PackedBody
+        What the kernels read, see `layout`. Not to be changed.
+
+    Raises
+    ------
+    PolygonError
+        Empty, wrong shape, a coordinate that is not finite, a boundary that crosses, touches or
+        folds back on itself, or too many vertices.
+
+    """
+
+    __slots__ = ('packed',)
+
+    packed: PackedBody
+
+    def __init__(self, points: ArrayLike, max_vertices: int = MAX_VERTICES) -> None:
+        flat, width = _flat(points)
+        array = np.empty(packed_size(len(flat) // width))
+        self._take(array, pack(indexable(flat), width, indexable(array), max_vertices),
+                   max_vertices)
+
+    @classmethod
+    def from_float32(cls, data: bytes, start: int, count: int,
+                     max_vertices: int = MAX_VERTICES) -> Polygon:
+        """
+        Make a polygon of the points of a serialised message.
+
+        Parameters
+        ----------
+        data : bytes
+        start, count : int
+            Where in the data the points start, and how many there are: x, y and z of each as
+            float32 in this machine's byte order.
+        max_vertices : int, optional
+            As for the constructor, as are the errors raised.
+
+        """
+        if count == 0:
+            raise _empty()
+        array = np.empty(packed_size(count))
+        polygon = cls.__new__(cls)
+        polygon._take(array, pack_float32(data, start, count, indexable(array), max_vertices),
+                      max_vertices)
+        return polygon
+
+    @classmethod
+    def of_packed(cls, packed: NDArray[np.float64], count: int) -> Polygon:
+        """Make a polygon of a copy of what `packed` holds of it; there may be more behind."""
+        polygon = cls.__new__(cls)
+        polygon.packed = indexable(packed[:body_size(packed, 0, count)].copy()), count
+        return polygon
+
+    def _take(self, array: NDArray[np.float64], outcome: tuple[int, int, int, int, int],
+              max_vertices: int) -> None:
+        """Become what was packed, or raise what is wrong with it."""
+        verdict, count, i, j, first = outcome
+        end = first + 2 * count
+        if verdict == ring.CONVEX:
+            self.packed = indexable(array[:end] if end != len(array) else array), count
+        elif verdict == ring.NON_CONVEX:
+            outline = array[first:end]
+            parts = _decompose(outline)
+            self.packed = indexable(_joined(array[:HEADER], parts, outline)), -len(parts)
+        elif verdict == ring.TOO_MANY:
+            raise PolygonError(Reason.TOO_MANY_VERTICES,
+                               f'{count} vertices, but at most {max_vertices} are accepted')
+        else:
+            raise _error(verdict, array.reshape(-1, 2).tolist(), i, j)
+
+    @property
+    def vertices(self) -> NDArray[np.float64]:
+        """Vertices as a read-only (n, 2) float64 array, counter-clockwise; no closing vertex."""
+        packed, count = self.packed
+        packed = np.asarray(packed)
+        outline = packed[-2 * count:] if count > 0 else packed[int(packed[0]):]
+        vertices = outline.reshape(-1, 2)
+        vertices.flags.writeable = False
+        return vertices
+
+    @property
+    def parts(self) -> tuple[Polygon, ...]:
+        """Convex polygons that cover this one, without new vertices: a tuple, itself if convex."""
+        packed, count = self.packed
+        if count > 0:
+            return self,
+        places = (convex_part(packed, 0, count, i) for i in range(-count))
+        return tuple(Polygon.of_packed(np.asarray(packed)[start:], part) for start, part in places)
+
+    @property
+    def is_convex(self) -> bool:
+        """Whether the polygon is convex; points and segments are."""
+        return self.packed[1] > 0
+
+    @property
+    def centroid(self) -> NDArray[np.float64]:
+        """Centre of gravity (x, y), (2,) array; of a segment its middle (paper section 2.2)."""
+        first, *others = self.vertices
+        if len(others) < 2:
+            return first + (others[0] - first) / 2 if others else first.copy()
+        fan = np.array(others) - first
+        double_areas = fan[:-1, 0] * fan[1:, 1] - fan[:-1, 1] * fan[1:, 0]
+        weights = double_areas / double_areas.sum()
+        return first + weights @ (fan[:-1] + fan[1:]) / 3
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """Bounding box (min_x, min_y, max_x, max_y) in metres."""
+        min_x, min_y, max_x, max_y = self.packed[0][BOUNDS].tolist()
+        return min_x, min_y, max_x, max_y
+
+    def __repr__(self) -> str:
+        return f'Polygon({self.vertices.tolist()})'
+
+
+def _decompose(outline: NDArray[np.float64]) -> list[Polygon]:
+    vertices = outline.reshape(-1, 2)
+    corners, ends = convex_parts(indexable(outline))
+    return [Polygon(vertices[part], len(part)) for part in np.split(corners, ends[:-1])]
+
+
+def _joined(header: NDArray[np.float64], parts: list[Polygon],
+            outline: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Pack a body that is not convex: header, table of parts, the parts, the outline."""
+    packed_parts = [np.asarray(part.packed[0]) for part in parts]
+    ends = HEADER + 2 * len(parts) + np.cumsum([0] + [len(part) for part in packed_parts])
+    table = np.column_stack([ends[:-1], [part.packed[1] for part in parts]])
+    joined = np.concatenate([header, table.ravel(), *packed_parts, outline])
+    joined[:2] = ends[-1], len(joined)
+    return joined
+
+
+def as_polygon(body: Polygon | ArrayLike) -> Polygon:
+    """Return a Polygon as it is, and make one from points."""
+    return body if isinstance(body, Polygon) else Polygon(body)
+
+
+def _flat(points: ArrayLike) -> tuple[NDArray[np.float64], int]:
+    """Return the points' coordinates as a flat float64 array, and how many each point has."""
+    try:
+        array = np.asarray(points, dtype=None if hasattr(points, 'dtype') else np.float64)
+        if array.size == 0 and array.ndim <= 2:
+            raise _empty()
+        if array.ndim != 2 or array.shape[1] not in (2, 3):
+            raise PolygonError(Reason.WRONG_SHAPE,
+                               f'points of shape {array.shape}, expected (n, 2) or (n, 3)')
+        return array.astype(np.float64).ravel(), array.shape[1]
+    except (TypeError, ValueError) as error:
+        if isinstance(error, PolygonError):
+            raise
+        raise PolygonError(Reason.WRONG_SHAPE, f'not an array of points: {error}') from error
+
+
+def _empty() -> PolygonError:
+    return PolygonError(Reason.EMPTY, 'no points')
+
+
+def _error(verdict: int, vertices: list[list[float]], i: int, j: int) -> PolygonError:
+    """Put into words what `ring.clean` found wrong."""
+    if verdict == ring.NOT_FINITE:
+        return PolygonError(Reason.NOT_FINITE, f'vertex {i} is not finite')
+    if verdict == ring.SPIKE:
+        x, y = vertices[i]
+        return PolygonError(Reason.SELF_INTERSECTING,
+                            f'the boundary folds back on itself at ({x:.9g}, {y:.9g})')
+    a, b, c, d = (vertices[k % len(vertices)] for k in (i, i + 1, j, j + 1))
+    x, y = _crossing(a, b, c, d)
+    return PolygonError(
+        Reason.SELF_INTERSECTING,
+        f'the edge from ({a[0]:.9g}, {a[1]:.9g}) to ({b[0]:.9g}, {b[1]:.9g}) meets the edge from '
+        f'({c[0]:.9g}, {c[1]:.9g}) to ({d[0]:.9g}, {d[1]:.9g}) at ({x:.9g}, {y:.9g})')
+
+
+def _crossing(a: list[float], b: list[float], c: list[float],
+              d: list[float]) -> tuple[float, float]:
+    """Return where two segments that meet do so, rounded, for a message."""
+    determinant = (b[0] - a[0]) * (d[1] - c[1]) - (b[1] - a[1]) * (d[0] - c[0])
+    if determinant == 0.0:
+        return sorted((a, b, c, d))[1]
+    t = ((c[0] - a[0]) * (d[1] - c[1]) - (c[1] - a[1]) * (d[0] - c[0])) / determinant
+    return a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])

@@ -1,0 +1,248 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The separating axis methods compared: the traditional one, the paper's in both readings, and ours.
+
+The paper is Liang and Liu, "The Research of Collision Detection Algorithm Based on Separating Axis
+Theorem". All methods take two convex polygons as counter-clockwise (n, 2) and (m, 2) float arrays
+of vertices and tell whether the closed sets share a point. Only `improved` is exact, and the node
+runs nothing else; the others are here to be measured against it, in plain floating point.
+
+A method's kernel, named after it with `_axes`, returns with the answer how many axes it projected
+on. What the paper computes in a pre-treatment stage (section 6), bounding boxes and centres of
+gravity, a kernel takes as arguments.
+"""
+
+from sat_collision.geometry.jit import kernel
+from sat_collision.geometry.query import intersects
+
+
+def traditional(p, q):
+    """
+    Tell whether two convex polygons collide by the normals of all their edges (section 2.3).
+
+    Complete, but for rounding: it projects every vertex on up to n + m axes without asking what
+    the rounding error is, so bodies that touch or all but touch may come out either way. Arrays of
+    float32 are computed with in float32. Points and segments are allowed.
+    """
+    return bool(traditional_axes(p, q)[0])
+
+
+def boxed(p, q):
+    """
+    Tell whether two convex polygons collide: bounding boxes, then `traditional` (section 1).
+
+    The boxes are exact, so what `traditional` gets wrong is wrong here unless the boxes separate.
+    """
+    return bool(boxed_axes(p, q, bounds(p), bounds(q))[0])
+
+
+def rectangles(p, q):
+    """
+    Tell whether two rectangles collide by two axes each, parallel edges merged (section 2.3).
+
+    Corners rounded to floating point make no true rectangle, so besides what is wrong with
+    `traditional` two edges of each body go unchecked.
+    """
+    return bool(rectangles_axes(p, q)[0])
+
+
+def published_a(p, q):
+    """
+    Tell whether two convex polygons collide as the paper's sections 3.1 and 3.2 say (reading A).
+
+    The centre line is tried as an axis; then the normals of the two edges at each potential
+    nearest point, the vertices B of P and C of Q that reach furthest along the centre line; then
+    the lines from B and from C to their nearest points on the two edges at the other. The paper
+    claims a collision where none of these separates. That is no theorem: the separating axis may
+    be the normal of another edge, so separate bodies that are near are called colliding.
+    """
+    return bool(published_a_axes(p, q, centre_of_gravity(p), centre_of_gravity(q))[0])
+
+
+def published_b(p, q):
+    """
+    Tell whether two convex polygons collide by steps 1 to 4 of the paper's section 4 (reading B).
+
+    Only the ends of the edge of each polygon that the centre line crosses are projected on the
+    centre line; then the normals of those two edges are tried. Wrong in both ways: the claim of a
+    collision is no theorem, as in `published_a`, and another vertex may reach further along the
+    centre line than those four, so bodies that overlap are called separate.
+    """
+    return bool(published_b_axes(p, q, centre_of_gravity(p), centre_of_gravity(q))[0])
+
+
+def improved(p, q):
+    """
+    Tell exactly whether two convex polygons collide: the paper's first moves, until proved.
+
+    See `sat_collision.geometry.separating_axis`, which decides in floating point only what its error bounds prove.
+    """
+    return intersects(p, q)
+
+
+@kernel
+def traditional_axes(p, q):
+    axes = 0
+    for body in (p, q):
+        for i in range(len(body)):
+            axes += 1
+            if _edge_separates(p, q, body, i):
+                return False, axes
+    if len(p) < 3 and len(q) < 3:
+        # Without area, bodies on one line are separate along that line only.
+        return not (_separates(p, q, 1, 0) or _separates(p, q, 0, 1)), axes + 2
+    return True, axes
+
+
+@kernel
+def boxed_axes(p, q, bounds_p, bounds_q):
+    if (bounds_p[0] > bounds_q[2] or bounds_q[0] > bounds_p[2]
+            or bounds_p[1] > bounds_q[3] or bounds_q[1] > bounds_p[3]):
+        return False, 2
+    collides, axes = traditional_axes(p, q)
+    return collides, axes + 2
+
+
+@kernel
+def rectangles_axes(p, q):
+    axes = 0
+    for body in (p, q):
+        for i in range(2):
+            axes += 1
+            if _edge_separates(p, q, body, i):
+                return False, axes
+    return True, axes
+
+
+@kernel
+def published_a_axes(p, q, centre_p, centre_q):
+    x, y = centre_q[0] - centre_p[0], centre_q[1] - centre_p[1]
+    if _separates(p, q, x, y):
+        return False, 1
+    axes = 1
+    b, c = _furthest(p, x, y), _furthest(q, -x, -y)
+    for body, nearest in ((p, b), (q, c)):
+        for i in (nearest, (nearest + 1) % len(body)):
+            axes += 1
+            if _edge_separates(p, q, body, i):
+                return False, axes
+    for body, vertex, other, nearest in ((p, b, q, c), (q, c, p, b)):
+        for i in (nearest, (nearest + 1) % len(other)):
+            axes += 1
+            x, y = _to_edge(body[vertex, 0], body[vertex, 1], other, i)
+            if _separates(p, q, x, y):
+                return False, axes
+    return True, axes
+
+
+@kernel
+def published_b_axes(p, q, centre_p, centre_q):
+    x, y = centre_q[0] - centre_p[0], centre_q[1] - centre_p[1]
+    i, j = _crossed_edge(p, centre_p, x, y), _crossed_edge(q, centre_q, -x, -y)
+    high = max(p[i - 1, 0] * x + p[i - 1, 1] * y, p[i, 0] * x + p[i, 1] * y)
+    low = min(q[j - 1, 0] * x + q[j - 1, 1] * y, q[j, 0] * x + q[j, 1] * y)
+    if high < low:
+        return False, 1
+    if _edge_separates(p, q, p, i):
+        return False, 2
+    return not _edge_separates(p, q, q, j), 3
+
+
+@kernel
+def bounds(polygon):
+    """Return the bounding box (min_x, min_y, max_x, max_y)."""
+    return (polygon[:, 0].min(), polygon[:, 1].min(), polygon[:, 0].max(), polygon[:, 1].max())
+
+
+@kernel
+def centre_of_gravity(polygon):
+    """Return the area centroid by triangles (section 2.2); of a point or segment its middle."""
+    x0, y0 = polygon[0, 0], polygon[0, 1]
+    area = 0.0
+    for i in range(1, len(polygon) - 1):
+        area += _triangle(polygon, i)
+    if not area > 0:
+        return (x0 + polygon[-1, 0]) / 2, (y0 + polygon[-1, 1]) / 2
+    x, y = x0, y0
+    for i in range(1, len(polygon) - 1):
+        share = _triangle(polygon, i) / area / 3
+        x += share * ((polygon[i, 0] - x0) + (polygon[i + 1, 0] - x0))
+        y += share * ((polygon[i, 1] - y0) + (polygon[i + 1, 1] - y0))
+    return x, y
+
+
+@kernel
+def _triangle(polygon, i):
+    """Return twice the area of the triangle of vertices 0, i and i + 1."""
+    return ((polygon[i, 0] - polygon[0, 0]) * (polygon[i + 1, 1] - polygon[0, 1])
+            - (polygon[i, 1] - polygon[0, 1]) * (polygon[i + 1, 0] - polygon[0, 0]))
+
+
+@kernel
+def _edge_separates(p, q, body, i):
+    return _separates(p, q, body[i, 1] - body[i - 1, 1], body[i - 1, 0] - body[i, 0])
+
+
+@kernel
+def _separates(p, q, x, y):
+    """Tell whether the projections of two polygons on an axis are apart; no bound on rounding."""
+    low_p, high_p = _project(p, x, y)
+    low_q, high_q = _project(q, x, y)
+    return high_p < low_q or high_q < low_p
+
+
+@kernel
+def _project(polygon, x, y):
+    low = high = polygon[0, 0] * x + polygon[0, 1] * y
+    for i in range(1, len(polygon)):
+        along = polygon[i, 0] * x + polygon[i, 1] * y
+        low = min(low, along)
+        high = max(high, along)
+    return low, high
+
+
+@kernel
+def _furthest(polygon, x, y):
+    best, most = 0, polygon[0, 0] * x + polygon[0, 1] * y
+    for i in range(1, len(polygon)):
+        along = polygon[i, 0] * x + polygon[i, 1] * y
+        if along > most:
+            best, most = i, along
+    return best
+
+
+@kernel
+def _to_edge(x, y, body, i):
+    """Return the vector from a point to the nearest point of an edge."""
+    start_x, start_y = body[i - 1, 0], body[i - 1, 1]
+    along_x, along_y = body[i, 0] - start_x, body[i, 1] - start_y
+    length = along_x * along_x + along_y * along_y
+    share = 0.0
+    if length > 0:
+        share = ((x - start_x) * along_x + (y - start_y) * along_y) / length
+    share = min(max(share, 0.0), 1.0)
+    return start_x + share * along_x - x, start_y + share * along_y - y
+
+
+@kernel
+def _crossed_edge(polygon, centre, x, y):
+    """Return where the edge ends that the ray from the centre along (x, y) crosses."""
+    for i in range(len(polygon)):
+        start = x * (polygon[i - 1, 1] - centre[1]) - y * (polygon[i - 1, 0] - centre[0])
+        end = x * (polygon[i, 1] - centre[1]) - y * (polygon[i, 0] - centre[0])
+        if start <= 0 <= end:
+            return i
+    return 0

@@ -1,0 +1,135 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Serialised geometry_msgs/PolygonStamped and PolygonInstanceStamped to plain data.
+
+A message as publishers on this kind of machine send it (CDR, in its byte order) is read in place,
+with every length checked. Whatever does not fit to the byte goes to rclpy's own decoder, or
+without ROS to that of rosbags.
+"""
+
+from array import array
+import struct
+import sys
+
+_OWN_CDR = {'little': b'\x00\x01\x00\x00', 'big': b'\x00\x00\x00\x00'}[sys.byteorder]
+_HEADER = struct.Struct('=4siII')  # encapsulation, seconds, nanoseconds, length of frame_id
+_HEADER_SIZE = _HEADER.size
+_read_header = _HEADER.unpack_from
+_read_count = struct.Struct('=I').unpack_from
+_read_id = struct.Struct('=q').unpack_from
+_COUNT_SIZE = 4
+_ID_SIZE = 8
+_POINT_BYTES = 12
+_SECOND = 1_000_000_000
+
+
+class MessageError(ValueError):
+    """The bytes are not the message that their topic announces."""
+
+
+def decode(data, instance):
+    """
+    Read a PolygonStamped, or a PolygonInstanceStamped if `instance` is true.
+
+    Parameters
+    ----------
+    data : bytes
+    instance : bool
+
+    Returns
+    -------
+    stamp : int
+        In ns.
+    frame_id : str
+    points : bytes
+        x, y and z of each vertex as float32 in this machine's byte order.
+    identity : int or None
+        The id, of an instance.
+
+    Raises
+    ------
+    MessageError
+        If neither this decoder nor the library's can account for every byte.
+
+    """
+    size = len(data)
+    if size < _HEADER_SIZE:
+        return _decode_with_library(data, instance)
+    encapsulation, seconds, nanoseconds, length = _read_header(data)
+    text_end = _HEADER_SIZE + length
+    count_at = (text_end + 3) & ~3
+    points_at = count_at + _COUNT_SIZE
+    # The first NUL must be the last byte of the string.
+    if (encapsulation != _OWN_CDR or length == 0 or points_at > size
+            or data.find(b'\0', _HEADER_SIZE, text_end) != text_end - 1):
+        return _decode_with_library(data, instance)
+    count, = _read_count(data, count_at)
+    points_end = end = points_at + count * _POINT_BYTES
+    if instance:
+        # Alignment counts from behind the encapsulation, hence the 4.
+        id_at = ((points_end - 4 + 7) & ~7) + 4
+        end = id_at + _ID_SIZE
+    if end != size:
+        return _decode_with_library(data, instance)
+    try:
+        frame_id = data[_HEADER_SIZE:text_end - 1].decode()
+    except UnicodeDecodeError:
+        return _decode_with_library(data, instance)
+    return (_stamp(seconds, nanoseconds), frame_id, data[points_at:points_end],
+            _read_id(data, id_at)[0] if instance else None)
+
+
+def _stamp(seconds, nanoseconds):
+    """Return a stamp in ns."""
+    if nanoseconds >= _SECOND:
+        raise MessageError(f'{nanoseconds} nanoseconds in the stamp make more than a second')
+    return seconds * _SECOND + nanoseconds
+
+
+def _decode_with_library(data, instance):
+    """
+    Return what `decode` does as the decoder of rclpy or rosbags reads it.
+
+    rclpy's forgives what a monitor must not: a point count beyond the end of the message comes
+    back as no points at all, and bytes left over are ignored. So what it read must, when encoded
+    again, give as many bytes, and the bytes must state as many points.
+    """
+    try:
+        from sat_collision.messages import interfaces
+    except ImportError as error:
+        raise MessageError(
+            f'only rclpy or rosbags could read this encoding: {error}') from error
+    kind = interfaces.PolygonInstanceStamped if instance else interfaces.PolygonStamped
+    try:
+        message = interfaces.deserialize(data, kind)
+    except Exception as error:  # rclpy's own error class is private, rosbags raises any
+        raise MessageError(f'not decodable: {error}') from error
+    frame_id = message.header.frame_id
+    if '\N{REPLACEMENT CHARACTER}' in frame_id:
+        raise MessageError('frame_id is not UTF-8')
+    expected = len(interfaces.serialize(message))
+    if len(data) != expected:
+        raise MessageError(f'{len(data)} bytes where the contents need {expected}')
+    polygon = message.polygon.polygon if instance else message.polygon
+    points = polygon.points
+    count_at = (_HEADER_SIZE + len(frame_id.encode()) + 1 + 3) & ~3
+    stated = data[count_at:count_at + _COUNT_SIZE]
+    if len(points) not in (int.from_bytes(stated, 'little'), int.from_bytes(stated, 'big')):
+        raise MessageError('the points end before their stated number')
+    stamp = message.header.stamp
+    coordinates = array('f', [number for p in points for number in (p.x, p.y, p.z)]).tobytes()
+    return (_stamp(stamp.sec, stamp.nanosec), frame_id, coordinates,
+            message.polygon.id if instance else None)

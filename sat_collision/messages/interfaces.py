@@ -1,0 +1,50 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The message classes, and how they are serialised: ROS's own, or without ROS the same of rosbags.
+
+The node has ROS. The replay tool needs none, and makes the same messages with the same code.
+"""
+
+try:
+    from builtin_interfaces.msg import Time
+    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+    from geometry_msgs.msg import Point, PolygonInstanceStamped, PolygonStamped
+    from rclpy.serialization import deserialize_message as deserialize
+    from rclpy.serialization import serialize_message as serialize
+    from std_msgs.msg import Bool, ColorRGBA
+    from visualization_msgs.msg import Marker, MarkerArray
+except ImportError:
+    from sat_collision.messages.rosbags_interfaces import deserialize, message_class, serialize
+    Time = message_class('builtin_interfaces/msg/Time')
+    DiagnosticArray = message_class('diagnostic_msgs/msg/DiagnosticArray')
+    DiagnosticStatus = message_class('diagnostic_msgs/msg/DiagnosticStatus')
+    KeyValue = message_class('diagnostic_msgs/msg/KeyValue')
+    Point = message_class('geometry_msgs/msg/Point')
+    PolygonInstanceStamped = message_class('geometry_msgs/msg/PolygonInstanceStamped')
+    PolygonStamped = message_class('geometry_msgs/msg/PolygonStamped')
+    Bool = message_class('std_msgs/msg/Bool')
+    ColorRGBA = message_class('std_msgs/msg/ColorRGBA')
+    Marker = message_class('visualization_msgs/msg/Marker')
+    MarkerArray = message_class('visualization_msgs/msg/MarkerArray')
+
+__all__ = ['Bool', 'ColorRGBA', 'DiagnosticArray', 'DiagnosticStatus', 'KeyValue', 'Marker',
+           'MarkerArray', 'Point', 'PolygonInstanceStamped', 'PolygonStamped', 'Time',
+           'deserialize', 'serialize', 'type_name']
+
+
+def type_name(kind):
+    """Return the name of a message class as bags have it, such as std_msgs/msg/Bool."""
+    return f'{kind.__module__.partition(".")[0]}/msg/{kind.__name__}'

@@ -1,0 +1,188 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""States and the node's health as diagnostic_msgs/DiagnosticArray."""
+
+from collections import Counter
+import time
+
+from sat_collision.messages.interfaces import DiagnosticArray, DiagnosticStatus, KeyValue
+from sat_collision.scene.footprints import Status
+
+_LEVELS = {
+    Status.CLEAR: DiagnosticStatus.OK,
+    Status.COLLISION: DiagnosticStatus.ERROR,
+    Status.UNKNOWN: DiagnosticStatus.STALE,
+}
+_NAMED_IN_MESSAGE = 3
+_MOVING = ('age', 'least separation', 'nearest obstacle')
+
+
+def in_words(state, margin=0.0):
+    """Say a footprint's state in a few words, given the margin (m) that counts as a collision."""
+    if state.status is Status.COLLISION and state.contacts:
+        names = [str(obstacle) for obstacle in state.contacts[:_NAMED_IN_MESSAGE]]
+        more = len(state.contacts) - len(names)
+        verb = f'within {margin:g} m of' if margin else 'in contact with'
+        return f'{verb} {", ".join(names)}' + (f' and {more} more' if more else '')
+    word = state.status.value
+    return f'{word}: {"; ".join(state.reasons)}' if state.reasons else word
+
+
+class States:
+    """
+    The message of ~/state: one status a footprint, rewritten only where a state has changed.
+
+    Parameters
+    ----------
+    node_name : str
+    settings : Settings
+
+    """
+
+    def __init__(self, node_name, settings):
+        self.settings = settings
+        self._statuses = {
+            footprint.name: DiagnosticStatus(name=f'{node_name}: {footprint.name}',
+                                             hardware_id=footprint.topic)
+            for footprint in settings.footprints}
+        self._moving = {name: [KeyValue(key=key) for key in _MOVING] for name in self._statuses}
+        self._coarse = dict.fromkeys(self._statuses)
+        self._message = DiagnosticArray(status=list(self._statuses.values()))
+
+    def write(self, name, state, step):
+        """
+        Write down a footprint's new state.
+
+        Parameters
+        ----------
+        name : str
+        state : State
+        step : float
+            The float32 step of its coordinates in metres.
+
+        """
+        coarse = step > self.settings.resolution
+        self._coarse[name] = coarse
+        status = self._statuses[name]
+        status.level = _LEVELS[state.status]
+        status.message = in_words(state, self.settings.margin)
+        if coarse:
+            if state.status is Status.CLEAR:
+                status.level = DiagnosticStatus.WARN
+            status.message += (
+                f'; its coordinates have steps of {step:.2g} m, coarser than the resolution of '
+                f'{self.settings.resolution:g} m: publish in a frame with a nearer origin')
+        status.values = [
+            KeyValue(key='state', value=state.status.value),
+            KeyValue(key='obstacles in contact', value=', '.join(map(str, state.contacts))),
+            *self._moving[name],
+            KeyValue(key='reason', value='; '.join(state.reasons))]
+
+    def is_current(self, name, step):
+        """Tell whether what was written of the coordinates' step still holds."""
+        return self._coarse[name] == (step > self.settings.resolution)
+
+    def write_moving(self, name, age, nearest):
+        """
+        Write down what changes all the time.
+
+        Parameters
+        ----------
+        name : str
+        age : float or None
+            Seconds since the footprint's stamp.
+        nearest : tuple or None
+            As `Scene.nearest` returns it.
+
+        """
+        age_value, separation_value, obstacle_value = self._moving[name]
+        age_value.value = '' if age is None else f'{age:.3f}'
+        separation_value.value = f'{nearest[1]:.6g}' if nearest else ''
+        obstacle_value.value = str(nearest[0]) if nearest else ''
+
+    def message(self, stamp):
+        """Return the message as of a stamp."""
+        self._message.header.stamp = stamp
+        return self._message
+
+
+class Health:
+    """
+    The message of /diagnostics: what came in, what was refused, and what a check costs.
+
+    Parameters
+    ----------
+    node_name, hardware_id : str
+    facts : dict
+        What does not change while the node runs, such as the kernel in use.
+
+    Attributes
+    ----------
+    check_times : list of float
+        How many seconds the check of each message of the period took; to be appended to.
+
+    """
+
+    def __init__(self, node_name, hardware_id, facts):
+        self._status = DiagnosticStatus(name=f'{node_name}: health', hardware_id=hardware_id)
+        self._facts = facts
+        self._incompatible = {}
+        self._received = Counter()
+        self._refused = 0
+        self._begun = time.monotonic()
+        self.check_times = []
+
+    def incompatible_qos(self, topic, policy):
+        """Note that a publisher on a topic cannot be heard."""
+        self._incompatible[topic] = policy
+
+    def message(self, stamp, received, rejected):
+        """
+        Return the message on the period that ends now, and begin the next.
+
+        Parameters
+        ----------
+        stamp : builtin_interfaces.msg.Time
+        received, rejected : collections.Counter
+            Messages since the start: by source, and by source and reason.
+
+        """
+        now = time.monotonic()
+        period = now - self._begun
+        refused = rejected.total()
+        times = self.check_times or [0.0]
+        values = dict(self._facts)
+        values['check time mean [ms]'] = f'{1e3 * sum(times) / len(times):.3f}'
+        values['check time max [ms]'] = f'{1e3 * max(times):.3f}'
+        for name, count in received.items():
+            values[f'{name}: received'] = str(count)
+            values[f'{name}: rate [Hz]'] = f'{(count - self._received[name]) / period:.1f}'
+        for (name, reason), count in rejected.items():
+            values[f'{name}: rejected, {reason}'] = str(count)
+        for topic, policy in self._incompatible.items():
+            values[f'{topic}: incompatible QoS'] = policy
+        self._status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
+        problems = [f'incompatible QoS on {topic}' for topic in self._incompatible]
+        if refused > self._refused:
+            problems.append(f'messages rejected: {refused - self._refused}')
+        self._status.level = DiagnosticStatus.WARN if problems else DiagnosticStatus.OK
+        self._status.message = '; '.join(problems) or 'running'
+        self._received = received.copy()
+        self._refused = refused
+        self._begun = now
+        self.check_times.clear()
+        message = DiagnosticArray(status=[self._status])
+        message.header.stamp = stamp
+        return message

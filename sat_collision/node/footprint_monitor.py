@@ -1,0 +1,271 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The node: topics and parameters around a Monitor."""
+
+from dataclasses import replace
+from functools import partial
+import gc
+from itertools import product
+import sys
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Point32, PolygonInstanceStamped, PolygonStamped
+import rclpy
+from rclpy.clock import Clock, ClockType, JumpThreshold
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.logging import get_logger
+from rclpy.node import Node
+from rclpy.qos import qos_policy_name_from_kind, QoSPolicyKind, QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.serialization import serialize_message
+from rclpy.signals import SignalHandlerOptions
+from sat_collision.geometry.distance import closest_points
+from sat_collision.geometry.jit import COMPILED, KERNEL
+from sat_collision.messages.outputs import Outputs
+from sat_collision.messages.states import Health
+from sat_collision.monitor import Monitor
+from sat_collision.node import executors
+from sat_collision.node.parameters import ParameterError, Parameters
+from sat_collision.scene.settings import (
+    FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
+
+# The longest that anything due by time alone waits. Each tick wakes the process, which costs far
+# more than what it does.
+_TICK = 0.1
+_HEALTH_PERIOD = 1.0
+_LOG_PERIOD = 1.0
+_FOOTPRINT_DEPTH = 1
+_OBSTACLES_DEPTH = 1000
+_OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
+                QoSPolicyKind.DURABILITY)
+
+
+def _serialised(outline, second):
+    message = PolygonStamped()
+    message.header.stamp.sec = second
+    message.header.frame_id = 'map'
+    message.polygon.points = [Point32(x=float(x), y=float(y)) for x, y in outline]
+    return serialize_message(message)
+
+
+class _Every:
+    """Tells when something that recurs is due, by a clock in seconds."""
+
+    def __init__(self, period):
+        self._period = period
+        self._next = 0.0
+
+    def due(self, now):
+        """Tell whether it is due; if so, the next time is a period later."""
+        if now < self._next:
+            return False
+        self._next += self._period
+        if self._next <= now:
+            self._next = now + self._period
+        return True
+
+
+class CollisionMonitor(Node):
+    """
+    Publishes whether footprints collide with obstacles.
+
+    Everything happens in one thread: a message is checked and answered in its callback, and a
+    tick by the steady clock sees to whatever time alone brings about.
+
+    Parameters
+    ----------
+    **options
+        As for `rclpy.node.Node`.
+
+    Raises
+    ------
+    ParameterError
+        If the parameters given at start make no sense.
+
+    """
+
+    def __init__(self, **options):
+        super().__init__('collision_monitor', **options)
+        parameters = Parameters(self)
+        settings = parameters.settings
+        self._executor_kind = executors.available(parameters.executor)
+        if self._executor_kind != parameters.executor:
+            self.get_logger().warning(f'this rclpy has no {parameters.executor} executor: '
+                                      f'running in the {self._executor_kind} one')
+        self._warm_up()
+        self._choose_clock()
+        self._clock_changes = self.get_clock().create_jump_callback(
+            JumpThreshold(min_forward=None, min_backward=None, on_clock_change=True),
+            post_callback=self._choose_clock)
+        self._monitor = Monitor(settings)
+        self._scene = self._monitor.scene
+        self._outputs = Outputs(self, settings, self._scene)
+        self._health = Health(self.get_name(), self.get_fully_qualified_name(),
+                              {'kernel': KERNEL, 'executor': self._executor_kind})
+        self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._logged = {}
+        for footprint in settings.footprints:
+            self._subscribe(footprint, PolygonStamped, _FOOTPRINT_DEPTH)
+        for source in settings.obstacles:
+            kind = PolygonInstanceStamped if source.type == POLYGON_INSTANCE else PolygonStamped
+            self._subscribe(source, kind, _OBSTACLES_DEPTH)
+        self._reporting = _Every(_HEALTH_PERIOD)
+        self._ticking = self.create_timer(_TICK, self._tick,
+                                          clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._set_rates(settings)
+        parameters.on_change(self._configure)
+
+    def create_executor(self):
+        """Return an executor of the kind that the parameters name, with this node in it."""
+        executor = executors.create(self._executor_kind, self.context)
+        executor.add_node(self)
+        return executor
+
+    def _warm_up(self):
+        """Run every kernel once, so that no message waits for a compilation."""
+        if COMPILED:
+            self.get_logger().info(f'preparing kernels ({KERNEL}); '
+                                   'the first start after an installation compiles them')
+        start = time.monotonic()
+        settings = Settings((FootprintSettings('footprint', ''),),
+                            (ObstacleSettings('obstacles', ''),))
+        monitor = Monitor(settings)
+        square = [(0, 0), (1, 0), (1, 1), (0, 1)]
+        notched = [(0, 0), (2, 0), (2, 2), (1, 0.5), (0, 2)]
+        for second, margin in enumerate((0.0, 0.0, 0.5), 1):
+            monitor.scene.update(replace(settings, margin=margin))
+            for name, outline in product(('footprint', 'obstacles'), (square, notched)):
+                monitor.receive(name, _serialised(outline, second), second * 10**9)
+            monitor.scene.nearest('footprint')
+        closest_points(square, notched)
+        self.get_logger().info(f'kernels ({KERNEL}) ready after {time.monotonic() - start:.1f} s')
+
+    def _subscribe(self, source, kind, depth):
+        events = SubscriptionEventCallbacks(
+            incompatible_qos=partial(self._report_incompatible_qos, source.topic))
+        try:
+            self.create_subscription(
+                # The settings have the remapped name, which must not be remapped again.
+                kind, self.get_parameter(f'{source.name}.topic').value,
+                partial(self._receive, source.name), QoSProfile(depth=depth), raw=True,
+                event_callbacks=events, qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE))
+        except RuntimeError as error:
+            raise ParameterError(f'{source.topic}: {error}') from error
+        self.get_logger().info(f'{source.name}: {kind.__name__} on {source.topic}')
+
+    def _set_rates(self, settings):
+        self._publishing = _Every(1.0 / settings.publish_rate)
+        self._marking = _Every(1.0 / settings.marker_rate)
+        period = min(_TICK, 1.0 / settings.publish_rate, 1.0 / settings.marker_rate)
+        self._ticking.timer_period_ns = round(period * 1e9)
+
+    def _configure(self, settings):
+        """Apply changed parameters and publish what follows from them."""
+        self._set_rates(settings)
+        self._scene.update(settings)
+        self._scene.advance(self._now())
+        self._outputs.configure(settings)
+        self._outputs.publish()
+
+    def _choose_clock(self, jump=None):
+        """Have `_now` ask the system itself unless time is simulated: each message does."""
+        clock = self.get_clock()
+        if clock.ros_time_is_active:
+            self._now = lambda: clock.now().nanoseconds
+        else:
+            self._now = time.time_ns
+
+    def _receive(self, name, data):
+        start = time.perf_counter()
+        rejection = self._monitor.receive(name, data, self._now())
+        self._health.check_times.append(time.perf_counter() - start)
+        self._outputs.markers_current = False
+        if rejection:
+            self._log(rejection)
+        self._publish_changes()
+
+    def _log(self, rejection):
+        """Log a rejected message, once a second at most for each source and reason."""
+        key = rejection.name, rejection.reason
+        now = time.monotonic()
+        if now - self._logged.get(key, -_LOG_PERIOD) >= _LOG_PERIOD:
+            self._logged[key] = now
+            self.get_logger().warning(rejection.text)
+
+    def _report_incompatible_qos(self, topic, event):
+        policy = qos_policy_name_from_kind(event.last_policy_kind)
+        self._health.incompatible_qos(topic, policy)
+        self.get_logger().error(
+            f'{topic}: a publisher offers a {policy} that this node cannot accept, so nothing '
+            f'from it arrives; set qos_overrides.{topic}.subscription.{policy.lower()} to what '
+            'it offers, or change the publisher')
+
+    def _publish_changes(self):
+        changed = self._scene.changes()
+        if changed:
+            self._outputs.update(changed)
+            self._outputs.publish(changed)
+
+    def _tick(self):
+        """Do what is due without a message: ageing, silence, and what recurs."""
+        self._scene.advance(self._now())
+        self._publish_changes()
+        now = time.monotonic()
+        if self._publishing.due(now):
+            self._outputs.publish()
+        if self._marking.due(now):
+            self._outputs.publish_markers()
+        if self._reporting.due(now):
+            self._health_publisher.publish(self._health.message(
+                self.get_clock().now().to_msg(), self._monitor.received, self._monitor.rejected))
+
+
+def main(args=None):
+    """Run the node until SIGINT or SIGTERM and return the exit status."""
+    executors.interrupt_on_signals()
+    try:
+        return _run(args)
+    except KeyboardInterrupt:
+        executors.ignore_signals()
+        return 0
+
+
+def _run(args):
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # what rcl raises for an unreadable parameter file
+        print(f'collision_monitor: cannot start: {error}', file=sys.stderr)
+        return 1
+    try:
+        node = CollisionMonitor()
+    except ParameterError as error:
+        get_logger('collision_monitor').fatal(str(error))
+        rclpy.shutdown()
+        return 1
+    # No later collection goes through all that the start has made, which takes some 70 ms.
+    gc.freeze()
+    executor = node.create_executor()
+    executors.spin_until_signal(executor)
+    node.get_logger().info('ending, as asked by a signal')
+    executor.remove_node(node)
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.shutdown()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,54 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The demo's scene causes just the contacts that it says it does, and the demo sees them."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from sat_collision.demo import warehouse
+
+shapely = pytest.importorskip('shapely')
+
+
+@pytest.mark.parametrize('name', warehouse.FOOTPRINTS)
+def test_contacts_of_the_scene(name):
+    """Sampled finely and as float32, each robot touches one thing after another, as listed."""
+    static = [shapely.Polygon(p) if len(p) > 2 else shapely.LineString(p)
+              for p in warehouse.STATIC]
+    touched = []
+    for time in np.arange(0.0, warehouse.DURATION, 0.01):
+        robot = shapely.Polygon(warehouse.footprint(name, time).astype(np.float32))
+        now = [('warehouse', k) for k, body in enumerate(static) if robot.intersects(body)]
+        if robot.intersects(shapely.Polygon(warehouse.person(time).astype(np.float32))):
+            now.append(('people', 0))
+        if not touched or touched[-1] != now:
+            touched.append(now)
+    expected = [[]]
+    for contact in warehouse.CONTACTS[name]:
+        expected += [[contact], []]
+    assert touched == expected
+
+
+def test_demo_succeeds(tmp_path):
+    """Node, publisher and viewer as three processes over DDS; the picture is written."""
+    pytest.importorskip('rclpy')
+    pytest.importorskip('matplotlib')
+    picture = tmp_path / 'demo.png'
+    result = subprocess.run([sys.executable, '-m', 'sat_collision.demo', '--picture', picture],
+                            capture_output=True, text=True, timeout=180)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert 'the flags are right' in result.stdout
+    assert picture.read_bytes().startswith(b'\x89PNG')

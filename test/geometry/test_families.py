@@ -1,0 +1,153 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`intersects` against the exact oracle on every hard family, compiled and as plain Python."""
+
+import json
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+import families
+import numpy as np
+import oracle
+import pytest
+
+from sat_collision import intersects, intersects_pairs, Polygon, PolygonSet
+from sat_collision.geometry import sat_methods
+
+ROOT = Path(__file__).resolve().parents[2]
+ALL = {**families.CONVEX, **families.SIMPLE}
+HARD = ('hair_gaps', 'far_offsets', 'slivers', 'one_ulp', 'rectangles_on_edge', 'collinear_edges',
+        'points_and_segments', 'extreme_scales')
+
+# Each gives the same body, or both bodies changed alike without rounding.
+UNCHANGED = {
+    'other winding': lambda body: body[::-1],
+    'other first vertex': lambda body: np.roll(body, len(body) // 2, axis=0),
+    'closed ring': lambda body: np.concatenate([body, body[:1]]),
+    'repeated vertices': lambda body: np.repeat(body, 2, axis=0),
+    'x and y exchanged': lambda body: body[:, ::-1],
+    'turned by half a turn': lambda body: -body,
+    'scaled up': lambda body: body * 2.0**40,
+    'scaled down': lambda body: body * 2.0**-40,
+    'with z': lambda body: np.column_stack([body, np.full(len(body), np.nan)]),
+}
+
+
+def pairs_of(name, count, n, seed=7):
+    return ALL[name](np.random.default_rng(seed), count, n)
+
+
+def bulk(pairs):
+    return intersects_pairs(*(PolygonSet(Polygon(pair[k]) for pair in pairs) for k in (0, 1)))
+
+
+def library_answers():
+    """Return what the library and the compared methods answer on some pairs of each family."""
+    answers = {name: [answer for count, n in ((60, 9), (40, 24))
+                      for answer in bulk(pairs_of(name, count, n)).tolist()]
+               for name in ALL}
+    for name in families.CONVEX:
+        for p, q in pairs_of(name, 20, 9):
+            centres = sat_methods.centre_of_gravity(p), sat_methods.centre_of_gravity(q)
+            answers[name] += [
+                intersects(p, q), sat_methods.centre_of_gravity(p), sat_methods.traditional_axes(p, q),
+                sat_methods.boxed_axes(p, q, sat_methods.bounds(p), sat_methods.bounds(q)),
+                sat_methods.published_a_axes(p, q, *centres), sat_methods.published_b_axes(p, q, *centres)]
+    return json.loads(json.dumps(answers))
+
+
+@pytest.mark.parametrize('n', [3, 4, 9, 24])
+@pytest.mark.parametrize('name', ALL)
+def test_every_answer_is_the_oracles(name, n):
+    pairs = pairs_of(name, 500, n)
+    truth, _ = oracle.intersects_pairs(pairs)
+    np.testing.assert_array_equal(bulk(pairs), truth)
+    assert [intersects(p, q) for p, q in pairs[:50]] == truth[:50].tolist()
+
+
+@pytest.mark.parametrize('n', [256, 1024])
+@pytest.mark.parametrize('name', ['many_sided', 'hair_gaps', 'flat_arcs', 'float32_round_trip'])
+def test_bodies_of_many_sides(name, n):
+    pairs = pairs_of(name, 20, n)
+    np.testing.assert_array_equal(bulk(pairs), oracle.intersects_pairs(pairs)[0])
+
+
+@pytest.mark.parametrize('change', UNCHANGED)
+@pytest.mark.parametrize('name', ALL)
+def test_answers_do_not_depend_on_how_the_bodies_are_written(name, change):
+    if (name, change) == ('one_ulp', 'scaled down'):
+        pytest.skip('an ulp from zero is the smallest number')
+    pairs = pairs_of(name, 60, 6)
+    changed = [[UNCHANGED[change](body) for body in pair] for pair in pairs]
+    np.testing.assert_array_equal(bulk(changed), bulk(pairs))
+
+
+@pytest.mark.parametrize('name', ALL)
+def test_bodies_may_be_exchanged(name):
+    pairs = pairs_of(name, 200, 6)
+    np.testing.assert_array_equal(bulk([(b, a) for a, b in pairs]), bulk(pairs))
+
+
+def test_compiled_and_plain_python_answer_alike():
+    """The same pairs in a process where numba is switched off give the same answers."""
+    program = ('import json, sat_collision, test_families as t; '
+               'print(json.dumps([sat_collision.KERNEL, t.library_answers()]))')
+    path = os.pathsep.join([str(ROOT), str(ROOT / 'test' / 'support'), str(ROOT / 'test' / 'geometry'), os.environ.get('PYTHONPATH', '')])
+    result = subprocess.run(
+        [sys.executable, '-c', program], capture_output=True, text=True, check=True,
+        env={**os.environ, 'NUMBA_DISABLE_JIT': '1', 'PYTHONPATH': path})
+    kernel, answers = json.loads(result.stdout)
+    assert kernel == 'plain Python'
+    assert answers == library_answers()
+
+
+@pytest.mark.parametrize('exponent', [-1060, -700, 700, 1015])
+def test_no_surprise_beyond_the_scales_of_the_families(exponent):
+    """Down to denormal numbers, which coarsen the bodies, and up to the largest: still exact."""
+    pairs = [(np.ldexp(a, exponent), np.ldexp(b, exponent))
+             for name in ('near', 'hair_gaps', 'rectangles_on_edge', 'points_and_segments')
+             for a, b in pairs_of(name, 100, 3)]
+    truth = [oracle.intersects(a, b) for a, b in pairs]
+    np.testing.assert_array_equal(bulk(pairs), truth)
+
+
+@pytest.mark.parametrize('name', HARD)
+def test_hard_families_defeat_plain_floating_point(name):
+    pairs = pairs_of(name, 500, 5)
+    plain = np.array([sat_methods.traditional(p, q) for p, q in pairs])
+    assert (plain != oracle.intersects_pairs(pairs)[0]).any()
+
+
+@pytest.mark.parametrize('name', ALL)
+def test_families_keep_their_promises(name):
+    """Bodies are valid, exactly convex where promised, and both answers occur."""
+    pairs = pairs_of(name, 300, 8)
+    assert len(pairs) == 300
+    truth, _ = oracle.intersects_pairs(pairs)
+    assert truth.any()
+    assert name == 'containment' or not truth.all()
+    if name in families.CONVEX:
+        for body in (body for pair in pairs[:50] for body in pair):
+            grid, = oracle.integers(body)
+            turns = [oracle.orientation(grid[i], grid[j], grid[k])
+                     for i in range(len(grid)) for j in range(i) for k in range(j)]
+            assert all(turn < 0 for turn in turns)
+
+
+def test_random_pairs_are_half_separate():
+    truth, _ = oracle.intersects_pairs(pairs_of('random_pairs', 3000, 5))
+    assert 0.45 < truth.mean() < 0.55

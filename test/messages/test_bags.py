@@ -1,0 +1,71 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Real recordings, published to a running node as they were recorded."""
+
+import itertools
+import json
+from pathlib import Path
+
+from harness import SECOND, to_ns, values
+import pytest
+from sat_collision.messages.cdr import decode
+
+BAGS = Path(__file__).resolve().parents[3] / 'shared' / 'data' / 'bags'
+STORAGE = {'events': 'mcap', 'single_threaded': 'sqlite3'}
+
+rosbags = pytest.importorskip('rosbags.highlevel')
+
+
+def recorded(bag):
+    """Yield (stamp, [(topic, data), ...]) for each run of messages with one stamp."""
+    with rosbags.AnyReader([bag]) as reader:
+        connections = [c for c in reader.connections if c.topic in ('/footprint', '/obstacles')]
+        messages = [(decode(data, False)[0], connection.topic, data)
+                    for connection, _, data in reader.messages(connections)]
+    for stamp, run in itertools.groupby(messages, key=lambda message: message[0]):
+        yield stamp, [(topic, data) for _, topic, data in run]
+
+
+@pytest.mark.skipif(not BAGS.is_dir(), reason='the recordings are not here')
+@pytest.mark.parametrize('name', (
+    'autoware_ego_trajectory_boxes', 'commonroad_USA_Lanker-1_1_ego1247',
+    'tysik_front_scan_polygons'))
+def test_contacts_after_each_stamp_are_exactly_those_of_the_recording(start, executor, name):
+    """
+    After a stamp's last message the contacts are those computed with rational arithmetic.
+
+    The clock is the recording's. It moves on once the node has counted all messages of a stamp,
+    so that a state with the later time has seen them all.
+    """
+    expected = json.loads((BAGS / f'{name}_expected.json').read_text())['frames']
+    monitor = start(use_sim_time=True, publish_rate=50.0)
+    heard = monitor.listen('~/state')
+    counted = monitor.received
+    sent = 0
+    stamps = []
+    for (stamp, messages), frame in zip(recorded(BAGS / f'{name}_{STORAGE[executor]}'), expected):
+        stamps.append(stamp)
+        monitor.set_clock(stamp)
+        for topic, data in messages:
+            monitor.publisher(topic).publish(data)
+        sent += len(messages)
+        monitor.until(lambda: counted.total() == sent, 'all messages counted')
+        monitor.set_clock(stamp + SECOND // 1000)
+        monitor.until(lambda: heard and to_ns(heard[-1].header.stamp) > stamp)
+        assert frame['stamp_ns'] == stamp
+        assert monitor.contacts() == [f'obstacles/{index}' for index, _, _ in frame['hits']]
+        assert monitor.state() == ('collision' if frame['hits'] else 'clear'), values(
+            monitor.status())['reason']
+    assert stamps == [frame['stamp_ns'] for frame in expected]

@@ -1,0 +1,186 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a running node shows and tells beside its flags: markers, health, live parameters."""
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from harness import box, Peer, values
+import pytest
+from rclpy.parameter_client import AsyncParameterClient
+from sat_collision import KERNEL
+from sat_collision.messages.markers import Markers
+from visualization_msgs.msg import Marker
+
+ROBOT = box(0, 0)
+APART = box(5, 5)
+TOUCHING = box(1, 1)
+NO_TIMEOUT = {'footprint__timeout': 0.0, 'obstacles__timeout': 0.0}
+
+
+def spaces(message):
+    return {marker.ns for marker in message.markers if marker.action == Marker.ADD}
+
+
+def test_late_subscriber_gets_the_whole_scene(start):
+    """Markers begin with somebody who looks; they come again without any change."""
+    monitor = start(**NO_TIMEOUT)
+    monitor.send('footprint', ROBOT)
+    monitor.send('obstacles', TOUCHING)
+    monitor.await_state('collision')
+    heard = monitor.markers()
+    monitor.until(lambda: len(heard) > 2, 'markers')
+    first, *others = heard
+    assert first.markers[0].action == Marker.DELETEALL
+    assert {'footprint/fill', 'obstacles/outline', 'contacts/names'} <= spaces(first)
+    assert all(spaces(other) == spaces(first) for other in others)
+
+
+def test_markers_follow_the_scene_and_nothing_stale_stays(start):
+    """The obstacle parts from the footprint, then the node is told to check nothing."""
+    monitor = start(marker_rate=50.0, **NO_TIMEOUT)
+    heard = monitor.markers()
+    monitor.until(lambda: heard and not spaces(heard[-1]), 'an empty picture')
+    monitor.send('footprint', ROBOT)
+    monitor.send('obstacles', TOUCHING)
+    monitor.until(lambda: 'contacts/pairs' in spaces(heard[-1]))
+    monitor.send('obstacles', APART)
+    monitor.until(lambda: 'nearest/axis' in spaces(heard[-1]))
+    assert 'contacts/pairs' not in spaces(heard[-1])
+    monitor.send('obstacles', box(7, 7))
+    monitor.until(lambda: any(marker.ns == 'obstacles/outline' and marker.points[0].x >= 7
+                              for marker in heard[-1].markers), 'the obstacle where it is')
+    assert monitor.set_parameters(obstacles__enabled=False) == [None]
+    monitor.until(lambda: spaces(heard[-1]) == {'footprint/fill', 'footprint/outline'})
+
+
+def test_nobody_subscribed_no_markers_are_made(start, monkeypatch):
+    """The scene is not even looked at; once somebody subscribes, it is."""
+    asked = []
+    message = Markers.message
+    monkeypatch.setattr(Markers, 'message', lambda *a: asked.append(1) or message(*a))
+    monitor = start(**NO_TIMEOUT)
+    monitor.send('footprint', ROBOT)
+    monitor.send('obstacles', APART)
+    monitor.await_state('clear')
+    monitor.spin(0.3)
+    assert not asked
+    monitor.until(monitor.markers)
+    count = len(asked)
+    assert count
+    monitor.spin(0.3)
+    assert len(asked) == count, 'nothing has changed since'
+
+
+def test_health_tells_rates_rejections_check_time_and_kernel(start):
+    """Five obstacles, one of them bad: a warning in one period, running in the next."""
+    monitor = start(**NO_TIMEOUT)
+    monitor.until(monitor.health, 'a first word')
+    for points in 4 * [APART] + [[(0, 0), (1, 1), (1, 0), (0, 1)]]:
+        monitor.send('obstacles', points)
+    warned = monitor.until(lambda: monitor.health() and monitor.health().level
+                           == DiagnosticStatus.WARN and monitor.health(), 'a warning')
+    assert warned.message == 'messages rejected: 1'
+    told = values(warned)
+    assert told['obstacles: received'] == '5'
+    assert told['obstacles: rejected, self-intersecting'] == '1'
+    assert float(told['obstacles: rate [Hz]']) > 0
+    assert 0 < float(told['check time mean [ms]']) <= float(told['check time max [ms]'])
+    assert told['kernel'] == KERNEL and told['executor'] in ('events', 'single_threaded')
+    monitor.until(lambda: monitor.health().level == DiagnosticStatus.OK, 'a quiet period')
+    told = values(monitor.health())
+    assert (told['obstacles: received'], told['obstacles: rate [Hz]']) == ('5', '0.0')
+    assert monitor.health().hardware_id == '/collision_monitor'
+
+
+def test_parameters_change_a_running_node(start):
+    """Every live parameter over the service; what follows from it at once."""
+    monitor = start(publish_rate=0.5, **NO_TIMEOUT)
+    monitor.send('footprint', ROBOT)
+    monitor.send('obstacles', TOUCHING)
+    monitor.await_state('collision')
+    assert monitor.set_parameters(enabled=False) == [None]
+    monitor.await_state('unknown', patience=1.0)
+    monitor.until(monitor.flag)
+    assert monitor.set_parameters(unknown_is_collision=False) == [None]
+    monitor.until(lambda: monitor.flag() is False and monitor.flag('footprint') is False,
+                  patience=1.0)
+    assert monitor.set_parameters(enabled=True) == [None]
+    monitor.send_until('collision', 'obstacles', TOUCHING)
+    assert monitor.set_parameters(footprint__enabled=False) == [None]
+    monitor.await_state('unknown', patience=1.0)
+    monitor.until(lambda: monitor.flag() is False)
+    assert monitor.set_parameters(unknown_is_collision=True) == [None]
+    monitor.until(monitor.flag, 'the flag when nothing is watched', patience=1.0)
+    count = len(monitor.listen('~/collision'))
+    assert monitor.set_parameters(publish_rate=50.0) == [None]
+    monitor.until(lambda: len(monitor.listen('~/collision')) > count + 75, patience=3.0)
+
+
+def test_timeout_set_while_running_applies_to_what_is_there(start):
+    """A footprint that would never expire is stale at once, and good again without a timeout."""
+    monitor = start(**NO_TIMEOUT)
+    monitor.send('obstacles', APART)
+    monitor.send('footprint', ROBOT)
+    monitor.await_state('clear')
+    assert monitor.set_parameters(footprint__timeout=0.01) == [None]
+    monitor.await_state('unknown')
+    assert monitor.set_parameters(footprint__timeout=0.0) == [None]
+    monitor.await_state('clear')
+
+
+def test_bad_parameters_are_refused_with_a_reason_and_change_nothing(start):
+    """Out of range, of the wrong type, structural: the node goes on as before."""
+    monitor = start(**NO_TIMEOUT)
+    monitor.send('footprint', ROBOT)
+    monitor.send('obstacles', APART)
+    monitor.await_state('clear')
+    reasons = monitor.set_parameters(footprint__timeout=-1.0, enabled='no', footprints=['a'])
+    for reason, words in zip(reasons, ('range', 'type', 'read-only')):
+        assert words in reason
+    assert monitor.state() == 'clear'
+
+
+def test_parameters_are_described_to_users(start):
+    """As `ros2 param describe` shows them."""
+    monitor = start()
+    client = AsyncParameterClient(monitor.node, 'collision_monitor')
+    monitor.until(client.services_are_ready)
+    future = client.describe_parameters(['obstacles.timeout', 'obstacles.type'])
+    timeout, kind = monitor.until(future.done) and future.result().descriptors
+    assert 'forgotten' in timeout.description and timeout.floating_point_range[0].from_value == 0
+    assert kind.read_only and 'polygon_instance' in kind.additional_constraints
+
+
+def test_events_executor_missing_from_this_rclpy(start, executor, monkeypatch):
+    """The node says so and runs in the single-threaded one."""
+    if executor != 'events':
+        pytest.skip('nothing is missing')
+    monkeypatch.setattr('sat_collision.node.executors.EventsExecutor', None)
+    monitor = start(**NO_TIMEOUT)
+    monitor.send('footprint', ROBOT)
+    monitor.send('obstacles', TOUCHING)
+    monitor.await_state('collision')
+    monitor.logged('no events executor')
+    health = monitor.until(monitor.health)
+    assert values(health)['executor'] == 'single_threaded'
+
+
+def test_peer_that_only_listens(start, domain):
+    """A second participant, as a dashboard is, sees what the first sees."""
+    monitor = start(**NO_TIMEOUT)
+    dashboard = Peer(domain)
+    monitor.send('footprint', ROBOT)
+    monitor.send('obstacles', TOUCHING)
+    dashboard.await_state('collision')
+    dashboard.close()

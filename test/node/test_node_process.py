@@ -1,0 +1,189 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The node as a process: how it starts, and how it ends."""
+
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+from harness import box, Peer
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PROGRAM = 'import sys; from sat_collision.node.footprint_monitor import main; sys.exit(main(sys.argv))'
+
+ALL_KINDS_OF_MESSAGES = """
+from dataclasses import replace
+import math, sys, time
+sys.path.insert(0, 'test/support')
+from harness import box, polygon_message
+import rclpy
+from rclpy.serialization import serialize_message
+from sat_collision.messages.markers import Markers
+from sat_collision.node.footprint_monitor import CollisionMonitor
+
+def compiled():
+    return {(name, key): len(value.signatures)
+            for name, module in sys.modules.items() if name.startswith('sat_collision')
+            for key, value in vars(module).items() if hasattr(value, 'signatures')}
+
+rclpy.init()
+node = CollisionMonitor()
+before = compiled()
+circle = [(math.cos(k), math.sin(k)) for k in range(6)]
+polygons = [[], [(2, 2)], [(0, 0), (1, 1)], [(0, 0), (1, 1), (2, 2)], box(0, 0), box(9, 9), circle,
+            [(0, 0), (2, 0), (2, 2), (1, 1), (0, 2)], [(0, 0), (1, 1), (1, 0), (0, 1)],
+            [(math.nan, 0)]]
+for stamp in (0, time.time_ns(), time.time_ns() + 10**9):
+    messages = [serialize_message(polygon_message(polygon, stamp)) for polygon in polygons]
+    for footprint in messages:
+        node._receive('footprint', footprint)
+        for obstacle in messages:
+            node._receive('obstacles', obstacle)
+            Markers().message(node._scene)
+        node._scene.nearest('footprint')
+node._scene.update(replace(node._scene.settings, margin=0.1))
+node._receive('footprint', messages[-3])
+assert compiled() == before
+"""
+
+
+@pytest.fixture
+def launch(domain, executor, monkeypatch):
+    """Start the node's process with some arguments; its output goes to a pipe."""
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
+    started = []
+
+    def launch(*arguments, **options):
+        started.append(subprocess.Popen(
+            [sys.executable, '-c', PROGRAM, '--ros-args', '-p', f'executor:={executor}',
+             *arguments], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            **options))
+        return started[-1]
+
+    yield launch
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+@pytest.fixture
+def peer(domain):
+    peer = Peer(domain)
+    yield peer
+    peer.close()
+
+
+def output_until(process, words):
+    """Read the process's output until a line with some words has come."""
+    for line in process.stdout:
+        if words in line:
+            return
+    pytest.fail(f'the process ended without a word of {words}')
+
+
+@pytest.fixture
+def launch_ready(launch):
+    """Start the node's process and wait until its subscriptions are there."""
+    def launch_ready(*arguments, **options):
+        process = launch(*arguments, **options)
+        output_until(process, 'obstacles: ')
+        return process
+    return launch_ready
+
+
+def ended(process):
+    """Wait for the end of the process; return exit status and output."""
+    output, _ = process.communicate(timeout=60)
+    return process.returncode, output
+
+
+@pytest.mark.parametrize('number', (signal.SIGINT, signal.SIGTERM))
+def test_one_signal_ends_a_busy_node_cleanly(launch_ready, peer, number):
+    """In the middle of messages, with a word, status 0 and no traceback."""
+    process = launch_ready('-p', 'footprint.timeout:=0.0')
+
+    def collides():
+        peer.send('footprint', box(0, 0))
+        peer.send('obstacles', box(1, 1))
+        peer.spin(0.02)
+        return peer.state() == 'collision'
+    peer.until(collides)
+    for _ in range(20):
+        peer.send('obstacles', box(1, 1))
+    process.send_signal(number)
+    status, output = ended(process)
+    assert (status, 'Traceback' in output) == (0, False), output
+    assert 'as asked by a signal' in output
+
+
+def test_signals_that_do_not_stop_coming(launch_ready, peer):
+    """As `ros2 launch` and impatient fingers do: one a millisecond until it has ended."""
+    process = launch_ready()
+    peer.until(peer.flag)
+    while process.poll() is None:
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.001)
+    status, output = ended(process)
+    assert 'Traceback' not in output and 'Exception' not in output, output
+    assert status in (0, -signal.SIGINT), 'the interpreter itself may be ending already'
+
+
+def test_signal_while_the_node_starts(launch):
+    """Before there is anything to shut down."""
+    process = launch()
+    output_until(process, 'kernels')
+    process.send_signal(signal.SIGINT)
+    status, output = ended(process)
+    assert (status, 'Traceback' in output) == (0, False), output
+
+
+def test_signal_that_the_shell_had_told_to_ignore(launch_ready, peer):
+    """As for a process started with & in a script."""
+    process = launch_ready(preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN))
+    peer.until(peer.flag)
+    process.send_signal(signal.SIGINT)
+    assert ended(process)[0] == 0
+
+
+@pytest.mark.parametrize('arguments, words', [
+    (['-p', 'footprint.timeout:=soon'], 'footprint.timeout'),
+    (['-p', 'footprints:=[a, a]'], "'a' is used twice"),
+    (['-p', 'qos_overrides./footprint.subscription.durability:=latched'], 'latched'),
+    (['--params-file', 'nowhere.yaml'], 'nowhere.yaml'),
+])
+def test_parameters_that_cannot_be_end_the_process_with_a_word(launch, arguments, words):
+    """Status 1 and a line that says what is wrong, where others have a traceback."""
+    status, output = ended(launch(*arguments))
+    assert status == 1 and 'Traceback' not in output
+    assert any(words in line and 'collision_monitor' in line for line in output.splitlines())
+
+
+def test_first_lines_say_what_the_node_does(launch):
+    """Which kernel is being prepared and which topics are listened to."""
+    process = launch('-r', 'obstacles:=/seen')
+    output_until(process, 'kernels')
+    output_until(process, 'footprint: PolygonStamped on /footprint')
+    output_until(process, 'obstacles: PolygonStamped on /seen')
+
+
+def test_no_kernel_is_compiled_after_the_start(domain):
+    """Whatever comes in, no message waits for a compiler."""
+    pytest.importorskip('numba')
+    subprocess.run([sys.executable, '-c', ALL_KINDS_OF_MESSAGES], cwd=ROOT, check=True,
+                   env={**os.environ, 'ROS_DOMAIN_ID': str(domain)})

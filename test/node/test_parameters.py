@@ -1,0 +1,209 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Parameters of a real node, set as a parameter file sets them, read as Settings."""
+
+import dataclasses
+import math
+from pathlib import Path
+
+import pytest
+from rcl_interfaces.msg import ParameterType
+import rclpy
+from rclpy.parameter import Parameter
+from sat_collision.node.parameters import ParameterError, Parameters
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+
+CONFIG = Path(__file__).resolve().parents[2] / 'config'
+# All fields are parameters but the names, that are in two lists; the executor comes on top.
+NUMBER = 1 + len(dataclasses.fields(Settings)) + sum(
+    len(dataclasses.fields(kind)) - 1 for kind in (FootprintSettings, ObstacleSettings))
+
+
+@pytest.fixture
+def declare(domain):
+    """Return a function that declares all parameters of a new node, given some values."""
+    context = rclpy.Context()
+    context.init(domain_id=domain)
+    nodes = []
+
+    def declare(values=None, **options):
+        overrides = [Parameter(name, value=value) for name, value in (values or {}).items()]
+        node = rclpy.create_node('node', context=context, parameter_overrides=overrides, **options)
+        nodes.append(node)
+        return node, Parameters(node)
+
+    yield declare
+    for node in nodes:
+        node.destroy_node()
+    context.shutdown()
+
+
+def set_one(node, name, value):
+    """Set a parameter; return the reason of a refusal, None if accepted."""
+    result, = node.set_parameters([Parameter(name, value=value)])
+    return None if result.successful else result.reason
+
+
+def test_defaults_are_those_of_the_settings(declare):
+    """Without any parameter given: one footprint and one source, topics named as they are."""
+    _, parameters = declare()
+    assert parameters.settings == Settings((FootprintSettings('footprint', '/footprint'),),
+                                           (ObstacleSettings('obstacles', '/obstacles'),))
+    assert parameters.executor == 'events'
+
+
+def test_shipped_parameter_file_has_the_defaults(declare):
+    """What users start from says what happens without it, and leaves nothing out."""
+    _, defaults = declare()
+    node, parameters = declare(cli_args=['--ros-args', '--params-file',
+                                         str(CONFIG / 'collision_monitor.yaml')])
+    assert parameters.settings == defaults.settings
+    assert len(node._parameter_overrides) == NUMBER
+
+
+def test_nav2_parameter_file_takes_the_footprint_that_nav2_publishes(declare):
+    """In the local costmap's frame."""
+    _, parameters = declare(cli_args=['--ros-args', '--params-file', str(CONFIG / 'nav2.yaml')])
+    footprint, = parameters.settings.footprints
+    assert footprint.topic == '/local_costmap/published_footprint'
+    assert parameters.settings.frame_id == 'odom'
+
+
+def test_every_setting_can_be_given(declare):
+    """All fields of all settings, two footprints and two sources."""
+    footprints = (FootprintSettings('a', '/robot', 0.5, False), FootprintSettings('b', '/b'))
+    obstacles = (ObstacleSettings('c', '/map', 'polygon_instance', 0.0, False, 0.1, True, 7),
+                 ObstacleSettings('d', '/d'))
+    wanted = Settings(footprints, obstacles, frame_id='odom', enabled=False,
+                      unknown_is_collision=False, margin=0.1, resolution=0.01, release_delay=0.5,
+                      max_vertices=16, publish_rate=20.0, marker_rate=5.0)
+    values = {'footprints': ['a', 'b'], 'obstacles': ['c', 'd']}
+    for source in (*footprints, *obstacles):
+        values.update({f'{source.name}.{key}': value
+                       for key, value in dataclasses.asdict(source).items() if key != 'name'})
+    values.update({key: value for key, value in dataclasses.asdict(wanted).items()
+                   if key not in values})
+    _, parameters = declare(values)
+    assert parameters.settings == wanted
+
+
+def test_topics_are_resolved_in_the_namespace_and_remapped(declare):
+    """What users read in messages is the topic's full name."""
+    _, parameters = declare({'footprint.topic': 'base'}, namespace='robot',
+                            cli_args=['--ros-args', '-r', 'obstacles:=/seen'])
+    assert parameters.settings.footprints[0].topic == '/robot/base'
+    assert parameters.settings.obstacles[0].topic == '/seen'
+
+
+def test_every_parameter_is_described(declare):
+    """A description each; limits on every number."""
+    node, _ = declare()
+    ours = [name for name in node._parameters if name.split('.')[0] not in
+            ('use_sim_time', 'start_type_description_service', 'qos_overrides')]
+    assert len(ours) == NUMBER
+    for descriptor in node.describe_parameters(ours):
+        assert descriptor.description, descriptor.name
+        assert (descriptor.type != ParameterType.PARAMETER_DOUBLE
+                or descriptor.floating_point_range), descriptor.name
+        assert (descriptor.type != ParameterType.PARAMETER_INTEGER
+                or descriptor.integer_range), descriptor.name
+
+
+@pytest.mark.parametrize('values, words', [
+    ({'obstacles.type': 'circle'}, 'circle.*polygon, polygon_instance'),
+    ({'executor': 'multi'}, 'multi.*events, single_threaded'),
+    ({'footprint.timeout': 'soon'}, 'footprint.timeout.*DOUBLE'),
+    ({'footprint.timeout': 1}, 'footprint.timeout.*INTEGER.*DOUBLE'),
+    ({'footprint.timeout': -1.0}, 'footprint.timeout'),
+    ({'footprint.timeout': math.nan}, 'footprint.timeout.*range'),
+    ({'obstacles.max_count': 0}, 'obstacles.max_count'),
+    ({'publish_rate': 1000.0}, 'publish_rate'),
+    ({'publish_rate': None}, 'publish_rate.*without a value'),
+    ({'footprints': None}, 'footprints.*without a value'),
+    ({'footprints': 'robot'}, 'footprints.*STRING_ARRAY'),
+    ({'footprints': []}, 'footprints.*STRING_ARRAY'),
+    ({'footprints': ['left arm']}, 'left arm.*no name'),
+    ({'footprints': ['']}, 'no name'),
+    ({'obstacles': ['/map']}, '/map.*no name'),
+    ({'footprints': ['a', 'a']}, "'a' is used twice"),
+    ({'footprints': ['a'], 'obstacles': ['b', 'a']}, "'a' is used twice"),
+    ({'footprint.topic': 'a b'}, 'footprint.topic'),
+    ({'footprint.topic': ''}, 'footprint.topic'),
+])
+def test_senseless_values_at_start_end_in_one_line(declare, values, words):
+    """The message names the parameter and says what is wrong, in a line."""
+    with pytest.raises(ParameterError, match=words) as error:
+        declare(values)
+    assert '\n' not in str(error.value)
+
+
+@pytest.mark.parametrize('name, value', [
+    ('enabled', False), ('footprint.enabled', False), ('obstacles.enabled', False),
+    ('footprint.timeout', 3.0), ('obstacles.timeout', 0.0), ('obstacles.set_window', 0.1),
+    ('obstacles.accumulate', True), ('obstacles.max_count', 5), ('release_delay', 1.0),
+    ('unknown_is_collision', False), ('publish_rate', 1.0), ('marker_rate', 1.0),
+    ('margin', 0.5), ('resolution', 0.5),
+])
+def test_what_is_live_can_be_set_while_running(declare, name, value):
+    """A change is told at once, with settings that have it and are otherwise the same."""
+    node, parameters = declare()
+    before = parameters.settings
+    told = []
+    parameters.on_change(told.append)
+    assert set_one(node, name, value) is None
+    assert told == [parameters.settings] and told[0] != before
+    source, _, field = name.rpartition('.')
+    kinds = {'footprint': told[0].footprints, 'obstacles': told[0].obstacles}
+    assert getattr(kinds[source][0] if source else told[0], field) == value
+
+
+@pytest.mark.parametrize('name, value', [
+    ('footprints', ['a']), ('obstacles', ['a']), ('footprint.topic', '/a'),
+    ('obstacles.type', 'polygon_instance'), ('executor', 'single_threaded'),
+    ('frame_id', 'odom'), ('max_vertices', 5),
+])
+def test_what_is_structural_cannot_be_set_while_running(declare, name, value):
+    """The refusal says that it is read-only."""
+    node, parameters = declare()
+    parameters.on_change(pytest.fail)
+    assert 'read-only' in set_one(node, name, value)
+
+
+@pytest.mark.parametrize('name, value, words', [
+    ('footprint.timeout', math.nan, 'range'),
+    ('footprint.timeout', math.inf, 'range'),
+    ('footprint.timeout', -0.1, 'range'),
+    ('footprint.timeout', 'a', 'type'),
+    ('footprint.timeout', None, 'undeclared'),
+    ('obstacles.max_count', 0, 'range'),
+    ('publish_rate', 0.0, 'range'),
+    ('enabled', 1, 'type'),
+])
+def test_bad_value_while_running_is_refused(declare, name, value, words):
+    """It is refused with a reason and nothing changes."""
+    node, parameters = declare()
+    before = parameters.settings
+    parameters.on_change(pytest.fail)
+    assert words in set_one(node, name, value)
+    assert parameters.settings == before
+
+
+def test_one_bad_value_among_several_set_at_once_refuses_all(declare):
+    """Set atomically, the good one is not applied either."""
+    node, parameters = declare()
+    result = node.set_parameters_atomically([Parameter('release_delay', value=2.0),
+                                             Parameter('footprint.timeout', value=math.nan)])
+    assert not result.successful
+    assert parameters.settings.release_delay == 0.0

@@ -1,0 +1,97 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The live node and the replay of a recording say the same, message by message, over DDS."""
+
+import itertools
+import time
+
+from harness import to_ns
+import pytest
+from recordings import NAMES, needs_shared, SHARED
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import Reader
+from sat_collision.messages.cdr import decode
+from sat_collision.replay.run import check, Options
+
+SECOND = 10**9
+STORAGE = {'events': 'mcap', 'single_threaded': 'sqlite3'}
+
+
+def recorded(bag):
+    """Yield (stamp, [(topic, data), ...]) for the messages of each stamp."""
+    with Reader(bag) as reader:
+        connections = [c for c in reader.connections if c.topic in ('/footprint', '/obstacles')]
+        messages = [(decode(data, False)[0], c.topic, data)
+                    for c, _, data in reader.messages(connections)]
+    for stamp, run in itertools.groupby(messages, key=lambda message: message[0]):
+        yield stamp, [(topic, data) for _, topic, data in run]
+
+
+def said(status):
+    """Return the state, contacts and reason of a status."""
+    values = {pair.key: pair.value for pair in status.values}
+    return values['state'], values['obstacles in contact'], values['reason']
+
+
+def wait(condition):
+    """Wait for the node, which has a thread of its own, without taking what it says."""
+    end = time.monotonic() + 10.0
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(1e-4)
+
+
+def without_repetition(items):
+    return [item for item, _ in itertools.groupby(items)]
+
+
+@needs_shared
+@pytest.mark.parametrize('name', NAMES)
+def test_live_node_and_replay_publish_the_same(start, executor, tmp_path, name):
+    """
+    The changes of state that the node publishes are those in the bag that replay writes.
+
+    The recording is played in order, each message once the one before is counted; the clock is
+    that of the header stamps. Every change within a stamp is compared too, not only the last.
+    """
+    bag = SHARED / f'{name}_{STORAGE[executor]}'
+    monitor = start(use_sim_time=True, publish_rate=50.0)
+    heard = monitor.listen('~/state', 10_000)
+    flags = monitor.listen('~/collision', 10_000)
+    sent = 0
+    for stamp, messages in recorded(bag):
+        monitor.set_clock(stamp)
+        wait(lambda: monitor.monitor._now() == stamp)
+        for topic, data in messages:
+            monitor.publisher(topic).publish(data)
+            sent += 1
+            wait(lambda: monitor.received.total() == sent)
+    monitor.set_clock(stamp + SECOND // 100)
+    monitor.until(lambda: heard and to_ns(heard[-1].header.stamp) > stamp, 'the last state')
+    live = without_repetition(said(array.status[0]) for array in heard)
+    check(bag, Options(clock='header', write_bag=str(tmp_path / 'out'),
+                       parameters={'publish_rate': 50.0}))
+    states, raised = [], []
+    with AnyReader([tmp_path / 'out']) as reader:
+        for connection, _, data in reader.messages():
+            message = reader.deserialize(data, connection.msgtype)
+            if connection.topic == '/collision_monitor/state':
+                states.append(said(message.status[0]))
+            elif connection.topic == '/collision_monitor/collision':
+                raised.append(message.data)
+    replayed = without_repetition(states)
+    first = next(k for k, state in enumerate(live) if state[0] != 'unknown')
+    assert live[first:] == [state for state in replayed if state[0] != 'unknown']
+    assert without_repetition(flag.data for flag in flags) == without_repetition(raised)

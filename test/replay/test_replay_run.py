@@ -1,0 +1,244 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What replay finds in recordings whose answer is known, and when."""
+
+import json
+
+import pytest
+from recordings import box, drive, INSTANCE, NAMES, needs_shared, polygon, SHARED, START, write
+from sat_collision.messages.cdr import decode
+from sat_collision.replay import run as replay
+from sat_collision.replay.recording import Recording
+from sat_collision.replay.result import Verdict
+from sat_collision.replay.run import check, HEADER, Options
+
+SECOND = 10**9
+
+
+def since(result, *times):
+    """Return times in seconds since the beginning."""
+    return [(time - result.start) / SECOND for time in times]
+
+
+def standing(end, topics=('/footprint', '/obstacles'), rate=10):
+    """Return messages of bodies that stand apart, at a rate until an end."""
+    places = {'/footprint': box(0), '/obstacles': box(3)}
+    return [(topic, k / rate, places[topic]) for k in range(round(end * rate)) for topic in topics]
+
+
+@needs_shared
+@pytest.mark.parametrize('clock', ('receive', 'header'))
+@pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
+@pytest.mark.parametrize('name', NAMES)
+def test_contacts_after_each_stamp_are_exactly_those_of_the_recording(
+        monkeypatch, name, storage, clock):
+    """After a stamp's last message the contacts are those computed with rational arithmetic."""
+    expected = json.loads((SHARED / f'{name}_expected.json').read_text())['frames']
+    seen = {}
+
+    class Watched(replay.Monitor):
+
+        def receive(self, name, data, now):
+            rejection = super().receive(name, data, now)
+            contacts = self.scene.state('footprint').contacts
+            seen[decode(data, False)[0]] = [str(obstacle) for obstacle in contacts]
+            return rejection
+
+    monkeypatch.setattr(replay, 'Monitor', Watched)
+    result = check(SHARED / f'{name}_{storage}', Options(clock=clock))
+    assert seen == {frame['stamp_ns']: [f'obstacles/{index}' for index, _, _ in frame['hits']]
+                    for frame in expected}
+    assert result.problems == [] and result.verdict is Verdict.COLLISION
+    for frame in expected:
+        for index, _, kind in frame['hits']:
+            contact, = (contact for contact in result.contacts
+                        if contact.obstacle == f'obstacles/{index}'
+                        and contact.first <= frame['stamp_ns'] + 99 <= contact.last + 99
+                        and contact.first - 99 <= frame['stamp_ns'])
+            assert (contact.depth > 0) or kind == 'touch'
+
+
+def test_contact_is_an_interval_with_its_deepest_moment(tmp_path):
+    """The obstacle comes nearer in steps and goes; it is deepest in the third of five."""
+    places = [3.0, 1.0, 0.9, 0.5, 0.9, 1.0, 3.0, 3.0]
+    messages = [message for k, x in enumerate(places)
+                for message in (('/footprint', k, box(0)), ('/obstacles', k, box(x)))]
+    result = check(write(tmp_path / 'bag', messages))
+    contact, = result.contacts
+    assert since(result, contact.first, contact.deepest, contact.last) == [1, 3, 6]
+    assert (contact.depth, contact.x, contact.y) == (0.5, 0.75, 0.5)
+    assert not contact.at_end
+    assert result.footprints[0].collision == 5 * SECOND
+    assert result.footprints[0].least.separation == -0.5
+    assert result.verdict is Verdict.COLLISION
+
+
+def test_contact_that_lasts_to_the_end_is_said_to(tmp_path):
+    """It ends with the recording, not before."""
+    result = check(write(tmp_path / 'bag', drive(5.0, contact=(4.0, 9.0))))
+    contact, = result.contacts
+    assert contact.at_end and contact.last == result.end
+
+
+def test_deepening_by_the_footprint_alone_is_seen(tmp_path):
+    """The obstacle is told once, the robot drives into it."""
+    messages = [('/obstacles', 0.0, box(2))]
+    messages += [('/footprint', 0.1 + k / 10, box(x)) for k, x in enumerate([0, 1.25, 1.5, 1.0])]
+    result = check(write(tmp_path / 'bag', messages))
+    assert [contact.depth for contact in result.contacts] == [0.5]
+
+
+def test_silence_is_seen_at_its_time_although_no_message_comes(tmp_path):
+    """
+    Obstacles end after 3 s, the footprint after 8 s; the recording has other messages to 12 s.
+
+    The timeouts are 2 s and 1 s from the last stamps.
+    """
+    messages = sorted(standing(3.0) + standing(8.0, ['/footprint'])[30:] + [
+        ('/other', 12.0, box(0))], key=lambda message: message[1])
+    result = check(write(tmp_path / 'bag', messages))
+    begins = [(round(since(result, unknown.first)[0], 6), unknown.reasons)
+              for unknown in result.unknown]
+    assert [begin for begin, _ in begins] == [pytest.approx(4.9, abs=1e-6),
+                                              pytest.approx(8.9, abs=1e-6)]
+    assert 'silent' in begins[0][1][0]
+    assert 'older than its timeout' in begins[1][1][0]
+    assert result.unknown[-1].last == result.end == START + 12 * SECOND
+    assert result.footprints[0].coverage == pytest.approx(4.9 / 12, abs=1e-6)
+    assert result.verdict is Verdict.UNKNOWN
+
+
+def test_obstacle_is_forgotten_at_its_time(tmp_path):
+    """An obstacle in contact by id is not refreshed: the contact ends with its timeout."""
+    messages = []
+    for k in range(60):
+        messages.append(('/footprint', k / 10, box(0)))
+        stamp = START + k * SECOND // 10
+        if k == 10:
+            messages.append(('/tracks', k / 10, polygon(box(0.5), stamp, identity=7)))
+        messages.append(('/tracks', k / 10, polygon(box(9), stamp, identity=8)))
+    result = check(write(tmp_path / 'bag', messages, types={'/tracks': INSTANCE}))
+    contact, = result.contacts
+    assert contact.obstacle == 'tracks/7'
+    assert since(result, contact.first, contact.last) == [1.0, pytest.approx(3.0, abs=1e-6)]
+
+
+def test_footprint_that_comes_too_late_does_not_set_the_time_back(tmp_path):
+    """Its deadline is past already: the contact of another robot goes on, nothing is dropped."""
+    messages = []
+    for k in range(40):
+        late = START + (k - 50) * SECOND // 10
+        messages += [('/robot', k / 10, box(0)), ('/obstacles', k / 10, box(0.5)),
+                     ('/late', k / 10, polygon(box(9), late))]
+    result = check(write(tmp_path / 'bag', messages), Options(
+        footprints=('robot:=/robot', 'late:=/late'), obstacles=('/obstacles',)))
+    contact, = result.contacts
+    assert contact.at_end and result.end - contact.first == 39 * SECOND // 10
+    assert [footprint.coverage for footprint in result.footprints] == [1.0, 0.0]
+
+
+def test_release_delay_comes_from_the_parameters(tmp_path):
+    """The state stays 'collision' for the delay, though the contact is over."""
+    bag = write(tmp_path / 'bag', drive())
+    result = check(bag, Options(parameters={'release_delay': 0.55}))
+    assert since(result, result.contacts[0].last) == [5.0]
+    assert result.footprints[0].collision == pytest.approx(1.55 * SECOND)
+
+
+@pytest.mark.parametrize('data, reason', [
+    (polygon([(0, 0), (1, 1), (1, 0), (0, 1)], START + 2 * SECOND), 'self-intersecting'),
+    (polygon([(0, 0), (float('nan'), 1), (1, 0)], START + 2 * SECOND), 'not finite'),
+    (polygon(box(0), START + 2 * SECOND, 'odom'), 'other frame'),
+    (polygon(box(0), START + 2 * SECOND, ''), 'empty frame_id'),
+    (polygon(box(0), START + 2 * SECOND)[:-3], 'undecodable'),
+], ids=lambda value: value if isinstance(value, str) else 'polygon')
+def test_messages_are_rejected_as_live_and_counted(tmp_path, data, reason):
+    """A bad obstacle makes the footprint unknown until the place in the set is taken again."""
+    messages = standing(4.0)
+    messages[40:42] = [('/footprint', 2.0, box(0)), ('/obstacles', 2.0, data)]
+    result = check(write(tmp_path / 'bag', messages))
+    source = next(source for source in result.sources if source.name == 'obstacles')
+    assert source.rejected == {reason: 1}
+    assert '/obstacles' in source.examples[reason]
+    assert any(reason in unknown.reasons[0] for unknown in result.unknown)
+    assert result.verdict is Verdict.CLEAR
+    assert check(tmp_path / 'bag', Options(max_unknown=0.05)).verdict is Verdict.UNKNOWN
+
+
+def test_part_of_a_recording(tmp_path):
+    """From 4.5 s on for 2 s: the contact that began before begins there."""
+    bag = write(tmp_path / 'bag', drive())
+    result = check(bag, Options(start=4.5, duration=2.0))
+    assert (result.start, result.end) == (START + 45 * SECOND // 10, START + 65 * SECOND // 10)
+    assert result.messages == 2 * 20
+    assert since(result, result.contacts[0].first, result.contacts[0].last) == [0.0, 0.5]
+    assert check(bag, Options(start=99.0)).verdict is Verdict.UNKNOWN
+
+
+def test_recording_of_a_simulation_is_checked_by_its_stamps(tmp_path):
+    """Stamps count from 0, receptions by the wall clock: all is too old, and the note says why."""
+    messages = [(topic, time, polygon(points, 100 * SECOND + round(time * SECOND)))
+                for topic, time, points in drive()]
+    bag = write(tmp_path / 'bag', messages)
+    result = check(bag)
+    assert result.verdict is Verdict.UNKNOWN
+    assert any('--clock header' in note for note in result.notes)
+    result = check(bag, Options(clock=HEADER))
+    assert result.start == 100 * SECOND
+    assert since(result, result.contacts[0].first, result.contacts[0].last) == [4.0, 5.0]
+
+
+def test_stamps_that_jitter_between_topics_drop_nothing(tmp_path):
+    """By header stamps, obstacles are 50 ms behind the footprint: the clock does not go back."""
+    messages = [(topic, time, polygon(points, START + round(
+        (time - (0.05 if topic == '/obstacles' else 0.0)) * SECOND)))
+        for topic, time, points in drive()]
+    result = check(write(tmp_path / 'bag', messages), Options(clock=HEADER))
+    assert result.unknown == [] or max(u.last for u in result.unknown) < result.start + SECOND
+    assert len(result.contacts) == 1
+
+
+def test_wild_gap_in_time_takes_no_time(tmp_path):
+    """A message of 1970 before those of today: half a century is not sampled through."""
+    bag = write(tmp_path / 'bag', [('/footprint', -1.6e9, box(0)), *standing(1.0)])
+    result = check(bag)
+    assert result.duration > 1.5e9
+    assert len(result.footprints[0].separation) < 100
+
+
+def test_series_does_not_grow_with_the_recording(tmp_path):
+    """An hour sampled every 10 ms; neighbours are merged to their least."""
+    bag = write(tmp_path / 'bag', drive(3600.0, rate=1.0, contact=(1800.0, 1801.0)))
+    result = check(bag, Options(parameters={'footprint.timeout': 3.0, 'obstacles.timeout': 3.0},
+                                sample=0.01))
+    samples = result.footprints[0].separation
+    assert 1000 < len(samples) <= 4096
+    assert min(value for _, value in samples) == -0.25
+    assert [time for time, _ in samples] == sorted(time for time, _ in samples)
+
+
+def test_one_topic_may_feed_several_sources(tmp_path):
+    """The same polygons, once as sets and once accumulated."""
+    result = check(write(tmp_path / 'bag', drive()), Options(
+        parameters={'kept.accumulate': True}, footprints=('/footprint',),
+        obstacles=('sets:=/obstacles', 'kept:=/obstacles')))
+    assert {contact.obstacle.partition('/')[0] for contact in result.contacts} == {'sets', 'kept'}
+
+
+def test_recording_closes_what_it_opens(tmp_path):
+    """Leaving early, as an interrupt does, leaves nothing open."""
+    with Recording(write(tmp_path / 'bag', drive())) as recording:
+        next(recording.messages({'/footprint'}))
+    assert recording.problems == []

@@ -1,0 +1,274 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A running node and somebody who talks to it over DDS, each with a participant of its own."""
+
+import threading
+import time
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Point32, PolygonInstanceStamped, PolygonStamped
+from rcl_interfaces.msg import Log
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.qos import QoSProfile
+from rosgraph_msgs.msg import Clock
+from sat_collision.node.footprint_monitor import CollisionMonitor
+from std_msgs.msg import Bool
+from visualization_msgs.msg import MarkerArray
+
+PATIENCE = 10.0
+SECOND = 10**9
+
+_KINDS = {'~/state': DiagnosticArray, '/diagnostics': DiagnosticArray, '~/markers': MarkerArray,
+          '/rosout': Log}
+
+
+def box(x, y, width=1.0, height=1.0):
+    """Return the corners of a box with its lower left one at (x, y)."""
+    return [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
+
+
+def polygon_message(points, stamp, frame_id='map', instance=None):
+    """Build a PolygonStamped, or a PolygonInstanceStamped if there is an id; stamp in ns."""
+    message = PolygonStamped() if instance is None else PolygonInstanceStamped()
+    message.header.frame_id = frame_id
+    message.header.stamp = to_time(stamp)
+    polygon = message.polygon
+    if instance is not None:
+        polygon.id = instance
+        polygon = polygon.polygon
+    polygon.points = [Point32(x=float(x), y=float(y)) for x, y in points]
+    return message
+
+
+def to_time(stamp):
+    return Time(sec=stamp // SECOND, nanosec=stamp % SECOND)
+
+
+def to_ns(time):
+    return time.sec * SECOND + time.nanosec
+
+
+def to_parameters(values):
+    """Build parameters; two underscores in a name stand for the dot."""
+    return [Parameter(name.replace('__', '.'), value=value) for name, value in values.items()]
+
+
+class Peer:
+    """A node that publishes to the monitor and keeps what it hears from it."""
+
+    def __init__(self, domain, name='collision_monitor'):
+        self.context = rclpy.Context()
+        self.context.init(domain_id=domain)
+        self.node = rclpy.create_node('peer', context=self.context)
+        self._executor = SingleThreadedExecutor(context=self.context)
+        self._executor.add_node(self.node)
+        self.name = name
+        self._publishers = {}
+        self._heard = {}
+        self._last_stamp = 0
+
+    def close(self):
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self.context.shutdown()
+
+    def spin(self, seconds=0.0):
+        """Take what has arrived, for some time."""
+        end = time.monotonic() + seconds
+        self._executor.spin_once(timeout_sec=0.005)
+        while time.monotonic() < end:
+            self._executor.spin_once(timeout_sec=0.005)
+
+    def until(self, condition, what='what was awaited', patience=PATIENCE):
+        """Spin until the condition holds and return its value; fail if it never does."""
+        end = time.monotonic() + patience
+        while not (value := condition()):
+            assert time.monotonic() < end, f'{what} did not happen'
+            self.spin()
+        return value
+
+    def publisher(self, topic, kind=PolygonStamped, qos=100):
+        """Return a publisher that the monitor listens to."""
+        if topic not in self._publishers:
+            publisher = self.node.create_publisher(kind, topic, qos)
+            self._publishers[topic] = publisher
+            self.until(lambda: publisher.get_subscription_count() and self._is_heard(topic),
+                       f'a subscription to {topic}')
+        return self._publishers[topic]
+
+    def send(self, topic, points, stamp=None, frame_id='map', instance=None):
+        """Publish a polygon; unless told otherwise stamped about now, in a set of its own."""
+        if stamp is None:
+            stamp = self._last_stamp = max(self.now(), self._last_stamp + SECOND // 10)
+        message = polygon_message(points, stamp, frame_id, instance)
+        self.publisher(topic, type(message)).publish(message)
+
+    def now(self):
+        return self.node.get_clock().now().nanoseconds
+
+    def listen(self, topic, qos=100):
+        """Return the list that messages on a topic are added to from now on, oldest first."""
+        kind = _KINDS.get(topic, Bool)
+        topic = topic.replace('~', f'/{self.name}')
+        if topic not in self._heard:
+            heard = self._heard[topic] = []
+            subscription = self.node.create_subscription(kind, topic, heard.append, qos)
+            self.until(lambda: subscription.get_publisher_count() and self._is_served(topic),
+                       f'a publisher of {topic}')
+        return self._heard[topic]
+
+    def _is_heard(self, topic):
+        """Tell whether the monitor's side, too, knows of our publisher."""
+        return True
+
+    def _is_served(self, topic):
+        """Tell whether the monitor's side, too, knows of our subscription."""
+        return True
+
+    def flag(self, footprint=None):
+        """Return the flag received last, the common one or that of a footprint, None if none."""
+        heard = self.listen(f'~/{footprint}/collision' if footprint else '~/collision')
+        return heard[-1].data if heard else None
+
+    def status(self, footprint='footprint'):
+        """Return the words of the state received last and its values."""
+        for array in reversed(self.listen('~/state')):
+            for status in array.status:
+                if status.name.endswith(f': {footprint}'):
+                    return status
+        return None
+
+    def state(self, footprint='footprint'):
+        """Return a footprint's state: clear, collision or unknown; None before the first."""
+        status = self.status(footprint)
+        return values(status)['state'] if status else None
+
+    def contacts(self, footprint='footprint'):
+        """Return the names of the obstacles in contact."""
+        listed = values(self.status(footprint))['obstacles in contact']
+        return listed.split(', ') if listed else []
+
+    def health(self):
+        """Return the health that /diagnostics reported last, None before the first."""
+        heard = self.listen('/diagnostics')
+        return heard[-1].status[0] if heard else None
+
+    def markers(self):
+        """Return the list of marker arrays received."""
+        return self.listen('~/markers')
+
+    def logged(self, *words):
+        """Return the node's log lines with all these words, once there is one."""
+        qos = QoSProfile(depth=1000, durability=rclpy.qos.DurabilityPolicy.TRANSIENT_LOCAL)
+        heard = self.listen('/rosout', qos)
+
+        def lines():
+            return [log.msg for log in heard if all(word in log.msg for word in words)]
+        return self.until(lines, f'a log line with {words}')
+
+    def send_until(self, state, topic, points, **options):
+        """Publish a polygon again and again until the footprint is in a state."""
+        def sent():
+            self.send(topic, points, **options)
+            self.spin(0.02)
+            return self.state() == state
+        self.until(sent, state)
+
+    def await_state(self, state, footprint='footprint', patience=PATIENCE):
+        """Wait until the footprint's latest state is the one given; return its status."""
+        self.until(lambda: self.state(footprint) == state, f'{footprint} {state}', patience)
+        return self.status(footprint)
+
+    def set_parameters(self, **parameters):
+        """Set parameters by the node's service; return why each was refused, None if accepted."""
+        client = AsyncParameterClient(self.node, self.name)
+        self.until(client.services_are_ready, 'the parameter services')
+        future = client.set_parameters(to_parameters(parameters))
+        results = self.until(future.done, 'an answer') and future.result().results
+        return [None if result.successful else result.reason for result in results]
+
+
+def values(status):
+    """Return a diagnostic status' values as a dictionary."""
+    return {value.key: value.value for value in status.values}
+
+
+class RunningMonitor(Peer):
+    """A monitor that runs in a thread of its own, seen from a peer."""
+
+    def __init__(self, domain, executor, arguments, parameters):
+        self._monitor_context = rclpy.Context()
+        self._monitor_context.init(args=['--ros-args', *arguments], domain_id=domain)
+        self.monitor = CollisionMonitor(
+            context=self._monitor_context,
+            parameter_overrides=to_parameters({'executor': executor, **parameters}))
+        self._monitor_executor = self.monitor.create_executor()
+        self._stop = threading.Event()
+        self._error = None
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+        super().__init__(domain)
+
+    def _is_heard(self, topic):
+        topic = self.node.resolve_topic_name(topic)
+        return any(subscription.topic_name == topic and subscription.get_publisher_count()
+                   for subscription in self.monitor.subscriptions)
+
+    def _is_served(self, topic):
+        return all(publisher.topic_name != topic or publisher.get_subscription_count()
+                   for publisher in self.monitor.publishers)
+
+    def set_clock(self, stamp):
+        """Publish /clock, in ns, until the monitor's clock reads it."""
+        publisher = self.publisher('/clock', Clock)
+
+        def reads_it():
+            publisher.publish(Clock(clock=to_time(stamp)))
+            self.spin()
+            return self.monitor.get_clock().now().nanoseconds == stamp
+        self.until(reads_it, 'a clock')
+
+    @property
+    def received(self):
+        """The node's own count of messages."""
+        return self.monitor._monitor.received
+
+    def _run(self):
+        try:
+            while not self._stop.is_set():
+                self._monitor_executor.spin_once(timeout_sec=0.1)
+        except Exception as error:
+            self._error = error
+
+    def until(self, condition, what='what was awaited', patience=PATIENCE):
+        return super().until(lambda: self._check() or condition(), what, patience)
+
+    def _check(self):
+        if self._error:
+            raise self._error
+
+    def close(self):
+        self._stop.set()
+        self._thread.join()
+        self._monitor_executor.remove_node(self.monitor)
+        self._monitor_executor.shutdown()
+        self.monitor.destroy_node()
+        self._monitor_context.shutdown()
+        super().close()
+        self._check()

@@ -1,0 +1,88 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Recordings made for a test: polygons by topic and time, written by rosbags."""
+
+from pathlib import Path
+import struct
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rosbags')
+
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer  # noqa: E402
+from sat_collision.messages.rosbags_interfaces import STORE  # noqa: E402
+
+SHARED = Path(__file__).resolve().parents[3] / 'shared' / 'data' / 'bags'
+NAMES = ('autoware_ego_trajectory_boxes', 'commonroad_USA_Lanker-1_1_ego1247',
+         'tysik_front_scan_polygons')
+needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason='the recordings are not here')
+
+START = 1_700_000_000 * 10**9
+POLYGON = 'geometry_msgs/msg/PolygonStamped'
+INSTANCE = 'geometry_msgs/msg/PolygonInstanceStamped'
+
+
+def nanoseconds(time):
+    """Return the time of a recording for seconds since its beginning."""
+    return START + round(time * 1e9)
+
+
+def box(x, y=0.0, size=1.0):
+    """Return the corners of a square."""
+    return [(x, y), (x + size, y), (x + size, y + size), (x, y + size)]
+
+
+def polygon(points, stamp, frame_id='map', identity=None):
+    """Return the bytes of a PolygonStamped, or of a PolygonInstanceStamped if it has an id."""
+    frame = frame_id.encode() + b'\0'
+    data = struct.pack('<4siII', b'\0\1\0\0', *divmod(stamp, 10**9), len(frame)) + frame
+    data += bytes(-len(data) % 4) + struct.pack('<I', len(points))
+    data += np.insert(np.array(points, '<f4').reshape(-1, 2), 2, 0.0, axis=1).tobytes()
+    if identity is not None:
+        data += bytes((4 - len(data)) % 8) + struct.pack('<q', identity)
+    return data
+
+
+def write(path, messages, storage='mcap', compression=None, types=None):
+    """
+    Write (topic, seconds, points) and (topic, seconds, bytes) to a bag; return its path.
+
+    `compression` is None, 'file', 'message' or 'storage'; types are POLYGON unless given.
+    """
+    writer = Writer(path, version=9, storage_plugin=StoragePlugin[storage.upper()])
+    if compression:
+        writer.set_compression(CompressionMode[compression.upper()], CompressionFormat.ZSTD)
+    with writer:
+        topics = {}
+        for topic, time, content in messages:
+            if topic not in topics:
+                kind = (types or {}).get(topic, POLYGON)
+                topics[topic] = writer.add_connection(topic, kind, typestore=STORE)
+            stamp = nanoseconds(time)
+            data = content if isinstance(content, bytes) else polygon(content, stamp)
+            writer.write(topics[topic], stamp, data)
+    return Path(path)
+
+
+def drive(duration=10.0, rate=10.0, contact=(4.0, 5.0)):
+    """Return a robot that stands at 0 and one obstacle, in contact with it for a while."""
+    messages = []
+    for tick in range(round(duration * rate) + 1):
+        time = tick / rate
+        touching = contact[0] <= time < contact[1]
+        messages += [('/footprint', time, box(0.0)),
+                     ('/obstacles', time, box(0.75 if touching else 3.0))]
+    return messages

@@ -1,0 +1,91 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A scene in which bodies are unit squares on a line and times are seconds, for short tests."""
+
+from sat_collision.geometry.polygon import Polygon
+from sat_collision.scene.scene import Scene
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+
+START = 1000.0
+
+
+def nanoseconds(seconds):
+    return round(seconds * 1e9)
+
+
+def square(x):
+    """Return the unit square whose left lower corner is at (x, 0)."""
+    return Polygon([(x, 0), (x + 1, 0), (x + 1, 1), (x, 1)])
+
+
+class Stage:
+    """
+    One scene and its clock, which begins at START; all times are seconds since then.
+
+    Without other settings: a footprint 'robot', stale after 1 s, and a source 'lidar' of sets,
+    silent after 2 s.
+    """
+
+    def __init__(self, *sources, footprints=(FootprintSettings('robot', '/footprint'),),
+                 start=START, **settings):
+        sources = sources or (ObstacleSettings('lidar', '/polygons'),)
+        self.settings = Settings(tuple(footprints), sources, **settings)
+        self.scene = Scene(self.settings)
+        self.start = start
+        self.time = 0.0
+        self.scene.advance(self.now)
+
+    @property
+    def now(self):
+        return nanoseconds(self.start + self.time)
+
+    def stamp(self, time):
+        """Return the header stamp for a time; None is now, and 'none' is the stamp 0."""
+        if time == 'none':
+            return 0
+        return self.now if time is None else nanoseconds(self.start + time)
+
+    def wait_until(self, time):
+        self.time = time
+        self.scene.advance(self.now)
+
+    def robot(self, x=0.0, stamp=None, frame='map', name='robot'):
+        return self.scene.footprint(name, square(x), frame, self.stamp(stamp), self.now)
+
+    def see(self, x, stamp=None, frame='map', name='lidar', instance=None):
+        return self.scene.obstacle(name, square(x), frame, self.stamp(stamp), self.now, instance)
+
+    def burst(self, *places, stamp=None, name='lidar'):
+        """Let a source send several obstacles with one stamp."""
+        for x in places:
+            self.see(x, stamp, name=name)
+
+    def heartbeat(self, stamp=None, name='lidar'):
+        return self.scene.obstacle(name, None, 'map', self.stamp(stamp), self.now)
+
+    def refuse(self, reason='not finite', stamp=None, name='lidar', instance=None):
+        self.scene.refuse(name, reason, self.now, self.stamp(stamp), instance)
+
+    def state(self, name='robot'):
+        return self.scene.state(name)
+
+    def status(self, name='robot'):
+        """Return the status in a word."""
+        return self.scene.state(name).status.value
+
+    @property
+    def held(self):
+        """The places of all obstacles by key."""
+        return {obstacle.key: polygon.bounds[0] for obstacle, polygon in self.scene.obstacles}

@@ -14,14 +14,20 @@
 
 """What the live node and the replay tool share: bytes in, states out."""
 
+from __future__ import annotations
+
 from collections import Counter
 from typing import NamedTuple
 
-from sat_collision.geometry.jit import COMPILED
-from sat_collision.geometry.polygon import Polygon, PolygonError, Reason
-from sat_collision.messages.cdr import decode, MessageError
+import numpy as np
+from sat_collision.geometry.jit import indexable
+from sat_collision.geometry.layout import packed_size
+from sat_collision.geometry.packing import pack_convex
+from sat_collision.geometry.polygon import PackedBody, Polygon, PolygonError, Reason
+from sat_collision.messages.cdr import decode, MessageError, Points
 from sat_collision.scene.scene import Scene
-from sat_collision.scene.settings import ObstacleSettings, POLYGON_INSTANCE
+from sat_collision.scene.settings import (
+    FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
 from sat_collision.scene.sources import OTHER_FRAME, TOO_MANY, TOO_OLD
 
 EMPTY_FRAME_ID = 'empty frame_id'
@@ -61,7 +67,7 @@ class Rejection(NamedTuple):
     detail: str
 
     @property
-    def text(self):
+    def text(self) -> str:
         """The whole story as a sentence: topic, reason, and what to do."""
         return (f'{self.name}: a message on {self.topic} was rejected, {self.reason}: '
                 f'{self.detail}; {_ADVICE[self.reason]}')
@@ -89,12 +95,13 @@ class Monitor:
 
     """
 
-    def __init__(self, settings):
+    def __init__(self, settings: Settings) -> None:
         self.scene = Scene(settings)
-        self.received = Counter()
-        self.rejected = Counter()
+        self.received: Counter[str] = Counter()
+        self.rejected: Counter[tuple[str, str]] = Counter()
+        self._packer = _Packer(settings.max_vertices)
 
-    def receive(self, name, data, now):
+    def receive(self, name: str, data: bytes, now: int) -> Rejection | None:
         """
         Take a message; one for what is disabled is ignored.
 
@@ -114,8 +121,6 @@ class Monitor:
         """
         self.received[name] += 1
         scene = self.scene
-        if COMPILED and scene.express(name, data, now):
-            return None
         settings = scene.settings_of(name)
         if not settings.enabled:
             return None
@@ -128,16 +133,16 @@ class Monitor:
         if not frame_id:
             return self._refuse(settings, EMPTY_FRAME_ID, 'its header names no frame', now, stamp,
                                 instance)
-        polygon = None
-        if points or not is_obstacle:
+        body = None
+        if points[2] or not is_obstacle:
             try:
-                polygon = Polygon.unpack(points, scene.settings.max_vertices)
+                body = self._packer.pack(points)
             except PolygonError as error:
                 return self._refuse(settings, error.reason.value, error, now, stamp, instance)
         if is_obstacle:
-            refusal = scene.obstacle(name, polygon, frame_id, stamp, now, instance)
+            refusal = scene.obstacle(name, body, frame_id, stamp, now, instance)
         else:
-            refusal = scene.footprint(name, polygon, frame_id, stamp, now)
+            refusal = scene.footprint(name, body, frame_id, stamp, now)
         if refusal is None:
             return None
         if refusal == OTHER_FRAME:
@@ -149,11 +154,40 @@ class Monitor:
                       f'{settings.timeout:g} s')
         return self._reject(settings, refusal, detail)
 
-    def _refuse(self, settings, reason, detail, *when_and_which):
+    def _refuse(self, settings: FootprintSettings | ObstacleSettings, reason: str,
+                detail: object, *when_and_which: int | None) -> Rejection:
         """Tell the scene, and the caller, of a message that gives no polygon."""
         self.scene.refuse(settings.name, reason, *when_and_which)
         return self._reject(settings, reason, str(detail))
 
-    def _reject(self, settings, reason, detail):
+    def _reject(self, settings: FootprintSettings | ObstacleSettings, reason: str,
+                detail: str) -> Rejection:
         self.rejected[settings.name, reason] += 1
         return Rejection(settings.name, settings.topic, reason, detail)
+
+
+class _Packer:
+    """Packs the points of one message after another, convex ones into one array."""
+
+    def __init__(self, max_vertices: int) -> None:
+        self._max_vertices = max_vertices
+        # One more for a closing point; whoever sends yet more points is in no hurry.
+        self._most_points = max_vertices + 1
+        self._array = indexable(np.empty(packed_size(self._most_points)))
+
+    def pack(self, points: Points) -> PackedBody:
+        """
+        Return the body that points make, good until the next call.
+
+        Raises
+        ------
+        PolygonError
+            If they make none.
+
+        """
+        count = points[2]
+        if 0 < count <= self._most_points:
+            vertices = pack_convex(*points, self._array, self._max_vertices)
+            if vertices:
+                return self._array, vertices
+        return Polygon.from_float32(*points, self._max_vertices).packed

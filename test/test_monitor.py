@@ -17,11 +17,12 @@
 from dataclasses import replace
 import math
 import random
+import struct
 
 from builders import serialised
 import pytest
 from sat_collision.monitor import Monitor
-from sat_collision.scene.scene import Obstacle
+from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from sat_collision.scene.sources import TOO_MANY
 
@@ -61,7 +62,7 @@ def test_messages_become_contacts():
     assert monitor.receive('lidar', serialised(box(1)), NOW) is None
     assert monitor.receive('tracks', serialised(box(-0.5), instance=-7), NOW) is None
     assert status(monitor) == 'collision'
-    assert monitor.scene.state('robot').contacts == (Obstacle('lidar', 1), Obstacle('tracks', -7))
+    assert monitor.scene.state('robot').contacts == (ObstacleId('lidar', 1), ObstacleId('tracks', -7))
     assert monitor.received == {'robot': 1, 'lidar': 2, 'tracks': 2}
     assert not monitor.rejected
 
@@ -281,7 +282,7 @@ def test_body_that_is_not_convex_in_the_middle_of_a_set():
     monitor.receive('robot', serialised(box(0), stamp), stamp)
     assert status(monitor) == 'clear'
     monitor.receive('robot', serialised(box(1), stamp), stamp)
-    assert monitor.scene.state('robot').contacts == (Obstacle('lidar', 1),)
+    assert monitor.scene.state('robot').contacts == (ObstacleId('lidar', 1),)
 
 
 @pytest.mark.parametrize('live', [False, True])
@@ -292,4 +293,4 @@ def test_margin_holds_in_the_middle_of_a_set(live):
     monitor.scene.update(settings)
     monitor.receive('robot', serialised(box(0), stamp), stamp)
     monitor.receive('lidar', serialised(box(1.5), stamp), stamp)
-    assert monitor.scene.state('robot').contacts == (Obstacle('lidar', 1),)
+    assert monitor.scene.state('robot').contacts == (ObstacleId('lidar', 1),)

@@ -20,9 +20,12 @@ with every length checked. Whatever does not fit to the byte goes to rclpy's own
 without ROS to that of rosbags.
 """
 
+from __future__ import annotations
+
 from array import array
 import struct
 import sys
+from typing import TypeAlias
 
 _OWN_CDR = {'little': b'\x00\x01\x00\x00', 'big': b'\x00\x00\x00\x00'}[sys.byteorder]
 _HEADER = struct.Struct('=4siII')  # encapsulation, seconds, nanoseconds, length of frame_id
@@ -30,17 +33,23 @@ _HEADER_SIZE = _HEADER.size
 _read_header = _HEADER.unpack_from
 _read_count = struct.Struct('=I').unpack_from
 _read_id = struct.Struct('=q').unpack_from
+_read_stamp = struct.Struct('=4siI').unpack_from
+_STAMP_SIZE = 12
 _COUNT_SIZE = 4
 _ID_SIZE = 8
 _POINT_BYTES = 12
 _SECOND = 1_000_000_000
+
+# Bytes, where in them the points start, and how many there are: x, y and z of each as float32 in
+# this machine's byte order.
+Points: TypeAlias = tuple[bytes, int, int]
 
 
 class MessageError(ValueError):
     """The bytes are not the message that their topic announces."""
 
 
-def decode(data, instance):
+def decode(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
     """
     Read a PolygonStamped, or a PolygonInstanceStamped if `instance` is true.
 
@@ -54,8 +63,7 @@ def decode(data, instance):
     stamp : int
         In ns.
     frame_id : str
-    points : bytes
-        x, y and z of each vertex as float32 in this machine's byte order.
+    points : Points
     identity : int or None
         The id, of an instance.
 
@@ -77,29 +85,40 @@ def decode(data, instance):
             or data.find(b'\0', _HEADER_SIZE, text_end) != text_end - 1):
         return _decode_with_library(data, instance)
     count, = _read_count(data, count_at)
-    points_end = end = points_at + count * _POINT_BYTES
+    end = points_at + count * _POINT_BYTES
+    identity = None
     if instance:
         # Alignment counts from behind the encapsulation, hence the 4.
-        id_at = ((points_end - 4 + 7) & ~7) + 4
+        id_at = ((end - 4 + 7) & ~7) + 4
         end = id_at + _ID_SIZE
+        if end == size:
+            identity, = _read_id(data, id_at)
     if end != size:
         return _decode_with_library(data, instance)
     try:
         frame_id = data[_HEADER_SIZE:text_end - 1].decode()
     except UnicodeDecodeError:
         return _decode_with_library(data, instance)
-    return (_stamp(seconds, nanoseconds), frame_id, data[points_at:points_end],
-            _read_id(data, id_at)[0] if instance else None)
-
-
-def _stamp(seconds, nanoseconds):
-    """Return a stamp in ns."""
     if nanoseconds >= _SECOND:
-        raise MessageError(f'{nanoseconds} nanoseconds in the stamp make more than a second')
-    return seconds * _SECOND + nanoseconds
+        raise _too_many_nanoseconds(nanoseconds)
+    return seconds * _SECOND + nanoseconds, frame_id, (data, points_at, count), identity
 
 
-def _decode_with_library(data, instance):
+def header_stamp(data: bytes) -> int:
+    """Return the header stamp of a message in ns, 0 where it cannot be read in place."""
+    if len(data) < _STAMP_SIZE:
+        return 0
+    encapsulation, seconds, nanoseconds = _read_stamp(data)
+    if encapsulation != _OWN_CDR or nanoseconds >= _SECOND:
+        return 0
+    return int(seconds * _SECOND + nanoseconds)
+
+
+def _too_many_nanoseconds(nanoseconds: int) -> MessageError:
+    return MessageError(f'{nanoseconds} nanoseconds in the stamp make more than a second')
+
+
+def _decode_with_library(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
     """
     Return what `decode` does as the decoder of rclpy or rosbags reads it.
 
@@ -130,6 +149,8 @@ def _decode_with_library(data, instance):
     if len(points) not in (int.from_bytes(stated, 'little'), int.from_bytes(stated, 'big')):
         raise MessageError('the points end before their stated number')
     stamp = message.header.stamp
+    if stamp.nanosec >= _SECOND:
+        raise _too_many_nanoseconds(stamp.nanosec)
     coordinates = array('f', [number for p in points for number in (p.x, p.y, p.z)]).tobytes()
-    return (_stamp(stamp.sec, stamp.nanosec), frame_id, coordinates,
+    return (stamp.sec * _SECOND + stamp.nanosec, frame_id, (coordinates, 0, len(points)),
             message.polygon.id if instance else None)

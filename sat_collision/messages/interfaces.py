@@ -45,6 +45,6 @@ __all__ = ['Bool', 'ColorRGBA', 'DiagnosticArray', 'DiagnosticStatus', 'KeyValue
            'deserialize', 'serialize', 'type_name']
 
 
-def type_name(kind):
+def type_name(kind: type) -> str:
     """Return the name of a message class as bags have it, such as std_msgs/msg/Bool."""
     return f'{kind.__module__.partition(".")[0]}/msg/{kind.__name__}'

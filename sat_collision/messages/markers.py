@@ -14,13 +14,22 @@
 
 """The scene as visualization_msgs/MarkerArray."""
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from collections.abc import Iterable
+from operator import itemgetter
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from sat_collision.geometry.distance import closest_points
+from numpy.typing import ArrayLike
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.messages.interfaces import ColorRGBA, Marker, MarkerArray, Point
 from sat_collision.scene.footprints import Status
+from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.scene import Scene
+
+_Body: TypeAlias = 'str | ObstacleId'
+_Colour: TypeAlias = tuple[float, ...]
 
 _GREEN = (0.1, 0.7, 0.2)
 _RED = (0.9, 0.1, 0.1)
@@ -31,25 +40,39 @@ _COLOURS = {Status.CLEAR: _GREEN, Status.COLLISION: _RED, Status.UNKNOWN: _GREY}
 _LINE = 0.03
 _DOT = 0.1
 _TEXT = 0.25
-# Height keeps lines above fills, and what explains above what it explains.
-_FILL_Z, _LINE_Z, _PAIR_Z = 0.0, 0.01, 0.02
+
+
+class _Style(NamedTuple):
+    """How points are drawn; height keeps lines above fills, and what explains above these."""
+
+    kind: int
+    z: float
+    size: float
+
+
+_FILL = _Style(Marker.TRIANGLE_LIST, 0.0, 1.0)
+_OUTLINE = _Style(Marker.LINE_LIST, 0.01, _LINE)
+_DOTS = _Style(Marker.SPHERE_LIST, 0.01, _DOT)
+_PAIR = _Style(Marker.LINE_LIST, 0.02, _LINE)
+_AXIS = _Style(Marker.LINE_LIST, 0.02, 0.5 * _LINE)
+_CLOSEST = _Style(Marker.SPHERE_LIST, 0.02, _DOT)
 
 
 class _Shape(NamedTuple):
     """A body's points as markers want them, made once for each polygon."""
 
     polygon: Polygon
-    triangles: list
-    lines: list
-    dots: list
+    triangles: list[Any]
+    lines: list[Any]
+    dots: list[Any]
 
     @classmethod
-    def of(cls, polygon):
+    def of(cls, polygon: Polygon) -> _Shape:
         points = _points(polygon.vertices)
         if len(points) == 1:
             return cls(polygon, [], [], points)
         edges = zip(points, points[1:] + points[:1]) if len(points) > 2 else [points]
-        triangles = []
+        triangles: list[Any] = []
         if len(points) > 2:
             for part in polygon.parts:
                 corners = _points(part.vertices)
@@ -67,17 +90,17 @@ class Markers:
     and id 0 the rest; `contacts/...` and `nearest/...` explain them.
     """
 
-    def __init__(self):
-        self._shapes = {}
+    def __init__(self) -> None:
+        self._shapes: dict[_Body, _Shape] = {}
 
-    def message(self, scene):
+    def message(self, scene: Scene) -> Any:
         """Return the markers of a scene, made anew only where a polygon is new."""
         self._frame_id = scene.frame_id
         self._markers = [Marker(action=Marker.DELETEALL)]
         self._markers[0].header.frame_id = scene.frame_id
         footprints = dict(scene.footprints)
         obstacles = dict(scene.obstacles)
-        bodies = {**footprints, **obstacles}
+        bodies: dict[_Body, Polygon] = {**footprints, **obstacles}
         self._shapes = {body: self._shape(body, polygon) for body, polygon in bodies.items()}
         states = {name: scene.state(name) for name in footprints}
         contacts = [(name, obstacle) for name, state in states.items()
@@ -87,92 +110,76 @@ class Markers:
         self._draw_obstacles(obstacles, {obstacle for _, obstacle in contacts})
         self._draw_contacts(contacts)
         known = [name for name, state in states.items() if state.status is not Status.UNKNOWN]
-        self._draw_nearest(known, list(obstacles), contacts)
+        self._draw_nearest(scene, known)
         return MarkerArray(markers=self._markers)
 
-    def _shape(self, body, polygon):
+    def _shape(self, body: _Body, polygon: Polygon) -> _Shape:
         shape = self._shapes.get(body)
         return shape if shape and shape.polygon is polygon else _Shape.of(polygon)
 
-    def _draw_obstacles(self, obstacles, touched):
-        groups = {}
+    def _draw_obstacles(self, obstacles: Iterable[ObstacleId],
+                        touched: set[ObstacleId]) -> None:
+        groups: dict[tuple[str, bool], list[ObstacleId]] = {}
         for obstacle in obstacles:
             groups.setdefault((obstacle.source, obstacle in touched), []).append(obstacle)
         for (source, touching), group in groups.items():
             self._draw(source, int(touching), _RED if touching else _SLATE, 0.4, group)
 
-    def _draw(self, name, number, colour, opacity, bodies):
+    def _draw(self, name: str, number: int, colour: _Colour, opacity: float,
+              bodies: Iterable[_Body]) -> None:
         """Draw the bodies of one name and colour."""
         shapes = [self._shapes[body] for body in bodies]
-        self._add(f'{name}/fill', number, Marker.TRIANGLE_LIST, (*colour, opacity), _FILL_Z, 1.0,
+        self._add(f'{name}/fill', number, _FILL, (*colour, opacity),
                   [point for shape in shapes for point in shape.triangles])
-        self._add(f'{name}/outline', number, Marker.LINE_LIST, colour, _LINE_Z, _LINE,
+        self._add(f'{name}/outline', number, _OUTLINE, colour,
                   [point for shape in shapes for point in shape.lines])
-        self._add(f'{name}/points', number, Marker.SPHERE_LIST, colour, _LINE_Z, _DOT,
+        self._add(f'{name}/points', number, _DOTS, colour,
                   [point for shape in shapes for point in shape.dots])
 
-    def _draw_contacts(self, contacts):
-        pairs = []
+    def _draw_contacts(self, contacts: list[tuple[str, ObstacleId]]) -> None:
+        pairs: list[Any] = []
         for number, (name, obstacle) in enumerate(contacts):
             ends = np.array([self._shapes[body].polygon.centroid for body in (name, obstacle)])
             pairs += _points(ends)
             self._write('contacts/names', number, _RED, ends.mean(axis=0), f'{name} - {obstacle}')
-        self._add('contacts/pairs', 0, Marker.LINE_LIST, _RED, _PAIR_Z, _LINE, pairs)
+        self._add('contacts/pairs', 0, _PAIR, _RED, pairs)
 
-    def _draw_nearest(self, names, obstacles, contacts):
+    def _draw_nearest(self, scene: Scene, names: list[str]) -> None:
         """Draw the closest points of the nearest pair apart, and the axis they are on."""
-        pair = self._nearest(names, obstacles, set(contacts))
-        if pair is None:
+        pairs = [(name, *found) for name in names if (found := scene.nearest(name, apart=True))]
+        if not pairs:
             return
-        name, obstacle, ends = pair
+        name, obstacle, distance, on_obstacle, on_footprint = min(pairs, key=itemgetter(2))
+        ends = np.array([on_footprint, on_obstacle])
         gap = ends[1] - ends[0]
-        distance = np.hypot(*gap)
         min_x, min_y, max_x, max_y = self._shapes[name].polygon.bounds
-        beyond = gap / distance * max(0.5 * np.hypot(max_x - min_x, max_y - min_y), _TEXT)
+        length = np.hypot(*gap) or 1.0  # bodies apart by less than the points' rounding
+        beyond = gap / length * max(0.5 * np.hypot(max_x - min_x, max_y - min_y), _TEXT)
         axis = _points([ends[0] - beyond, ends[1] + beyond])
-        self._add('nearest/axis', 0, Marker.LINE_LIST, _AMBER, _PAIR_Z, 0.5 * _LINE, axis)
-        self._add('nearest/points', 0, Marker.SPHERE_LIST, _AMBER, _PAIR_Z, _DOT, _points(ends))
+        self._add('nearest/axis', 0, _AXIS, _AMBER, axis)
+        self._add('nearest/points', 0, _CLOSEST, _AMBER, _points(ends))
         self._write('nearest/distance', 0, _AMBER, ends.mean(axis=0),
                     f'{name} - {obstacle}: {distance:.3g} m')
 
-    def _nearest(self, names, obstacles, contacts):
-        """Return footprint, obstacle and closest points of the nearest pair that is apart."""
-        best, least = None, np.inf
-        boxes = np.array([self._shapes[body].polygon.bounds for body in obstacles]).reshape(-1, 4)
-        for name in names:
-            polygon = self._shapes[name].polygon
-            min_x, min_y, max_x, max_y = polygon.bounds
-            gap_x = np.maximum(boxes[:, 0] - max_x, min_x - boxes[:, 2]).clip(0.0)
-            gap_y = np.maximum(boxes[:, 1] - max_y, min_y - boxes[:, 3]).clip(0.0)
-            gaps = np.hypot(gap_x, gap_y)
-            for row in gaps.argsort():
-                if gaps[row] >= least:
-                    break
-                obstacle = obstacles[row]
-                if (name, obstacle) in contacts:
-                    continue
-                ends = np.array(closest_points(polygon, self._shapes[obstacle].polygon))
-                distance = np.hypot(*(ends[1] - ends[0]))
-                if 0.0 < distance < least:
-                    best, least = (name, obstacle, ends), distance
-        return best
-
-    def _add(self, ns, number, kind, colour, z, size, points):
+    def _add(self, ns: str, number: int, style: _Style, colour: _Colour,
+             points: list[Any]) -> None:
         """Add a marker of many points, if there are any."""
         if not points:
             return
-        marker = self._marker(ns, number, kind, colour)
-        marker.pose.position.z = z
-        marker.scale.x = marker.scale.y = marker.scale.z = size
+        marker = self._marker(ns, number, style.kind, colour)
+        marker.pose.position.z = style.z
+        marker.scale.x = marker.scale.y = marker.scale.z = style.size
         marker.points = points
 
-    def _write(self, ns, number, colour, place, text):
+    def _write(self, ns: str, number: int, colour: _Colour, place: ArrayLike,
+               text: str) -> None:
         marker = self._marker(ns, number, Marker.TEXT_VIEW_FACING, colour)
-        marker.pose.position = Point(x=float(place[0]), y=float(place[1]), z=_TEXT)
+        x, y = np.asarray(place).tolist()
+        marker.pose.position = Point(x=x, y=y, z=_TEXT)
         marker.scale.z = _TEXT
         marker.text = text
 
-    def _marker(self, ns, number, kind, colour):
+    def _marker(self, ns: str, number: int, kind: int, colour: _Colour) -> Any:
         """Add an empty marker; its stamp of 0 has it drawn at the latest transform."""
         red, green, blue, *opacity = colour
         marker = Marker(ns=ns, id=number, type=kind, action=Marker.ADD, color=ColorRGBA(
@@ -182,5 +189,5 @@ class Markers:
         return marker
 
 
-def _points(vertices):
+def _points(vertices: ArrayLike) -> list[Any]:
     return [Point(x=x, y=y) for x, y in np.asarray(vertices).tolist()]

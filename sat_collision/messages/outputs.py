@@ -14,12 +14,32 @@
 
 """What the node publishes of a scene: flags, states and markers."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, Protocol
+
 from sat_collision.messages.interfaces import Bool, DiagnosticArray, MarkerArray, serialize
 from sat_collision.messages.markers import Markers
-from sat_collision.messages.states import States
+from sat_collision.messages.states import coordinate_step, States
 from sat_collision.scene.footprints import Status
+from sat_collision.scene.scene import Scene
+from sat_collision.scene.settings import Settings
 
 _FLAGS = {raised: serialize(Bool(data=raised)) for raised in (False, True)}
+
+
+class NodeLike(Protocol):
+    """What is asked of a node: rclpy's, or a stand-in that writes a bag."""
+
+    def get_name(self) -> str:
+        """Return the name without the namespace."""
+
+    def get_clock(self) -> Any:
+        """Return a clock whose now() has to_msg()."""
+
+    def create_publisher(self, kind: Any, topic: str, depth: int) -> Any:
+        """Return what has publish() and get_subscription_count()."""
 
 
 class Outputs:
@@ -28,7 +48,7 @@ class Outputs:
 
     Parameters
     ----------
-    node : rclpy.node.Node
+    node : NodeLike
     settings : Settings
     scene : Scene
 
@@ -39,24 +59,24 @@ class Outputs:
 
     """
 
-    def __init__(self, node, settings, scene):
+    def __init__(self, node: NodeLike, settings: Settings, scene: Scene) -> None:
         self._clock = node.get_clock()
         self._scene = scene
         self._common_flag = node.create_publisher(Bool, '~/collision', 10)
         self._flags = {
             footprint.name: node.create_publisher(Bool, f'~/{footprint.name}/collision', 10)
             for footprint in settings.footprints}
-        self._raised = set()
+        self._raised: set[str] = set()
         self._states = States(node.get_name(), settings)
         self._state_publisher = node.create_publisher(DiagnosticArray, '~/state', 10)
-        self._unwritten = set()
+        self._unwritten: set[str] = set()
         self._markers = Markers()
         self._marker_publisher = node.create_publisher(MarkerArray, '~/markers', 1)
-        self._marker_message = None
+        self._marker_message: Any = None
         self.markers_current = False
         self.configure(settings)
 
-    def configure(self, settings):
+    def configure(self, settings: Settings) -> None:
         """Apply settings, with which every flag may mean something else."""
         self._states.settings = settings
         self._raising = ((Status.COLLISION, Status.UNKNOWN) if settings.unknown_is_collision
@@ -66,7 +86,7 @@ class Outputs:
                          or set(self._flags))
         self.update(self._flags)
 
-    def update(self, names):
+    def update(self, names: Iterable[str]) -> None:
         """Take note of the new states of footprints."""
         for name in names:
             if self._scene.status(name) in self._raising:
@@ -76,7 +96,7 @@ class Outputs:
         self._unwritten.update(names)
         self.markers_current = False
 
-    def publish(self, names=None):
+    def publish(self, names: Iterable[str] | None = None) -> None:
         """Publish the common flag, the flags of some footprints or of all, and all states."""
         for name in self._flags if names is None else names:
             self._flags[name].publish(_FLAGS[name in self._raised])
@@ -84,17 +104,18 @@ class Outputs:
         if self._state_publisher.get_subscription_count():
             self._publish_states()
 
-    def _publish_states(self):
+    def _publish_states(self) -> None:
+        polygons = dict(self._scene.footprints)
         for name in self._flags:
             state = self._scene.state(name)
-            step = self._scene.coordinate_step(name)
+            step = coordinate_step(polygons.get(name))
             if name in self._unwritten or not self._states.is_current(name, step):
                 self._states.write(name, state, step)
             self._states.write_moving(name, state.age, self._scene.nearest(name))
         self._unwritten.clear()
         self._state_publisher.publish(self._states.message(self._clock.now().to_msg()))
 
-    def publish_markers(self):
+    def publish_markers(self) -> None:
         """Publish the markers if somebody wants them."""
         if self._marker_publisher.get_subscription_count():
             if not self.markers_current:

@@ -14,11 +14,20 @@
 
 """States and the node's health as diagnostic_msgs/DiagnosticArray."""
 
+from __future__ import annotations
+
 from collections import Counter
 import time
+from typing import Any
+
+import numpy as np
+from sat_collision.geometry.polygon import Polygon
+from sat_collision.geometry.polygon_set import Point
 
 from sat_collision.messages.interfaces import DiagnosticArray, DiagnosticStatus, KeyValue
-from sat_collision.scene.footprints import Status
+from sat_collision.scene.footprints import State, Status
+from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.settings import Settings
 
 _LEVELS = {
     Status.CLEAR: DiagnosticStatus.OK,
@@ -29,7 +38,7 @@ _NAMED_IN_MESSAGE = 3
 _MOVING = ('age', 'least separation', 'nearest obstacle')
 
 
-def in_words(state, margin=0.0):
+def in_words(state: State, margin: float = 0.0) -> str:
     """Say a footprint's state in a few words, given the margin (m) that counts as a collision."""
     if state.status is Status.COLLISION and state.contacts:
         names = [str(obstacle) for obstacle in state.contacts[:_NAMED_IN_MESSAGE]]
@@ -38,6 +47,11 @@ def in_words(state, margin=0.0):
         return f'{verb} {", ".join(names)}' + (f' and {more} more' if more else '')
     word = state.status.value
     return f'{word}: {"; ".join(state.reasons)}' if state.reasons else word
+
+
+def coordinate_step(polygon: Polygon | None) -> float:
+    """Return the distance (m) of neighbouring float32 numbers where a polygon is, 0 for None."""
+    return float(np.spacing(np.float32(np.abs(polygon.bounds).max()))) if polygon else 0.0
 
 
 class States:
@@ -51,17 +65,17 @@ class States:
 
     """
 
-    def __init__(self, node_name, settings):
+    def __init__(self, node_name: str, settings: Settings) -> None:
         self.settings = settings
         self._statuses = {
             footprint.name: DiagnosticStatus(name=f'{node_name}: {footprint.name}',
                                              hardware_id=footprint.topic)
             for footprint in settings.footprints}
         self._moving = {name: [KeyValue(key=key) for key in _MOVING] for name in self._statuses}
-        self._coarse = dict.fromkeys(self._statuses)
+        self._coarse: dict[str, bool | None] = dict.fromkeys(self._statuses)
         self._message = DiagnosticArray(status=list(self._statuses.values()))
 
-    def write(self, name, state, step):
+    def write(self, name: str, state: State, step: float) -> None:
         """
         Write down a footprint's new state.
 
@@ -90,11 +104,12 @@ class States:
             *self._moving[name],
             KeyValue(key='reason', value='; '.join(state.reasons))]
 
-    def is_current(self, name, step):
+    def is_current(self, name: str, step: float) -> bool:
         """Tell whether what was written of the coordinates' step still holds."""
         return self._coarse[name] == (step > self.settings.resolution)
 
-    def write_moving(self, name, age, nearest):
+    def write_moving(self, name: str, age: float | None,
+                     nearest: tuple[ObstacleId, float, Point, Point] | None) -> None:
         """
         Write down what changes all the time.
 
@@ -112,7 +127,7 @@ class States:
         separation_value.value = f'{nearest[1]:.6g}' if nearest else ''
         obstacle_value.value = str(nearest[0]) if nearest else ''
 
-    def message(self, stamp):
+    def message(self, stamp: Any) -> Any:
         """Return the message as of a stamp."""
         self._message.header.stamp = stamp
         return self._message

@@ -32,8 +32,8 @@ from rclpy.qos import qos_policy_name_from_kind, QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
-from sat_collision.geometry.distance import closest_points
 from sat_collision.geometry.jit import COMPILED, KERNEL
+from sat_collision.geometry.query import closest_points
 from sat_collision.messages.outputs import Outputs
 from sat_collision.messages.states import Health
 from sat_collision.monitor import Monitor

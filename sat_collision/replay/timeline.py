@@ -14,7 +14,7 @@
 
 """The states of a scene in the course of time, put together to intervals."""
 
-from sat_collision.geometry.distance import separation
+from sat_collision.geometry.query import separation
 from sat_collision.replay.result import Contact, FootprintResult, Least, Unknown
 from sat_collision.scene.footprints import Status
 

@@ -14,46 +14,60 @@
 
 """Which footprints meet which obstacles, kept up to date one body at a time."""
 
-import numpy as np
-from sat_collision.geometry.polygon_set import PolygonSet
-from sat_collision.scene import express
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Generic, TYPE_CHECKING, TypeVar
+
+from sat_collision.geometry.polygon import PackedBody, Polygon
+from sat_collision.geometry.polygon_set import Point, PolygonSet
+
+if TYPE_CHECKING:
+    from sat_collision.scene.footprints import Footprint
+    from sat_collision.scene.obstacles import Obstacle
 
 
-class Placeable:
+class Body:
     """
     What can be placed: a footprint or an obstacle.
 
     Attributes
     ----------
     row : int or None
-        Its row among the placed bodies of its kind.
-    meets : set of Placeable
+        Its row among the placed bodies of its kind, None while it is nowhere.
+    contacts : set of Body
         The bodies of the other kind that share a point with it.
 
     """
 
-    __slots__ = ('row', 'meets', '_kind', '_polygon')
+    __slots__ = ('row', 'contacts', '_polygons', '_polygon')
 
-    def __init__(self):
-        self.row = None
-        self.meets = set()
+    def __init__(self) -> None:
+        self.row: int | None = None
+        self.contacts: set[Body] = set()
+        self._polygons = _NOWHERE
+        self._polygon: Polygon | None = None
 
     @property
-    def polygon(self):
+    def polygon(self) -> Polygon | None:
         """Where the body is, None if nowhere; the same Polygon while it stays there."""
-        if self.row is None:
-            return None
-        # A message may have moved it since in the packed arrays alone.
-        polygons = self._kind.polygons
-        if not polygons.holds(self.row, self._polygon):
-            self._polygon = polygons.convex_polygon(self.row)
+        if self._polygon is None and self.row is not None:
+            self._polygon = self._polygons.polygon(self.row)
         return self._polygon
 
-    def put(self, kind, row, polygon):
-        """Take note of where it was placed."""
-        self._kind = kind
+    def move(self, polygons: PolygonSet, row: int) -> None:
+        """Take note that the body is in a row of a set now, or has moved there."""
+        self._polygons = polygons
         self.row = row
-        self._polygon = polygon
+        self._polygon = None
+
+    def leave(self) -> None:
+        """Take note that the body is nowhere now."""
+        self.row = self._polygon = None
+
+
+_NOWHERE = PolygonSet()
+_Kind = TypeVar('_Kind', bound=Body)
 
 
 class Contacts:
@@ -70,130 +84,117 @@ class Contacts:
 
     Attributes
     ----------
-    changed : set of Placeable
+    changed : set of Footprint
         Footprints that have gained or lost a contact; the reader empties it.
-    packed : tuple or None
-        What `pack` returned, while it is true.
 
     """
 
-    def __init__(self, margin=0.0):
-        self.changed = set()
+    def __init__(self, margin: float = 0.0) -> None:
+        self.changed: set[Footprint] = set()
         self._margin = margin
-        self._footprints = _Kind()
-        self._obstacles = _Kind()
-        self.packed = None
-        self._found = None
+        self._footprints: _Placed[Footprint] = _Placed()
+        self._obstacles: _Placed[Obstacle] = _Placed()
 
-    def pack(self):
-        """Return bounds, rows, blocks and used_rows of the footprints, then of the obstacles."""
-        footprints, obstacles = self._footprints.polygons, self._obstacles.polygons
-        self.packed = (
-            footprints.bounds, footprints.rows, footprints.blocks, footprints.used_rows,
-            obstacles.bounds, obstacles.rows, obstacles.blocks, obstacles.used_rows)
-        self._found = np.empty(obstacles.used_rows, np.int64)
-        return self.packed
-
-    def use_margin(self, margin):
+    def use_margin(self, margin: float) -> None:
         """Decide everything anew by another margin, if it is another."""
         if margin != self._margin:
             self._margin = margin
             for footprint in self._footprints.bodies.values():
-                self._meet_obstacles(footprint, footprint.polygon)
+                polygon = self._footprints.polygons.polygon(footprint.row)
+                rows = self._obstacles.polygons.rows_within(polygon, margin)
+                if update_contacts(footprint, self._obstacles.of_rows(rows.tolist())):
+                    self.changed.add(footprint)
 
-    def place_footprint(self, footprint, polygon):
-        """Put a footprint where a polygon is, or move it there."""
-        self.packed = None
-        self._footprints.place(footprint, polygon)
-        self._meet_obstacles(footprint, polygon)
-
-    def _meet_obstacles(self, footprint, polygon):
-        if _meet(footprint, self._obstacles.within(polygon, self._margin)):
-            self.changed.add(footprint)
-
-    def move_footprint(self, footprint, data, frame, most):
-        """
-        Move a placed footprint by an ordinary message; return its stamp or NOT_ORDINARY.
-
-        As for all messages that go the short way, there must be no margin.
-        """
-        packed = self.packed or self.pack()
-        stamp, hits = express.move_footprint(
-            data, frame, most, footprint.row, self._found, *packed)
-        if stamp != express.NOT_ORDINARY and (hits or footprint.meets):
-            if _meet(footprint, self._obstacles.of_rows(self._found[:hits]) if hits else ()):
+    def place_footprint(self, footprint: Footprint, body: PackedBody) -> None:
+        """Put a footprint where a body is, or move it there."""
+        met = self._footprints.place(footprint, body, self._obstacles.polygons, self._margin)
+        if (met or footprint.contacts) and met is not None:
+            if update_contacts(footprint, self._obstacles.of_rows(met)):
                 self.changed.add(footprint)
-        return stamp
 
-    def remove_footprint(self, footprint):
+    def place_obstacle(self, obstacle: Obstacle, body: PackedBody) -> bool:
+        """Put an obstacle where a body is, or move it there; tell whether it was elsewhere."""
+        met = self._obstacles.place(obstacle, body, self._footprints.polygons, self._margin)
+        if met is None:
+            return False
+        if met or obstacle.contacts:
+            self.changed.update(update_contacts(obstacle, self._footprints.of_rows(met)))
+        return True
+
+    def is_at(self, obstacle: Obstacle, body: PackedBody) -> bool:
+        """Tell whether an obstacle, which is somewhere, is where a body is already."""
+        return self._obstacles.polygons.is_same(obstacle.row, body)
+
+    def remove_footprint(self, footprint: Footprint) -> None:
         """Take a footprint away, if it is placed."""
-        if self._footprints.remove(footprint) and _meet(footprint, ()):
+        if self._footprints.remove(footprint) and update_contacts(footprint, ()):
             self.changed.add(footprint)
 
-    def place_obstacle(self, obstacle, polygon):
-        """Put an obstacle where a polygon is, or move it there."""
-        self.packed = None
-        self._obstacles.place(obstacle, polygon)
-        footprints = self._footprints.within(polygon, self._margin)
-        if footprints or obstacle.meets:
-            self.changed.update(_meet(obstacle, footprints))
-
-    def is_at(self, obstacle, polygon):
-        """Tell whether an obstacle is where a polygon is already."""
-        return obstacle.row is not None and self._obstacles.polygons.holds(obstacle.row, polygon)
-
-    def remove_obstacle(self, obstacle):
+    def remove_obstacle(self, obstacle: Obstacle) -> None:
         """Take an obstacle away, if it is placed."""
         if self._obstacles.remove(obstacle):
-            self.changed.update(_meet(obstacle, ()))
+            self.changed.update(update_contacts(obstacle, ()))
 
-    def nearest(self, footprint):
-        """Return the name, separation and closest points of what is nearest, None if nothing."""
-        return footprint.polygon and self._obstacles.nearest(footprint.polygon)
+    def nearest(self, footprint: Footprint, skipped: Iterable[Body] = ()
+                ) -> tuple[Obstacle, float, Point, Point] | None:
+        """
+        Return what is nearest to a footprint, None if there is nothing to be so.
+
+        Parameters
+        ----------
+        footprint : Footprint
+        skipped : iterable of Obstacle, optional
+            Obstacles to leave out.
+
+        Returns
+        -------
+        Obstacle, float, (x, y), (x, y)
+            The obstacle, its separation and the closest points, see `PolygonSet.nearest`.
+
+        """
+        if footprint.polygon is None:
+            return None
+        found = self._obstacles.polygons.nearest(
+            footprint.polygon, [body.row for body in skipped if body.row is not None])
+        return found and (self._obstacles.bodies[found[0]], *found[1:])
 
 
-class _Kind:
+class _Placed(Generic[_Kind]):
     """The placed bodies of one kind, by row."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.polygons = PolygonSet()
-        self.bodies = {}
+        self.bodies: dict[int, _Kind] = {}
 
-    def place(self, body, polygon):
+    def place(self, body: _Kind, where: PackedBody, others: PolygonSet,
+              margin: float) -> list[int] | None:
+        """Put a body somewhere; return the rows it meets, None if it was there already."""
         row = body.row
-        if row is not None:
-            self.polygons.replace(row, polygon)
-        else:
-            row = self.polygons.append(polygon)
+        if row is None:
+            row = self.polygons.new_row()
             self.bodies[row] = body
-        body.put(self, row, polygon)
+        met = self.polygons.place(row, where, others, margin)
+        if met is not None:
+            body.move(self.polygons, row)
+        return met
 
-    def remove(self, body):
+    def remove(self, body: _Kind) -> bool:
         """Return whether the body was there to be removed."""
         if body.row is None:
             return False
         self.polygons.remove(body.row)
         del self.bodies[body.row]
-        body.row = None
+        body.leave()
         return True
 
-    def within(self, polygon, margin):
-        return self.of_rows(self.polygons.within(polygon, margin))
-
-    def of_rows(self, rows):
-        return map(self.bodies.__getitem__, rows.tolist()) if len(rows) else ()
-
-    def nearest(self, polygon):
-        if not self.bodies:
-            return None
-        row, *found = self.polygons.nearest(polygon)
-        return self.bodies[row].name, *found
+    def of_rows(self, rows: list[int]) -> list[_Kind]:
+        return [self.bodies[row] for row in rows]
 
 
-def _meet(body, others):
+def update_contacts(body: Body, others: Iterable[_Kind]) -> set[_Kind]:
     """Let a body meet these others and no more; return those for which this is a change."""
-    gained_or_lost = body.meets.symmetric_difference(others)
+    gained_or_lost = body.contacts.symmetric_difference(others)
     for other in gained_or_lost:
-        other.meets.symmetric_difference_update((body,))
-    body.meets ^= gained_or_lost
-    return gained_or_lost
+        other.contacts.symmetric_difference_update((body,))
+    body.contacts ^= gained_or_lost
+    return gained_or_lost  # type: ignore[return-value]  # bodies of the other kind only

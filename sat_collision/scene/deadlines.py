@@ -14,10 +14,27 @@
 
 """Deadlines of many things, looked after at a cost that does not depend on how many there are."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator
 import heapq
 import itertools
+from typing import Protocol
 
 NEVER = float('inf')
+
+
+class Perishable(Protocol):
+    """What has a deadline."""
+
+    watched: float
+
+    @property
+    def deadline(self) -> float:
+        """Time in ns, or NEVER."""
+
+    def expire(self) -> None:
+        """Do what is due when the deadline has passed."""
 
 
 class Deadlines:
@@ -35,13 +52,13 @@ class Deadlines:
 
     """
 
-    def __init__(self):
-        self.earliest = NEVER
-        self._queue = []
+    def __init__(self) -> None:
+        self.earliest: float = NEVER
+        self._queue: list[tuple[float, int, Perishable]] = []
         self._order = itertools.count()
         self._most = 64
 
-    def watch(self, thing):
+    def watch(self, thing: Perishable) -> None:
         """Look after a thing: to be called when it is new or its deadline may be earlier."""
         deadline = thing.deadline
         if deadline < thing.watched:
@@ -51,7 +68,7 @@ class Deadlines:
             heapq.heappush(self._queue, (deadline, next(self._order), thing))
             self.earliest = self._queue[0][0]
 
-    def missed(self, now):
+    def missed(self, now: int) -> Iterator[Perishable]:
         """Yield the things whose deadline lies before now (ns), and watch these no longer."""
         queue = self._queue
         while queue and queue[0][0] < now:
@@ -64,7 +81,7 @@ class Deadlines:
                     self.watch(thing)
         self.earliest = queue[0][0] if queue else NEVER
 
-    def _discard_dead(self):
+    def _discard_dead(self) -> None:
         """Drop the entries that stand for nothing any more, so that they cannot pile up."""
         self._queue[:] = [item for item in self._queue if item[2].watched == item[0]]
         heapq.heapify(self._queue)

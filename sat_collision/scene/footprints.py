@@ -14,13 +14,16 @@
 
 """Footprints, and the states in which they are."""
 
+from __future__ import annotations
+
 import enum
 from operator import attrgetter
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
-from sat_collision.scene.contacts import Placeable
+from sat_collision.scene.contacts import Body
 from sat_collision.scene.deadlines import NEVER
-from sat_collision.scene.obstacles import Obstacle
+from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.settings import FootprintSettings
 
 _NAME = attrgetter('name')
 
@@ -40,7 +43,7 @@ class State(NamedTuple):
     Attributes
     ----------
     status : Status
-    contacts : tuple of Obstacle
+    contacts : tuple of ObstacleId
         The obstacles that share a point with it, sorted; empty unless in collision.
     reasons : tuple of str
         Sentences: why the status is unknown, or what else is in doubt beside a collision. They
@@ -51,105 +54,118 @@ class State(NamedTuple):
     """
 
     status: Status
-    contacts: tuple[Obstacle, ...]
+    contacts: tuple[ObstacleId, ...]
     reasons: tuple[str, ...]
     age: float | None
 
 
-class Footprint(Placeable):
+# Status, contacts and reasons of a State.
+Evaluation: TypeAlias = tuple[Status, tuple[ObstacleId, ...], tuple[str, ...]]
+
+
+class Footprint(Body):
     """
     One footprint: where it is, since when, and the status reported for it. Times are in ns.
 
+    Parameters
+    ----------
+    settings : FootprintSettings
+    due : set of Footprint
+        To be added to when time alone has changed something.
+
     Attributes
     ----------
-    trouble : str
+    time : int or None
+        Stamp of the good footprint, None if there is none.
+    fault : str
         Why there is no good footprint; empty if there is one, be it stale.
     stale : bool
         Whether the good footprint is past its timeout.
-    clear_since : int or None
-        Since when it has been clear without interruption.
     status : Status
         The status reported: CLEAR only after the release delay.
-    finding : tuple
-        Status, contacts and reasons of its State, as they were settled last.
+    evaluation : Evaluation
+        What was found when it was evaluated last.
 
     """
 
-    __slots__ = ('settings', 'timeout', 'time', 'trouble', 'stale', 'clear_since', 'status',
-                 'finding', 'watched', '_release', '_due')
+    __slots__ = ('settings', 'timeout', 'time', 'fault', 'stale', 'status', 'evaluation',
+                 'watched', '_clear_since', '_release', '_due')
 
-    def __init__(self, settings, due):
+    evaluation: Evaluation
+
+    def __init__(self, settings: FootprintSettings, due: set[Footprint]) -> None:
         super().__init__()
-        self.time = None
-        self.trouble = ''
+        self.time: int | None = None
+        self.fault = ''
         self.stale = False
-        self.clear_since = None
         self.status = Status.UNKNOWN
-        self.watched = NEVER
-        self._release = NEVER
+        self.watched: float = NEVER
+        self._clear_since: int | None = None
+        self._release: float = NEVER
         self._due = due
         self.configure(settings)
 
-    def configure(self, settings):
+    def configure(self, settings: FootprintSettings) -> None:
         """Apply settings."""
         self.settings = settings
         self.timeout = round(settings.timeout * 1e9) if settings.timeout > 0.0 else NEVER
 
     @property
-    def deadline(self):
+    def deadline(self) -> float:
         """Time in ns after which the footprint is stale, or its delayed release is due."""
         if self.time is None or self.stale:
             return self._release
         return min(self._release, self.time + self.timeout)
 
-    def expire(self):
-        """Ask for another look, now that the deadline is past."""
+    def expire(self) -> None:
+        """Ask for another evaluation, now that the deadline is past."""
         self._due.add(self)
 
-    def settle(self, now, blanket, doubts, release_delay):
+    def evaluate(self, now: int, monitor_fault: str, source_faults: tuple[str, ...],
+                 release_delay: int) -> None:
         """
         Work out what to report: a release after the delay, anything else at once.
 
         Parameters
         ----------
         now : int
-        blanket : str
+        monitor_fault : str
             Why nothing can be known of any footprint; empty if something can.
-        doubts : tuple of str
+        source_faults : tuple of str
             Why there may be obstacles that nobody told of.
         release_delay : int
 
         """
         self.stale = self.time is not None and self.time + self.timeout < now
         self._release = NEVER
-        contacts = ()
-        reasons = doubts
-        if blanket:
-            status, reasons = Status.UNKNOWN, (blanket,)
+        contacts: tuple[ObstacleId, ...] = ()
+        reasons = source_faults
+        if monitor_fault:
+            status, reasons = Status.UNKNOWN, (monitor_fault,)
         elif not self.settings.enabled:
             status, reasons = Status.UNKNOWN, (f'footprint {self.settings.name} is disabled',)
-        elif self.trouble or self.stale:
-            status, reasons = Status.UNKNOWN, (self._complaint(), *doubts)
-        elif self.meets:
-            status, contacts = Status.COLLISION, tuple(sorted(map(_NAME, self.meets)))
+        elif self.fault or self.stale:
+            status, reasons = Status.UNKNOWN, (self._fault_in_words(), *source_faults)
+        elif self.contacts:
+            status, contacts = Status.COLLISION, tuple(sorted(map(_NAME, self.contacts)))
         else:
-            status = Status.UNKNOWN if doubts else Status.CLEAR
+            status = Status.UNKNOWN if source_faults else Status.CLEAR
         if status is not Status.CLEAR:
-            self.clear_since = None
+            self._clear_since = None
         else:
-            if self.clear_since is None:
-                self.clear_since = now
-            if now < self.clear_since + release_delay:
-                self._release = self.clear_since + release_delay - 1
+            if self._clear_since is None:
+                self._clear_since = now
+            if now < self._clear_since + release_delay:
+                self._release = self._clear_since + release_delay - 1
                 if self.status is not Status.CLEAR:
                     status = self.status
                     reasons = f'clear for less than release_delay, {release_delay / 1e9:g} s',
         self.status = status
-        self.finding = status, contacts, reasons
+        self.evaluation = status, contacts, reasons
 
-    def _complaint(self):
+    def _fault_in_words(self) -> str:
         """Return what is wrong with the footprint itself, as a sentence."""
-        trouble = self.trouble
+        fault = self.fault
         if self.stale:
-            trouble = f'is older than its timeout of {self.settings.timeout:g} s'
-        return f'footprint {self.settings.name} on {self.settings.topic} {trouble}'
+            fault = f'is older than its timeout of {self.settings.timeout:g} s'
+        return f'footprint {self.settings.name} on {self.settings.topic} {fault}'

@@ -14,13 +14,18 @@
 
 """Obstacles and their names."""
 
-from typing import NamedTuple
+from __future__ import annotations
 
-from sat_collision.scene.contacts import Placeable
+from typing import NamedTuple, TYPE_CHECKING
+
+from sat_collision.scene.contacts import Body
 from sat_collision.scene.deadlines import NEVER
 
+if TYPE_CHECKING:
+    from sat_collision.scene.sources import Key, Source
 
-class Obstacle(NamedTuple):
+
+class ObstacleId(NamedTuple):
     """
     The name of an obstacle.
 
@@ -37,30 +42,45 @@ class Obstacle(NamedTuple):
     source: str
     key: int
 
-    def __str__(self):
+    def __str__(self) -> str:
         return f'{self.source}/{self.key}'
 
 
-class Body(Placeable):
-    """An obstacle of a source; or, if `refused` says why, the place of one that was refused."""
+class Obstacle(Body):
+    """
+    An obstacle of a source; or, if `refused` says why, the place of one that was refused.
+
+    Attributes
+    ----------
+    source : Source
+    key : Key
+        What the source knows it by.
+    name : ObstacleId
+    time : int
+        Time in ns that it counts from.
+    frame_id : str
+    refused : str or None
+        Why the message that it stands for was refused.
+
+    """
 
     __slots__ = ('source', 'key', 'name', 'time', 'frame_id', 'refused', 'watched')
 
-    def __init__(self, source, key, number, time):
+    def __init__(self, source: Source, key: Key, number: int, time: int) -> None:
         super().__init__()
         self.source = source
         self.key = key
-        self.name = Obstacle(source.settings.name, number)
+        self.name = ObstacleId(source.settings.name, number)
         self.time = time
         self.frame_id = ''
-        self.refused = None
-        self.watched = NEVER
+        self.refused: str | None = None
+        self.watched: float = NEVER
 
     @property
-    def deadline(self):
-        """Time in ns after which the body is forgotten."""
+    def deadline(self) -> float:
+        """Time in ns after which the obstacle is forgotten."""
         return self.time + self.source.timeout
 
-    def expire(self):
-        """Forget the body, now that its deadline is past."""
+    def expire(self) -> None:
+        """Forget the obstacle, now that its deadline is past."""
         self.source.forget(self)

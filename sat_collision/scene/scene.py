@@ -14,22 +14,27 @@
 
 """The scene: what is known of footprints and obstacles, and what follows for each footprint."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
 from itertools import chain
+from typing import TypeVar
 
-import numpy as np
-from sat_collision.scene.contacts import Contacts
+from sat_collision.geometry.polygon import PackedBody, Polygon
+from sat_collision.geometry.polygon_set import Point
+from sat_collision.scene.contacts import Body, Contacts
 from sat_collision.scene.deadlines import Deadlines
-from sat_collision.scene.express import NOT_ORDINARY
-from sat_collision.scene.footprints import Footprint, State, Status
-from sat_collision.scene.obstacles import Obstacle
+from sat_collision.scene.evaluations import Evaluations
+from sat_collision.scene.footprints import Evaluation, Footprint, State, Status
+from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from sat_collision.scene.sources import OTHER_FRAME, Source
-
-__all__ = ['Obstacle', 'Scene', 'State', 'Status']
 
 _DISABLED = 'checking is disabled'
 _NO_CLOCK = 'no clock yet: the time reads 0, as with use_sim_time before the first /clock'
 _NO_SOURCE = 'no obstacle source is enabled'
 _UNHEARD = 'has not been heard yet'
+_Key = TypeVar('_Key')
 
 
 class Scene:
@@ -43,12 +48,13 @@ class Scene:
       older than its timeout, disabled), if checking is disabled, or if there is no clock;
     - else in COLLISION if it shares a point with an obstacle, or is within the margin of one: a
       proved contact stays true whatever else is in doubt;
-    - else UNKNOWN if a source of obstacles is in trouble (never heard, silent, refused), or none
+    - else UNKNOWN if a source of obstacles is at fault (never heard, silent, refused), or none
       is enabled: there may be an obstacle that nobody told of;
     - else CLEAR, which is reported once it has been so for `release_delay`.
 
     Every method that takes `now` first lets time pass until then, as `advance` does. Times are
     ints in ns by one clock. A header stamp of 0 means now, and no stamp counts from the future.
+    A body is a packed polygon, whose array may be used again once the method has returned.
 
     Parameters
     ----------
@@ -63,29 +69,28 @@ class Scene:
 
     """
 
-    def __init__(self, settings):
+    def __init__(self, settings: Settings) -> None:
         self.settings = settings
         self._now = 0
-        self._reported = {}
+        self._reported: dict[str, Evaluation] = {}
         self._release_delay = round(settings.release_delay * 1e9)
         self._forget_all()
-        self._look_again()
+        self._reevaluate_all()
 
-    def _forget_all(self):
-        self._use_frame(self.settings.frame_id)
+    def _forget_all(self) -> None:
+        self.frame_id = self.settings.frame_id
         self._contacts = Contacts(self.settings.margin)
         self._deadlines = Deadlines()
-        self._blanket = ''
-        self._doubts = ()
-        self._unreported = set()
         self._sources = {source.name: Source(source, self._contacts, self._deadlines)
                          for source in self.settings.obstacles}
         self._footprints = {footprint.name: Footprint(footprint, self._contacts.changed)
                             for footprint in self.settings.footprints}
+        self._evaluations = Evaluations(self._footprints, self._contacts.changed,
+                                        self._deadlines, self._reported)
         for footprint in self._footprints.values():
-            self._lose(footprint, _UNHEARD)
+            self._invalidate(footprint, _UNHEARD)
 
-    def update(self, settings):
+    def update(self, settings: Settings) -> None:
         """
         Apply other settings, of the same names, topics and types.
 
@@ -94,30 +99,31 @@ class Scene:
         self.settings = settings
         self._release_delay = round(settings.release_delay * 1e9)
         self._contacts.use_margin(settings.margin)
-        self._use_frame(self.frame_id)
         for source in settings.obstacles:
             self._sources[source.name].configure(source, self._now)
         for new in settings.footprints:
             footprint = self._footprints[new.name]
             if new.enabled != footprint.settings.enabled:
-                self._lose(footprint, _UNHEARD)
+                self._invalidate(footprint, _UNHEARD)
             footprint.configure(new)
         self._contacts.changed.update(self._footprints.values())
-        self._look_again()
+        self._reevaluate_all()
         self.advance(self._now)
 
-    def settings_of(self, name):
-        """Return the FootprintSettings or ObstacleSettings of a name."""
-        return (self._footprints.get(name) or self._sources[name]).settings
+    def settings_of(self, name: str) -> FootprintSettings | ObstacleSettings:
+        """Return the settings of a footprint or source by its name."""
+        source = self._sources.get(name)
+        return source.settings if source else self._footprints[name].settings
 
-    def footprint(self, name, polygon, frame_id, stamp, now):
+    def footprint(self, name: str, body: PackedBody, frame_id: str, stamp: int,
+                  now: int) -> str | None:
         """
         Take a footprint.
 
         Parameters
         ----------
         name : str
-        polygon : Polygon
+        body : PackedBody
         frame_id : str
         stamp, now : int
             Header stamp and present time in ns.
@@ -133,29 +139,27 @@ class Scene:
         if not footprint.settings.enabled:
             return None
         if not self.frame_id:
-            self._fix_frame(frame_id)
-            self._look_again()
+            self.frame_id = frame_id
+            for source in self._sources.values():
+                source.refuse_other_frames(frame_id)
+            self._reevaluate_all()
         if frame_id != self.frame_id:
-            self._lose(footprint, f"is not in the frame '{self.frame_id}'")
-            self._settle()
+            self._invalidate(footprint, f"is not in the frame '{self.frame_id}'")
+            self._evaluate()
             return OTHER_FRAME
-        self._contacts.place_footprint(footprint, polygon)
-        self._placed(footprint, stamp)
-        return None
-
-    def _placed(self, footprint, stamp):
-        """Take note that a footprint has been placed, and settle what follows."""
-        now = self._now
-        footprint.time = min(stamp, now) if stamp else now
-        if footprint.trouble or footprint.stale or footprint.time + footprint.timeout < now:
-            footprint.trouble = ''
+        self._contacts.place_footprint(footprint, body)
+        footprint.time = time = min(stamp, now) if stamp else now
+        if footprint.fault or footprint.stale or time + footprint.timeout < now:
+            footprint.fault = ''
             self._contacts.changed.add(footprint)
-        elif footprint.time + footprint.timeout < footprint.watched:
+        elif time + footprint.timeout < footprint.watched:
             self._deadlines.watch(footprint)
         if self._contacts.changed:
-            self._settle()
+            self._evaluate()
+        return None
 
-    def obstacle(self, name, polygon, frame_id, stamp, now, instance=None):
+    def obstacle(self, name: str, body: PackedBody | None, frame_id: str, stamp: int, now: int,
+                 instance: int | None = None) -> str | None:
         """
         Take a message of an obstacle source.
 
@@ -163,7 +167,7 @@ class Scene:
         ----------
         name : str
             Name of the source.
-        polygon : Polygon or None
+        body : PackedBody or None
             None for a heartbeat: the publisher lives, and saw nothing.
         frame_id : str
         stamp, now : int
@@ -181,53 +185,21 @@ class Scene:
         source = self._sources[name]
         if not source.settings.enabled:
             return None
-        reasons = source.reasons
-        if polygon is None:
+        faults = source.faults
+        if body is None:
             refusal = source.heartbeat(stamp, now)
         elif self.frame_id and frame_id != self.frame_id:
             refusal = source.refuse(OTHER_FRAME, stamp, now, instance)
         else:
-            refusal = source.place(polygon, frame_id, stamp, now, instance)
-        if source.reasons is not reasons:
-            self._look_again()
+            refusal = source.place(body, frame_id, stamp, now, instance)
+        if source.faults is not faults:
+            self._reevaluate_all()
         elif self._contacts.changed:
-            self._settle()
+            self._evaluate()
         return refusal
 
-    def express(self, name, data, now):
-        """
-        Take a serialised message if it is an ordinary one, see `express`; tell whether it was.
-
-        Parameters
-        ----------
-        name : str
-            Name of the footprint or source.
-        data : bytes
-        now : int
-            Present time in ns.
-
-        """
-        if not self._ordinary_frame:
-            return False
-        # What `advance` would do for nearly every message, without the call.
-        if 0 < self._now <= now <= self._deadlines.earliest:
-            self._now = now
-        else:
-            self.advance(now)
-        source = self._sources.get(name)
-        if source is not None:
-            return source.express(data, now, self._ordinary_frame, self.settings.max_vertices)
-        footprint = self._footprints[name]
-        if footprint.row is None:
-            return False
-        stamp = self._contacts.move_footprint(footprint, data, self._ordinary_frame,
-                                              self.settings.max_vertices)
-        if stamp == NOT_ORDINARY:
-            return False
-        self._placed(footprint, stamp)
-        return True
-
-    def refuse(self, name, reason, now, stamp=None, instance=None):
+    def refuse(self, name: str, reason: str, now: int, stamp: int | None = None,
+               instance: int | None = None) -> None:
         """
         Take note of a message that gave no polygon.
 
@@ -249,10 +221,10 @@ class Scene:
             if self._sources[name].settings.enabled:
                 self._sources[name].refuse(reason, stamp, now, instance)
         else:
-            self._lose(footprint, f'was refused: {reason}')
-        self._look_again()
+            self._invalidate(footprint, f'was refused: {reason}')
+        self._reevaluate_all()
 
-    def advance(self, now):
+    def advance(self, now: int) -> None:
         """
         Let time pass: obstacles are forgotten, footprints become stale, sources fall silent.
 
@@ -262,114 +234,99 @@ class Scene:
         last, self._now = self._now, now
         if 0 < last <= now <= self._deadlines.earliest:
             return
-        look_again = now > last == 0
+        changed = now > last == 0
         if now < last:
             self._forget_all()
-            look_again = True
+            changed = True
         for thing in self._deadlines.missed(now):
             thing.expire()
-            look_again = True
-        if look_again:
-            self._look_again()
+            changed = True
+        if changed:
+            self._reevaluate_all()
 
-    def changes(self):
+    def changes(self) -> list[str]:
         """Return the names of footprints whose state, age apart, changed since the last call."""
-        if not self._unreported:
-            return []
-        changed = []
-        for name, footprint in self._footprints.items():
-            if footprint in self._unreported:
-                if footprint.finding != self._reported.get(name):
-                    self._reported[name] = footprint.finding
-                    changed.append(name)
-        self._unreported.clear()
-        return changed
+        return self._evaluations.changes()
 
-    def status(self, name):
+    def status(self, name: str) -> Status:
         """Return the Status of a footprint."""
-        status, _, _ = self._footprints[name].finding
+        status, _, _ = self._footprints[name].evaluation
         return status
 
-    def state(self, name):
+    def state(self, name: str) -> State:
         """Return the State of a footprint at the time that was passed last."""
         footprint = self._footprints[name]
         age = None if footprint.time is None else (self._now - footprint.time) / 1e9
-        return State(*footprint.finding, age)
+        return State(*footprint.evaluation, age)
 
     @property
-    def footprints(self):
-        """The (name, Polygon) of every footprint that is somewhere, be it stale."""
-        return [(name, footprint.polygon) for name, footprint in self._footprints.items()
-                if footprint.polygon is not None]
-
-    @property
-    def obstacles(self):
-        """The (Obstacle, Polygon) of every obstacle that is somewhere."""
-        return [(body.name, body.polygon)
-                for source in self._sources.values() for body in source.bodies.values()
-                if body.row is not None]
-
-    @property
-    def deadline(self):
+    def deadline(self) -> float:
         """The time in ns until which, at least, nothing changes by itself; NEVER if at no time."""
         return self._deadlines.earliest
 
-    def contacts(self, name):
-        """Return (Obstacle, Polygon of the footprint, Polygon) of all that a footprint meets."""
-        footprint = self._footprints[name]
-        return [(body.name, footprint.polygon, body.polygon) for body in footprint.meets]
+    @property
+    def footprints(self) -> list[tuple[str, Polygon]]:
+        """The (name, Polygon) of every footprint that is somewhere, be it stale."""
+        return list(_placed(self._footprints))
 
-    def nearest(self, name):
+    @property
+    def obstacles(self) -> list[tuple[ObstacleId, Polygon]]:
+        """The (ObstacleId, Polygon) of every obstacle that is somewhere."""
+        return list(_placed({body.name: body for source in self._sources.values()
+                             for body in source.obstacles.values()}))
+
+    def contacts(self, name: str) -> list[tuple[ObstacleId, Polygon, Polygon]]:
+        """Return (ObstacleId, Polygon of the footprint, Polygon) of all that a footprint meets."""
+        footprint = self._footprints[name]
+        met = {body.name: body for body in footprint.contacts}  # type: ignore[attr-defined]
+        return [(obstacle, footprint.polygon, polygon)  # type: ignore[misc]  # it is somewhere
+                for obstacle, polygon in _placed(met)]
+
+    def nearest(self, name: str, apart: bool = False
+                ) -> tuple[ObstacleId, float, Point, Point] | None:
         """
         Return what is nearest to a footprint, None if one of the two is nowhere.
 
+        Parameters
+        ----------
+        name : str
+        apart : bool, optional
+            Leave out the obstacles in contact.
+
         Returns
         -------
-        Obstacle, float, (x, y), (x, y)
-            The obstacle, its separation and the closest points, as `distance` has them.
+        ObstacleId, float, (x, y), (x, y)
+            The obstacle, its separation and the closest points, as `PolygonSet.nearest` has them.
 
         """
-        return self._contacts.nearest(self._footprints[name])
+        footprint = self._footprints[name]
+        found = self._contacts.nearest(footprint, footprint.contacts if apart else ())
+        return found and (found[0].name, *found[1:])
 
-    def coordinate_step(self, name):
-        """Return the distance (m) of neighbouring float32 numbers where a footprint is, else 0."""
-        polygon = self._footprints[name].polygon
-        return float(np.spacing(np.float32(np.abs(polygon.bounds).max()))) if polygon else 0.0
-
-    def _use_frame(self, frame_id):
-        """Take the frame of all bodies; with a margin no message is ordinary."""
-        self.frame_id = frame_id
-        no_margin = self.settings.margin == 0.0
-        self._ordinary_frame = frame_id.encode() + b'\0' if frame_id and no_margin else b''
-
-    def _fix_frame(self, frame_id):
-        self._use_frame(frame_id)
-        for source in self._sources.values():
-            source.refuse_other_frames(frame_id)
-
-    def _lose(self, footprint, trouble):
+    def _invalidate(self, footprint: Footprint, fault: str) -> None:
         footprint.time = None
-        footprint.trouble = trouble
+        footprint.fault = fault
         self._contacts.remove_footprint(footprint)
         self._contacts.changed.add(footprint)
 
-    def _look_again(self):
-        """Settle the footprints for which something has changed: all, if a common doubt has."""
-        blanket = '' if self.settings.enabled and self._now else (
+    def _reevaluate_all(self) -> None:
+        """Evaluate the footprints for which something has changed: all, if a common fault has."""
+        monitor_fault = '' if self.settings.enabled and self._now else (
             _NO_CLOCK if self.settings.enabled else _DISABLED)
-        doubts = tuple(chain.from_iterable(source.reasons for source in self._sources.values()))
+        source_faults = tuple(chain.from_iterable(source.faults
+                                                  for source in self._sources.values()))
         if not any(source.enabled for source in self.settings.obstacles):
-            doubts = _NO_SOURCE,
-        if (blanket, doubts) != (self._blanket, self._doubts):
-            self._blanket, self._doubts = blanket, doubts
-            self._contacts.changed.update(self._footprints.values())
-        self._settle()
+            source_faults = _NO_SOURCE,
+        self._evaluations.use_faults(monitor_fault, source_faults)
+        self._evaluate()
 
-    def _settle(self):
-        """Settle the footprints for which something has changed, but no common doubt."""
-        changed = self._contacts.changed
-        for footprint in changed:
-            footprint.settle(self._now, self._blanket, self._doubts, self._release_delay)
-            self._deadlines.watch(footprint)
-        self._unreported |= changed
-        changed.clear()
+    def _evaluate(self) -> None:
+        self._evaluations.evaluate(self._now, self._release_delay)
+
+
+def _placed(bodies: Mapping[_Key, Body]) -> Iterator[tuple[_Key, Polygon]]:
+    """Yield the key and Polygon of each body that is somewhere."""
+    for key, body in bodies.items():
+        polygon = body.polygon
+        if polygon is not None:
+            yield key, polygon

@@ -12,41 +12,44 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Obstacles as their publishers send them: which message is which obstacle, and for how long."""
+"""Sources of obstacles: what each has told, for how long, and whether it can be trusted."""
+
+from __future__ import annotations
 
 from collections import Counter
+from typing import TypeAlias
 
 import numpy as np
-from sat_collision.geometry.jit import indexable
-from sat_collision.geometry.packing import fingerprint
-from sat_collision.scene.deadlines import NEVER
-from sat_collision.scene.express import move_obstacle, NOT_ORDINARY
-from sat_collision.scene.obstacles import Body
-from sat_collision.scene.settings import POLYGON_INSTANCE
+from sat_collision.geometry.layout import body_size, FINGERPRINT
+from sat_collision.geometry.polygon import PackedBody
+from sat_collision.scene.contacts import Contacts
+from sat_collision.scene.deadlines import Deadlines, NEVER
+from sat_collision.scene.obstacle_sets import ObstacleSets
+from sat_collision.scene.obstacles import Obstacle
+from sat_collision.scene.settings import ObstacleSettings, POLYGON_INSTANCE
 
 OTHER_FRAME = 'other frame'
 TOO_MANY = 'too many obstacles'
 TOO_OLD = 'too old'
 
+# A place in a set or an id; a shape; or the name of a place that is none.
+Key: TypeAlias = 'int | bytes | str'
+
 # Keys of what a source holds beside its obstacles: a refused message that has no place of its
 # own, and whatever came when the source was full.
 _UNPLACED = 'unplaced'
 _EXCESS = 'excess'
-_FEWEST_PLACES = 16
 
 
 class Source:
     """
     What one topic has told about obstacles.
 
-    A polygon with a stamp is the k-th obstacle of a set: of messages whose stamps lie within
-    `set_window` of the set's first. It replaces the k-th of the set before; what a set leaves
-    over stays until the next one begins. So nothing blinks to empty while a set comes in, and
-    the error is a ghost for one set. Polygons with stamp 0, and all those of a source that
-    accumulates, are known by their shape; instances by their id.
+    A polygon with a stamp is an obstacle of a set, see `ObstacleSets`. Polygons with stamp 0, and
+    all those of a source that accumulates, are known by their shape; instances by their id.
 
     A refused message takes the place of the obstacle that it would have been. While the source
-    holds one, it is in trouble: there may be an obstacle where nobody looks.
+    holds one, it is at fault: there may be an obstacle where nobody looks.
 
     Times are in ns. A message counts from its stamp, from now if that is 0 or in the future. One
     that is past its timeout when it comes is refused as TOO_OLD and changes nothing: it could
@@ -58,64 +61,67 @@ class Source:
     contacts : Contacts
         Where obstacles are placed.
     deadlines : Deadlines
-        Calls for `expire` of the source and of its bodies.
+        Calls for `expire` of the source and of its obstacles.
 
     Attributes
     ----------
-    reasons : tuple of str
+    faults : tuple of str
         Why the source cannot be trusted, in words; empty if it can. The same object as long as
         nothing about it changes.
-    bodies : dict
-        Every Body by its key: place in the set, id or shape.
+    obstacles : dict
+        Every Obstacle by its key: place in the set, id or shape.
+    timeout : int or float
+        NEVER if nothing times out.
 
     """
 
-    def __init__(self, settings, contacts, deadlines):
+    def __init__(self, settings: ObstacleSettings, contacts: Contacts,
+                 deadlines: Deadlines) -> None:
         self._contacts = contacts
         self._deadlines = deadlines
-        self.bodies = {}
-        self.reasons = ()
-        self.watched = NEVER
-        self._refusals = Counter()
+        self.obstacles: dict[Key, Obstacle] = {}
+        self.faults: tuple[str, ...] = ()
+        self.watched: float = NEVER
+        self._sets = ObstacleSets()
+        self._refusals: Counter[str] = Counter()
         self._shapes_seen = 0
         self._clear()
         self.configure(settings, now=0)
 
-    def _clear(self):
-        for body in list(self.bodies.values()):
-            self.forget(body)
-        self._heard = None
+    def _clear(self) -> None:
+        for obstacle in list(self.obstacles.values()):
+            self.forget(obstacle)
+        self._heard: int | None = None
         self._silent = False
-        self._set_start = None
-        self._prints = np.empty(_FEWEST_PLACES)
-        self._count = 0
-        self._places = 0
+        self._sets.clear()
 
-    def configure(self, settings, now):
+    def configure(self, settings: ObstacleSettings, now: int) -> None:
         """Apply settings; a disabled source forgets all that it was told."""
         self.settings = settings
         self.timeout = round(settings.timeout * 1e9) if settings.timeout > 0.0 else NEVER
-        self._set_window = round(settings.set_window * 1e9)
+        self._sets.window = round(settings.set_window * 1e9)
+        self._sets.timeout = self.timeout
+        self._sets.most = settings.max_count
         self._by_id = settings.type == POLYGON_INSTANCE
         self._in_sets = not self._by_id and not settings.accumulate
         if not settings.enabled:
             self._clear()
         self._silent = self.deadline < now
-        for thing in (self, *self.bodies.values()):
+        for thing in (self, *self.obstacles.values()):
             self._deadlines.watch(thing)
-        self._review()
+        self._find_faults()
 
     @property
-    def deadline(self):
+    def deadline(self) -> float:
         """Time in ns after which the source is silent, unless it is heard again."""
         return NEVER if self._heard is None else self._heard + self.timeout
 
-    def expire(self):
+    def expire(self) -> None:
         """Note that the source is silent, now that its deadline is past."""
         self._silent = True
-        self._review()
+        self._find_faults()
 
-    def heartbeat(self, stamp, now):
+    def heartbeat(self, stamp: int, now: int) -> str | None:
         """Take the message that the publisher lives and saw nothing; return a refusal or None."""
         if self._hear(stamp, now) is None:
             return TOO_OLD
@@ -123,66 +129,38 @@ class Source:
             self._join_set(stamp)
         return None
 
-    def place(self, polygon, frame_id, stamp, now, instance):
-        """Take a polygon; return a refusal or None."""
+    def place(self, body: PackedBody, frame_id: str, stamp: int, now: int,
+              instance: int | None) -> str | None:
+        """Take a body; return a refusal or None."""
         time = self._hear(stamp, now)
         if time is None:
             return TOO_OLD
-        bodies = self.bodies
-        if _UNPLACED in bodies:
-            self.forget(bodies[_UNPLACED])
+        obstacles = self.obstacles
+        if _UNPLACED in obstacles:
+            self.forget(obstacles[_UNPLACED])
+        key: Key
         if self._in_sets and stamp:
-            if stamp != self._set_start:
+            if stamp != self._sets.start:
                 self._join_set(stamp)
-            key = self._place_of(polygon)
+            key = self._place_of(body)
             full = key >= self.settings.max_count
         else:
-            key = self._admit(instance if self._by_id else polygon.block[0].tobytes())
+            key = self._admit(instance if self._by_id else _shape(body))
             full = key == _EXCESS
         if full:
             self._refuse(key, time, TOO_MANY)
             return TOO_MANY
-        body = bodies.get(key) or self._new_body(key, time)
-        body.frame_id = frame_id
-        if self._contacts.is_at(body, polygon):
-            body.time = max(body.time, time)
-            return None
-        if body.refused:
-            self._count_refusal(body, None)
-        body.time = time
-        if time + self.timeout < body.watched:
-            self._deadlines.watch(body)
-        self._contacts.place_obstacle(body, polygon)
+        obstacle = obstacles.get(key) or self._new_obstacle(key, time)
+        obstacle.frame_id = frame_id
+        if self._contacts.place_obstacle(obstacle, body) or time > obstacle.time:
+            if obstacle.refused:
+                self._count_refusal(obstacle, None)
+            obstacle.time = time
+            if time + self.timeout < obstacle.watched:
+                self._deadlines.watch(obstacle)
         return None
 
-    def express(self, data, now, frame, most):
-        """
-        Take a message if it is an ordinary one, see `express`; return whether it was.
-
-        `frame` is the scene's frame_id with a NUL, in bytes, and `most` the most vertices.
-        """
-        place = self._count
-        begins = place == self._places
-        if begins:
-            place = 0
-        body = self.bodies.get(place)
-        if (body is None or body.row is None or self.reasons or not self._in_sets
-                or place >= len(self._prints) or place >= self.settings.max_count):
-            return False
-        time = move_obstacle(data, frame, most, now, body.time, self._set_start, self._set_window,
-                             begins, self._prints, place, body.row,
-                             *self._contacts.packed or self._contacts.pack())
-        if time == NOT_ORDINARY:
-            return False
-        if begins:
-            self._set_start = time
-        self._count = place + 1
-        body.time = time
-        if time > self._heard:
-            self._heard = time
-        return True
-
-    def refuse(self, reason, stamp, now, instance):
+    def refuse(self, reason: str, stamp: int | None, now: int, instance: int | None) -> str:
         """
         Take a message without a usable polygon; return the reason that counts.
 
@@ -191,38 +169,37 @@ class Source:
         time = self._hear(stamp, now)
         if time is None:
             return TOO_OLD
+        key: Key = _UNPLACED
         if self._in_sets and stamp != 0:
             if stamp is not None:
                 self._join_set(stamp)
-            key = self._next_place()
+            key = self._sets.next_place()
         elif self._by_id and instance is not None:
             key = self._admit(instance)
-        else:
-            key = _UNPLACED
         if key == _EXCESS:
             reason = TOO_MANY
         self._refuse(key, time, reason)
         return reason
 
-    def refuse_other_frames(self, frame_id):
+    def refuse_other_frames(self, frame_id: str) -> None:
         """Refuse the obstacles in another frame than this, which was not known when they came."""
-        for body in list(self.bodies.values()):
-            if body.refused is None and body.frame_id != frame_id:
-                if isinstance(body.key, bytes):
-                    self.forget(body)
-                    self._refuse(_UNPLACED, body.time, OTHER_FRAME)
+        for obstacle in list(self.obstacles.values()):
+            if obstacle.refused is None and obstacle.frame_id != frame_id:
+                if isinstance(obstacle.key, bytes):
+                    self.forget(obstacle)
+                    self._refuse(_UNPLACED, obstacle.time, OTHER_FRAME)
                 else:
-                    self._refuse(body.key, body.time, OTHER_FRAME)
+                    self._refuse(obstacle.key, obstacle.time, OTHER_FRAME)
 
-    def forget(self, body):
-        """Drop a body."""
-        del self.bodies[body.key]
-        body.watched = NEVER
-        self._contacts.remove_obstacle(body)
-        if body.refused:
-            self._count_refusal(body, None)
+    def forget(self, obstacle: Obstacle) -> None:
+        """Drop an obstacle."""
+        del self.obstacles[obstacle.key]
+        obstacle.watched = NEVER
+        self._contacts.remove_obstacle(obstacle)
+        if obstacle.refused:
+            self._count_refusal(obstacle, None)
 
-    def _hear(self, stamp, now):
+    def _hear(self, stamp: int | None, now: int) -> int | None:
         """Note a sign of life; return the time it counts from, None if that is too long ago."""
         time = stamp if stamp and stamp < now else now
         if time + self.timeout < now:
@@ -233,101 +210,74 @@ class Source:
             if first or self._silent:
                 self._silent = False
                 self._deadlines.watch(self)
-                self._review()
+                self._find_faults()
         return time
 
-    def _join_set(self, stamp):
-        """
-        Begin a set if the stamp does not belong to the one that is coming in.
+    def _join_set(self, stamp: int) -> None:
+        for place in self._sets.join(stamp):
+            obstacle = self.obstacles.get(place)
+            if obstacle is not None:
+                self.forget(obstacle)
 
-        A stamp before the set by less than the timeout is that of a late message, which joins it.
-        One still earlier says that the publisher's clock was set back, as does any earlier one
-        where nothing times out: a new set begins, or the old ones would stay for ever.
-        """
-        if self._set_start is not None:
-            ahead = stamp - self._set_start
-            late = self.settings.timeout > 0.0 and -self.timeout < ahead < 0
-            if late or abs(ahead) <= self._set_window:
-                return
-        for place in range(self._count, self._places):
-            body = self.bodies.get(place)
-            if body is not None:
-                self.forget(body)
-        self._places = self._count
-        self._count = 0
-        self._set_start = stamp
-
-    def _place_of(self, polygon):
-        """Return the place in the set of an equal polygon, be it forgotten, else the next one."""
-        block, _ = polygon.block
-        own = fingerprint(indexable(block))
-        for place in np.flatnonzero(self._prints[:self._count] == own).tolist():
-            body = self.bodies.get(place)
-            if body is None or body.row is None or self._contacts.is_at(body, polygon):
+    def _place_of(self, body: PackedBody) -> int:
+        """Return the place in the set of an equal body, be it forgotten, else the next one."""
+        fingerprint = body[0][FINGERPRINT]
+        place = self._sets.place_of_equal(fingerprint)
+        if place is not None:
+            obstacle = self.obstacles.get(place)
+            if obstacle is None or obstacle.row is None or self._contacts.is_at(obstacle, body):
                 return place
-        return self._next_place(own)
+        return self._sets.next_place(fingerprint)
 
-    def _next_place(self, own=np.nan):
-        """
-        Return the next place in the set; when it is full, the one behind it.
-
-        It is marked by the fingerprint of what takes it, if that has one.
-        """
-        place = self._count
-        if place > self.settings.max_count:
-            place = self.settings.max_count
-        if place == len(self._prints):
-            self._prints = np.concatenate([self._prints, np.empty_like(self._prints)])
-        self._prints[place] = own
-        self._count = place + 1
-        if self._count > self._places:
-            self._places = self._count
-        return place
-
-    def _admit(self, key):
+    def _admit(self, key: Key) -> Key:
         """Return the key of an id or shape, or _EXCESS if there is no room for another one."""
-        bodies = self.bodies
-        room = self.settings.max_count + (_EXCESS in bodies) + (_UNPLACED in bodies)
-        return key if key in bodies or len(bodies) < room else _EXCESS
+        obstacles = self.obstacles
+        room = self.settings.max_count + (_EXCESS in obstacles) + (_UNPLACED in obstacles)
+        return key if key in obstacles or len(obstacles) < room else _EXCESS
 
-    def _new_body(self, key, time):
+    def _new_obstacle(self, key: Key, time: int) -> Obstacle:
         number = key
         if isinstance(key, bytes):
             self._shapes_seen += 1
             number = -self._shapes_seen
-        body = self.bodies[key] = Body(self, key, number, time)
-        return body
+        obstacle = self.obstacles[key] = Obstacle(self, key, number, time)
+        return obstacle
 
-    def _refuse(self, key, time, reason):
+    def _refuse(self, key: Key, time: int, reason: str) -> None:
         """Put a refused message in the place of what was there."""
-        body = self.bodies.get(key) or self._new_body(key, time)
-        body.time = max(body.time, time)
-        self._deadlines.watch(body)
-        self._contacts.remove_obstacle(body)
-        if body.refused != reason:
-            self._count_refusal(body, reason)
+        obstacle = self.obstacles.get(key) or self._new_obstacle(key, time)
+        obstacle.time = max(obstacle.time, time)
+        self._deadlines.watch(obstacle)
+        self._contacts.remove_obstacle(obstacle)
+        if obstacle.refused != reason:
+            self._count_refusal(obstacle, reason)
 
-    def _count_refusal(self, body, reason):
-        """Change why a body is refused: None if it is not any more."""
-        if body.refused:
-            self._refusals[body.refused] -= 1
+    def _count_refusal(self, obstacle: Obstacle, reason: str | None) -> None:
+        """Change why an obstacle is refused: None if it is not any more."""
+        if obstacle.refused:
+            self._refusals[obstacle.refused] -= 1
         if reason:
             self._refusals[reason] += 1
-        body.refused = reason
-        self._review()
+        obstacle.refused = reason
+        self._find_faults()
 
-    def _review(self):
+    def _find_faults(self) -> None:
         """Put into words what is wrong with the source."""
-        troubles = []
+        faults = []
         if self._heard is None:
-            troubles.append('has not been heard yet')
+            faults.append('has not been heard yet')
         elif self._silent:
-            troubles.append(
+            faults.append(
                 f'has been silent for longer than its timeout of {self.settings.timeout:g} s')
-        troubles += [f'sent what was refused: {reason}'
-                     for reason in sorted(+self._refusals)]
+        faults += [f'sent what was refused: {reason}' for reason in sorted(+self._refusals)]
         name, topic = self.settings.name, self.settings.topic
-        reasons = tuple(f'obstacle source {name} on {topic} {trouble}' for trouble in troubles
-                        if self.settings.enabled)
-        if reasons != self.reasons:
-            self.reasons = reasons
+        worded = tuple(f'obstacle source {name} on {topic} {fault}' for fault in faults
+                       if self.settings.enabled)
+        if worded != self.faults:
+            self.faults = worded
+
+
+def _shape(body: PackedBody) -> bytes:
+    """Return what is the same for equal bodies, and for no others."""
+    packed, count = body
+    return np.asarray(packed)[:body_size(packed, 0, count)].tobytes()

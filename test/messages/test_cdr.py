@@ -22,8 +22,8 @@ from geometry_msgs.msg import Point32, PolygonInstanceStamped, PolygonStamped
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
-import sat_collision
-from sat_collision.messages.cdr import decode, MessageError
+import sat_collision.messages
+from sat_collision.messages.cdr import decode, header_stamp, MessageError
 
 TYPES = {False: PolygonStamped, True: PolygonInstanceStamped}
 
@@ -63,8 +63,9 @@ def fields(message, instance):
 
 def decoded(data, instance):
     """Return what `decode` does, points as tuples."""
-    stamp, frame_id, points, identity = decode(data, instance)
-    return stamp, frame_id, list(struct.iter_unpack('=fff', points)), identity
+    stamp, frame_id, (points, start, count), identity = decode(data, instance)
+    return (stamp, frame_id, list(struct.iter_unpack('=fff', points[start:start + 12 * count])),
+            identity)
 
 
 @pytest.mark.parametrize('instance', (False, True))
@@ -191,9 +192,17 @@ def test_damaged_bytes_never_read_as_something_else(instance):
 def test_foreign_encoding_without_any_library_is_refused(monkeypatch):
     """The geometry is used without ROS and rosbags too: it says so rather than fail."""
     monkeypatch.setitem(sys.modules, 'sat_collision.messages.interfaces', None)
-    monkeypatch.delattr(sat_collision, 'interfaces', raising=False)
+    monkeypatch.delattr(sat_collision.messages, 'interfaces', raising=False)
     with pytest.raises(MessageError, match='only rclpy or rosbags'):
         decode(big_endian('odom', []), False)
+
+
+@pytest.mark.parametrize('sec, nanosec', [(7, 8), (-1, 999_999_999), (0, 0), (5, 10**9)])
+def test_stamp_alone_is_that_of_the_message(sec, nanosec):
+    """What sorts messages by their stamps reads no more; a senseless one counts as none."""
+    data = serialize_message(message(False, sec=sec, nanosec=nanosec))
+    assert header_stamp(data) == (sec * 10**9 + nanosec if nanosec < 10**9 else 0)
+    assert header_stamp(data[:11]) == header_stamp(big_endian('map', [])) == 0
 
 
 def test_plain_message_needs_no_ros():

@@ -40,7 +40,7 @@ def scene():
 def place(scene, name, points, stamp=SECOND, frame_id='map'):
     """Put a body where its points are."""
     put = scene.footprint if name in ('a', 'b') else scene.obstacle
-    put(name, Polygon(points) if points else None, frame_id, stamp, 9 * SECOND)
+    put(name, Polygon(points).packed if points else None, frame_id, stamp, 9 * SECOND)
 
 
 def drawn(scene, markers=None):

@@ -17,7 +17,7 @@
 from dataclasses import replace
 
 import pytest
-from sat_collision.scene.scene import Obstacle
+from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings
 from stage import Stage
 
@@ -66,7 +66,7 @@ def test_contact_begins_and_ends_with_the_footprint():
     stage.burst(0, 4, 5)
     for x, keys in ((2, []), (3, [1]), (4.5, [1, 2]), (6.5, []), (0, [0])):
         stage.robot(x)
-        assert stage.state().contacts == tuple(Obstacle('lidar', key) for key in keys)
+        assert stage.state().contacts == tuple(ObstacleId('lidar', key) for key in keys)
         assert stage.status() == ('collision' if keys else 'clear')
 
 
@@ -485,13 +485,12 @@ def test_margin_makes_what_is_near_a_contact():
     assert stage.status() == 'collision'
 
 
-def test_nearest_obstacle_and_coordinate_step():
-    """The nearest of two, none where there is none, and the float32 step 10 km from the origin."""
+def test_nearest_obstacle():
+    """The nearest of two, and none where there is none."""
     stage = Stage(PATIENT_LIDAR, footprints=(PATIENT_ROBOT,))
-    assert stage.scene.nearest('robot') is None and stage.scene.coordinate_step('robot') == 0.0
+    assert stage.scene.nearest('robot') is None
     stage.robot(10000)
     assert stage.scene.nearest('robot') is None
     stage.burst(10004, 9997)
     obstacle, separation, *_ = stage.scene.nearest('robot')
-    assert (obstacle, separation) == (Obstacle('lidar', 1), 2.0)
-    assert 0.0009 < stage.scene.coordinate_step('robot') < 0.001
+    assert (obstacle, separation) == (ObstacleId('lidar', 1), 2.0)

@@ -286,11 +286,11 @@ def test_flood_takes_no_more_room_than_max_count(settings):
     """A publisher gone wild sends thousands of obstacles, good and bad, in one instant."""
     source = Source(replace(settings, max_count=5), Contacts(), Deadlines())
     for number in range(1000):
-        source.place(square(number), 'map', START, START, number)
+        source.place(square(number).packed, 'map', START, START, number)
         source.refuse('not finite', START, START, -1 - number)
-    obstacles = [body for body in source.bodies.values() if body.polygon is not None]
+    obstacles = [body for body in source.obstacles.values() if body.polygon is not None]
     assert 2 < len(obstacles) <= 5
-    assert len(source.bodies) <= 7
+    assert len(source.obstacles) <= 7
 
 
 def test_refused_instances_do_not_exceed_max_count():

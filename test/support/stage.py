@@ -62,10 +62,10 @@ class Stage:
         self.scene.advance(self.now)
 
     def robot(self, x=0.0, stamp=None, frame='map', name='robot'):
-        return self.scene.footprint(name, square(x), frame, self.stamp(stamp), self.now)
+        return self.scene.footprint(name, square(x).packed, frame, self.stamp(stamp), self.now)
 
     def see(self, x, stamp=None, frame='map', name='lidar', instance=None):
-        return self.scene.obstacle(name, square(x), frame, self.stamp(stamp), self.now, instance)
+        return self.scene.obstacle(name, square(x).packed, frame, self.stamp(stamp), self.now, instance)
 
     def burst(self, *places, stamp=None, name='lidar'):
         """Let a source send several obstacles with one stamp."""

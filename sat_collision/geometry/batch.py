@@ -26,6 +26,7 @@ from sat_collision.geometry.jit import (
     borrowed, inlined, kernel, prefetch, scratch, scratch_integers, unchecked_view)
 from sat_collision.geometry.layout import (
     HEADER, near_support, SCAN_LIMIT, table_place, table_sector)
+from sat_collision.geometry.rows import rows_of
 from sat_collision.geometry.separating_axis import (
     boxes_apart, find_separating_axis, first_axis, hill_climb, MEET, MOST_QUERIES, OPEN, refine,
     SEPARATE, UNCERTAIN)
@@ -38,24 +39,22 @@ _STATE = 8
 
 
 @kernel
-def decide_rows(rows, other_rows, answers):
+def decide_rows(set_array, other_array, answers):
     """
     Decide for each row whether its body in one set meets that of the same row in the other; exact.
 
     Parameters
     ----------
-    rows, other_rows : tuple
-        The arrays of each set, see `scan.Rows`.
+    set_array, other_array : flat arrays of float64
+        The arrays of both sets, see `rows`.
     answers : (r,) array of int8
         Receives MEET or SEPARATE.
 
     """
-    _, spans, packed, _ = rows
-    _, other_spans, other_packed, _ = other_rows
-    rows = borrowed(spans)
-    data = unchecked_view(packed)
-    other_rows = borrowed(other_spans)
-    other_data = unchecked_view(other_packed)
+    rows = rows_of(borrowed(set_array))
+    other_rows = rows_of(borrowed(other_array))
+    data = unchecked_view(rows.packed)
+    other_data = unchecked_view(other_rows.packed)
     state = scratch(_STATE * _BATCH)
     places = scratch_integers(2 * _BATCH)
     pending = scratch_integers(_BATCH)
@@ -66,8 +65,8 @@ def decide_rows(rows, other_rows, answers):
         for row in range(start, min(start + _BATCH, len(answers))):
             if answers[row] == UNCERTAIN or answers[row] == OPEN:
                 answers[row] = MEET if _meet(
-                    data, rows[0, row], rows[1, row],
-                    other_data, other_rows[0, row], other_rows[1, row],
+                    data, rows.start[row], rows.count[row],
+                    other_data, other_rows.start[row], other_rows.count[row],
                     places[2 * (row - start)], places[2 * (row - start) + 1]) else SEPARATE
 
 
@@ -82,9 +81,7 @@ def _meet(p, p_start, n, q, q_start, m, i, j):
 @kernel
 def _begin(rows, data, other_rows, other_data, start, verdicts, state, pending, places):
     """Decide pairs with few vertices, begin with the others; list and count those still open."""
-    rows = borrowed(rows)
     data = unchecked_view(data)
-    other_rows = borrowed(other_rows)
     other_data = unchecked_view(other_data)
     used = len(verdicts)
     verdicts = unchecked_view(verdicts)
@@ -95,12 +92,12 @@ def _begin(rows, data, other_rows, other_data, start, verdicts, state, pending, 
     for row in range(start, min(start + _BATCH, used)):
         ahead = row + _AHEAD
         if ahead < used:
-            _prefetch(data, rows[0, ahead], rows[1, ahead])
-            _prefetch(other_data, other_rows[0, ahead], other_rows[1, ahead])
-        p = rows[0, row]
-        n = rows[1, row]
-        q = other_rows[0, row]
-        m = other_rows[1, row]
+            _prefetch(data, rows.start[ahead], rows.count[ahead])
+            _prefetch(other_data, other_rows.start[ahead], other_rows.count[ahead])
+        p = rows.start[row]
+        n = rows.count[row]
+        q = other_rows.start[row]
+        m = other_rows.count[row]
         slot = row - start
         if n == 0 or m == 0 or boxes_apart(data, p, other_data, q):
             verdicts[row] = SEPARATE
@@ -128,9 +125,7 @@ def _begin(rows, data, other_rows, other_data, start, verdicts, state, pending, 
 @kernel
 def _go_on(rows, data, other_rows, other_data, start, verdicts, state, pending, count, places):
     """Search on as `improved.search` does, all pending pairs one axis further in each round."""
-    rows = borrowed(rows)
     data = unchecked_view(data)
-    other_rows = borrowed(other_rows)
     other_data = unchecked_view(other_data)
     verdicts = unchecked_view(verdicts)
     state = unchecked_view(state)
@@ -144,17 +139,17 @@ def _go_on(rows, data, other_rows, other_data, start, verdicts, state, pending, 
             slot = row - start
             ux = state[_STATE * slot + 4]
             uy = state[_STATE * slot + 5]
-            i = table_sector(rows[1, row], ux, uy)
-            j = table_sector(other_rows[1, row], -ux, -uy)
-            prefetch(data, table_place(rows[0, row], i))
-            prefetch(other_data, table_place(other_rows[0, row], j))
+            i = table_sector(rows.count[row], ux, uy)
+            j = table_sector(other_rows.count[row], -ux, -uy)
+            prefetch(data, table_place(rows.start[row], i))
+            prefetch(other_data, table_place(other_rows.start[row], j))
             places[2 * slot] = i
             places[2 * slot + 1] = j
         for k in range(count):
             row = pending[k]
             slot = row - start
-            i = near_support(data, rows[0, row], rows[1, row], places[2 * slot])
-            j = near_support(other_data, other_rows[0, row], other_rows[1, row],
+            i = near_support(data, rows.start[row], rows.count[row], places[2 * slot])
+            j = near_support(other_data, other_rows.start[row], other_rows.count[row],
                              places[2 * slot + 1])
             _prefetch_neighbours(data, i)
             _prefetch_neighbours(other_data, j)
@@ -167,8 +162,8 @@ def _go_on(rows, data, other_rows, other_data, start, verdicts, state, pending, 
             s = _STATE * slot
             ux = state[s + 4]
             uy = state[s + 5]
-            i = hill_climb(data, rows[0, row], rows[1, row], places[2 * slot], ux, uy)
-            j = hill_climb(other_data, other_rows[0, row], other_rows[1, row], places[2 * slot + 1],
+            i = hill_climb(data, rows.start[row], rows.count[row], places[2 * slot], ux, uy)
+            j = hill_climb(other_data, other_rows.start[row], other_rows.count[row], places[2 * slot + 1],
                       -ux, -uy)
             verdict, ax, ay, bx, by, ux, uy = refine(
                 data, i, other_data, j, state[s], state[s + 1], state[s + 2], state[s + 3],

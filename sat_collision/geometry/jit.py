@@ -127,6 +127,11 @@ if COMPILED:
     def float32_values(data, start):
         """Return the numbers that stand in bytes from start on, as this machine writes float32."""
         return np.frombuffer(data, np.uint8)[start:].view(np.float32)
+
+    @inlined
+    def integers(array):
+        """Return a flat array of doubles taken as 64-bit integers, bit by bit."""
+        return array.view(np.int64)
 else:
     def prefetch(array, i):
         """Do nothing; only compiled code waits for memory more than for itself."""
@@ -150,3 +155,7 @@ else:
     def float32_values(data, start):
         """Return the numbers that stand in bytes from start on, as this machine writes float32."""
         return memoryview(data)[start:].cast('f')
+
+    def integers(array):
+        """Return a flat array of doubles taken as 64-bit integers, bit by bit."""
+        return memoryview(array).cast('B').cast('q')

@@ -23,16 +23,16 @@ from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry.batch import decide_rows
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.polygon import as_polygon, PackedBody, Polygon
+from sat_collision.geometry.rows import new_array, Rows, rows_of, use_rows
 from sat_collision.geometry.scan import (
-    intersecting_rows, is_same, nearest_row, NO_ROOM, Rows, rows_within, UNCHANGED,
-    write_and_intersect, write_and_measure)
+    intersecting_rows, is_same, nearest_row, NO_ROOM, rows_within, UNCHANGED, write_and_intersect,
+    write_and_measure)
 from sat_collision.geometry.separating_axis import MEET
 
 Point = tuple[float, float]
 
 _FEWEST_ROWS = 16
 _FEWEST_DOUBLES = 1024
-_NOWHERE = np.array([np.inf, np.inf, -np.inf, -np.inf])
 _NO_ROWS = np.empty(0, np.int64)
 
 
@@ -40,9 +40,9 @@ class PolygonSet:
     """
     A set of bodies by row number, that can grow, shrink and be replaced in place.
 
-    The packed bodies (see `layout`) lie in one array, their bounds in another. The space of a
-    removed or outgrown body is reused when a body fits it, or won back when the array is next
-    repacked, which keeps it below four times what the bodies need.
+    All lies in one array, see `rows`. The space of a removed or outgrown body is reused when a body
+    fits it, or won back when the array is next rebuilt, which keeps it below four times what the
+    bodies need.
 
     Parameters
     ----------
@@ -57,16 +57,17 @@ class PolygonSet:
     """
 
     def __init__(self, bodies: Iterable[Polygon | ArrayLike] = ()) -> None:
-        self._bounds = np.empty((4, _FEWEST_ROWS))
-        self._spans = np.empty((3, _FEWEST_ROWS), np.int64)
-        self._packed = np.empty(_FEWEST_DOUBLES)
-        self._found = np.empty(_FEWEST_ROWS, np.int64)
         self._used_rows = 0
         self._used_doubles = 0
         self._free: list[int] = []
-        self._share_arrays()
+        self._use(new_array(_FEWEST_ROWS, _FEWEST_DOUBLES))
         for body in bodies:
             self.append(body)
+
+    def _use(self, array: NDArray[np.float64]) -> None:
+        use_rows(array, self._used_rows)
+        self._array = indexable(array)
+        self._rows = Rows(*map(np.asarray, rows_of(self._array)))
 
     def __len__(self) -> int:
         """Return the number of rows with a body."""
@@ -79,9 +80,8 @@ class PolygonSet:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of memory held by the arrays."""
-        return sum(array.nbytes for array in (self._bounds, self._spans, self._packed,
-                                              self._found))
+        """Bytes of memory held."""
+        return self._array.nbytes
 
     def append(self, body: Polygon | ArrayLike) -> int:
         """Add a body and return its row: the one freed last, if any."""
@@ -94,14 +94,10 @@ class PolygonSet:
         if self._free:
             return self._free.pop()
         row = self._used_rows
-        if row == len(self._found):
-            self._bounds = np.concatenate([self._bounds, np.empty_like(self._bounds)], axis=1)
-            self._spans = np.concatenate([self._spans, np.empty_like(self._spans)], axis=1)
-            self._found = np.empty(2 * len(self._found), np.int64)
+        if row == len(self._rows.found):
+            self._rebuild(2 * row, len(self._rows.packed))
         self._used_rows += 1
-        self._spans[:, row] = 0
-        self._bounds[:, row] = _NOWHERE
-        self._share_arrays()
+        use_rows(self._array, self._used_rows)
         return row
 
     def replace(self, row: int, body: Polygon | ArrayLike) -> None:
@@ -130,32 +126,30 @@ class PolygonSet:
         packed, count = body
         while True:
             if margin == 0.0:
-                outcome = write_and_intersect(self._arrays, row, packed, count, others._arrays,
-                                              others._rows_found)
+                outcome = write_and_intersect(self._array, row, packed, count, others._array)
             else:
-                outcome = write_and_measure(self._arrays, row, packed, count, others._arrays,
-                                            margin, others._rows_found)
+                outcome = write_and_measure(self._array, row, packed, count, others._array,
+                                            margin)
             if outcome == NO_ROOM:
                 self._make_room(row, len(packed))
             elif outcome == UNCHANGED:
                 return None
             else:
-                return others._rows_found[:outcome].tolist() if outcome else []
+                return others._rows.found[:outcome].tolist() if outcome else []
 
     def remove(self, row: int) -> None:
         """Take the body of a row out; the row number may be given to a later body."""
-        self._spans[1, row] = 0
-        self._bounds[:, row] = _NOWHERE
+        self._rows.count[row] = 0
         self._free.append(row)
 
     def is_same(self, row: int, body: PackedBody) -> bool:
         """Tell whether the body of a row is this one, in the very same vertices."""
-        return bool(is_same(self._arrays, row, *body))
+        return bool(is_same(self._array, row, *body))
 
     def polygon(self, row: int) -> Polygon:
         """Return the body of a row."""
-        start, count, space = self._spans[:, row].tolist()
-        return Polygon.of_packed(self._packed[start:start + space], count)
+        start = self._rows.start[row]
+        return Polygon.of_packed(self._rows.packed[start:], int(self._rows.count[row]))
 
     def intersecting_rows(self, body: Polygon | ArrayLike) -> NDArray[np.int64]:
         """
@@ -167,8 +161,8 @@ class PolygonSet:
 
         """
         packed, count = as_polygon(body).packed
-        found = intersecting_rows(self._arrays, packed, count, self._rows_found)
-        return self._found[:found].copy() if found else _NO_ROWS
+        found = intersecting_rows(self._array, packed, count)
+        return self._rows.found[:found].copy() if found else _NO_ROWS
 
     def rows_within(self, body: Polygon | ArrayLike, margin: float) -> NDArray[np.int64]:
         """
@@ -180,8 +174,8 @@ class PolygonSet:
         if margin == 0.0:
             return self.intersecting_rows(body)
         packed, count = as_polygon(body).packed
-        found = rows_within(self._arrays, packed, count, margin, self._rows_found)
-        return self._found[:found].copy()
+        found = rows_within(self._array, packed, count, margin)
+        return self._rows.found[:found].copy()
 
     def nearest(self, body: Polygon | ArrayLike, skipped: Iterable[int] = ()
                 ) -> tuple[int, float, Point, Point] | None:
@@ -203,7 +197,7 @@ class PolygonSet:
         """
         packed, count = as_polygon(body).packed
         row, separation, ax, ay, bx, by = nearest_row(
-            self._arrays, packed, count, indexable(np.fromiter(skipped, np.int64)))
+            self._array, packed, count, indexable(np.fromiter(skipped, np.int64)))
         return None if row < 0 else (row, separation, (ax, ay), (bx, by))
 
     def intersects(self, body: Polygon | ArrayLike) -> NDArray[np.bool_]:
@@ -226,39 +220,33 @@ class PolygonSet:
             raise ValueError(f'{self._used_rows} bodies cannot be paired with '
                              f'{other._used_rows}')
         answers = np.empty(self._used_rows, np.int8)
-        decide_rows(self._arrays, other._arrays, answers)
+        decide_rows(self._array, other._array, answers)
         return answers == MEET
-
-    def _share_arrays(self) -> None:
-        """Have ready what the kernels take: the arrays as they are now, see `scan`."""
-        self._arrays = tuple(Rows(indexable(self._bounds), indexable(self._spans),
-                                  indexable(self._packed), self._used_rows))
-        self._rows_found = indexable(self._found)
 
     def _make_room(self, row: int, size: int) -> None:
         """Give a row space for a packed body, at the end of what is used."""
-        self._spans[1, row] = 0
-        if self._used_doubles + size > len(self._packed):
-            self._repack(size)
-        self._spans[0, row] = self._used_doubles
-        self._spans[2, row] = size
+        rows = self._rows
+        rows.count[row] = 0
+        if self._used_doubles + size > len(rows.packed):
+            live = int(rows.space[rows.count != 0].sum())
+            self._rebuild(len(rows.found), max(_FEWEST_DOUBLES, 2 * (live + size)))
+        self._rows.start[row] = self._used_doubles
+        self._rows.space[row] = size
         self._used_doubles += size
 
-    def _repack(self, needed: int) -> None:
-        """Move the bodies in use to the front of a new array with room for as much again."""
-        rows = np.flatnonzero(self._spans[1, :self._used_rows])
-        live = int(self._spans[2, rows].sum())
-        packed = np.empty(max(_FEWEST_DOUBLES, 2 * (live + needed)))
+    def _rebuild(self, room: int, doubles: int) -> None:
+        """Move everything to an array with other room, the bodies in use side by side."""
+        old = self._rows
+        self._use(new_array(room, doubles))
         end = 0
-        for row in rows:
-            start, _, size = self._spans[:, row]
-            packed[end:end + size] = self._packed[start:start + size]
-            self._spans[0, row] = end
+        for row in np.flatnonzero(old.count):
+            start, size = old.start[row], old.space[row]
+            self._rows.packed[end:end + size] = old.packed[start:start + size]
+            for before, column in zip(old[:7], self._rows):
+                column[row] = before[row]
+            self._rows.start[row] = end
             end += size
-        self._spans[2, self._spans[1] == 0] = 0
-        self._packed = packed
         self._used_doubles = end
-        self._share_arrays()
 
 
 _EMPTY = PolygonSet()

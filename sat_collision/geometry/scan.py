@@ -15,50 +15,25 @@
 """
 One body against all rows of a set: which ones it meets, which are within a margin, what is nearest.
 
-The kernels that Python calls take the arrays of a set as a plain tuple, which numba takes three
-times faster than a NamedTuple (0.6 us a call to 1.5), and name what is in it first.
+A set is given as its array, see `rows`, and a body as a packed polygon and its count.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from sat_collision.geometry.distance import measure
 from sat_collision.geometry.intersection import bodies_meet, filtered_verdict
 from sat_collision.geometry.jit import borrowed, COMPILED, kernel
-from sat_collision.geometry.layout import body_size, BOUNDS
+from sat_collision.geometry.layout import body_size
+from sat_collision.geometry.rows import rows_of
 from sat_collision.geometry.separating_axis import MEET, SEPARATE
 
 UNCHANGED = -1
 NO_ROOM = -2
 
 
-class Rows(NamedTuple):
-    """
-    The arrays of a `PolygonSet`.
-
-    Attributes
-    ----------
-    bounds : (4, r) array of float64
-        Bounds of each row: min x, min y, max x, max y.
-    spans : (3, r) array of int64
-        Where the packed body of each row starts, its count (0: no body), and its space.
-    packed : flat array of float64
-        The packed bodies.
-    used : int
-        How many rows are, or were, in use.
-
-    """
-
-    bounds: NDArray[np.float64]
-    spans: NDArray[np.int64]
-    packed: NDArray[np.float64]
-    used: int
-
-
 @kernel
-def write_row(rows, row, body, count):
+def write_row(set_array, row, body, count):
     """
     Write a packed body into a row.
 
@@ -69,45 +44,47 @@ def write_row(rows, row, body, count):
         it, else 0.
 
     """
-    rows = Rows(*rows)
+    rows = rows_of(borrowed(set_array))
     size = body_size(body, 0, count)
-    start = rows.spans[0, row]
-    if size > rows.spans[2, row]:
+    start = rows.start[row]
+    if size > rows.space[row]:
         return NO_ROOM
-    same = rows.spans[1, row] == count
+    same = rows.count[row] == count
     for k in range(size):
         if same and rows.packed[start + k] != body[k]:
             same = False
         rows.packed[start + k] = body[k]
     if same:
         return UNCHANGED
-    rows.spans[1, row] = count
-    for k in range(4):
-        rows.bounds[k, row] = body[BOUNDS.start + k]
+    rows.count[row] = count
+    rows.min_x[row] = body[2]
+    rows.min_y[row] = body[3]
+    rows.max_x[row] = body[4]
+    rows.max_y[row] = body[5]
     return 0
 
 
 @kernel
-def write_and_intersect(rows, row, body, count, others, found):
-    """Write a body as `write_row` does; unless that says otherwise, return its contacts' number."""
-    outcome = write_row(rows, row, body, count)
-    return intersecting_rows(others, body, count, found) if outcome == 0 else outcome
+def write_and_intersect(set_array, row, body, count, others):
+    """Write a body as `write_row` does; if that returns 0, find its `intersecting_rows`."""
+    outcome = write_row(set_array, row, body, count)
+    return intersecting_rows(others, body, count) if outcome == 0 else outcome
 
 
 @kernel
-def write_and_measure(rows, row, body, count, others, margin, found):
-    """Do the same as `write_and_intersect` with all rows within a margin."""
-    outcome = write_row(rows, row, body, count)
-    return rows_within(others, body, count, margin, found) if outcome == 0 else outcome
+def write_and_measure(set_array, row, body, count, others, margin):
+    """Write a body as `write_row` does; if that returns 0, find the `rows_within` a margin."""
+    outcome = write_row(set_array, row, body, count)
+    return rows_within(others, body, count, margin) if outcome == 0 else outcome
 
 
 @kernel
-def is_same(rows, row, body, count):
+def is_same(set_array, row, body, count):
     """Tell whether the body of a row is this one, number by number."""
-    rows = Rows(*rows)
+    rows = rows_of(borrowed(set_array))
     size = body_size(body, 0, count)
-    start = rows.spans[0, row]
-    if rows.spans[1, row] != count or rows.spans[2, row] < size:
+    start = rows.start[row]
+    if rows.count[row] != count or rows.space[row] < size:
         return False
     for k in range(size):
         if rows.packed[start + k] != body[k]:
@@ -116,16 +93,17 @@ def is_same(rows, row, body, count):
 
 
 @kernel
-def intersecting_rows(rows, body, count, found):
+def intersecting_rows(set_array, body, count):
     """Write the rows that share a point with a body into found, ascending; return how many."""
-    rows = Rows(*rows)
-    candidates = _candidates(rows, body, count, found)
+    rows = rows_of(borrowed(set_array))
+    found = rows.found
+    candidates = _candidates(rows, body, count)
     hits = 0
     for k in range(candidates):
         row = found[k]
         if row < 0:
             row = -1 - row
-            if not bodies_meet(rows.packed, rows.spans[0, row], rows.spans[1, row],
+            if not bodies_meet(rows.packed, rows.start[row], rows.count[row],
                                body, 0, count):
                 continue
         found[hits] = row
@@ -134,17 +112,16 @@ def intersecting_rows(rows, body, count, found):
 
 
 @kernel
-def _candidates(rows, body, count, found):
+def _candidates(rows, body, count):
     """Write the rows that meet a body, and -1 - row where that has to be decided exactly."""
-    spans = borrowed(rows.spans)
-    packed = borrowed(rows.packed)
     body = borrowed(body)
-    found = borrowed(found)
-    near = _near_rows(rows.bounds, rows.used, body, found)
+    found = rows.found
+    near = _near_rows(rows, body)
     candidates = 0
     for k in range(near):
         row = found[k]
-        verdict = filtered_verdict(packed, spans[0, row], spans[1, row], body, 0, count)
+        verdict = filtered_verdict(rows.packed, rows.start[row], rows.count[row],
+                                   body, 0, count)
         if verdict != SEPARATE:
             found[candidates] = row if verdict == MEET else -1 - row
             candidates += 1
@@ -153,49 +130,48 @@ def _candidates(rows, body, count, found):
 
 if COMPILED:
     @kernel
-    def _near_rows(bounds, used, body, found):
+    def _near_rows(rows, body):
         """Write the rows whose bounds overlap a body's into found, ascending; return how many."""
-        bounds = borrowed(bounds)
-        found = borrowed(found)
+        found = rows.found
         min_x = body[2]
         min_y = body[3]
         max_x = body[4]
         max_y = body[5]
         near = 0
-        for row in range(used):
+        for row in range(rows.used):
             # No branch, which a processor could not foresee: what is not near is overwritten.
             found[near] = row
-            near += ((bounds[0, row] <= max_x) & (bounds[2, row] >= min_x)
-                     & (bounds[1, row] <= max_y) & (bounds[3, row] >= min_y))
+            near += ((rows.min_x[row] <= max_x) & (rows.max_x[row] >= min_x)
+                     & (rows.min_y[row] <= max_y) & (rows.max_y[row] >= min_y))
         return near
 else:
-    def _near_rows(bounds, used, body, found):
+    def _near_rows(rows, body):
         """Write the rows whose bounds overlap a body's into found, ascending; return how many."""
-        bounds = np.asarray(bounds)[:, :used]
-        rows = np.flatnonzero((bounds[0] <= body[4]) & (bounds[2] >= body[2])
-                              & (bounds[1] <= body[5]) & (bounds[3] >= body[3]))
-        np.asarray(found)[:len(rows)] = rows
-        return len(rows)
+        min_x, min_y, max_x, max_y = (np.asarray(column)[:rows.used] for column in rows[:4])
+        near = np.flatnonzero((min_x <= body[4]) & (max_x >= body[2])
+                              & (min_y <= body[5]) & (max_y >= body[3]))
+        np.asarray(rows.found)[:len(near)] = near
+        return len(near)
 
 
 @kernel
-def rows_within(rows, body, count, margin, found):
+def rows_within(set_array, body, count, margin):
     """Write the rows no further than margin from a body, ascending; return how many there are."""
-    rows = Rows(*rows)
+    rows = rows_of(borrowed(set_array))
     # Boxes are compared with a little more, since their gap is rounded as the separation is.
     reach = margin * (1.0 + 1e-9)
     hits = 0
     for row in range(rows.used):
-        if (rows.spans[1, row] != 0 and _box_gap(rows.bounds, row, body) <= reach
-                and measure(rows.packed, rows.spans[0, row], rows.spans[1, row],
+        if (rows.count[row] != 0 and _box_gap(rows, row, body) <= reach
+                and measure(rows.packed, rows.start[row], rows.count[row],
                             body, 0, count)[0] <= margin):
-            found[hits] = row
+            rows.found[hits] = row
             hits += 1
     return hits
 
 
 @kernel
-def nearest_row(rows, body, count, skipped):
+def nearest_row(set_array, body, count, skipped):
     """
     Find what is nearest to a body, or deepest in it, among the rows that are not skipped.
 
@@ -207,24 +183,24 @@ def nearest_row(rows, body, count, skipped):
         As `distance.measure` has them: points of the row's body, and of the other.
 
     """
-    rows = Rows(*rows)
+    rows = rows_of(borrowed(set_array))
     # The body with the nearest box goes first, so that its separation spares most others.
     best = -1
     gap = math.inf
     for row in range(rows.used):
-        if (rows.spans[1, row] != 0 and _box_gap(rows.bounds, row, body) < gap
+        if (rows.count[row] != 0 and _box_gap(rows, row, body) < gap
                 and not _contains(skipped, row)):
-            gap = _box_gap(rows.bounds, row, body)
+            gap = _box_gap(rows, row, body)
             best = row
     if best < 0:
         return best, gap, 0.0, 0.0, 0.0, 0.0
     first = best
-    found = measure(rows.packed, rows.spans[0, first], rows.spans[1, first], body, 0, count)
+    found = measure(rows.packed, rows.start[first], rows.count[first], body, 0, count)
     for row in range(rows.used):
-        if (row != first and rows.spans[1, row] != 0
-                and _box_gap(rows.bounds, row, body) <= max(found[0], 0.0)
+        if (row != first and rows.count[row] != 0
+                and _box_gap(rows, row, body) <= max(found[0], 0.0)
                 and not _contains(skipped, row)):
-            other = measure(rows.packed, rows.spans[0, row], rows.spans[1, row], body, 0, count)
+            other = measure(rows.packed, rows.start[row], rows.count[row], body, 0, count)
             if other[0] < found[0]:
                 found = other
                 best = row
@@ -240,7 +216,7 @@ def _contains(numbers, number):
 
 
 @kernel
-def _box_gap(bounds, row, body):
+def _box_gap(rows, row, body):
     """Return the distance between the bounding boxes of a row and a body."""
-    return math.hypot(max(max(bounds[0, row] - body[4], body[2] - bounds[2, row]), 0.0),
-                      max(max(bounds[1, row] - body[5], body[3] - bounds[3, row]), 0.0))
+    return math.hypot(max(max(rows.min_x[row] - body[4], body[2] - rows.max_x[row]), 0.0),
+                      max(max(rows.min_y[row] - body[5], body[3] - rows.max_y[row]), 0.0))

@@ -37,36 +37,31 @@ class Body:
         Its row among the placed bodies of its kind, None while it is nowhere.
     contacts : set of Body
         The bodies of the other kind that share a point with it.
+    placed : PolygonSet or None
+        The placed bodies of its kind.
 
     """
 
-    __slots__ = ('row', 'contacts', '_polygons', '_polygon')
+    __slots__ = ('row', 'contacts', 'placed', '_polygon')
 
     def __init__(self) -> None:
         self.row: int | None = None
         self.contacts: set[Body] = set()
-        self._polygons = _NOWHERE
+        self.placed: PolygonSet | None = None
         self._polygon: Polygon | None = None
 
     @property
     def polygon(self) -> Polygon | None:
         """Where the body is, None if nowhere; the same Polygon while it stays there."""
-        if self._polygon is None and self.row is not None:
-            self._polygon = self._polygons.polygon(self.row)
+        if self._polygon is None and self.placed is not None and self.row is not None:
+            self._polygon = self.placed.polygon(self.row)
         return self._polygon
 
-    def move(self, polygons: PolygonSet, row: int) -> None:
-        """Take note that the body is in a row of a set now, or has moved there."""
-        self._polygons = polygons
-        self.row = row
+    def moved(self) -> None:
+        """Take note that it is somewhere else now."""
         self._polygon = None
 
-    def leave(self) -> None:
-        """Take note that the body is nowhere now."""
-        self.row = self._polygon = None
 
-
-_NOWHERE = PolygonSet()
 _Kind = TypeVar('_Kind', bound=Body)
 
 
@@ -99,31 +94,40 @@ class Contacts:
         """Decide everything anew by another margin, if it is another."""
         if margin != self._margin:
             self._margin = margin
-            for footprint in self._footprints.bodies.values():
-                polygon = self._footprints.polygons.polygon(footprint.row)
+            for row, footprint in self._footprints.bodies.items():
+                polygon = self._footprints.polygons.polygon(row)
                 rows = self._obstacles.polygons.rows_within(polygon, margin)
                 if update_contacts(footprint, self._obstacles.of_rows(rows.tolist())):
                     self.changed.add(footprint)
 
-    def place_footprint(self, footprint: Footprint, body: PackedBody) -> None:
-        """Put a footprint where a body is, or move it there."""
-        met = self._footprints.place(footprint, body, self._obstacles.polygons, self._margin)
-        if (met or footprint.contacts) and met is not None:
-            if update_contacts(footprint, self._obstacles.of_rows(met)):
+    def place_footprint(self, footprint: Footprint, where: PackedBody) -> None:
+        """Put a footprint somewhere, or move it there."""
+        row = footprint.row
+        if row is None:
+            row = self._footprints.new_row(footprint)
+        met = self._footprints.polygons.place(row, where, self._obstacles.polygons, self._margin)
+        if met is not None:
+            footprint.moved()
+            if (met or footprint.contacts) and update_contacts(
+                    footprint, self._obstacles.of_rows(met)):
                 self.changed.add(footprint)
 
-    def place_obstacle(self, obstacle: Obstacle, body: PackedBody) -> bool:
-        """Put an obstacle where a body is, or move it there; tell whether it was elsewhere."""
-        met = self._obstacles.place(obstacle, body, self._footprints.polygons, self._margin)
+    def place_obstacle(self, obstacle: Obstacle, where: PackedBody) -> bool:
+        """Put an obstacle somewhere, or move it there; tell whether it was elsewhere."""
+        row = obstacle.row
+        if row is None:
+            row = self._obstacles.new_row(obstacle)
+        met = self._obstacles.polygons.place(row, where, self._footprints.polygons, self._margin)
         if met is None:
             return False
+        obstacle.moved()
         if met or obstacle.contacts:
             self.changed.update(update_contacts(obstacle, self._footprints.of_rows(met)))
         return True
 
-    def is_at(self, obstacle: Obstacle, body: PackedBody) -> bool:
-        """Tell whether an obstacle, which is somewhere, is where a body is already."""
-        return self._obstacles.polygons.is_same(obstacle.row, body)
+    def is_at(self, obstacle: Obstacle, where: PackedBody) -> bool:
+        """Tell whether an obstacle is there already."""
+        return obstacle.row is not None and self._obstacles.polygons.is_same(obstacle.row, where)
 
     def remove_footprint(self, footprint: Footprint) -> None:
         """Take a footprint away, if it is placed."""
@@ -166,17 +170,12 @@ class _Placed(Generic[_Kind]):
         self.polygons = PolygonSet()
         self.bodies: dict[int, _Kind] = {}
 
-    def place(self, body: _Kind, where: PackedBody, others: PolygonSet,
-              margin: float) -> list[int] | None:
-        """Put a body somewhere; return the rows it meets, None if it was there already."""
-        row = body.row
-        if row is None:
-            row = self.polygons.new_row()
-            self.bodies[row] = body
-        met = self.polygons.place(row, where, others, margin)
-        if met is not None:
-            body.move(self.polygons, row)
-        return met
+    def new_row(self, body: _Kind) -> int:
+        """Give a body a row, into which it is to be put at once."""
+        body.placed = self.polygons
+        body.row = self.polygons.new_row()
+        self.bodies[body.row] = body
+        return body.row
 
     def remove(self, body: _Kind) -> bool:
         """Return whether the body was there to be removed."""
@@ -184,7 +183,8 @@ class _Placed(Generic[_Kind]):
             return False
         self.polygons.remove(body.row)
         del self.bodies[body.row]
-        body.leave()
+        body.row = None
+        body.moved()
         return True
 
     def of_rows(self, rows: list[int]) -> list[_Kind]:

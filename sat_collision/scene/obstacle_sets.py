@@ -86,9 +86,10 @@ class ObstacleSets:
 
     def next_place(self, fingerprint: float | None = None) -> int:
         """Return the next place in the set, or `most` if it is full, and who takes it."""
-        place = min(self._taken, self.most)
-        self._taken = place + 1
-        self._used = max(self._used, self._taken)
-        if fingerprint is not None and place < self.most:
+        place = self._taken
+        if place >= self.most:
+            place = self.most
+        elif fingerprint is not None:
             self._seen[fingerprint] = place
+        self._taken = place + 1
         return place

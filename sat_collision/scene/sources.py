@@ -225,7 +225,7 @@ class Source:
         place = self._sets.place_of_equal(fingerprint)
         if place is not None:
             obstacle = self.obstacles.get(place)
-            if obstacle is None or obstacle.row is None or self._contacts.is_at(obstacle, body):
+            if obstacle is None or obstacle.refused or self._contacts.is_at(obstacle, body):
                 return place
         return self._sets.next_place(fingerprint)
 

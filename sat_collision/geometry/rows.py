@@ -1,0 +1,90 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Where what stands in the array of a set of bodies, row by row.
+
+A set is one flat array, because each array that Python hands to a kernel costs 70 ns, a good part
+of what a message does. It begins with the number of rows that there is room for and that are, or
+were, in use. Then follow the table of rows, column by column, and the packed bodies.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from sat_collision.geometry.jit import inlined, integers
+
+_COLUMNS = 8
+_HEAD = 2
+
+
+class Rows(NamedTuple):
+    """
+    The parts of the array of a set: its columns, and the packed bodies.
+
+    Attributes
+    ----------
+    min_x, min_y, max_x, max_y : (r,) array of float64
+        Bounds.
+    start, count, space : (r,) array of int64
+        Where the packed body starts, its count (0: no body), and how many doubles it may take.
+    found : (r,) array of int64
+        Room for the rows that a scan finds.
+    packed : flat array of float64
+        The packed bodies.
+    used : int
+        How many rows are, or were, in use.
+
+    """
+
+    min_x: NDArray[np.float64]
+    min_y: NDArray[np.float64]
+    max_x: NDArray[np.float64]
+    max_y: NDArray[np.float64]
+    start: NDArray[np.int64]
+    count: NDArray[np.int64]
+    space: NDArray[np.int64]
+    found: NDArray[np.int64]
+    packed: NDArray[np.float64]
+    used: int
+
+
+@inlined
+def rows_of(array):
+    """Name the parts of the array of a set."""
+    whole = integers(array)
+    room = int(array[0])
+    a = _HEAD
+    b = a + room
+    c = b + room
+    d = c + room
+    e = d + room
+    f = e + room
+    g = f + room
+    h = g + room
+    return Rows(array[a:b], array[b:c], array[c:d], array[d:e], whole[e:f], whole[f:g],
+                whole[g:h], whole[h:h + room], array[h + room:], int(array[1]))
+
+
+def new_array(rows: int, doubles: int) -> NDArray[np.float64]:
+    """Return the array of an empty set with room for so many rows, and doubles of bodies."""
+    array = np.zeros(_HEAD + _COLUMNS * rows + doubles)
+    array[0] = rows
+    return array
+
+
+def use_rows(array: NDArray[np.float64], used: int) -> None:
+    """Note how many rows are in use."""
+    array[1] = used

@@ -99,6 +99,8 @@ class Monitor:
         self.scene = Scene(settings)
         self.received: Counter[str] = Counter()
         self.rejected: Counter[tuple[str, str]] = Counter()
+        self._with_ids = {source.name for source in settings.obstacles
+                          if source.type == POLYGON_INSTANCE}
         self._packer = _Packer(settings.max_vertices)
 
     def receive(self, name: str, data: bytes, now: int) -> Rejection | None:
@@ -124,41 +126,37 @@ class Monitor:
         settings = scene.settings_of(name)
         if not settings.enabled:
             return None
-        is_obstacle = isinstance(settings, ObstacleSettings)
+        stamp = instance = None
         try:
-            stamp, frame_id, points, instance = decode(
-                data, is_obstacle and settings.type == POLYGON_INSTANCE)
+            stamp, frame_id, points, instance = decode(data, name in self._with_ids)
+            if not frame_id:
+                return self._refuse(settings, EMPTY_FRAME_ID, 'its header names no frame', now,
+                                    stamp, instance)
+            if isinstance(settings, FootprintSettings):
+                refusal = scene.footprint(name, self._packer.pack(points), frame_id, stamp, now)
+            else:
+                body = self._packer.pack(points) if points[2] else None
+                refusal = scene.obstacle(name, body, frame_id, stamp, now, instance)
         except MessageError as error:
-            return self._refuse(settings, UNDECODABLE, error, now)
-        if not frame_id:
-            return self._refuse(settings, EMPTY_FRAME_ID, 'its header names no frame', now, stamp,
-                                instance)
-        body = None
-        if points[2] or not is_obstacle:
-            try:
-                body = self._packer.pack(points)
-            except PolygonError as error:
-                return self._refuse(settings, error.reason.value, error, now, stamp, instance)
-        if is_obstacle:
-            refusal = scene.obstacle(name, body, frame_id, stamp, now, instance)
-        else:
-            refusal = scene.footprint(name, body, frame_id, stamp, now)
+            return self._refuse(settings, UNDECODABLE, str(error), now)
+        except PolygonError as error:
+            return self._refuse(settings, error.reason.value, str(error), now, stamp, instance)
         if refusal is None:
             return None
         if refusal == OTHER_FRAME:
             detail = f"it is in '{frame_id}', all else in '{scene.frame_id}'"
-        elif refusal == TOO_MANY:
-            detail = f'there are {settings.max_count} already'
-        else:
+        elif refusal == TOO_OLD:
             detail = (f'its stamp is {(now - stamp) / 1e9:.3f} s old, past the timeout of '
                       f'{settings.timeout:g} s')
+        else:
+            detail = 'the source holds max_count obstacles already'
         return self._reject(settings, refusal, detail)
 
-    def _refuse(self, settings: FootprintSettings | ObstacleSettings, reason: str,
-                detail: object, *when_and_which: int | None) -> Rejection:
+    def _refuse(self, settings: FootprintSettings | ObstacleSettings, reason: str, detail: str,
+                now: int, stamp: int | None = None, instance: int | None = None) -> Rejection:
         """Tell the scene, and the caller, of a message that gives no polygon."""
-        self.scene.refuse(settings.name, reason, *when_and_which)
-        return self._reject(settings, reason, str(detail))
+        self.scene.refuse(settings.name, reason, now, stamp, instance)
+        return self._reject(settings, reason, detail)
 
     def _reject(self, settings: FootprintSettings | ObstacleSettings, reason: str,
                 detail: str) -> Rejection:

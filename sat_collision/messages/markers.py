@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import chain
 from operator import itemgetter
 from typing import Any, NamedTuple, TypeAlias
 
@@ -100,8 +101,8 @@ class Markers:
         self._markers[0].header.frame_id = scene.frame_id
         footprints = dict(scene.footprints)
         obstacles = dict(scene.obstacles)
-        bodies: dict[_Body, Polygon] = {**footprints, **obstacles}
-        self._shapes = {body: self._shape(body, polygon) for body, polygon in bodies.items()}
+        bodies = chain[tuple[_Body, Polygon]](footprints.items(), obstacles.items())
+        self._shapes = {body: self._shape(body, polygon) for body, polygon in bodies}
         states = {name: scene.state(name) for name in footprints}
         contacts = [(name, obstacle) for name, state in states.items()
                     for obstacle in state.contacts if obstacle in obstacles]

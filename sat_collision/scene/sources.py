@@ -107,8 +107,9 @@ class Source:
         if not settings.enabled:
             self._clear()
         self._silent = self.deadline < now
-        for thing in (self, *self.obstacles.values()):
-            self._deadlines.watch(thing)
+        self._deadlines.watch(self)
+        for obstacle in self.obstacles.values():
+            self._deadlines.watch(obstacle)
         self._find_faults()
 
     @property
@@ -145,7 +146,7 @@ class Source:
             key = self._place_of(body)
             full = key >= self.settings.max_count
         else:
-            key = self._admit(instance if self._by_id else _shape(body))
+            key = self._admit(_shape(body) if instance is None else instance)
             full = key == _EXCESS
         if full:
             self._refuse(key, time, TOO_MANY)
@@ -236,7 +237,7 @@ class Source:
         return key if key in obstacles or len(obstacles) < room else _EXCESS
 
     def _new_obstacle(self, key: Key, time: int) -> Obstacle:
-        number = key
+        number = key if isinstance(key, int) else 0
         if isinstance(key, bytes):
             self._shapes_seen += 1
             number = -self._shapes_seen

@@ -62,7 +62,8 @@ def test_messages_become_contacts():
     assert monitor.receive('lidar', serialised(box(1)), NOW) is None
     assert monitor.receive('tracks', serialised(box(-0.5), instance=-7), NOW) is None
     assert status(monitor) == 'collision'
-    assert monitor.scene.state('robot').contacts == (ObstacleId('lidar', 1), ObstacleId('tracks', -7))
+    assert monitor.scene.state('robot').contacts == (
+        ObstacleId('lidar', 1), ObstacleId('tracks', -7))
     assert monitor.received == {'robot': 1, 'lidar': 2, 'tracks': 2}
     assert not monitor.rejected
 

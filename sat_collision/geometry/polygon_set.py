@@ -40,9 +40,9 @@ class PolygonSet:
     """
     A set of bodies by row number, that can grow, shrink and be replaced in place.
 
-    All lies in one array, see `rows`. The space of a removed or outgrown body is reused when a body
-    fits it, or won back when the array is next rebuilt, which keeps it below four times what the
-    bodies need.
+    All lies in one array, see `rows`. The space of a removed or outgrown body is reused when a
+    body fits it, or won back when the array is next rebuilt, which keeps it below four times what
+    the bodies need.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-One body against all rows of a set: which ones it meets, which are within a margin, what is nearest.
+One body against all rows of a set: which it meets, which are within a margin, what is nearest.
 
 A set is given as its array, see `rows`, and a body as a packed polygon and its count.
 """

@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Generic, TYPE_CHECKING, TypeVar
+from typing import Any, Generic, TYPE_CHECKING, TypeVar
 
 from sat_collision.geometry.polygon import PackedBody, Polygon
 from sat_collision.geometry.polygon_set import Point, PolygonSet
@@ -27,7 +27,11 @@ if TYPE_CHECKING:
     from sat_collision.scene.obstacles import Obstacle
 
 
-class Body:
+_Kind = TypeVar('_Kind', bound='Body[Any]')
+_Other = TypeVar('_Other', bound='Body[Any]')
+
+
+class Body(Generic[_Other]):
     """
     What can be placed: a footprint or an obstacle.
 
@@ -46,7 +50,7 @@ class Body:
 
     def __init__(self) -> None:
         self.row: int | None = None
-        self.contacts: set[Body] = set()
+        self.contacts: set[_Other] = set()
         self.placed: PolygonSet | None = None
         self._polygon: Polygon | None = None
 
@@ -60,9 +64,6 @@ class Body:
     def moved(self) -> None:
         """Take note that it is somewhere else now."""
         self._polygon = None
-
-
-_Kind = TypeVar('_Kind', bound=Body)
 
 
 class Contacts:
@@ -139,7 +140,7 @@ class Contacts:
         if self._obstacles.remove(obstacle):
             self.changed.update(update_contacts(obstacle, ()))
 
-    def nearest(self, footprint: Footprint, skipped: Iterable[Body] = ()
+    def nearest(self, footprint: Footprint, skipped: Iterable[Obstacle] = ()
                 ) -> tuple[Obstacle, float, Point, Point] | None:
         """
         Return what is nearest to a footprint, None if there is nothing to be so.
@@ -191,10 +192,10 @@ class _Placed(Generic[_Kind]):
         return [self.bodies[row] for row in rows]
 
 
-def update_contacts(body: Body, others: Iterable[_Kind]) -> set[_Kind]:
+def update_contacts(body: Body[_Other], others: Iterable[_Other]) -> set[_Other]:
     """Let a body meet these others and no more; return those for which this is a change."""
     gained_or_lost = body.contacts.symmetric_difference(others)
     for other in gained_or_lost:
         other.contacts.symmetric_difference_update((body,))
     body.contacts ^= gained_or_lost
-    return gained_or_lost  # type: ignore[return-value]  # bodies of the other kind only
+    return gained_or_lost

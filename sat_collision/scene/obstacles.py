@@ -22,6 +22,7 @@ from sat_collision.scene.contacts import Body
 from sat_collision.scene.deadlines import NEVER
 
 if TYPE_CHECKING:
+    from sat_collision.scene.footprints import Footprint  # noqa: F401, in quotes
     from sat_collision.scene.sources import Key, Source
 
 
@@ -46,7 +47,7 @@ class ObstacleId(NamedTuple):
         return f'{self.source}/{self.key}'
 
 
-class Obstacle(Body):
+class Obstacle(Body['Footprint']):
     """
     An obstacle of a source; or, if `refused` says why, the place of one that was refused.
 

@@ -16,13 +16,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from itertools import chain
-from typing import TypeVar
 
 from sat_collision.geometry.polygon import PackedBody, Polygon
 from sat_collision.geometry.polygon_set import Point
-from sat_collision.scene.contacts import Body, Contacts
+from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.deadlines import Deadlines
 from sat_collision.scene.evaluations import Evaluations
 from sat_collision.scene.footprints import Evaluation, Footprint, State, Status
@@ -34,7 +32,6 @@ _DISABLED = 'checking is disabled'
 _NO_CLOCK = 'no clock yet: the time reads 0, as with use_sim_time before the first /clock'
 _NO_SOURCE = 'no obstacle source is enabled'
 _UNHEARD = 'has not been heard yet'
-_Key = TypeVar('_Key')
 
 
 class Scene:
@@ -161,17 +158,12 @@ class Scene:
     def obstacle(self, name: str, body: PackedBody | None, frame_id: str, stamp: int, now: int,
                  instance: int | None = None) -> str | None:
         """
-        Take a message of an obstacle source.
+        Take a message of a source of obstacles; as `footprint`, but for what follows.
 
         Parameters
         ----------
-        name : str
-            Name of the source.
         body : PackedBody or None
             None for a heartbeat: the publisher lives, and saw nothing.
-        frame_id : str
-        stamp, now : int
-            Header stamp and present time in ns.
         instance : int, optional
             The obstacle's id, of a source that gives ids.
 
@@ -201,18 +193,14 @@ class Scene:
     def refuse(self, name: str, reason: str, now: int, stamp: int | None = None,
                instance: int | None = None) -> None:
         """
-        Take note of a message that gave no polygon.
+        Take note of a message of a footprint or source that gave no polygon.
 
         Parameters
         ----------
-        name : str
-            Name of the footprint or source.
         reason : str
             What is wrong with it, without figures.
-        now : int
-            Present time in ns.
         stamp, instance : int, optional
-            As for `obstacle`; None where they could not be read.
+            None where they could not be read.
 
         """
         self.advance(now)
@@ -267,37 +255,29 @@ class Scene:
     @property
     def footprints(self) -> list[tuple[str, Polygon]]:
         """The (name, Polygon) of every footprint that is somewhere, be it stale."""
-        return list(_placed(self._footprints))
+        return [(name, polygon) for name, footprint in self._footprints.items()
+                if (polygon := footprint.polygon) is not None]
 
     @property
     def obstacles(self) -> list[tuple[ObstacleId, Polygon]]:
         """The (ObstacleId, Polygon) of every obstacle that is somewhere."""
-        return list(_placed({body.name: body for source in self._sources.values()
-                             for body in source.obstacles.values()}))
+        return [(obstacle.name, polygon) for source in self._sources.values()
+                for obstacle in source.obstacles.values()
+                if (polygon := obstacle.polygon) is not None]
 
     def contacts(self, name: str) -> list[tuple[ObstacleId, Polygon, Polygon]]:
         """Return (ObstacleId, Polygon of the footprint, Polygon) of all that a footprint meets."""
         footprint = self._footprints[name]
-        met = {body.name: body for body in footprint.contacts}  # type: ignore[attr-defined]
-        return [(obstacle, footprint.polygon, polygon)  # type: ignore[misc]  # it is somewhere
-                for obstacle, polygon in _placed(met)]
+        return [(obstacle.name, own, other) for obstacle in footprint.contacts
+                if (own := footprint.polygon) and (other := obstacle.polygon)]
 
     def nearest(self, name: str, apart: bool = False
                 ) -> tuple[ObstacleId, float, Point, Point] | None:
         """
         Return what is nearest to a footprint, None if one of the two is nowhere.
 
-        Parameters
-        ----------
-        name : str
-        apart : bool, optional
-            Leave out the obstacles in contact.
-
-        Returns
-        -------
-        ObstacleId, float, (x, y), (x, y)
-            The obstacle, its separation and the closest points, as `PolygonSet.nearest` has them.
-
+        It is an obstacle, its separation and the closest points, as `PolygonSet.nearest` has
+        them; with `apart` the obstacles in contact are left out.
         """
         footprint = self._footprints[name]
         found = self._contacts.nearest(footprint, footprint.contacts if apart else ())
@@ -322,11 +302,3 @@ class Scene:
 
     def _evaluate(self) -> None:
         self._evaluations.evaluate(self._now, self._release_delay)
-
-
-def _placed(bodies: Mapping[_Key, Body]) -> Iterator[tuple[_Key, Polygon]]:
-    """Yield the key and Polygon of each body that is somewhere."""
-    for key, body in bodies.items():
-        polygon = body.polygon
-        if polygon is not None:
-            yield key, polygon

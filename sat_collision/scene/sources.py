@@ -146,7 +146,8 @@ class Source:
             key = self._place_of(body)
             full = key >= self.settings.max_count
         else:
-            key = self._admit(_shape(body) if instance is None else instance)
+            key = _shape(body) if instance is None or not self._by_id else instance
+            key = self._admit(key)
             full = key == _EXCESS
         if full:
             self._refuse(key, time, TOO_MANY)

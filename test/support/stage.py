@@ -65,7 +65,8 @@ class Stage:
         return self.scene.footprint(name, square(x).packed, frame, self.stamp(stamp), self.now)
 
     def see(self, x, stamp=None, frame='map', name='lidar', instance=None):
-        return self.scene.obstacle(name, square(x).packed, frame, self.stamp(stamp), self.now, instance)
+        return self.scene.obstacle(name, square(x).packed, frame, self.stamp(stamp), self.now,
+                                   instance)
 
     def burst(self, *places, stamp=None, name='lidar'):
         """Let a source send several obstacles with one stamp."""

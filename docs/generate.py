@@ -84,17 +84,21 @@ def imports():
     -------
     dict
         Sets of full names by the module's own, such as 'sat_collision.scene.scene'. Of `from a
-        import b` there is a.b, be b a module or not.
+        import b` there is a.b, be b a module or not. What only type checkers import is not there.
 
     """
     found = {}
     for path in sorted([*ROOT.glob('sat_collision/**/*.py'), *ROOT.glob('benchmarks/**/*.py')]):
         names = set()
-        for node in ast.walk(ast.parse(path.read_text())):
+        left = [ast.parse(path.read_text())]
+        while left:
+            node = left.pop()
             if isinstance(node, ast.Import):
                 names.update(alias.name for alias in node.names)
             elif isinstance(node, ast.ImportFrom):
                 names.update(f'{node.module}.{alias.name}' for alias in node.names)
+            elif not (isinstance(node, ast.If) and ast.unparse(node.test) == 'TYPE_CHECKING'):
+                left += ast.iter_child_nodes(node)
         module = '.'.join(path.relative_to(ROOT).with_suffix('').parts)
         found[module.removesuffix('.__init__')] = names
     return found
@@ -147,12 +151,12 @@ def documents():
 def _with_block(name, block):
     """Return a document with the block between its marks replaced."""
     text = (ROOT / name).read_text()
-    begin, end = '<!-- written by docs/generate.py -->\n', '\n<!-- until here -->'
+    begin, end = '<!-- written by docs/generate.py -->\n', '<!-- until here -->\n'
     head, begun, rest = text.partition(begin)
     _, ended, tail = rest.partition(end)
     if not (begun and ended):
         raise ValueError(f'{name}: {begin.strip()} and {end.strip()} must enclose what is written')
-    return head + begin + block + end + tail
+    return f'{head}{begin}{block}\n{end}{tail}'
 
 
 def _allowed(spec, form):

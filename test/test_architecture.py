@@ -122,3 +122,18 @@ def test_file_is_read_in_one_sitting(path):
 def test_documents_say_what_the_code_says(path):
     """The parameters, their defaults and the picture of the imports; else run `make docs`."""
     assert (ROOT / path).read_text() == documents()[ROOT / path]
+
+
+def test_example_of_the_readme_gives_what_it_says():
+    """Every expression in the Python block has the value in the comment behind it."""
+    _, block = (ROOT / 'README.md').read_text().split('```python\n')
+    known = {}
+    checked = 0
+    for line in block.partition('```')[0].splitlines():
+        code, _, comment = map(str.strip, line.partition('  # '))
+        if comment:
+            assert comment.startswith(repr(eval(code, known))), line
+            checked += 1
+        else:
+            exec(code, known)
+    assert checked == 3

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 from itertools import product
@@ -34,6 +34,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.serialization import serialize_message
 from sat_collision.geometry.jit import COMPILED, KERNEL
 from sat_collision.geometry.query import closest_points
+from sat_collision.messages.markers import Markers
 from sat_collision.messages.outputs import Outputs
 from sat_collision.monitor import Monitor, Rejection
 from sat_collision.node import executors
@@ -151,9 +152,11 @@ class FootprintMonitor(Node):
         notched = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (1.0, 0.5), (0.0, 2.0)]
         for second, margin in enumerate((0.0, 0.0, 0.5), 1):
             monitor.scene.update(replace(settings, margin=margin))
-            for name, outline in product(('footprint', 'obstacle'), (square, notched)):
+            # The polygon that comes twice is found to be the same.
+            for name, outline in product(('footprint', 'obstacle'), (square, notched, notched)):
                 monitor.receive(name, _serialised(outline, second), second * 10**9)
             monitor.scene.nearest('footprint')
+        Markers().message(monitor.scene)
         closest_points(square, notched)
         self.get_logger().info(f'kernels ({KERNEL}) ready after {time.monotonic() - start:.1f} s')
 
@@ -188,10 +191,9 @@ class FootprintMonitor(Node):
     def _choose_clock(self, jump: TimeJump | None = None) -> None:
         """Have `_now` ask the system itself unless time is simulated: each message does."""
         clock = self.get_clock()
+        self._now: Callable[[], int] = time.time_ns
         if clock.ros_time_is_active:
-            self._now = lambda: clock.now().nanoseconds
-        else:
-            self._now = time.time_ns
+            self._now = lambda: int(clock.now().nanoseconds)
 
     def _receive(self, name: str, data: bytes) -> None:
         start = time.perf_counter()

@@ -94,7 +94,7 @@ class ObstacleSettings:
 
     name: str
     topic: str = field(metadata=_setting(
-        'topic of the obstacles, one polygon a message; where none is given, the name, but '
+        'topic of the obstacles, one polygon per message; where none is given, the name, but '
         'obstacles for the source that there is by default'))
     type: str = field(default=POLYGON, metadata=_setting(  # noqa: A003, the parameter's name
         'polygon is geometry_msgs/PolygonStamped, whose stamps make sets; polygon_instance is '

@@ -42,7 +42,7 @@ def test_late_subscriber_gets_the_whole_scene(start):
     monitor.until(lambda: len(heard) > 2, 'markers')
     first, *others = heard
     assert first.markers[0].action == Marker.DELETEALL
-    assert {'footprint/fill', 'obstacles/outline', 'contacts/names'} <= spaces(first)
+    assert {'footprint/fill', 'obstacle/outline', 'contacts/names'} <= spaces(first)
     assert all(spaces(other) == spaces(first) for other in others)
 
 
@@ -58,7 +58,7 @@ def test_markers_follow_the_scene_and_nothing_stale_stays(start):
     monitor.until(lambda: 'nearest/axis' in spaces(heard[-1]))
     assert 'contacts/pairs' not in spaces(heard[-1])
     monitor.send('obstacles', box(7, 7))
-    monitor.until(lambda: any(marker.ns == 'obstacles/outline' and marker.points[0].x >= 7
+    monitor.until(lambda: any(marker.ns == 'obstacle/outline' and marker.points[0].x >= 7
                               for marker in heard[-1].markers), 'the obstacle where it is')
     assert monitor.set_parameters(obstacle__enabled=False) == [None]
     monitor.until(lambda: spaces(heard[-1]) == {'footprint/fill', 'footprint/outline'})

@@ -71,8 +71,8 @@ def launch(domain, executor, monkeypatch):
     def launch(*arguments, **options):
         started.append(subprocess.Popen(
             [sys.executable, '-m', 'sat_collision.node', '--ros-args', '-p',
-             f'executor:={executor}', *arguments], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-            **options))
+             f'executor:={executor}', *arguments],
+            cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options))
         return started[-1]
 
     yield launch

@@ -33,8 +33,8 @@ from rclpy.qos import qos_policy_name_from_kind, QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.serialization import serialize_message
 from sat_collision.geometry.jit import COMPILED, KERNEL
+from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.query import closest_points
-from sat_collision.messages.markers import Markers
 from sat_collision.messages.outputs import Outputs
 from sat_collision.monitor import Monitor, Rejection
 from sat_collision.node import executors
@@ -156,8 +156,8 @@ class FootprintMonitor(Node):
             for name, outline in product(('footprint', 'obstacle'), (square, notched, notched)):
                 monitor.receive(name, _serialised(outline, second), second * 10**9)
             monitor.scene.nearest('footprint')
-        Markers().message(monitor.scene)
-        closest_points(square, notched)
+        for part in Polygon(notched).parts:
+            closest_points(square, part)
         self.get_logger().info(f'kernels ({KERNEL}) ready after {time.monotonic() - start:.1f} s')
 
     def _subscribe(self, source: FootprintSettings | ObstacleSettings, kind: type,

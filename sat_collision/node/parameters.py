@@ -68,7 +68,7 @@ class Parameters:
         except ParameterException as error:
             raise ParameterError(error) from error
         if value is None:
-            raise ParameterError(f"parameter '{name}' is given without a value: give it one")
+            raise ParameterError(f"parameter '{name}' has no value")
         return value
 
     def _validate(self, parameters: list[Parameter]) -> SetParametersResult:

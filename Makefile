@@ -2,15 +2,18 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test bench report accuracy clean
+.PHONY: demo test docs bench report accuracy clean
 
 demo: $(VENV)/demo.stamp
 	$(BIN)/python -m sat_collision.demo
 
-# numba's cache misses changes in a kernel's callees, so the tests compile afresh.
 test: $(VENV)/test.stamp
-	rm -rf sat_collision/__pycache__
+	$(BIN)/python -m mypy
 	$(BIN)/python -m pytest
+
+# What README, config and docs/ARCHITECTURE.md take from the code.
+docs: $(VENV)/demo.stamp
+	$(BIN)/python docs/generate.py
 
 # What everything costs, measured and written to docs/benchmarks in less than eight minutes.
 bench: $(VENV)/bench.stamp

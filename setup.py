@@ -24,10 +24,13 @@ extras = {
         'flake8-docstrings',
         'flake8-import-order',
         'flake8-quotes',
+        'hypothesis',
+        'mypy',
         'pytest',
         'pyyaml',
         'rosbags',
         'shapely>=2',
+        'types-PyYAML',
     ],
 }
 
@@ -35,6 +38,7 @@ setup(
     name=package_name,
     version='0.1.0',
     packages=find_packages(exclude=['test']),
+    package_data={package_name: ['py.typed']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
@@ -44,15 +48,15 @@ setup(
     python_requires='>=3.10',
     install_requires=['setuptools', 'numpy'],
     extras_require=extras,
-    zip_safe=True,
+    zip_safe=False,
     maintainer='The sat_collision Authors',
     maintainer_email='maintainers@users.noreply.github.com',
     description='Exact collision checks between robot footprints and obstacles for ROS 2',
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'collision_monitor = sat_collision.node.footprint_monitor:main',
-            'demo = sat_collision.demo.__main__:main',
+            'footprint_monitor = sat_collision.node.__main__:main',
+            'sat_collision_demo = sat_collision.demo.__main__:main',
             'replay_check = sat_collision.replay.command:main',
         ],
     },

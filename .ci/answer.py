@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Start an installed collision_monitor, publish a touching pair, and await the raised flag."""
+"""Start an installed footprint_monitor, publish a touching pair, and await the raised flag."""
 
 import os
 import subprocess
@@ -40,7 +40,7 @@ def main():
     rclpy.init()
     node = rclpy.create_node('pair')
     flags = []
-    node.create_subscription(Bool, '/collision_monitor/collision',
+    node.create_subscription(Bool, '/footprint_monitor/collision',
                              lambda flag: flags.append(flag.data), 10)
     topics = {name: node.create_publisher(PolygonStamped, name, 10)
               for name in ('footprint', 'obstacles')}

@@ -19,7 +19,7 @@ import time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import rclpy
 
-_KEY = 'obstacles: received'
+_KEY = 'obstacle: received'
 _PATIENCE = 30.0
 
 

@@ -38,7 +38,7 @@ class Floor(Node):
     """Answers a footprint by the sign of its first x, with as many flags as the monitor has."""
 
     def __init__(self):
-        super().__init__('collision_monitor')
+        super().__init__('footprint_monitor')
         self._flags = [serialize_message(Bool(data=raised)) for raised in (False, True)]
         self._flag = self._flags[0]
         self._received = 0

@@ -34,7 +34,7 @@ class Rival(Node):
     """Checks footprints against obstacles."""
 
     def __init__(self):
-        super().__init__('collision_monitor')
+        super().__init__('footprint_monitor')
         self._publisher = self.create_publisher(Bool, '~/collision', 10)
         self._footprint = None
         self._before = []

@@ -39,7 +39,7 @@ def measure(repeats):
 def _first_flag(kind, **environment):
     node = rclpy.create_node('listener')
     flags = []
-    node.create_subscription(Bool, '/collision_monitor/collision', flags.append, 10)
+    node.create_subscription(Bool, '/footprint_monitor/collision', flags.append, 10)
     start = time.monotonic()
     with running(kind, **environment):
         while not flags and time.monotonic() < start + _PATIENCE:

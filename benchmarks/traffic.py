@@ -91,7 +91,7 @@ class Traffic:
         self._obstacle = self._node.create_publisher(
             PolygonStamped, 'obstacles', QoSProfile(depth=1000))
         self._flags = self._node.create_subscription(
-            Bool, '/collision_monitor/collision', lambda flag: None, 100)
+            Bool, '/footprint_monitor/collision', lambda flag: None, 100)
 
     def close(self):
         self._node.destroy_node()

@@ -57,7 +57,7 @@ def warning():
     square = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) + [reached, 0]
     scene.footprint('footprint', Polygon(square), 'map', NOW, NOW)
     scene.obstacle('obstacles', None, 'map', NOW, NOW)
-    states = States('collision_monitor', settings)
+    states = States('footprint_monitor', settings)
     states.write('footprint', scene.state('footprint'), scene.coordinate_step('footprint'))
     status, = states.message(None).status
     return {'resolution': settings.resolution, 'from': reached, 'level': ord(status.level),

@@ -14,45 +14,48 @@
 
 """Which rclpy executor a node runs in, and how it runs there until a signal ends it."""
 
-import signal
+from __future__ import annotations
 
-from rclpy.executors import SingleThreadedExecutor
+import signal
+from types import FrameType
+
+from rclpy.context import Context
+from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.task import Future
+from sat_collision.scene.settings import EVENTS, SINGLE_THREADED
 
 try:
     from rclpy.experimental import EventsExecutor
 except ImportError:
     EventsExecutor = None
 
-EVENTS = 'events'
-SINGLE_THREADED = 'single_threaded'
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _LONGEST_WAIT = 0.2
 
 
-def available(kind):
+def available(kind: str) -> str:
     """Return the kind of executor named, or the one to take where this rclpy does not have it."""
     return SINGLE_THREADED if kind == EVENTS and EventsExecutor is None else kind
 
 
-def create(kind, context):
+def create(kind: str, context: Context) -> Executor:
     """Return an executor of an available kind."""
     return (EventsExecutor if kind == EVENTS else SingleThreadedExecutor)(context=context)
 
 
-def interrupt_on_signals():
+def interrupt_on_signals() -> None:
     """Have SIGINT and SIGTERM raise KeyboardInterrupt: a long start-up can be broken off."""
     for number in _SIGNALS:
         signal.signal(number, signal.default_int_handler)
 
 
-def ignore_signals():
+def ignore_signals() -> None:
     """Let nothing more disturb the end of the process."""
     for number in _SIGNALS:
         signal.signal(number, signal.SIG_IGN)
 
 
-def spin_until_signal(executor):
+def spin_until_signal(executor: Executor) -> None:
     """
     Run an executor until SIGINT or SIGTERM, which interrupts nothing; further ones are ignored.
 
@@ -60,9 +63,9 @@ def spin_until_signal(executor):
     what never comes costs less a message than `spin_once`, which ends with each. A signal is seen
     when Python code next runs, so at the latest at the end of a wait.
     """
-    signals = []
+    signals: list[int] = []
 
-    def take(number, frame):
+    def take(number: int, frame: FrameType | None) -> None:
         ignore_signals()
         signals.append(number)
 

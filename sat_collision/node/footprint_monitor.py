@@ -14,33 +14,37 @@
 
 """The node: topics and parameters around a Monitor."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
-import gc
 from itertools import product
-import sys
 import time
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Point32, PolygonInstanceStamped, PolygonStamped
-import rclpy
-from rclpy.clock import Clock, ClockType, JumpThreshold
-from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.logging import get_logger
+from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
+from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
+from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.serialization import serialize_message
-from rclpy.signals import SignalHandlerOptions
 from sat_collision.geometry.jit import COMPILED, KERNEL
+from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.query import closest_points
 from sat_collision.messages.outputs import Outputs
-from sat_collision.messages.states import Health
-from sat_collision.monitor import Monitor
+from sat_collision.monitor import Monitor, Rejection
 from sat_collision.node import executors
-from sat_collision.node.parameters import ParameterError, Parameters
+from sat_collision.node.health import Health
+from sat_collision.node.parameters import Parameters
+from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
+
+NAME = 'footprint_monitor'
 
 # The longest that anything due by time alone waits. Each tick wakes the process, which costs far
 # more than what it does.
@@ -53,22 +57,23 @@ _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIAB
                 QoSPolicyKind.DURABILITY)
 
 
-def _serialised(outline, second):
+def _serialised(outline: Iterable[tuple[float, float]], second: int) -> bytes:
     message = PolygonStamped()
     message.header.stamp.sec = second
     message.header.frame_id = 'map'
-    message.polygon.points = [Point32(x=float(x), y=float(y)) for x, y in outline]
-    return serialize_message(message)
+    message.polygon.points = [Point32(x=x, y=y) for x, y in outline]
+    data: bytes = serialize_message(message)
+    return data
 
 
 class _Every:
     """Tells when something that recurs is due, by a clock in seconds."""
 
-    def __init__(self, period):
+    def __init__(self, period: float) -> None:
         self._period = period
         self._next = 0.0
 
-    def due(self, now):
+    def due(self, now: float) -> bool:
         """Tell whether it is due; if so, the next time is a period later."""
         if now < self._next:
             return False
@@ -78,7 +83,7 @@ class _Every:
         return True
 
 
-class CollisionMonitor(Node):
+class FootprintMonitor(Node):
     """
     Publishes whether footprints collide with obstacles.
 
@@ -97,14 +102,14 @@ class CollisionMonitor(Node):
 
     """
 
-    def __init__(self, **options):
-        super().__init__('collision_monitor', **options)
+    def __init__(self, **options: Any) -> None:
+        super().__init__(NAME, **options)
         parameters = Parameters(self)
         settings = parameters.settings
-        self._executor_kind = executors.available(parameters.executor)
-        if self._executor_kind != parameters.executor:
-            self.get_logger().warning(f'this rclpy has no {parameters.executor} executor: '
-                                      f'running in the {self._executor_kind} one')
+        self._executor_kind = executors.available(settings.executor)
+        if self._executor_kind != settings.executor:
+            self.get_logger().warning(f'this rclpy has no {settings.executor} executor: '
+                                      f'using the {self._executor_kind} one instead')
         self._warm_up()
         self._choose_clock()
         self._clock_changes = self.get_clock().create_jump_callback(
@@ -116,7 +121,7 @@ class CollisionMonitor(Node):
         self._health = Health(self.get_name(), self.get_fully_qualified_name(),
                               {'kernel': KERNEL, 'executor': self._executor_kind})
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self._logged = {}
+        self._logged: dict[tuple[str, str], float] = {}
         for footprint in settings.footprints:
             self._subscribe(footprint, PolygonStamped, _FOOTPRINT_DEPTH)
         for source in settings.obstacles:
@@ -128,32 +133,35 @@ class CollisionMonitor(Node):
         self._set_rates(settings)
         parameters.on_change(self._configure)
 
-    def create_executor(self):
+    def create_executor(self) -> Executor:
         """Return an executor of the kind that the parameters name, with this node in it."""
         executor = executors.create(self._executor_kind, self.context)
         executor.add_node(self)
         return executor
 
-    def _warm_up(self):
+    def _warm_up(self) -> None:
         """Run every kernel once, so that no message waits for a compilation."""
         if COMPILED:
             self.get_logger().info(f'preparing kernels ({KERNEL}); '
                                    'the first start after an installation compiles them')
         start = time.monotonic()
         settings = Settings((FootprintSettings('footprint', ''),),
-                            (ObstacleSettings('obstacles', ''),))
+                            (ObstacleSettings('obstacle', ''),))
         monitor = Monitor(settings)
-        square = [(0, 0), (1, 0), (1, 1), (0, 1)]
-        notched = [(0, 0), (2, 0), (2, 2), (1, 0.5), (0, 2)]
+        square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+        notched = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (1.0, 0.5), (0.0, 2.0)]
         for second, margin in enumerate((0.0, 0.0, 0.5), 1):
             monitor.scene.update(replace(settings, margin=margin))
-            for name, outline in product(('footprint', 'obstacles'), (square, notched)):
+            # The polygon that comes twice is found to be the same.
+            for name, outline in product(('footprint', 'obstacle'), (square, notched, notched)):
                 monitor.receive(name, _serialised(outline, second), second * 10**9)
             monitor.scene.nearest('footprint')
-        closest_points(square, notched)
+        for part in Polygon(notched).parts:
+            closest_points(square, part)
         self.get_logger().info(f'kernels ({KERNEL}) ready after {time.monotonic() - start:.1f} s')
 
-    def _subscribe(self, source, kind, depth):
+    def _subscribe(self, source: FootprintSettings | ObstacleSettings, kind: type,
+                   depth: int) -> None:
         events = SubscriptionEventCallbacks(
             incompatible_qos=partial(self._report_incompatible_qos, source.topic))
         try:
@@ -166,13 +174,13 @@ class CollisionMonitor(Node):
             raise ParameterError(f'{source.topic}: {error}') from error
         self.get_logger().info(f'{source.name}: {kind.__name__} on {source.topic}')
 
-    def _set_rates(self, settings):
+    def _set_rates(self, settings: Settings) -> None:
         self._publishing = _Every(1.0 / settings.publish_rate)
         self._marking = _Every(1.0 / settings.marker_rate)
         period = min(_TICK, 1.0 / settings.publish_rate, 1.0 / settings.marker_rate)
         self._ticking.timer_period_ns = round(period * 1e9)
 
-    def _configure(self, settings):
+    def _configure(self, settings: Settings) -> None:
         """Apply changed parameters and publish what follows from them."""
         self._set_rates(settings)
         self._scene.update(settings)
@@ -180,15 +188,14 @@ class CollisionMonitor(Node):
         self._outputs.configure(settings)
         self._outputs.publish()
 
-    def _choose_clock(self, jump=None):
+    def _choose_clock(self, jump: TimeJump | None = None) -> None:
         """Have `_now` ask the system itself unless time is simulated: each message does."""
         clock = self.get_clock()
+        self._now: Callable[[], int] = time.time_ns
         if clock.ros_time_is_active:
-            self._now = lambda: clock.now().nanoseconds
-        else:
-            self._now = time.time_ns
+            self._now = lambda: int(clock.now().nanoseconds)
 
-    def _receive(self, name, data):
+    def _receive(self, name: str, data: bytes) -> None:
         start = time.perf_counter()
         rejection = self._monitor.receive(name, data, self._now())
         self._health.check_times.append(time.perf_counter() - start)
@@ -197,7 +204,7 @@ class CollisionMonitor(Node):
             self._log(rejection)
         self._publish_changes()
 
-    def _log(self, rejection):
+    def _log(self, rejection: Rejection) -> None:
         """Log a rejected message, once a second at most for each source and reason."""
         key = rejection.name, rejection.reason
         now = time.monotonic()
@@ -205,7 +212,8 @@ class CollisionMonitor(Node):
             self._logged[key] = now
             self.get_logger().warning(rejection.text)
 
-    def _report_incompatible_qos(self, topic, event):
+    def _report_incompatible_qos(self, topic: str,
+                                 event: QoSRequestedIncompatibleQoSInfo) -> None:
         policy = qos_policy_name_from_kind(event.last_policy_kind)
         self._health.incompatible_qos(topic, policy)
         self.get_logger().error(
@@ -213,13 +221,13 @@ class CollisionMonitor(Node):
             f'from it arrives; set qos_overrides.{topic}.subscription.{policy.lower()} to what '
             'it offers, or change the publisher')
 
-    def _publish_changes(self):
+    def _publish_changes(self) -> None:
         changed = self._scene.changes()
         if changed:
             self._outputs.update(changed)
             self._outputs.publish(changed)
 
-    def _tick(self):
+    def _tick(self) -> None:
         """Do what is due without a message: ageing, silence, and what recurs."""
         self._scene.advance(self._now())
         self._publish_changes()
@@ -231,41 +239,3 @@ class CollisionMonitor(Node):
         if self._reporting.due(now):
             self._health_publisher.publish(self._health.message(
                 self.get_clock().now().to_msg(), self._monitor.received, self._monitor.rejected))
-
-
-def main(args=None):
-    """Run the node until SIGINT or SIGTERM and return the exit status."""
-    executors.interrupt_on_signals()
-    try:
-        return _run(args)
-    except KeyboardInterrupt:
-        executors.ignore_signals()
-        return 0
-
-
-def _run(args):
-    try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:  # what rcl raises for an unreadable parameter file
-        print(f'collision_monitor: cannot start: {error}', file=sys.stderr)
-        return 1
-    try:
-        node = CollisionMonitor()
-    except ParameterError as error:
-        get_logger('collision_monitor').fatal(str(error))
-        rclpy.shutdown()
-        return 1
-    # No later collection goes through all that the start has made, which takes some 70 ms.
-    gc.freeze()
-    executor = node.create_executor()
-    executors.spin_until_signal(executor)
-    node.get_logger().info('ending, as asked by a signal')
-    executor.remove_node(node)
-    executor.shutdown()
-    node.destroy_node()
-    rclpy.shutdown()
-    return 0
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -12,74 +12,32 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The parameters: what there is, what each may be, and how they add up to Settings. No ROS."""
+"""The parameters of a monitor by name, and how they add up to Settings. No ROS."""
 
 from __future__ import annotations
 
-from dataclasses import fields
-from typing import NamedTuple
+from collections.abc import Callable, Iterable
+from typing import Any
 
 from sat_collision.scene.settings import (
-    FootprintSettings, ObstacleSettings, POLYGON, POLYGON_INSTANCE, Settings)
+    DEFAULT_FOOTPRINT, DEFAULT_SOURCE, DEFAULT_SOURCE_TOPIC, FootprintSettings, ObstacleSettings,
+    Settings, Spec, specs)
+
+_LISTS = {'footprints': DEFAULT_FOOTPRINT, 'obstacles': DEFAULT_SOURCE}
+# What every node of rclpy has beside these parameters.
+_OF_EVERY_NODE = ('qos_overrides', 'start_type_description_service', 'use_sim_time')
+_RESERVED = frozenset((*specs(Settings), *_OF_EVERY_NODE))
 
 
 class ParameterError(ValueError):
     """These parameters make no sense; the message is for the user, in one line."""
 
-    def __init__(self, message):
+    def __init__(self, message: object) -> None:
         super().__init__(' '.join(str(message).split()))
 
 
-class Spec(NamedTuple):
-    """What a parameter means and may be; `live` if it can be changed while the node runs."""
-
-    description: str
-    live: bool = False
-    limits: tuple | None = None
-    choices: tuple = ()
-
-
-_RATE = (0.1, 50.0)
-_DAY = 86400.0
-
-_MONITOR = {
-    'frame_id': Spec('Frame that all bodies must be in; empty for that of the first footprint'),
-    'enabled': Spec('False checks nothing: all footprints are unknown', live=True),
-    'unknown_is_collision': Spec('Raise the flag of a footprint whose state is unknown too',
-                                 live=True),
-    'margin': Spec('Metres up to which bodies apart count as a collision too; 0 for contact',
-                   live=True, limits=(0.0, 1000.0)),
-    'resolution': Spec('Metres: warn of coordinates whose float32 step is larger', live=True,
-                       limits=(0.0, 1000.0)),
-    'release_delay': Spec('Seconds clear before a flag falls; a rise is never delayed',
-                          live=True, limits=(0.0, _DAY)),
-    'max_vertices': Spec('The most vertices of a polygon; one with more is refused',
-                         limits=(1, 1_000_000)),
-    'publish_rate': Spec('Flags and states without any change, Hz', live=True, limits=_RATE),
-    'marker_rate': Spec('Markers while somebody subscribes, Hz', live=True, limits=_RATE),
-}
-_FOOTPRINT = {
-    'topic': Spec('Topic of the footprint, geometry_msgs/PolygonStamped'),
-    'timeout': Spec('Age in seconds beyond which the footprint is unknown; 0 for never',
-                    live=True, limits=(0.0, _DAY)),
-    'enabled': Spec('False leaves the footprint out of the common flag', live=True),
-}
-_OBSTACLES = {
-    'topic': Spec('Topic of the obstacles, one polygon a message'),
-    'type': Spec('polygon (PolygonStamped) or polygon_instance (PolygonInstanceStamped)',
-                 choices=(POLYGON, POLYGON_INSTANCE)),
-    'timeout': Spec('Age in seconds beyond which an obstacle is forgotten, and silence beyond '
-                    'which footprints are unknown; 0 for never', live=True, limits=(0.0, _DAY)),
-    'enabled': Spec('False ignores the topic', live=True),
-    'set_window': Spec('Seconds between the first and the last stamp of one set of obstacles',
-                       live=True, limits=(0.0, 60.0)),
-    'accumulate': Spec('Keep every polygon until its timeout instead of forming sets', live=True),
-    'max_count': Spec('The most obstacles of this topic; more make the footprints unknown',
-                      live=True, limits=(1, 1_000_000)),
-}
-
-
-def declare_parameters(declare):
+def declare_parameters(
+        declare: Callable[[str, Any, Spec], Any]) -> tuple[list[str], list[str]]:
     """
     Declare every parameter of the settings.
 
@@ -96,31 +54,31 @@ def declare_parameters(declare):
     Raises
     ------
     ParameterError
-        If a name is none.
+        If a source cannot have the name that it was given.
 
     """
-    footprints = declare('footprints', ['footprint'],
-                         Spec('Names of the footprints: bodies of ours'))
-    obstacles = declare('obstacles', ['obstacles'], Spec('Names of the sources of obstacles'))
+    monitor = specs(Settings)
+    footprints, obstacles = (
+        list(declare(name, [default], monitor.pop(name)[1])) for name, default in _LISTS.items())
     _check_names(footprints, obstacles)
-    for kind, specs, names in ((Settings, _MONITOR, ['']),
-                               (FootprintSettings, _FOOTPRINT, footprints),
-                               (ObstacleSettings, _OBSTACLES, obstacles)):
-        defaults = {field.name: field.default for field in fields(kind)}
+    for name, (default, spec) in monitor.items():
+        declare(name, default, spec)
+    for kind, names in ((FootprintSettings, footprints), (ObstacleSettings, obstacles)):
         for name in names:
-            for field, spec in specs.items():
-                declare(f'{name}.{field}' if name else field,
-                        name if field == 'topic' else defaults[field], spec)
+            for field, (default, spec) in specs(kind).items():
+                declare(f'{name}.{field}', _topic(kind, name) if field == 'topic' else default,
+                        spec)
     return footprints, obstacles
 
 
-def read_settings(footprints, obstacles, value, resolve):
+def read_settings(footprints: Iterable[str], obstacles: Iterable[str],
+                  value: Callable[[str], Any], resolve: Callable[[str], str]) -> Settings:
     """
     Put the values of all parameters together.
 
     Parameters
     ----------
-    footprints, obstacles : list of str
+    footprints, obstacles : iterable of str
         As `declare_parameters` returns them.
     value : callable
         Takes the name of a parameter and returns its value.
@@ -131,26 +89,43 @@ def read_settings(footprints, obstacles, value, resolve):
     -------
     Settings
 
+    Raises
+    ------
+    ParameterError
+        If a topic cannot have the name that it was given.
+
     """
-    def source(kind, specs, name):
-        values = {field: value(f'{name}.{field}') for field in specs}
+    def values(kind: type, name: str) -> dict[str, Any]:
+        found = {field: value(f'{name}.{field}') for field in specs(kind)}
         try:
-            values['topic'] = resolve(values['topic'])
+            found['topic'] = resolve(found['topic'])
         except (RuntimeError, ValueError) as error:  # rcl's are RuntimeErrors
             raise ParameterError(f'{name}.topic: {error}') from error
-        return kind(name=name, **values)
+        return found
 
     return Settings(
-        footprints=tuple(source(FootprintSettings, _FOOTPRINT, name) for name in footprints),
-        obstacles=tuple(source(ObstacleSettings, _OBSTACLES, name) for name in obstacles),
-        **{field: value(field) for field in _MONITOR})
+        footprints=tuple(FootprintSettings(name=name, **values(FootprintSettings, name))
+                         for name in footprints),
+        obstacles=tuple(ObstacleSettings(name=name, **values(ObstacleSettings, name))
+                        for name in obstacles),
+        **{name: value(name) for name in specs(Settings) if name not in _LISTS})
 
 
-def _check_names(footprints, obstacles):
+def _topic(kind: type, name: str) -> str:
+    """Return the topic of a source that is given none: its name, but for the default source."""
+    is_default = kind is ObstacleSettings and name == DEFAULT_SOURCE
+    return DEFAULT_SOURCE_TOPIC if is_default else name
+
+
+def _check_names(footprints: list[str], obstacles: list[str]) -> None:
     names = [*footprints, *obstacles]
     for name in names:
         if not (name.isascii() and name.isidentifier()):
-            raise ParameterError(f"'{name}' in footprints or obstacles is no name: use letters, "
-                                 'digits and underscores, and <name>.topic for the topic')
+            raise ParameterError(f"footprints or obstacles: '{name}' cannot be a name: use "
+                                 'letters, digits and underscores, and <name>.topic for the topic')
+        if name in _RESERVED:
+            raise ParameterError(f"footprints or obstacles: '{name}' cannot be a name, because a "
+                                 'parameter is called so: choose another')
         if names.count(name) > 1:
-            raise ParameterError(f"the name '{name}' is used twice in footprints and obstacles")
+            raise ParameterError(f"footprints or obstacles: the name '{name}' is used twice: "
+                                 'choose another')

@@ -12,113 +12,143 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a monitor is configured with, as plain data; the defaults stand here and nowhere else."""
+"""What a monitor is configured with: each setting, its default, limits and meaning stand once."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, NamedTuple
 
 from sat_collision.geometry.polygon import MAX_VERTICES
 
 POLYGON = 'polygon'
 POLYGON_INSTANCE = 'polygon_instance'
+EVENTS = 'events'
+SINGLE_THREADED = 'single_threaded'
+
+# The sources there are unless others are named. They are not called like the lists that name them:
+# with 'obstacles.topic' beside 'obstacles' a parameter would be both a value and a prefix.
+DEFAULT_FOOTPRINT = 'footprint'
+DEFAULT_SOURCE = 'obstacle'
+DEFAULT_SOURCE_TOPIC = 'obstacles'
+
+_DAY = 86400.0
+_RATES = (0.1, 50.0)
+_SPEC = 'spec'
+
+
+class Spec(NamedTuple):
+    """
+    What a setting means and may be.
+
+    Attributes
+    ----------
+    description : str
+        The meaning, for users; begins with the unit where there is one.
+    live : bool
+        Whether it can be changed while the node runs.
+    limits : (float, float) or (int, int), optional
+        The least and the greatest value.
+    choices : tuple of str
+        The values it may have; empty for any.
+
+    """
+
+    description: str
+    live: bool = False
+    limits: tuple[float, float] | None = None
+    choices: tuple[str, ...] = ()
+
+
+def _setting(description: str, *, live: bool = False, limits: tuple[float, float] | None = None,
+             choices: tuple[str, ...] = ()) -> Mapping[str, Spec]:
+    """Return the metadata of a field that is a setting."""
+    return {_SPEC: Spec(description, live, limits, choices)}
+
+
+def specs(kind: type) -> dict[str, tuple[Any, Spec]]:
+    """Return default and Spec of every setting of a class by name; MISSING for no default."""
+    return {one.name: (one.default, one.metadata[_SPEC])
+            for one in fields(kind) if _SPEC in one.metadata}
 
 
 @dataclass(frozen=True, slots=True)
 class FootprintSettings:
-    """
-    One footprint: a body of ours, on a geometry_msgs/PolygonStamped topic of its own.
-
-    Attributes
-    ----------
-    name, topic : str
-        Name in states and parameters, and the topic that it comes on.
-    timeout : float
-        Age in seconds of the header stamp beyond which the footprint is unknown; 0 for never.
-    enabled : bool
-        False leaves the footprint out: its state is unknown, and it raises no common flag.
-
-    """
+    """One footprint: a body of ours, with a name and a topic of its own."""
 
     name: str
-    topic: str
-    timeout: float = 1.0
-    enabled: bool = True
+    topic: str = field(metadata=_setting(
+        'topic of the footprint, geometry_msgs/PolygonStamped; where none is given, the name'))
+    timeout: float = field(default=1.0, metadata=_setting(
+        's; older than this by its header stamp, the footprint is unknown; 0.0 for never',
+        live=True, limits=(0.0, _DAY)))
+    enabled: bool = field(default=True, metadata=_setting(
+        'false leaves the footprint out: its state is unknown, and it does not raise the common '
+        'flag', live=True))
 
 
 @dataclass(frozen=True, slots=True)
 class ObstacleSettings:
-    """
-    One source of obstacles.
-
-    Attributes
-    ----------
-    name, topic : str
-        Name in states and parameters, and the topic that the obstacles come on.
-    type : str
-        'polygon' for geometry_msgs/PolygonStamped, whose messages form sets by their stamps, or
-        'polygon_instance' for geometry_msgs/PolygonInstanceStamped, where the id is the identity.
-    timeout : float
-        Seconds after its header stamp that an obstacle is forgotten, and that a source silent for
-        so long is not trusted any more; 0 for never, as a latched map needs.
-    enabled : bool
-        False ignores the source's messages and drops its obstacles.
-    set_window : float
-        Seconds from the first stamp of a set within which messages are different obstacles of it.
-    accumulate : bool
-        True keeps every polygon until its timeout, for publishers that send obstacles one by one.
-    max_count : int
-        The most obstacles held; beyond it the source is in trouble, never silently truncated.
-
-    """
+    """One source of obstacles, with a name and a topic of its own."""
 
     name: str
-    topic: str
-    type: str = POLYGON  # noqa: A003, the parameter's name
-    timeout: float = 2.0
-    enabled: bool = True
-    set_window: float = 0.02
-    accumulate: bool = False
-    max_count: int = 10_000
+    topic: str = field(metadata=_setting(
+        'topic of the obstacles, one polygon per message; where none is given, the name, but '
+        'obstacles for the source that there is by default'))
+    type: str = field(default=POLYGON, metadata=_setting(  # noqa: A003, the parameter's name
+        'polygon is geometry_msgs/PolygonStamped, whose stamps make sets; polygon_instance is '
+        'PolygonInstanceStamped, whose ids tell obstacles apart',
+        choices=(POLYGON, POLYGON_INSTANCE)))
+    timeout: float = field(default=2.0, metadata=_setting(
+        's; older obstacles are forgotten, and a source silent for so long makes the footprints '
+        'unknown; 0.0 for never, as a latched map needs', live=True, limits=(0.0, _DAY)))
+    enabled: bool = field(default=True, metadata=_setting(
+        'false ignores the source and drops its obstacles', live=True))
+    set_window: float = field(default=0.02, metadata=_setting(
+        's; messages stamped within this time of the first of a set are different obstacles of '
+        'that set', live=True, limits=(0.0, 60.0)))
+    accumulate: bool = field(default=False, metadata=_setting(
+        'true keeps every polygon until its timeout, for publishers that send obstacles one by '
+        'one', live=True))
+    max_count: int = field(default=10_000, metadata=_setting(
+        'the most obstacles of the source; more are refused and make the footprints unknown',
+        live=True, limits=(1, 1_000_000)))
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """
-    Everything a monitor is configured with.
+    """Everything a monitor is configured with; as parameters the first two are lists of names."""
 
-    Attributes
-    ----------
-    footprints : tuple of FootprintSettings
-    obstacles : tuple of ObstacleSettings
-    frame_id : str
-        The frame everything must be in; empty for that of the first good footprint.
-    enabled : bool
-        False checks nothing: every state is unknown.
-    unknown_is_collision : bool
-        Whether a flag is raised for an unknown footprint too.
-    margin : float
-        Metres: a footprint collides when its separation from an obstacle is no more. 0 means
-        contact, decided exactly.
-    resolution : float
-        Metres: coordinates that float32 cannot tell apart by so much are warned of.
-    release_delay : float
-        Seconds that a footprint must have been clear before it is reported so.
-    max_vertices : int
-        The most vertices of one polygon; a message with more is refused.
-    publish_rate, marker_rate : float
-        How often flags and states, and markers, are published without any change, in Hz.
-
-    """
-
-    footprints: tuple[FootprintSettings, ...]
-    obstacles: tuple[ObstacleSettings, ...]
-    frame_id: str = ''
-    enabled: bool = True
-    unknown_is_collision: bool = True
-    margin: float = 0.0
-    resolution: float = 0.001
-    release_delay: float = 0.0
-    max_vertices: int = MAX_VERTICES
-    publish_rate: float = 10.0
-    marker_rate: float = 10.0
+    footprints: tuple[FootprintSettings, ...] = field(metadata=_setting(
+        'names of the footprints; each has parameters of its own, such as footprint.topic'))
+    obstacles: tuple[ObstacleSettings, ...] = field(metadata=_setting(
+        'names of the sources of obstacles; each has parameters of its own, such as '
+        'obstacle.topic'))
+    frame_id: str = field(default='', metadata=_setting(
+        'the frame that everything must be in; empty for that of the first good footprint'))
+    enabled: bool = field(default=True, metadata=_setting(
+        'false checks nothing: every state is unknown', live=True))
+    unknown_is_collision: bool = field(default=True, metadata=_setting(
+        'true raises the flag of a footprint whose state is unknown, too', live=True))
+    margin: float = field(default=0.0, metadata=_setting(
+        'm; a footprint collides when its separation from an obstacle is no more; 0.0 is contact, '
+        'decided exactly', live=True, limits=(0.0, 1000.0)))
+    resolution: float = field(default=0.001, metadata=_setting(
+        'm; ~/state warns of footprints whose coordinates have larger float32 steps',
+        live=True, limits=(0.0, 1000.0)))
+    release_delay: float = field(default=0.0, metadata=_setting(
+        's; a footprint must have been clear for so long before its flag falls; a rise is never '
+        'delayed', live=True, limits=(0.0, _DAY)))
+    max_vertices: int = field(default=MAX_VERTICES, metadata=_setting(
+        'the most vertices of one polygon; a message with more is refused',
+        limits=(1, 1_000_000)))
+    publish_rate: float = field(default=10.0, metadata=_setting(
+        'Hz; how often flags and states are published without any change',
+        live=True, limits=_RATES))
+    marker_rate: float = field(default=10.0, metadata=_setting(
+        'Hz; how often markers are published while somebody subscribes',
+        live=True, limits=_RATES))
+    executor: str = field(default=EVENTS, metadata=_setting(
+        "rclpy's executor that the node runs in; events costs a fraction of the processor time",
+        choices=(EVENTS, SINGLE_THREADED)))

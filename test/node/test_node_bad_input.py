@@ -25,7 +25,7 @@ APART = box(5, 5)
 TOUCHING = box(1, 1)
 BOW_TIE = [(5, 5), (6, 6), (6, 5), (5, 6)]
 CIRCLE = [(math.cos(k / 500), math.sin(k / 500)) for k in range(2000)]
-NO_TIMEOUT = {'footprint__timeout': 0.0, 'obstacles__timeout': 0.0}
+NO_TIMEOUT = {'footprint__timeout': 0.0, 'obstacle__timeout': 0.0}
 
 GOOD = serialize_message(polygon_message(APART, 10**18))
 BAD_POLYGONS = {
@@ -68,7 +68,7 @@ def test_bad_polygon_makes_unknown_until_good_data_arrives(start, situation):
     health = monitor.until(lambda: monitor.health() and key in values(monitor.health())
                            and monitor.health(), 'a count in /diagnostics')
     assert values(health)[key] == '1'
-    assert values(health)[f'obstacles: rejected, {reason}'] == '1'
+    assert values(health)[f'obstacle: rejected, {reason}'] == '1'
     for topic in ('/obstacles', '/footprint'):
         assert len(monitor.logged(reason, topic)) == 1
 
@@ -109,7 +109,7 @@ def test_empty_frame_is_refused(start):
 def test_other_bodies_are_untouched(start):
     """A bad footprint leaves the other's state; a bad obstacle leaves a proved contact."""
     monitor = start(footprints=['left', 'right'], left__timeout=0.0, right__timeout=0.0,
-                    obstacles__timeout=0.0)
+                    obstacle__timeout=0.0)
     monitor.send('left', ROBOT)
     monitor.send('right', box(9, 0))
     stamp = monitor.now()
@@ -124,7 +124,7 @@ def test_other_bodies_are_untouched(start):
     monitor.send('obstacles', BOW_TIE, stamp)
     monitor.await_state('unknown', 'right')
     assert monitor.state('left') == 'collision'
-    assert monitor.contacts('left') == ['obstacles/0']
+    assert monitor.contacts('left') == ['obstacle/0']
 
 
 def test_rejections_are_logged_once_a_second_at_most(start):
@@ -135,7 +135,7 @@ def test_rejections_are_logged_once_a_second_at_most(start):
     for _ in range(200):
         monitor.send('obstacles', BOW_TIE)
         monitor.spin(0.005)
-    key = 'obstacles: rejected, self-intersecting'
+    key = 'obstacle: rejected, self-intersecting'
     monitor.until(lambda: monitor.health() and values(monitor.health()).get(key) == '200',
                   '200 counted')
     monitor.logged('self-intersecting', '/obstacles')

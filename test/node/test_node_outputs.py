@@ -25,7 +25,7 @@ from visualization_msgs.msg import Marker
 ROBOT = box(0, 0)
 APART = box(5, 5)
 TOUCHING = box(1, 1)
-NO_TIMEOUT = {'footprint__timeout': 0.0, 'obstacles__timeout': 0.0}
+NO_TIMEOUT = {'footprint__timeout': 0.0, 'obstacle__timeout': 0.0}
 
 
 def spaces(message):
@@ -42,7 +42,7 @@ def test_late_subscriber_gets_the_whole_scene(start):
     monitor.until(lambda: len(heard) > 2, 'markers')
     first, *others = heard
     assert first.markers[0].action == Marker.DELETEALL
-    assert {'footprint/fill', 'obstacles/outline', 'contacts/names'} <= spaces(first)
+    assert {'footprint/fill', 'obstacle/outline', 'contacts/names'} <= spaces(first)
     assert all(spaces(other) == spaces(first) for other in others)
 
 
@@ -58,9 +58,9 @@ def test_markers_follow_the_scene_and_nothing_stale_stays(start):
     monitor.until(lambda: 'nearest/axis' in spaces(heard[-1]))
     assert 'contacts/pairs' not in spaces(heard[-1])
     monitor.send('obstacles', box(7, 7))
-    monitor.until(lambda: any(marker.ns == 'obstacles/outline' and marker.points[0].x >= 7
+    monitor.until(lambda: any(marker.ns == 'obstacle/outline' and marker.points[0].x >= 7
                               for marker in heard[-1].markers), 'the obstacle where it is')
-    assert monitor.set_parameters(obstacles__enabled=False) == [None]
+    assert monitor.set_parameters(obstacle__enabled=False) == [None]
     monitor.until(lambda: spaces(heard[-1]) == {'footprint/fill', 'footprint/outline'})
 
 
@@ -92,15 +92,15 @@ def test_health_tells_rates_rejections_check_time_and_kernel(start):
                            == DiagnosticStatus.WARN and monitor.health(), 'a warning')
     assert warned.message == 'messages rejected: 1'
     told = values(warned)
-    assert told['obstacles: received'] == '5'
-    assert told['obstacles: rejected, self-intersecting'] == '1'
-    assert float(told['obstacles: rate [Hz]']) > 0
+    assert told['obstacle: received'] == '5'
+    assert told['obstacle: rejected, self-intersecting'] == '1'
+    assert float(told['obstacle: rate [Hz]']) > 0
     assert 0 < float(told['check time mean [ms]']) <= float(told['check time max [ms]'])
     assert told['kernel'] == KERNEL and told['executor'] in ('events', 'single_threaded')
     monitor.until(lambda: monitor.health().level == DiagnosticStatus.OK, 'a quiet period')
     told = values(monitor.health())
-    assert (told['obstacles: received'], told['obstacles: rate [Hz]']) == ('5', '0.0')
-    assert monitor.health().hardware_id == '/collision_monitor'
+    assert (told['obstacle: received'], told['obstacle: rate [Hz]']) == ('5', '0.0')
+    assert monitor.health().hardware_id == '/footprint_monitor'
 
 
 def test_parameters_change_a_running_node(start):
@@ -154,9 +154,9 @@ def test_bad_parameters_are_refused_with_a_reason_and_change_nothing(start):
 def test_parameters_are_described_to_users(start):
     """As `ros2 param describe` shows them."""
     monitor = start()
-    client = AsyncParameterClient(monitor.node, 'collision_monitor')
+    client = AsyncParameterClient(monitor.node, 'footprint_monitor')
     monitor.until(client.services_are_ready)
-    future = client.describe_parameters(['obstacles.timeout', 'obstacles.type'])
+    future = client.describe_parameters(['obstacle.timeout', 'obstacle.type'])
     timeout, kind = monitor.until(future.done) and future.result().descriptors
     assert 'forgotten' in timeout.description and timeout.floating_point_range[0].from_value == 0
     assert kind.read_only and 'polygon_instance' in kind.additional_constraints

@@ -25,7 +25,6 @@ from harness import box, Peer
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PROGRAM = 'import sys; from sat_collision.node.footprint_monitor import main; sys.exit(main(sys.argv))'
 
 ALL_KINDS_OF_MESSAGES = """
 from dataclasses import replace
@@ -35,7 +34,7 @@ from harness import box, polygon_message
 import rclpy
 from rclpy.serialization import serialize_message
 from sat_collision.messages.markers import Markers
-from sat_collision.node.footprint_monitor import CollisionMonitor
+from sat_collision.node.footprint_monitor import FootprintMonitor
 
 def compiled():
     return {(name, key): len(value.signatures)
@@ -43,7 +42,7 @@ def compiled():
             for key, value in vars(module).items() if hasattr(value, 'signatures')}
 
 rclpy.init()
-node = CollisionMonitor()
+node = FootprintMonitor()
 before = compiled()
 circle = [(math.cos(k), math.sin(k)) for k in range(6)]
 polygons = [[], [(2, 2)], [(0, 0), (1, 1)], [(0, 0), (1, 1), (2, 2)], box(0, 0), box(9, 9), circle,
@@ -54,7 +53,7 @@ for stamp in (0, time.time_ns(), time.time_ns() + 10**9):
     for footprint in messages:
         node._receive('footprint', footprint)
         for obstacle in messages:
-            node._receive('obstacles', obstacle)
+            node._receive('obstacle', obstacle)
             Markers().message(node._scene)
         node._scene.nearest('footprint')
 node._scene.update(replace(node._scene.settings, margin=0.1))
@@ -71,9 +70,9 @@ def launch(domain, executor, monkeypatch):
 
     def launch(*arguments, **options):
         started.append(subprocess.Popen(
-            [sys.executable, '-c', PROGRAM, '--ros-args', '-p', f'executor:={executor}',
-             *arguments], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-            **options))
+            [sys.executable, '-m', 'sat_collision.node', '--ros-args', '-p',
+             f'executor:={executor}', *arguments],
+            cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options))
         return started[-1]
 
     yield launch
@@ -102,7 +101,7 @@ def launch_ready(launch):
     """Start the node's process and wait until its subscriptions are there."""
     def launch_ready(*arguments, **options):
         process = launch(*arguments, **options)
-        output_until(process, 'obstacles: ')
+        output_until(process, 'obstacle: ')
         return process
     return launch_ready
 
@@ -129,7 +128,7 @@ def test_one_signal_ends_a_busy_node_cleanly(launch_ready, peer, number):
     process.send_signal(number)
     status, output = ended(process)
     assert (status, 'Traceback' in output) == (0, False), output
-    assert 'as asked by a signal' in output
+    assert 'stopped by a signal' in output
 
 
 def test_signals_that_do_not_stop_coming(launch_ready, peer):
@@ -171,7 +170,7 @@ def test_parameters_that_cannot_be_end_the_process_with_a_word(launch, arguments
     """Status 1 and a line that says what is wrong, where others have a traceback."""
     status, output = ended(launch(*arguments))
     assert status == 1 and 'Traceback' not in output
-    assert any(words in line and 'collision_monitor' in line for line in output.splitlines())
+    assert any(words in line and 'footprint_monitor' in line for line in output.splitlines())
 
 
 def test_first_lines_say_what_the_node_does(launch):
@@ -179,7 +178,7 @@ def test_first_lines_say_what_the_node_does(launch):
     process = launch('-r', 'obstacles:=/seen')
     output_until(process, 'kernels')
     output_until(process, 'footprint: PolygonStamped on /footprint')
-    output_until(process, 'obstacles: PolygonStamped on /seen')
+    output_until(process, 'obstacle: PolygonStamped on /seen')
 
 
 def test_no_kernel_is_compiled_after_the_start(domain):

@@ -22,7 +22,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 ROBOT = box(0, 0)
 APART = box(5, 5)
 TOUCHING = box(1, 1)
-NO_TIMEOUT = {'footprint__timeout': 0.0, 'obstacles__timeout': 0.0}
+NO_TIMEOUT = {'footprint__timeout': 0.0, 'obstacle__timeout': 0.0}
 
 
 def test_each_set_replaces_the_one_before_in_order(start):
@@ -33,22 +33,22 @@ def test_each_set_replaces_the_one_before_in_order(start):
     monitor.send('obstacles', APART, stamp)
     monitor.send('obstacles', TOUCHING, stamp)
     monitor.await_state('collision')
-    assert monitor.contacts() == ['obstacles/1']
+    assert monitor.contacts() == ['obstacle/1']
     monitor.send('obstacles', TOUCHING, stamp + SECOND)
-    monitor.until(lambda: monitor.contacts() == ['obstacles/0', 'obstacles/1'])
+    monitor.until(lambda: monitor.contacts() == ['obstacle/0', 'obstacle/1'])
     monitor.send('obstacles', APART, stamp + SECOND)
-    monitor.until(lambda: monitor.contacts() == ['obstacles/0'])
+    monitor.until(lambda: monitor.contacts() == ['obstacle/0'])
 
 
 def test_set_window_decides_what_is_one_set(start):
     """Stamps 0.3 s apart: with the window at 0.5 s two obstacles, at 0 one that has moved."""
-    monitor = start(obstacles__set_window=0.5, **NO_TIMEOUT)
+    monitor = start(obstacle__set_window=0.5, **NO_TIMEOUT)
     stamp = monitor.now()
     monitor.send('footprint', ROBOT)
     monitor.send('obstacles', TOUCHING, stamp)
     monitor.send('obstacles', APART, stamp + 3 * SECOND // 10)
     monitor.await_state('collision')
-    assert monitor.set_parameters(obstacles__set_window=0.0) == [None]
+    assert monitor.set_parameters(obstacle__set_window=0.0) == [None]
     monitor.send('obstacles', APART, stamp + SECOND)
     monitor.await_state('clear')
     monitor.send('obstacles', TOUCHING, stamp + 2 * SECOND)
@@ -59,22 +59,22 @@ def test_set_window_decides_what_is_one_set(start):
 
 def test_instances_are_known_by_their_id(start):
     """Id 7 comes into contact and goes; id -3 stays where it is."""
-    monitor = start(obstacles__type='polygon_instance', **NO_TIMEOUT)
+    monitor = start(obstacle__type='polygon_instance', **NO_TIMEOUT)
     monitor.send('footprint', ROBOT)
     monitor.send('obstacles', APART, instance=-3)
     monitor.await_state('clear')
     monitor.send('obstacles', TOUCHING, instance=7)
     monitor.await_state('collision')
-    assert monitor.contacts() == ['obstacles/7']
+    assert monitor.contacts() == ['obstacle/7']
     monitor.send('obstacles', TOUCHING, instance=-3)
-    monitor.until(lambda: monitor.contacts() == ['obstacles/-3', 'obstacles/7'])
+    monitor.until(lambda: monitor.contacts() == ['obstacle/-3', 'obstacle/7'])
     monitor.send('obstacles', APART, instance=7)
-    monitor.until(lambda: monitor.contacts() == ['obstacles/-3'])
+    monitor.until(lambda: monitor.contacts() == ['obstacle/-3'])
 
 
 def test_accumulating_source_keeps_every_polygon_until_its_timeout(start):
     """A second obstacle, sent on its own, does not replace the first; the timeout ends both."""
-    monitor = start(obstacles__accumulate=True, obstacles__timeout=1.0, footprint__timeout=0.0)
+    monitor = start(obstacle__accumulate=True, obstacle__timeout=1.0, footprint__timeout=0.0)
     monitor.send('footprint', ROBOT)
     monitor.send_until('collision', 'obstacles', TOUCHING)
     begun = monitor.now()
@@ -100,7 +100,7 @@ def test_several_sources(start):
 
 def test_source_that_falls_silent_makes_footprints_unknown(start):
     """First clear, then the obstacles' publisher dies, then it lives again."""
-    monitor = start(obstacles__timeout=0.5, footprint__timeout=0.0)
+    monitor = start(obstacle__timeout=0.5, footprint__timeout=0.0)
     monitor.send('footprint', ROBOT)
     monitor.send_until('clear', 'obstacles', APART)
     status = monitor.await_state('unknown')
@@ -111,7 +111,7 @@ def test_source_that_falls_silent_makes_footprints_unknown(start):
 
 def test_footprint_that_falls_silent_is_unknown(start):
     """The robot's localisation dies, while it was clear."""
-    monitor = start(obstacles__timeout=0.0, footprint__timeout=0.5)
+    monitor = start(obstacle__timeout=0.0, footprint__timeout=0.5)
     monitor.send('obstacles', APART)
     monitor.send_until('clear', 'footprint', ROBOT)
     monitor.await_state('unknown')
@@ -120,7 +120,7 @@ def test_footprint_that_falls_silent_is_unknown(start):
 
 def test_footprint_with_an_old_stamp_is_unknown(start):
     """It counts when it was taken, not when it came."""
-    monitor = start(obstacles__timeout=0.0, footprint__timeout=0.5)
+    monitor = start(obstacle__timeout=0.0, footprint__timeout=0.5)
     monitor.send('obstacles', APART)
     monitor.send('footprint', ROBOT, monitor.now() - 5 * SECOND)
     monitor.until(lambda: monitor.state() and values(monitor.status())['age'])
@@ -129,7 +129,7 @@ def test_footprint_with_an_old_stamp_is_unknown(start):
 
 def test_empty_polygon_is_a_heartbeat(start):
     """A publisher that sees nothing keeps its source alive and its footprints clear."""
-    monitor = start(obstacles__timeout=0.5, footprint__timeout=0.0)
+    monitor = start(obstacle__timeout=0.5, footprint__timeout=0.0)
     monitor.send('footprint', ROBOT)
     monitor.send_until('clear', 'obstacles', [])
     begun = monitor.now()
@@ -143,7 +143,7 @@ def test_empty_polygon_is_a_heartbeat(start):
 
 def test_obstacle_that_is_not_refreshed_is_forgotten(start):
     """The source lives on another obstacle, while the one in contact ages."""
-    monitor = start(obstacles__type='polygon_instance', obstacles__timeout=0.5,
+    monitor = start(obstacle__type='polygon_instance', obstacle__timeout=0.5,
                     footprint__timeout=0.0)
     monitor.send('footprint', ROBOT)
     monitor.send_until('collision', 'obstacles', TOUCHING, instance=1)
@@ -152,7 +152,7 @@ def test_obstacle_that_is_not_refreshed_is_forgotten(start):
 
 def test_more_obstacles_than_max_count_are_unknown_not_truncated(start):
     """Three obstacles where two are allowed, the third in contact or not: nobody knows."""
-    monitor = start(obstacles__max_count=2, **NO_TIMEOUT)
+    monitor = start(obstacle__max_count=2, **NO_TIMEOUT)
     stamp = monitor.now()
     monitor.send('footprint', ROBOT)
     for x in (5, 7):

@@ -38,7 +38,7 @@ def test_nothing_heard_is_unknown_and_raises_the_flag(start):
 
 def test_clear_then_touching_then_clear(start):
     """An obstacle comes as near as one common corner, and goes again."""
-    monitor = start(footprint__timeout=0.0, obstacles__timeout=0.0)
+    monitor = start(footprint__timeout=0.0, obstacle__timeout=0.0)
     monitor.send('footprint', ROBOT)
     monitor.send('obstacles', APART)
     status = monitor.await_state('clear')
@@ -46,8 +46,8 @@ def test_clear_then_touching_then_clear(start):
     monitor.until(lambda: monitor.flag() is False and monitor.flag('footprint') is False)
     monitor.send('obstacles', TOUCHING)
     status = monitor.await_state('collision')
-    assert status.level == DiagnosticStatus.ERROR and 'obstacles/0' in status.message
-    assert monitor.contacts() == ['obstacles/0']
+    assert status.level == DiagnosticStatus.ERROR and 'obstacle/0' in status.message
+    assert monitor.contacts() == ['obstacle/0']
     monitor.until(lambda: monitor.flag() and monitor.flag('footprint'))
     monitor.send('obstacles', APART)
     monitor.await_state('clear')
@@ -56,20 +56,20 @@ def test_clear_then_touching_then_clear(start):
 
 def test_states_say_age_and_all_obstacles_in_contact(start):
     """Two of the three obstacles of a set are in contact; the age counts from the stamp."""
-    monitor = start(footprint__timeout=0.0, obstacles__timeout=0.0)
+    monitor = start(footprint__timeout=0.0, obstacle__timeout=0.0)
     stamp = monitor.now() - 3 * SECOND
     monitor.send('footprint', ROBOT, stamp)
     for polygon in (TOUCHING, APART, [(0.5, 0.5)]):
         monitor.send('obstacles', polygon, stamp)
     monitor.await_state('collision')
-    monitor.until(lambda: monitor.contacts() == ['obstacles/0', 'obstacles/2'])
+    monitor.until(lambda: monitor.contacts() == ['obstacle/0', 'obstacle/2'])
     assert 3.0 <= float(values(monitor.status())['age']) < 3.0 + 10.0
 
 
 def test_each_footprint_has_its_own_flag(start):
     """One of two robots collides: its flag and the common one rise, the other's does not."""
     monitor = start(footprints=['left', 'right'], left__timeout=0.0, right__timeout=0.0,
-                    obstacles__timeout=0.0)
+                    obstacle__timeout=0.0)
     monitor.send('left', ROBOT)
     monitor.send('right', box(9, 0))
     monitor.send('obstacles', box(9.5, 0))
@@ -81,7 +81,7 @@ def test_each_footprint_has_its_own_flag(start):
 
 def test_unknown_lowers_the_flag_if_so_wished(start):
     """With unknown_is_collision false an unknown footprint is not blocked; contact still is."""
-    monitor = start(unknown_is_collision=False, footprint__timeout=0.0, obstacles__timeout=0.0)
+    monitor = start(unknown_is_collision=False, footprint__timeout=0.0, obstacle__timeout=0.0)
     monitor.await_state('unknown')
     monitor.until(lambda: monitor.flag() is False and monitor.flag('footprint') is False)
     monitor.send('footprint', ROBOT)
@@ -91,7 +91,7 @@ def test_unknown_lowers_the_flag_if_so_wished(start):
 
 def test_change_is_published_at_once(start):
     """With ten seconds between regular messages, each change still arrives within one."""
-    monitor = start(publish_rate=0.1, footprint__timeout=0.0, obstacles__timeout=0.0)
+    monitor = start(publish_rate=0.1, footprint__timeout=0.0, obstacle__timeout=0.0)
     monitor.listen('~/collision'), monitor.listen('~/footprint/collision')
     monitor.state()
     monitor.send('footprint', ROBOT)
@@ -132,7 +132,7 @@ def test_states_are_repeated_with_a_fresh_stamp_and_age(start):
 
 def test_release_delay_holds_a_fall_and_no_rise(start):
     """The flag falls half a second after the contact has ended, and rises at once."""
-    monitor = start(release_delay=0.5, footprint__timeout=0.0, obstacles__timeout=0.0)
+    monitor = start(release_delay=0.5, footprint__timeout=0.0, obstacle__timeout=0.0)
     monitor.send('footprint', ROBOT)
     monitor.send('obstacles', TOUCHING)
     monitor.await_state('collision')
@@ -147,8 +147,8 @@ def test_release_delay_holds_a_fall_and_no_rise(start):
 def test_node_in_a_namespace(start):
     """Its topics are below the namespace, the footprint's as well."""
     monitor = start(arguments=['-r', '__ns:=/fleet/robot1'], footprint__timeout=0.0,
-                    obstacles__timeout=0.0)
-    monitor.name = 'fleet/robot1/collision_monitor'
+                    obstacle__timeout=0.0)
+    monitor.name = 'fleet/robot1/footprint_monitor'
     monitor.send('/fleet/robot1/footprint', ROBOT)
     monitor.send('/fleet/robot1/obstacles', TOUCHING)
     monitor.await_state('collision')
@@ -157,7 +157,7 @@ def test_node_in_a_namespace(start):
 
 def test_body_in_another_frame_is_unknown_until_it_comes_in_the_right_one(start):
     """Frames are not transformed: neither the footprint nor an obstacle may be in another."""
-    monitor = start(frame_id='map', footprint__timeout=0.0, obstacles__timeout=0.0)
+    monitor = start(frame_id='map', footprint__timeout=0.0, obstacle__timeout=0.0)
     monitor.send('footprint', ROBOT)
     monitor.send('obstacles', APART, frame_id='odom')
     status = monitor.await_state('unknown')
@@ -174,7 +174,7 @@ def test_body_in_another_frame_is_unknown_until_it_comes_in_the_right_one(start)
 
 def test_first_footprint_gives_the_frame(start):
     """Without frame_id, what comes in its frame is accepted and what does not is refused."""
-    monitor = start(footprint__timeout=0.0, obstacles__timeout=0.0)
+    monitor = start(footprint__timeout=0.0, obstacle__timeout=0.0)
     monitor.send('footprint', ROBOT, frame_id='odom')
     monitor.send('obstacles', APART, frame_id='odom')
     monitor.await_state('clear')
@@ -184,11 +184,11 @@ def test_first_footprint_gives_the_frame(start):
 
 def test_margin_counts_as_collision_and_can_be_changed(start):
     """A box a quarter of a metre away collides with a margin of as much, not with less."""
-    monitor = start(margin=0.25, footprint__timeout=0.0, obstacles__timeout=0.0)
+    monitor = start(margin=0.25, footprint__timeout=0.0, obstacle__timeout=0.0)
     monitor.send('footprint', ROBOT)
     monitor.send('obstacles', box(1.25, 0))
     status = monitor.await_state('collision')
-    assert 'within 0.25 m of obstacles/0' in status.message
+    assert 'within 0.25 m of obstacle/0' in status.message
     assert monitor.set_parameters(margin=0.125) == [None]
     monitor.await_state('clear')
     assert monitor.set_parameters(margin=-1.0)[0]
@@ -198,23 +198,23 @@ def test_margin_counts_as_collision_and_can_be_changed(start):
 
 def test_states_say_what_is_nearest(start):
     """Of two obstacles the nearer one apart, then the one overlapped deepest."""
-    monitor = start(footprint__timeout=0.0, obstacles__timeout=0.0)
+    monitor = start(footprint__timeout=0.0, obstacle__timeout=0.0)
     monitor.send('footprint', ROBOT)
     stamp = monitor.now()
     monitor.send('obstacles', box(4, 5), stamp)
     monitor.send('obstacles', box(0, 1.5), stamp)
     monitor.await_state('clear')
-    monitor.until(lambda: values(monitor.status())['nearest obstacle'] == 'obstacles/1')
+    monitor.until(lambda: values(monitor.status())['nearest obstacle'] == 'obstacle/1')
     assert values(monitor.status())['least separation'] == '0.5'
     monitor.send('obstacles', box(0.75, 0), stamp + SECOND // 10)
     monitor.await_state('collision')
     monitor.until(lambda: values(monitor.status())['least separation'] == '-0.25')
-    assert values(monitor.status())['nearest obstacle'] == 'obstacles/0'
+    assert values(monitor.status())['nearest obstacle'] == 'obstacle/0'
 
 
 def test_coordinates_coarser_than_the_resolution_are_warned_of(start):
     """At UTM coordinates float32 steps by half a metre: the state says so, clear or not."""
-    monitor = start(footprint__timeout=0.0, obstacles__timeout=0.0)
+    monitor = start(footprint__timeout=0.0, obstacle__timeout=0.0)
     north = 5_000_000.0
     monitor.send('footprint', box(500_000, north))
     monitor.send('obstacles', box(500_008, north))

@@ -68,7 +68,7 @@ def test_state_is_published_while_the_clock_stands_still(start):
 
 def test_backward_jump_drops_everything_until_fresh_data(start):
     """A recording begins again: the obstacle of its end must not collide with its beginning."""
-    monitor = start(use_sim_time=True, footprint__timeout=0.0, obstacles__timeout=0.0)
+    monitor = start(use_sim_time=True, footprint__timeout=0.0, obstacle__timeout=0.0)
     monitor.set_clock(HOUR)
     send_pair(monitor, TOUCHING, HOUR)
     monitor.await_state('collision')
@@ -82,7 +82,7 @@ def test_backward_jump_drops_everything_until_fresh_data(start):
 def test_release_delay_counts_in_simulated_time(start):
     """The flag stays up for as long as the clock stands still."""
     monitor = start(use_sim_time=True, release_delay=1.0, footprint__timeout=0.0,
-                    obstacles__timeout=0.0)
+                    obstacle__timeout=0.0)
     monitor.set_clock(HOUR)
     send_pair(monitor, TOUCHING, HOUR)
     monitor.await_state('collision')

@@ -22,12 +22,15 @@ import pytest
 from rcl_interfaces.msg import ParameterType
 import rclpy
 from rclpy.parameter import Parameter
-from sat_collision.node.parameters import ParameterError, Parameters
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from sat_collision.node.parameters import Parameters
+from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from std_msgs.msg import Bool
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
-# All fields are parameters but the names, that are in two lists; the executor comes on top.
-NUMBER = 1 + len(dataclasses.fields(Settings)) + sum(
+# All fields are parameters but the names, that are in two lists.
+NUMBER = len(dataclasses.fields(Settings)) + sum(
     len(dataclasses.fields(kind)) - 1 for kind in (FootprintSettings, ObstacleSettings))
 
 
@@ -57,18 +60,18 @@ def set_one(node, name, value):
 
 
 def test_defaults_are_those_of_the_settings(declare):
-    """Without any parameter given: one footprint and one source, topics named as they are."""
+    """Without any parameter given: the topics are called footprint and obstacles."""
     _, parameters = declare()
     assert parameters.settings == Settings((FootprintSettings('footprint', '/footprint'),),
-                                           (ObstacleSettings('obstacles', '/obstacles'),))
-    assert parameters.executor == 'events'
+                                           (ObstacleSettings('obstacle', '/obstacles'),))
+    assert parameters.settings.executor == 'events'
 
 
 def test_shipped_parameter_file_has_the_defaults(declare):
     """What users start from says what happens without it, and leaves nothing out."""
     _, defaults = declare()
     node, parameters = declare(cli_args=['--ros-args', '--params-file',
-                                         str(CONFIG / 'collision_monitor.yaml')])
+                                         str(CONFIG / 'footprint_monitor.yaml')])
     assert parameters.settings == defaults.settings
     assert len(node._parameter_overrides) == NUMBER
 
@@ -88,7 +91,8 @@ def test_every_setting_can_be_given(declare):
                  ObstacleSettings('d', '/d'))
     wanted = Settings(footprints, obstacles, frame_id='odom', enabled=False,
                       unknown_is_collision=False, margin=0.1, resolution=0.01, release_delay=0.5,
-                      max_vertices=16, publish_rate=20.0, marker_rate=5.0)
+                      max_vertices=16, publish_rate=20.0, marker_rate=5.0,
+                      executor='single_threaded')
     values = {'footprints': ['a', 'b'], 'obstacles': ['c', 'd']}
     for source in (*footprints, *obstacles):
         values.update({f'{source.name}.{key}': value
@@ -97,6 +101,43 @@ def test_every_setting_can_be_given(declare):
                    if key not in values})
     _, parameters = declare(values)
     assert parameters.settings == wanted
+
+
+def parameters_of(node):
+    """Return the names of all parameters that a node has, those of every node of rclpy too."""
+    return list(node._parameters)
+
+
+def test_no_parameter_is_a_prefix_of_another(declare):
+    """A parameter that is both a value and a prefix cannot be written to a parameter file."""
+    node, _ = declare({'footprints': ['a', 'b'], 'obstacles': ['c', 'obstacle']})
+    names = parameters_of(node)
+    assert not [name for name in names
+                if any(other.startswith(f'{name}.') for other in names)]
+
+
+def test_no_source_is_named_like_a_parameter(declare):
+    """Or like what parameters of the node begin with, be they rclpy's own."""
+    node, parameters = declare()
+    node.create_subscription(Bool, 'topic', print, 1,
+                             qos_overriding_options=QoSOverridingOptions.with_default_policies())
+    sources = {'footprint', 'obstacle'}
+    taken = {name.split('.')[0] for name in parameters_of(node)} - sources
+    assert {'margin', 'obstacles', 'use_sim_time', 'qos_overrides'} <= taken
+    for name in taken:
+        for kind in ('footprints', 'obstacles'):
+            with pytest.raises(ParameterError, match=f"'{name}' cannot be a name"):
+                declare({kind: [name]})
+
+
+def test_topics_of_sources_are_called_like_them(declare):
+    """A source by any other name than the default one has the topic of its name."""
+    _, parameters = declare({'footprints': ['robot', 'obstacle'], 'obstacles': ['people']})
+    assert [footprint.topic for footprint in parameters.settings.footprints] == [
+        '/robot', '/obstacle']
+    assert [source.topic for source in parameters.settings.obstacles] == ['/people']
+    _, parameters = declare({'obstacles': ['people', 'obstacle']})
+    assert [source.topic for source in parameters.settings.obstacles] == ['/people', '/obstacles']
 
 
 def test_topics_are_resolved_in_the_namespace_and_remapped(declare):
@@ -110,7 +151,7 @@ def test_topics_are_resolved_in_the_namespace_and_remapped(declare):
 def test_every_parameter_is_described(declare):
     """A description each; limits on every number."""
     node, _ = declare()
-    ours = [name for name in node._parameters if name.split('.')[0] not in
+    ours = [name for name in parameters_of(node) if name.split('.')[0] not in
             ('use_sim_time', 'start_type_description_service', 'qos_overrides')]
     assert len(ours) == NUMBER
     for descriptor in node.describe_parameters(ours):
@@ -122,23 +163,25 @@ def test_every_parameter_is_described(declare):
 
 
 @pytest.mark.parametrize('values, words', [
-    ({'obstacles.type': 'circle'}, 'circle.*polygon, polygon_instance'),
+    ({'obstacle.type': 'circle'}, 'circle.*polygon, polygon_instance'),
     ({'executor': 'multi'}, 'multi.*events, single_threaded'),
     ({'footprint.timeout': 'soon'}, 'footprint.timeout.*DOUBLE'),
     ({'footprint.timeout': 1}, 'footprint.timeout.*INTEGER.*DOUBLE'),
     ({'footprint.timeout': -1.0}, 'footprint.timeout'),
     ({'footprint.timeout': math.nan}, 'footprint.timeout.*range'),
-    ({'obstacles.max_count': 0}, 'obstacles.max_count'),
+    ({'obstacle.max_count': 0}, 'obstacle.max_count'),
     ({'publish_rate': 1000.0}, 'publish_rate'),
-    ({'publish_rate': None}, 'publish_rate.*without a value'),
-    ({'footprints': None}, 'footprints.*without a value'),
+    ({'publish_rate': None}, 'publish_rate.*has no value'),
+    ({'footprints': None}, 'footprints.*has no value'),
     ({'footprints': 'robot'}, 'footprints.*STRING_ARRAY'),
     ({'footprints': []}, 'footprints.*STRING_ARRAY'),
-    ({'footprints': ['left arm']}, 'left arm.*no name'),
-    ({'footprints': ['']}, 'no name'),
-    ({'obstacles': ['/map']}, '/map.*no name'),
+    ({'footprints': ['left arm']}, 'left arm.*cannot be a name'),
+    ({'footprints': ['']}, "'' cannot be a name"),
+    ({'obstacles': ['/map']}, '/map.*cannot be a name'),
     ({'footprints': ['a', 'a']}, "'a' is used twice"),
     ({'footprints': ['a'], 'obstacles': ['b', 'a']}, "'a' is used twice"),
+    ({'footprints': ['enabled']}, "'enabled' cannot be a name"),
+    ({'obstacles': ['obstacles']}, "'obstacles' cannot be a name"),
     ({'footprint.topic': 'a b'}, 'footprint.topic'),
     ({'footprint.topic': ''}, 'footprint.topic'),
 ])
@@ -150,9 +193,9 @@ def test_senseless_values_at_start_end_in_one_line(declare, values, words):
 
 
 @pytest.mark.parametrize('name, value', [
-    ('enabled', False), ('footprint.enabled', False), ('obstacles.enabled', False),
-    ('footprint.timeout', 3.0), ('obstacles.timeout', 0.0), ('obstacles.set_window', 0.1),
-    ('obstacles.accumulate', True), ('obstacles.max_count', 5), ('release_delay', 1.0),
+    ('enabled', False), ('footprint.enabled', False), ('obstacle.enabled', False),
+    ('footprint.timeout', 3.0), ('obstacle.timeout', 0.0), ('obstacle.set_window', 0.1),
+    ('obstacle.accumulate', True), ('obstacle.max_count', 5), ('release_delay', 1.0),
     ('unknown_is_collision', False), ('publish_rate', 1.0), ('marker_rate', 1.0),
     ('margin', 0.5), ('resolution', 0.5),
 ])
@@ -165,13 +208,13 @@ def test_what_is_live_can_be_set_while_running(declare, name, value):
     assert set_one(node, name, value) is None
     assert told == [parameters.settings] and told[0] != before
     source, _, field = name.rpartition('.')
-    kinds = {'footprint': told[0].footprints, 'obstacles': told[0].obstacles}
+    kinds = {'footprint': told[0].footprints, 'obstacle': told[0].obstacles}
     assert getattr(kinds[source][0] if source else told[0], field) == value
 
 
 @pytest.mark.parametrize('name, value', [
     ('footprints', ['a']), ('obstacles', ['a']), ('footprint.topic', '/a'),
-    ('obstacles.type', 'polygon_instance'), ('executor', 'single_threaded'),
+    ('obstacle.type', 'polygon_instance'), ('executor', 'single_threaded'),
     ('frame_id', 'odom'), ('max_vertices', 5),
 ])
 def test_what_is_structural_cannot_be_set_while_running(declare, name, value):
@@ -187,7 +230,7 @@ def test_what_is_structural_cannot_be_set_while_running(declare, name, value):
     ('footprint.timeout', -0.1, 'range'),
     ('footprint.timeout', 'a', 'type'),
     ('footprint.timeout', None, 'undeclared'),
-    ('obstacles.max_count', 0, 'range'),
+    ('obstacle.max_count', 0, 'range'),
     ('publish_rate', 0.0, 'range'),
     ('enabled', 1, 'type'),
 ])

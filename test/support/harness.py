@@ -27,7 +27,7 @@ from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
-from sat_collision.node.footprint_monitor import CollisionMonitor
+from sat_collision.node.footprint_monitor import FootprintMonitor
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
@@ -72,7 +72,7 @@ def to_parameters(values):
 class Peer:
     """A node that publishes to the monitor and keeps what it hears from it."""
 
-    def __init__(self, domain, name='collision_monitor'):
+    def __init__(self, domain, name='footprint_monitor'):
         self.context = rclpy.Context()
         self.context.init(domain_id=domain)
         self.node = rclpy.create_node('peer', context=self.context)
@@ -215,7 +215,7 @@ class RunningMonitor(Peer):
     def __init__(self, domain, executor, arguments, parameters):
         self._monitor_context = rclpy.Context()
         self._monitor_context.init(args=['--ros-args', *arguments], domain_id=domain)
-        self.monitor = CollisionMonitor(
+        self.monitor = FootprintMonitor(
             context=self._monitor_context,
             parameter_overrides=to_parameters({'executor': executor, **parameters}))
         self._monitor_executor = self.monitor.create_executor()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Starts the collision monitor with a parameter file."""
+"""Start the footprint monitor with a parameter file."""
 
 import os
 
@@ -33,12 +33,12 @@ def generate_launch_description():
         DeclareLaunchArgument('use_sim_time', default_value='false',
                               description='Take the time from /clock'),
         DeclareLaunchArgument('params_file',
-                              default_value=os.path.join(config, 'collision_monitor.yaml'),
+                              default_value=os.path.join(config, 'footprint_monitor.yaml'),
                               description='Parameters of the node'),
         Node(
             package='sat_collision',
-            executable='collision_monitor',
-            name='collision_monitor',
+            executable='footprint_monitor',
+            name='footprint_monitor',
             namespace=LaunchConfiguration('namespace'),
             output='screen',
             parameters=[

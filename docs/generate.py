@@ -1,0 +1,197 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Write what the documents take from the code; with --check only tell what is out of date.
+
+That is the README's table of parameters, config/footprint_monitor.yaml, and the picture of the
+imports in ARCHITECTURE.md.
+"""
+
+import argparse
+import ast
+from pathlib import Path
+import sys
+import textwrap
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from sat_collision.scene.parameters import declare_parameters  # noqa: E402
+from sat_collision.scene.settings import DEFAULT_FOOTPRINT, DEFAULT_SOURCE  # noqa: E402
+
+_PLACEHOLDERS = {DEFAULT_FOOTPRINT: '<footprint>', DEFAULT_SOURCE: '<source>'}
+_FILE_HEAD = """\
+# Every parameter of footprint_monitor with its default; those marked * are fixed at the start.
+# Written by docs/generate.py from sat_collision/scene/settings.py: copy this file, do not edit it.
+/**:
+  ros__parameters:
+"""
+
+
+def parameters():
+    """Return (name, default, Spec) of every parameter there is by default."""
+    found = []
+
+    def declare(name, default, spec):
+        found.append((name, default, spec))
+        return default
+
+    declare_parameters(declare)
+    return found
+
+
+def parameter_file():
+    """Return the parameter file that has all defaults."""
+    lines = []
+    for name, default, spec in parameters():
+        comment = ('' if spec.live else '* ') + spec.description + _allowed(spec, '; {} to {}')
+        lines += textwrap.wrap(comment, 99, initial_indent='    # ', subsequent_indent='    # ',
+                               break_long_words=False, break_on_hyphens=False)
+        lines.append(f'    {name}: {_yaml(default)}')
+    return _FILE_HEAD + '\n'.join(lines) + '\n'
+
+
+def parameter_table():
+    """Return the table of the parameters in Markdown."""
+    rows = ['| parameter | default | allowed | meaning |', '|---|---|---|---|']
+    for name, default, spec in parameters():
+        source, dot, field = name.rpartition('.')
+        shown = f'{_PLACEHOLDERS[source]}.{field}' if dot else name
+        choices = ', '.join(f'`{choice}`' for choice in spec.choices)
+        rows.append(f'| `{shown}`{"" if spec.live else " *"} | `{_yaml(default)}` | '
+                    f'{choices or _allowed(spec, "{} to {}")} | {spec.description} |')
+    return '\n'.join(rows)
+
+
+def imports():
+    """
+    Return what every module of the package and of the benchmarks imports.
+
+    Returns
+    -------
+    dict
+        Sets of full names by the module's own, such as 'sat_collision.scene.scene'. Of `from a
+        import b` there is a.b, be b a module or not. What only type checkers import is not there.
+
+    """
+    found = {}
+    for path in sorted([*ROOT.glob('sat_collision/**/*.py'), *ROOT.glob('benchmarks/**/*.py')]):
+        names = set()
+        left = [ast.parse(path.read_text())]
+        while left:
+            node = left.pop()
+            if isinstance(node, ast.Import):
+                names.update(alias.name for alias in node.names)
+            elif isinstance(node, ast.ImportFrom):
+                names.update(f'{node.module}.{alias.name}' for alias in node.names)
+            elif not (isinstance(node, ast.If) and ast.unparse(node.test) == 'TYPE_CHECKING'):
+                left += ast.iter_child_nodes(node)
+        module = '.'.join(path.relative_to(ROOT).with_suffix('').parts)
+        found[module.removesuffix('.__init__')] = names
+    return found
+
+
+def part(name):
+    """Return the part of the project that a full name belongs to: a wing, for one; else None."""
+    top, _, rest = name.partition('.')
+    first = rest.partition('.')[0]
+    if top == 'sat_collision':
+        is_part = (ROOT / top / first).is_dir() or (ROOT / top / f'{first}.py').is_file()
+        return first if first and is_part else 'sat_collision'
+    return top if top == 'benchmarks' else None
+
+
+def import_picture():
+    """
+    Return a Mermaid flowchart of which part of the project imports which.
+
+    Where one part is reached from another by way of a third, the direct arrow is left out.
+    """
+    modules = {}
+    arrows = {}
+    for module, names in imports().items():
+        own = part(module)
+        modules.setdefault(own, [])
+        if own != 'benchmarks' and module.count('.') == 2:
+            modules[own].append(module.rpartition('.')[2])
+        arrows.setdefault(own, set()).update(filter(None, map(part, names)))
+    lines = ['```mermaid', 'flowchart TB']
+    for own, names in modules.items():
+        listed = textwrap.wrap(', '.join(names), 26)
+        lines.append(f'    {own}["{"<br>".join([f"<b>{own}</b>", *listed])}"]')
+    for own in modules:
+        others = arrows[own] - {own}
+        by_way = set().union(*(arrows[other] - {other} for other in others))
+        lines += [f'    {own} --> {other}' for other in sorted(others - by_way)]
+    return '\n'.join([*lines, '```'])
+
+
+def documents():
+    """Return the text that each document should have, by path."""
+    return {path: make() for path, make in (
+        (ROOT / 'config' / 'footprint_monitor.yaml', parameter_file),
+        (ROOT / 'README.md', lambda: _with_block('README.md', parameter_table())),
+        (ROOT / 'docs' / 'ARCHITECTURE.md',
+         lambda: _with_block('docs/ARCHITECTURE.md', import_picture())))}
+
+
+def _with_block(name, block):
+    """Return a document with the block between its marks replaced."""
+    text = (ROOT / name).read_text()
+    begin, end = '<!-- written by docs/generate.py -->\n', '<!-- until here -->\n'
+    head, begun, rest = text.partition(begin)
+    _, ended, tail = rest.partition(end)
+    if not (begun and ended):
+        raise ValueError(f'{name}: {begin.strip()} and {end.strip()} must enclose what is written')
+    return f'{head}{begin}{block}\n{end}{tail}'
+
+
+def _allowed(spec, form):
+    return form.format(*map(_number, spec.limits)) if spec.limits else ''
+
+
+def _number(value):
+    return f'{value:.1f}' if isinstance(value, float) else str(value)
+
+
+def _yaml(value):
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list):
+        return f'[{", ".join(value)}]'
+    return "''" if value == '' else str(value)
+
+
+def main():
+    """Write or check the documents; return the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser.add_argument('--check', action='store_true', help='write nothing; 1 if out of date')
+    options = parser.parse_args()
+    status = 0
+    for path, text in documents().items():
+        if not path.exists() or path.read_text() != text:
+            print(f'{path.relative_to(ROOT)} is out of date', end='')
+            if options.check:
+                print(': run docs/generate.py')
+                status = 1
+            else:
+                path.write_text(text)
+                print(' no more')
+    return status
+
+
+if __name__ == '__main__':
+    sys.exit(main())

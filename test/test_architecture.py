@@ -1,0 +1,139 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The build of the project: who may import whom, how long a file is, and documents that follow."""
+
+import ast
+from pathlib import Path
+import sys
+
+from generate import documents, imports, part, ROOT
+import pytest
+
+# Each part, and the parts that it may import from.
+BELOW = {
+    'geometry': set(),
+    'sat_collision': {'geometry'},
+    'scene': {'geometry'},
+    'messages': {'scene', 'geometry'},
+    'monitor': {'messages', 'scene', 'geometry'},
+    'node': {'monitor', 'messages', 'scene', 'geometry'},
+    'replay': {'monitor', 'messages', 'scene', 'geometry'},
+    'demo': set(),
+}
+# Parts of other projects that are for some modules only; a module is said by its full name.
+RESERVED = {
+    'numba': ('sat_collision.geometry.jit',),
+    'llvmlite': ('sat_collision.geometry.jit',),
+    'rclpy': ('sat_collision.node', 'sat_collision.demo.__main__'),
+    'rclpy.serialization': ('sat_collision.node', 'sat_collision.demo.__main__',
+                            'sat_collision.messages.interfaces'),
+    'rosbags': ('sat_collision.messages.rosbags_interfaces', 'sat_collision.replay'),
+}
+LONGEST = 300
+MOST_ARGUMENTS = 7
+
+IMPORTS = imports()
+PACKAGE = {module: names for module, names in IMPORTS.items() if part(module) != 'benchmarks'}
+FILES = sorted((ROOT / 'sat_collision').rglob('*.py'))
+
+
+def lies_in(name, wider):
+    """Tell whether a full name is another one or lies in it."""
+    return name == wider or name.startswith(f'{wider}.')
+
+
+def test_there_is_something_to_check():
+    """Every part has modules, and imports are found."""
+    assert set(map(part, PACKAGE)) == set(BELOW)
+    assert 'sat_collision.scene.scene.Scene' in IMPORTS['sat_collision.monitor']
+
+
+@pytest.mark.parametrize('module', PACKAGE)
+def test_imports_point_one_way(module):
+    """Down the parts, never up and never between node and replay."""
+    allowed = {None, part(module)} | BELOW[part(module)]
+    for name in PACKAGE[module]:
+        leaf = module == 'sat_collision.replay.example' and name == 'sat_collision.demo.warehouse'
+        assert leaf or part(name) in allowed, f'{module} imports {name}'
+
+
+def test_no_modules_import_each_other():
+    """Not within a part either, by whatever way round."""
+    below = {module: {other for other in IMPORTS if other != module and any(
+        name == other or name.rpartition('.')[0] == other for name in names)}
+        for module, names in PACKAGE.items()}
+    while lowest := [module for module, others in below.items() if not others]:
+        for module in lowest:
+            del below[module]
+        for others in below.values():
+            others.difference_update(lowest)
+    assert not below, f'in a circle: {sorted(below)}'
+
+
+@pytest.mark.parametrize('module', PACKAGE)
+def test_libraries_are_imported_where_they_belong(module):
+    """ROS in the node, what compiles in jit, the formats of recordings in replay."""
+    for name in PACKAGE[module]:
+        library = max((library for library in RESERVED if lies_in(name, library)), key=len,
+                      default=None)
+        assert library is None or any(lies_in(module, home) for home in RESERVED[library]), (
+            f'{module} imports {name}')
+
+
+@pytest.mark.parametrize('module', [module for module in PACKAGE
+                                    if part(module) in ('geometry', 'scene')])
+def test_core_needs_numpy_only(module):
+    """Geometry and scene run wherever NumPy does."""
+    allowed = {*sys.stdlib_module_names, 'numpy', 'sat_collision'}
+    if module == 'sat_collision.geometry.jit':
+        allowed |= {'numba', 'llvmlite'}
+    assert {name.partition('.')[0] for name in PACKAGE[module]} <= allowed
+
+
+@pytest.mark.parametrize('path', FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_file_is_read_in_one_sitting(path):
+    """No file of the package is too long, no function takes too much."""
+    text = path.read_text()
+    assert text.count('\n') <= LONGEST
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, (ast.FunctionDef, ast.Lambda)):
+            arguments = node.args
+            names = [one.arg for one in (*arguments.posonlyargs, *arguments.args,
+                                         *arguments.kwonlyargs)]
+            taken = [name for name in names if name not in ('self', 'cls')]
+            assert len(taken) <= MOST_ARGUMENTS, f'line {node.lineno}: {len(taken)} arguments'
+
+
+@pytest.mark.parametrize('path', [Path('README.md'), Path('config', 'footprint_monitor.yaml'),
+                                  Path('docs', 'ARCHITECTURE.md')], ids=str)
+def test_documents_say_what_the_code_says(path):
+    """The parameters, their defaults and the picture of the imports; else run `make docs`."""
+    assert (ROOT / path).read_text() == documents()[ROOT / path]
+
+
+def test_example_of_the_readme_gives_what_it_says():
+    """Every expression in the Python block has the value in the comment behind it."""
+    _, block = (ROOT / 'README.md').read_text().split('```python\n')
+    known = {}
+    checked = 0
+    for line in block.partition('```')[0].splitlines():
+        code, _, comment = map(str.strip, line.partition('  # '))
+        if comment:
+            assert comment.startswith(repr(eval(code, known))), line
+            checked += 1
+        else:
+            exec(code, known)
+    assert checked == 3

@@ -34,7 +34,7 @@ def serialize(message: Any) -> bytes:
     return bytes(STORE.serialize_cdr(message, type(message).type_name))
 
 
-def deserialize(data: bytes, kind: type) -> Any:
+def deserialize(data: bytes, kind: Any) -> Any:
     """Return the message of a class of `message_class` that CDR bytes hold."""
     if bytes(data[:2]) not in _ENCAPSULATIONS:
         raise ValueError(f'unknown encapsulation {bytes(data[:2]).hex()}')

@@ -19,10 +19,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
 from pathlib import Path
-import struct
 from typing import TYPE_CHECKING, TypeAlias
 
 from rosbags.rosbag2 import WriterError
+from sat_collision.messages.cdr import header_stamp
 from sat_collision.monitor import Monitor
 from sat_collision.replay.options import HEADER, Options, RECEIVE
 from sat_collision.replay.recording import Message, Recording
@@ -39,7 +39,6 @@ Progress: TypeAlias = Callable[[float], None]
 
 _LONGEST_QUIET = 60 * 10**9
 _PROGRESS_EVERY = 5000
-_STAMP = struct.Struct('<4siI')
 _APART = 3600 * 10**9
 
 
@@ -152,7 +151,7 @@ class _Run:
         touching = timeline.touching
         for topic, time, data in messages:
             if by_header:
-                time = _stamp(data)
+                time = header_stamp(data)
                 if time and not now:
                     self._begin(time)
             if time > now:
@@ -207,19 +206,18 @@ class _Run:
             # A bound may lie in the past, but the scene's time must not go back.
             deadline = max(self._scene.deadline + 1, self._now)
             timer = min(self._timers, key=lambda timer: timer.due)
-            event = min(deadline, timer.due)
-            if event >= now and event != deadline or event > now:
-                break
-            if event == deadline:
-                self._now = deadline
-                self._scene.advance(deadline)
+            if deadline <= min(now, timer.due):
+                self._now = int(deadline)
+                self._scene.advance(self._now)
                 changed = self._scene.changes()
                 if changed:
-                    self._change(changed, deadline)
+                    self._change(changed, self._now)
                 continue
-            timer.action(event)
+            if timer.due >= now:
+                break
+            timer.action(timer.due)
             timer.due += timer.period
-            quiet = min(deadline, now) - timer.due
+            quiet = int(min(deadline, now)) - timer.due
             if quiet > _LONGEST_QUIET:
                 timer.due += quiet
         self._now = now
@@ -236,23 +234,10 @@ class _Run:
     def _with_clocks_compared(self, messages: Iterator[Message]) -> Iterable[Message]:
         """Note clocks so far apart at the first message that one cannot be the robot's."""
         for topic, time, data in messages:
-            stamp = _stamp(data)
+            stamp = header_stamp(data)
             if self._options.clock == RECEIVE and stamp and abs(time - stamp) > _APART:
                 self._result.notes.append(
                     f'the first header stamp is {abs(time - stamp) / 1e9:.0f} s from the receive '
                     'time, as in recordings of simulations: try --clock header')
             return chain([(topic, time, data)], messages)
         return ()
-
-
-def _stamp(data: bytes) -> int:
-    """Return the header stamp of a message in ns, 0 where there is none."""
-    if len(data) < _STAMP.size:
-        return 0
-    encapsulation: bytes
-    seconds: int
-    nanoseconds: int
-    encapsulation, seconds, nanoseconds = _STAMP.unpack_from(data)
-    if encapsulation != b'\0\1\0\0' or nanoseconds >= 10**9:
-        return 0
-    return seconds * 10**9 + nanoseconds

@@ -25,7 +25,7 @@ from types import TracebackType
 from typing import Protocol, TypeAlias
 
 from rosbags.rosbag2 import Reader
-from sat_collision.replay.recovery import Damage, recovered, unpack
+from sat_collision.replay.recovery import Damage, recovered, unpack, WRONG_TYPES
 
 Message: TypeAlias = tuple[str, int, bytes]  # topic, time in ns, data
 
@@ -70,7 +70,7 @@ class Recording:
         elif not self._open(self.path):
             for file in self._files():
                 plain = self._unpacked(file)
-                if not self._open(plain, shown=file):
+                if plain == self.path or not self._open(plain, shown=file):
                     self._add(_Recovered(plain, file, self.problems))
         return self
 
@@ -180,9 +180,10 @@ class _Whole:
             return
         try:
             for connection, time, data in self._reader.messages(connections, start, stop):
+                # SQLite's rows have no types, so damage may make anything of them.
+                if not (isinstance(time, int) and isinstance(data, bytes)):
+                    raise TypeError(WRONG_TYPES)
                 yield connection.topic, time, data
-        except GeneratorExit:
-            raise
         except Exception as error:  # as above
             self._problems.append(
                 f'{self._shown}: could not be read to its end: {_in_words(error)}')
@@ -204,7 +205,7 @@ class _Recovered:
                 self.start = time if self.start is None else min(time, self.start)
                 self.end = time if self.end is None else max(time, self.end)
         except Damage as damage:
-            problems.append(f'{shown}: only partly readable: {damage}')
+            problems.append(f'{shown}: {damage}')
         except OSError as error:
             problems.append(f'{shown}: {_in_words(error)}')
 

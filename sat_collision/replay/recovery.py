@@ -36,8 +36,11 @@ else:
 
 TypedMessage: TypeAlias = tuple[str, str, int, bytes]  # topic, type, time in ns, data
 
+WRONG_TYPES = 'a row has values of wrong types'
+
 _MAGIC = b'\x89MCAP0\r\n'
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 3, 4, 5, 6, 15
+_NAMES = {_SCHEMA: 'schema', _CHANNEL: 'channel', _MESSAGE: 'message'}
 _RECORD_HEAD = struct.Struct('<BQ')
 _MESSAGE_HEAD = struct.Struct('<HIQQ')
 _CHUNK_HEAD = struct.Struct('<QQQI')
@@ -105,10 +108,13 @@ def _rows_of_whole_pages(path: Path) -> Iterator[TypedMessage]:
         for topic, time, data in connection.execute(
                 'SELECT topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY id'):
             name, kind = topics[topic]
+            # What SQLite reads of a damaged row may be of any type.
+            if (type(name), type(kind), type(time), type(data)) != (str, str, int, bytes):
+                raise Damage(f'damaged after {count} messages: {WRONG_TYPES}')
             yield name, kind, time, data
             count += 1
     except (sqlite3.DatabaseError, KeyError) as error:
-        raise Damage(f'after {count} messages: {error}') from error
+        raise Damage(f'damaged after {count} messages: {error}') from error
     finally:
         connection.close()
 
@@ -133,10 +139,11 @@ def _messages(path: Path) -> Iterator[TypedMessage]:
                 elif kind == _CHANNEL:
                     key, schema = struct.unpack_from('<HH', content)
                     channels[key] = _text(content, 4)[0], schemas[schema]
-            except (struct.error, LookupError, ValueError) as error:
-                faults.append(f'at byte {where}: {error}')
+            except (struct.error, LookupError, ValueError):
+                faults.append(f'at byte {where}: invalid {_NAMES[kind]} record')
     if faults:
-        raise Damage(faults[0] + (f' (and {len(faults) - 1} more)' if faults[1:] else ''))
+        more = f', and in {len(faults) - 1} more places' if faults[1:] else ''
+        raise Damage(f'damaged {faults[0]}{more}')
 
 
 def _records(file: BinaryIO, faults: list[str]) -> Iterator[tuple[int, int, bytes]]:
@@ -156,7 +163,7 @@ def _records(file: BinaryIO, faults: list[str]) -> Iterator[tuple[int, int, byte
     except Damage as damage:
         faults.append(str(damage))
     else:
-        faults.append('its end is cut off')
+        faults.append('at its end, which is missing')
 
 
 def _framed(file: BinaryIO) -> Iterator[tuple[int, int, bytes]]:

@@ -56,8 +56,10 @@ def parameters_of_file(path: str | Path, node: str = NODE) -> dict[str, Any]:
     try:
         with open(path, encoding='utf-8') as file:
             content = yaml.load(file, _Loader)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ParameterError(f'{path}: {error}') from error
+    except OSError as error:
+        raise ParameterError(f'cannot read {path}: {error.strerror}') from error
+    except (UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ParameterError(f'{path} is not a parameter file: {error}') from error
     if not isinstance(content, dict):
         raise ParameterError(f'{path} is not a parameter file: it does not list nodes by name')
     found = dict(_sections(content, ''))

@@ -55,10 +55,12 @@ def differences(results: list[Result], path: str) -> list[str]:
             raise ExpectationError(
                 f'{path} has the schema {stored["schema"]}, this version needs {SCHEMA}')
         expected = _by_name(stored['bags'])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        if isinstance(error, ExpectationError):
-            raise
-        raise ExpectationError(f'{path} is not a result that --json wrote: {error!r}') from error
+    except ExpectationError:
+        raise
+    except OSError as error:
+        raise ExpectationError(f'cannot read {path}: {error.strerror}') from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise ExpectationError(f'{path} is not a result that --json wrote') from error
     found = _by_name(as_dict(results)['bags'])
     lines = [f'{name}: expected, but not checked' for name in expected if name not in found]
     lines += [f'{name}: checked, but not expected' for name in found if name not in expected]

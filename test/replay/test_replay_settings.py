@@ -154,5 +154,5 @@ def test_topics_can_be_said():
         ['/b'], [('/a', 'polygon')])
     with pytest.raises(ParameterError, match='used twice'):
         topics_of(types, footprints=('x:=/a', 'x:=/b'))
-    with pytest.raises(ParameterError, match='no name'):
+    with pytest.raises(ParameterError, match='name'):
         topics_of(types, footprints=(':=/a',))

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import as_completed, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
@@ -25,13 +25,12 @@ from pathlib import Path
 
 from sat_collision.replay.options import Options
 from sat_collision.replay.result import Result
-from sat_collision.replay.run import check
+from sat_collision.replay.run import check, OnProgress
 
 _ATTEMPTS = 3
 
 
-def check_one(path: str, options: Options,
-              progress: Callable[[float], None] | None = None) -> Result:
+def check_one(path: str, options: Options, progress: OnProgress | None = None) -> Result:
     """Check a recording of several; what is written for it goes into a directory of its own."""
     if options.write_bag:
         options = replace(options, write_bag=str(Path(options.write_bag, Path(path).stem)))

@@ -35,7 +35,7 @@ from sat_collision.scene.settings import Settings
 if TYPE_CHECKING:
     from sat_collision.replay.outputs import BagOutputs
 
-Progress: TypeAlias = Callable[[float], None]
+OnProgress: TypeAlias = Callable[[float], None]
 
 _LONGEST_QUIET = 60 * 10**9
 _PROGRESS_EVERY = 5000
@@ -43,7 +43,7 @@ _APART = 3600 * 10**9
 
 
 def check(path: str | Path, options: Options = Options(),
-          progress: Progress | None = None) -> Result:
+          progress: OnProgress | None = None) -> Result:
     """
     Check a recording.
 
@@ -100,7 +100,7 @@ class _Run:
         self._due = 0
         self._examples: dict[str, dict[str, str]] = {}
 
-    def run(self, progress: Progress | None) -> None:
+    def run(self, progress: OnProgress | None) -> None:
         """Check the recording and fill in the result."""
         result, recording, options = self._result, self._recording, self._options
         wrong = dict(wrong_types(self._settings, recording.topics))
@@ -134,7 +134,7 @@ class _Run:
         result.picture = self._timeline.picture
 
     def _play(self, names: dict[str, list[str]], start: int, stop: int | None, end: int,
-              progress: Progress | None) -> None:
+              progress: OnProgress | None) -> None:
         by_header = self._options.clock == HEADER
         # What metadata.yaml says of the recording's bounds is not taken as a reason to drop any.
         messages = self._with_clocks_compared(
@@ -224,7 +224,7 @@ class _Run:
         self._due = timer.due
 
     def _with_progress(self, messages: Iterable[Message], names: Iterable[str],
-                       progress: Progress) -> Iterator[Message]:
+                       progress: OnProgress) -> Iterator[Message]:
         total = sum(self._recording.counts[topic] for topic in names)
         for count, message in enumerate(messages):
             if count % _PROGRESS_EVERY == 0:

@@ -156,3 +156,10 @@ def test_topics_can_be_said():
         topics_of(types, footprints=('x:=/a', 'x:=/b'))
     with pytest.raises(ParameterError, match='name'):
         topics_of(types, footprints=(':=/a',))
+
+
+def test_topic_called_like_a_parameter_feeds_the_default_source():
+    """No source may be called like a parameter, such as the list of all sources."""
+    settings = settings_for({'/footprints': POLYGON, '/obstacles': POLYGON}, {},
+                            footprints=['/footprints'], obstacles=['/obstacles'])
+    assert [settings.footprints[0].name, settings.obstacles[0].name] == ['footprint', SOURCE]

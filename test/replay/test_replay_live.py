@@ -23,7 +23,8 @@ from recordings import NAMES, needs_shared, SHARED
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 from sat_collision.messages.cdr import decode
-from sat_collision.replay.run import check, Options
+from sat_collision.replay.options import Options
+from sat_collision.replay.run import check
 
 SECOND = 10**9
 STORAGE = {'events': 'mcap', 'single_threaded': 'sqlite3'}
@@ -87,9 +88,9 @@ def test_live_node_and_replay_publish_the_same(start, executor, tmp_path, name):
     with AnyReader([tmp_path / 'out']) as reader:
         for connection, _, data in reader.messages():
             message = reader.deserialize(data, connection.msgtype)
-            if connection.topic == '/collision_monitor/state':
+            if connection.topic == '/footprint_monitor/state':
                 states.append(said(message.status[0]))
-            elif connection.topic == '/collision_monitor/collision':
+            elif connection.topic == '/footprint_monitor/collision':
                 raised.append(message.data)
     replayed = without_repetition(states)
     first = next(k for k, state in enumerate(live) if state[0] != 'unknown')

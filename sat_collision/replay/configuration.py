@@ -23,9 +23,8 @@ from pathlib import Path
 import re
 from typing import Any
 
-from sat_collision.scene.parameters import (
-    declare_parameters, ParameterError, read_settings, Spec)
-from sat_collision.scene.settings import Settings
+from sat_collision.scene.parameters import declare_parameters, ParameterError, read_settings
+from sat_collision.scene.settings import Settings, Spec
 import yaml
 
 NODE = '/footprint_monitor'

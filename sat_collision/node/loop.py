@@ -84,15 +84,15 @@ class Reserved(CallbackGroup):
     """Keeps executors from what the loop takes itself."""
 
     def can_execute(self, entity: Any) -> bool:
-        """Return False."""
-        return False
+        """Return False for a subscription; its events are an executor's."""
+        return not isinstance(entity, Subscription)
 
     def beginning_execution(self, entity: Any) -> bool:
-        """Return False."""
-        return False
+        """Return False for a subscription."""
+        return self.can_execute(entity)
 
     def ending_execution(self, entity: Any) -> None:
-        """Do nothing, as nothing has begun."""
+        """Do nothing: what is executed excludes nothing else."""
 
 
 class Loop:
@@ -235,9 +235,10 @@ class _Waiting:
         self._node = node
         self._entities = [*node.subscriptions, *node.services]
         held.enter_context(node.context.handle)
-        handles = [held.enter_context(one.handle) for one in self._entities]
-        self._subscriptions = handles[:len(list(node.subscriptions))]
-        self._services = handles[len(self._subscriptions):]
+        for one in self._entities:
+            held.enter_context(one.handle)
+        self._subscriptions = [one.handle for one in node.subscriptions]
+        self._services = [one.handle for one in node.services]
         self._wait_set = rclpy_implementation.WaitSet(
             len(self._subscriptions), 0, 0, 0, len(self._services), 0, node.context.handle)
         self._service_ready = False

@@ -27,7 +27,7 @@ from sat_collision.replay.options import Options
 from sat_collision.replay.run import check
 
 SECOND = 10**9
-STORAGE = {'events': 'mcap', 'single_threaded': 'sqlite3'}
+STORAGE = {'loop': 'mcap', 'executor': 'sqlite3'}
 
 
 def recorded(bag):
@@ -60,21 +60,21 @@ def without_repetition(items):
 
 @needs_shared
 @pytest.mark.parametrize('name', NAMES)
-def test_live_node_and_replay_publish_the_same(start, executor, tmp_path, name):
+def test_live_node_and_replay_publish_the_same(start, runner, tmp_path, name):
     """
     The changes of state that the node publishes are those in the bag that replay writes.
 
     The recording is played in order, each message once the one before is counted; the clock is
     that of the header stamps. Every change within a stamp is compared too, not only the last.
     """
-    bag = SHARED / f'{name}_{STORAGE[executor]}'
+    bag = SHARED / f'{name}_{STORAGE[runner]}'
     monitor = start(use_sim_time=True, publish_rate=50.0)
     heard = monitor.listen('~/state', 10_000)
     flags = monitor.listen('~/collision', 10_000)
     sent = 0
     for stamp, messages in recorded(bag):
         monitor.set_clock(stamp)
-        wait(lambda: monitor.monitor._now() == stamp)
+        wait(lambda: monitor.monitor.present() == stamp)
         for topic, data in messages:
             monitor.publisher(topic).publish(data)
             sent += 1

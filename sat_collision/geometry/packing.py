@@ -11,6 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
 """Make packed polygons, see `layout`, of received points."""
 
 import math
@@ -29,16 +30,14 @@ _INFINITY = float('inf')
 
 
 @kernel
-def pack(points, width, packed, most):
+def pack(points, packed, most):
     """
     Pack a polygon, given as received points, see `layout`.
 
     Parameters
     ----------
-    points : (width * n,) flat array of float64, n >= 1
-        x, y and, if width is 3, z of each point as received.
-    width : int
-        2 or 3.
+    points : (2 n,) flat array of float64, n >= 1
+        x, y of each point as received.
     packed : flat array of float64
         Receives the polygon; of `packed_size(n)` at least.
     most : int
@@ -54,8 +53,8 @@ def pack(points, width, packed, most):
         Where the vertices start in the array.
 
     """
-    ring = scratch(2 * (len(points) // width))
-    verdict, count, i, j = clean(points, width, ring, most)
+    ring = scratch(len(points))
+    verdict, count, i, j = clean(points, ring, most)
     first = 0
     if verdict == CONVEX or verdict == NON_CONVEX:
         first = HEADER + table_size(count)
@@ -73,17 +72,23 @@ def pack(points, width, packed, most):
 
 
 @kernel
-def pack_float32(data, start, received, packed, most):
+def pack_convex(data, start, received, packed, most):
     """
-    Pack a polygon as `pack` does, from bytes: x, y and z of each point as float32.
+    Pack a polygon, given as bytes of a message, if it is convex.
 
     Parameters
     ----------
     data : bytes
     start, received : int
-        Where in the data the points start, and how many there are.
+        Where in the data the points start, and how many there are, at least one: x, y and z of
+        each as float32 in this machine's byte order.
     packed, most
-        As for `pack`, whose values are returned.
+        As for `pack`.
+
+    Returns
+    -------
+    int
+        The number of vertices; 0 if the polygon is not convex or the points are refused.
 
     """
     values = float32_values(data, start)
@@ -91,13 +96,7 @@ def pack_float32(data, start, received, packed, most):
     for i in range(received):
         points[2 * i] = values[3 * i]
         points[2 * i + 1] = values[3 * i + 1]
-    return pack(points, 2, packed, most)
-
-
-@kernel
-def pack_convex(data, start, received, packed, most):
-    """Return the number of vertices if `pack_float32` gives a convex polygon, else 0."""
-    verdict, count, _, _, _ = pack_float32(data, start, received, packed, most)
+    verdict, count, _, _, _ = pack(points, packed, most)
     return count if verdict == CONVEX else 0
 
 
@@ -193,5 +192,3 @@ def _write_table(ring, count, packed):
             packed[HEADER + sector // 4] = 0.0
         entry = min(i, ENTRY_MASK)
         packed[HEADER + sector // 4] += float(entry << (ENTRY_BITS * (sector % 4)))
-
-

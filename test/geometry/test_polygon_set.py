@@ -159,7 +159,7 @@ def test_nearest_and_within_a_margin():
         assert least == pytest.approx(min(expected.values()), abs=1e-14)
         assert expected[row] == pytest.approx(least, abs=1e-14)
         for margin in (0.0, 0.75, 4.0):
-            assert bodies.within(footprint, margin).tolist() == sorted(
+            assert bodies.rows_within(footprint, margin).tolist() == sorted(
                 row for row, value in expected.items() if value <= margin)
         apart.add(least > 0)
     assert apart == {True, False}
@@ -169,5 +169,5 @@ def test_margin_counts_the_distance_itself():
     """A box a quarter of a metre away is within that margin, and not within less."""
     bodies = PolygonSet([Polygon([(1.25, 0), (2, 0), (2, 1), (1.25, 1)])])
     footprint = Polygon([(0, 0), (1, 0), (1, 1), (0, 1)])
-    assert bodies.within(footprint, 0.25).tolist() == [0]
-    assert bodies.within(footprint, np.nextafter(0.25, 0)).tolist() == []
+    assert bodies.rows_within(footprint, 0.25).tolist() == [0]
+    assert bodies.rows_within(footprint, np.nextafter(0.25, 0)).tolist() == []

@@ -100,7 +100,7 @@ def _meet(pairs, row, slot):
     """Tell exactly whether two bodies meet; a search of convex ones ended at the slot's places."""
     p = Packed(pairs.packed, pairs.spans[0, row], pairs.spans[1, row])
     q = Packed(pairs.other_packed, pairs.other_spans[0, row], pairs.other_spans[1, row])
-    if p.count > 0 and q.count > 0:
+    if p.n > 0 and q.n > 0:
         return meet_near(p, q, pairs.places[2 * slot], pairs.places[2 * slot + 1])
     return bodies_meet(p, q)
 
@@ -127,11 +127,11 @@ def _begin(pairs, start, end, used):
         p = Packed(data, rows[0, row], rows[1, row])
         q = Packed(other_data, other_rows[0, row], other_rows[1, row])
         slot = row - start
-        if p.count == 0 or q.count == 0 or boxes_apart(p, q):
+        if p.n == 0 or q.n == 0 or boxes_apart(p, q):
             verdicts[row] = SEPARATE
-        elif p.count < 0 or q.count < 0:
+        elif p.n < 0 or q.n < 0:
             verdicts[row] = UNCERTAIN
-        elif p.count <= SCAN_LIMIT or q.count <= SCAN_LIMIT:
+        elif p.n <= SCAN_LIMIT or q.n <= SCAN_LIMIT:
             verdict, i, j, _ = find_separating_axis(p, q)
             verdicts[row] = verdict
             places[2 * slot] = i

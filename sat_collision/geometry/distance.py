@@ -27,6 +27,7 @@ import math
 from sat_collision.geometry.intersection import convex_meet, interiors_apart
 from sat_collision.geometry.jit import kernel
 from sat_collision.geometry.layout import convex_part, first_vertex, Packed
+from sat_collision.geometry.plane import length
 from sat_collision.geometry.separating_axis import support
 
 _LEAST = 5e-324
@@ -45,9 +46,9 @@ def measure(p, q):
     least = math.inf
     found = (0.0, 0.0, 0.0, 0.0)
     meeting = False
-    for i in range(max(1, -p.count)):
+    for i in range(max(1, -p.n)):
         a = convex_part(p, i)
-        for j in range(max(1, -q.count)):
+        for j in range(max(1, -q.n)):
             b = convex_part(q, j)
             meet = convex_meet(a, b)
             if meeting and not meet:
@@ -72,7 +73,7 @@ def _furthest(p, ux, uy):
     v = p.array
     first = first_vertex(p)
     i = first
-    for k in range(first, first + 2 * p.count, 2):
+    for k in range(first, first + 2 * p.n, 2):
         if v[k] * ux + v[k + 1] * uy > v[i] * ux + v[i + 1] * uy:
             i = k
     return i
@@ -93,7 +94,7 @@ def _distance(p, q):
     pa = pb = _furthest(p, ux, uy)
     qa = qb = _furthest(q, -ux, -uy)
     distance, share, ux, uy = _nearest_of_segment(v, w, pa, qa, pb, qb)
-    for _ in range(p.count + q.count):
+    for _ in range(p.n + q.n):
         pw = _furthest(p, ux, uy)
         qw = _furthest(q, -ux, -uy)
         to_a = _nearest_of_segment(v, w, pa, qa, pw, qw)
@@ -125,22 +126,22 @@ def _nearest_of_segment(p, q, pa, qa, pb, qb):
     ay = q[qa + 1] - p[pa + 1]
     ex = (q[qb] - p[pb]) - ax
     ey = (q[qb + 1] - p[pb + 1]) - ay
-    length = math.hypot(ex, ey)
-    if length == 0.0:
-        return math.hypot(ax, ay), 0.0, ax, ay
-    ex /= length
-    ey /= length
+    size = length(ex, ey)
+    if size == 0.0:
+        return length(ax, ay), 0.0, ax, ay
+    ex /= size
+    ey /= size
     along = -(ax * ex + ay * ey)
     if along <= 0.0:
-        return math.hypot(ax, ay), 0.0, ax, ay
-    if along >= length:
+        return length(ax, ay), 0.0, ax, ay
+    if along >= size:
         bx = q[qb] - p[pb]
         by = q[qb + 1] - p[pb + 1]
-        return math.hypot(bx, by), 1.0, bx, by
+        return length(bx, by), 1.0, bx, by
     height = ax * ey - ay * ex
     if height < 0.0:
-        return -height, along / length, -ey, ex
-    return height, along / length, ey, -ex
+        return -height, along / size, -ey, ex
+    return height, along / size, ey, -ex
 
 
 @kernel
@@ -173,14 +174,14 @@ def _least_reach(p, q):
     w = q.array
     first = first_vertex(p)
     best = (math.inf, v[first], v[first + 1], 0.0, 0.0)
-    for i in range(p.count if p.count > 1 else 0):
+    for i in range(p.n if p.n > 1 else 0):
         a = first + 2 * i
-        b = first + 2 * (i + 1 if i + 1 < p.count else 0)
+        b = first + 2 * (i + 1 if i + 1 < p.n else 0)
         ex = v[b] - v[a]
         ey = v[b + 1] - v[a + 1]
-        length = math.hypot(ex, ey)
-        ux = ey / length
-        uy = -ex / length
+        size = length(ex, ey)
+        ux = ey / size
+        uy = -ex / size
         j = _furthest(q, -ux, -uy)
         depth = (v[a] - w[j]) * ux + (v[a + 1] - w[j + 1]) * uy
         if depth < best[0]:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The exact answer for two bodies: what the search in plain doubles leaves open is decided here."""
+"""The exact answer for two bodies: what plain doubles leave open is decided here."""
 
 from typing import Any, NamedTuple
 
@@ -31,14 +31,14 @@ class Ring(NamedTuple):
     ----------
     array : flat array of float64
         Holds them x, y, x, y, ..., counter-clockwise.
-    first, count : int
+    first, n : int
         Where in the array they start, and how many there are.
 
     """
 
     array: Any
     first: int
-    count: int
+    n: int
 
 
 @kernel
@@ -52,9 +52,9 @@ def bodies_meet(p, q):
     """Tell exactly whether two packed polygons, convex or not, share a point; touching counts."""
     if boxes_apart(p, q):
         return False
-    for i in range(max(1, -p.count)):
+    for i in range(max(1, -p.n)):
         a = convex_part(p, i)
-        for j in range(max(1, -q.count)):
+        for j in range(max(1, -q.n)):
             if convex_meet(a, convex_part(q, j)):
                 return True
     return False
@@ -67,11 +67,11 @@ def filtered_verdict(p, q):
 
     A count of 0 stands for no body. Bodies that are not convex and may meet are left UNCERTAIN.
     """
-    p = Packed(unchecked_view(p.array), p.start, p.count)
-    q = Packed(unchecked_view(q.array), q.start, q.count)
-    if p.count == 0 or q.count == 0 or boxes_apart(p, q):
+    p = Packed(unchecked_view(p.array), p.start, p.n)
+    q = Packed(unchecked_view(q.array), q.start, q.n)
+    if p.n == 0 or q.n == 0 or boxes_apart(p, q):
         return SEPARATE
-    if p.count < 0 or q.count < 0:
+    if p.n < 0 or q.n < 0:
         return UNCERTAIN
     verdict, _, _, _ = find_separating_axis(p, q)
     return verdict
@@ -80,8 +80,8 @@ def filtered_verdict(p, q):
 @kernel
 def convex_meet(p, q):
     """Tell exactly whether two convex polygons share a point."""
-    p = Packed(unchecked_view(p.array), p.start, p.count)
-    q = Packed(unchecked_view(q.array), q.start, q.count)
+    p = Packed(unchecked_view(p.array), p.start, p.n)
+    q = Packed(unchecked_view(q.array), q.start, q.n)
     if boxes_apart(p, q):
         return False
     verdict, i, j, _ = find_separating_axis(p, q)
@@ -104,11 +104,11 @@ def meet_near(p, q, i, j):
     q = _ring(q)
     i = (i - p.first) // 2 if i >= p.first else 0
     j = (j - q.first) // 2 if j >= q.first else 0
-    for a in (i - 1 if i > 0 else p.count - 1, i):
-        for b in (j - 1 if j > 0 else q.count - 1, j):
+    for a in (i - 1 if i > 0 else p.n - 1, i):
+        for b in (j - 1 if j > 0 else q.n - 1, j):
             if _edges_meet(p, a, q, b):
                 return True
-    if p.count <= 2 and q.count <= 2:
+    if p.n <= 2 and q.n <= 2:
         return False
     return not (_some_edge_separates(p, q, i, j, 0) or _some_edge_separates(q, p, j, i, 0))
 
@@ -123,16 +123,16 @@ def interiors_apart(p, q):
 
 @inlined
 def _ring(p):
-    return Ring(unchecked_view(p.array), first_vertex(p), p.count)
+    return Ring(unchecked_view(p.array), first_vertex(p), p.n)
 
 
 @kernel
 def _edges_meet(p, i, q, j):
     """Tell whether the edge of P that leaves vertex i shares a point with that of Q and j."""
     a = p.first + 2 * i
-    b = p.first + 2 * (i + 1 if i + 1 < p.count else 0)
+    b = p.first + 2 * (i + 1 if i + 1 < p.n else 0)
     c = q.first + 2 * j
-    d = q.first + 2 * (j + 1 if j + 1 < q.count else 0)
+    d = q.first + 2 * (j + 1 if j + 1 < q.n else 0)
     return segments_meet(p.array[a], p.array[a + 1], p.array[b], p.array[b + 1],
                          q.array[c], q.array[c + 1], q.array[d], q.array[d + 1])
 
@@ -140,15 +140,15 @@ def _edges_meet(p, i, q, j):
 @kernel
 def _some_edge_separates(p, q, i, j, inner):
     """Tell exactly whether all of Q is on the right of an edge of P: its turns less than inner."""
-    if p.count < 2:
+    if p.n < 2:
         return False
     inside = j
-    for s in range(p.count):
-        a = p.first + 2 * ((i + p.count - 1 + s) % p.count)
-        b = p.first + 2 * ((i + s) % p.count)
+    for s in range(p.n):
+        a = p.first + 2 * ((i + p.n - 1 + s) % p.n)
+        b = p.first + 2 * ((i + s) % p.n)
         separates = True
-        for t in range(q.count):
-            k = (inside + t) % q.count
+        for t in range(q.n):
+            k = (inside + t) % q.n
             c = q.first + 2 * k
             if orient(p.array[a], p.array[a + 1], p.array[b], p.array[b + 1],
                       q.array[c], q.array[c + 1]) >= inner:

@@ -25,6 +25,7 @@ from __future__ import annotations
 from typing import Any, Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 try:
     from llvmlite import ir
@@ -33,6 +34,10 @@ try:
     from sat_collision.geometry.kernel_cache import cache_problem, keep_compiled
 except ImportError:
     numba = None
+
+    def cache_problem() -> str | None:
+        """Return None; there is nothing to keep."""
+        return None
 
 COMPILED = numba is not None and not numba.config.DISABLE_JIT
 KERNEL = f'numba {numba.__version__}' if COMPILED else 'plain Python'
@@ -64,14 +69,14 @@ def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     return compiled
 
 
-def indexable(array):
+def indexable(array: NDArray[Any]) -> Any:
     """
     Return what kernels should index: the array when compiled, else a memoryview of it.
 
     A memoryview hands out Python floats, which plain Python computes with several times faster
     than with NumPy scalars.
     """
-    return array if COMPILED else memoryview(array)
+    return array if COMPILED else array.data
 
 
 if COMPILED:

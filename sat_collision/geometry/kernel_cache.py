@@ -59,7 +59,7 @@ def _digest() -> str:
 _SOURCES = _digest()
 
 
-class _KernelCache(FunctionCache):
+class _KernelCache(FunctionCache):  # type: ignore[misc]
     """What numba keeps of a function, good as long as no kernel has changed."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -95,7 +95,7 @@ class _KernelCache(FunctionCache):
             _problems.append(f'compiled kernels cannot be kept: {error}')
 
 
-class _CheckedFile(IndexDataCacheFile):
+class _CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
     """Files of machine code that are not run once damaged."""
 
     def _save_data(self, name: str, data: Any) -> None:

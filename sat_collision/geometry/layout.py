@@ -58,14 +58,14 @@ class Packed(NamedTuple):
         Holds the polygon, and maybe others.
     start : int
         Where in the array it starts.
-    count : int
+    n : int
         Its vertices if convex, else minus its convex parts.
 
     """
 
     array: Any
     start: int
-    count: int
+    n: int
 
 
 @inlined
@@ -85,7 +85,7 @@ def packed_size(count):
 @inlined
 def first_vertex(p):
     """Return where in the array the vertices of a convex polygon start."""
-    return p.start + HEADER + table_size(p.count)
+    return p.start + HEADER + table_size(p.n)
 
 
 @inlined
@@ -121,7 +121,7 @@ def near_support(p, sector):
 @kernel
 def convex_part(p, i):
     """Return convex part i of a polygon, packed too; of a convex one itself."""
-    if p.count > 0:
+    if p.n > 0:
         return p
     entry = p.start + HEADER + 2 * i
     return Packed(p.array, p.start + int(p.array[entry]), int(p.array[entry + 1]))
@@ -130,4 +130,4 @@ def convex_part(p, i):
 @kernel
 def body_size(p):
     """Return how many doubles a packed polygon takes, convex or not."""
-    return packed_size(p.count) if p.count > 0 else int(p.array[p.start + 1])
+    return packed_size(p.n) if p.n > 0 else int(p.array[p.start + 1])

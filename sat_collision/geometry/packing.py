@@ -14,10 +14,9 @@
 
 """Make packed polygons, see `layout`, of received points."""
 
-import math
-
 from sat_collision.geometry.jit import float32_values, kernel, scratch
 from sat_collision.geometry.layout import ENTRY_BITS, ENTRY_MASK, FINGERPRINT, HEADER, table_size
+from sat_collision.geometry.plane import centroid, length
 from sat_collision.geometry.predicates import orient
 from sat_collision.geometry.ring import clean, CONVEX, NON_CONVEX
 
@@ -129,19 +128,9 @@ def _write_inner_disc(ring, count, packed):
     That makes it a point to reason with, not only a direction. Of slivers, segments and points,
     where rounding may put it outside, the vertex that stands there already serves instead.
     """
-    x0 = ring[0]
-    y0 = ring[1]
-    area = 0.0
-    for i in range(1, count - 1):
-        area += _cross(ring, i)
-    if not 0.0 < area < _INFINITY:
+    if count < 3:
         return
-    x = x0
-    y = y0
-    for i in range(1, count - 1):
-        weight = _cross(ring, i) / area / 3.0
-        x += weight * ((ring[2 * i] - x0) + (ring[2 * i + 2] - x0))
-        y += weight * ((ring[2 * i + 1] - y0) + (ring[2 * i + 3] - y0))
+    x, y = centroid(ring, count)
     radius = _INFINITY
     for i in range(count):
         k = i + 1 if i + 1 < count else 0
@@ -150,19 +139,12 @@ def _write_inner_disc(ring, count, packed):
         ex = ring[2 * k] - ring[2 * i]
         ey = ring[2 * k + 1] - ring[2 * i + 1]
         radius = min(radius, (ex * (y - ring[2 * i + 1]) - ey * (x - ring[2 * i]))
-                     / math.hypot(ex, ey))
+                     / length(ex, ey))
     packed[0] = x
     packed[1] = y
     radius -= _SHORTER * (radius + (packed[4] - packed[2]) + (packed[5] - packed[3]))
     if _LEAST_RADIUS < radius < _INFINITY:
         packed[6] = radius
-
-
-@kernel
-def _cross(ring, i):
-    """Return twice the signed area of the triangle of vertices 0, i and i + 1."""
-    return ((ring[2 * i] - ring[0]) * (ring[2 * i + 3] - ring[1])
-            - (ring[2 * i + 1] - ring[1]) * (ring[2 * i + 2] - ring[0]))
 
 
 @kernel

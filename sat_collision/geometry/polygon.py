@@ -27,6 +27,7 @@ from sat_collision.geometry.convex_parts import convex_parts
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.layout import BOUNDS, HEADER, packed_size
 from sat_collision.geometry.packing import pack
+from sat_collision.geometry.plane import centroid
 
 MAX_VERTICES = 1024
 
@@ -173,13 +174,8 @@ class Polygon:
     @property
     def centroid(self) -> NDArray[np.float64]:
         """Centre of gravity (x, y), (2,) array; of a segment its middle (paper section 2.2)."""
-        first, *others = self.vertices
-        if len(others) < 2:
-            return first + (others[0] - first) / 2 if others else first.copy()
-        fan = np.array(others) - first
-        double_areas = fan[:-1, 0] * fan[1:, 1] - fan[:-1, 1] * fan[1:, 0]
-        weights = double_areas / double_areas.sum()
-        return first + weights @ (fan[:-1] + fan[1:]) / 3
+        vertices = self.vertices
+        return np.array(centroid(indexable(vertices.ravel()), len(vertices)))
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -254,6 +250,7 @@ def _crossing(a: list[float], b: list[float], c: list[float],
     """Return where two segments that meet do so, rounded, for a message."""
     determinant = (b[0] - a[0]) * (d[1] - c[1]) - (b[1] - a[1]) * (d[0] - c[0])
     if determinant == 0.0:
-        return sorted((a, b, c, d))[1]
+        x, y = sorted((a, b, c, d))[1]
+        return x, y
     t = ((c[0] - a[0]) * (d[1] - c[1]) - (c[1] - a[1]) * (d[0] - c[0])) / determinant
     return a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])

@@ -168,7 +168,7 @@ class PolygonSet:
         """
         packed, count = as_polygon(body).packed
         found = intersecting_rows(self._arrays, packed, count, self._rows_found)
-        return self._found[:found].copy() if found else _NO_ROWS
+        return self._found[:int(found)].copy() if found else _NO_ROWS
 
     def rows_within(self, body: Polygon | ArrayLike, margin: float) -> NDArray[np.int64]:
         """
@@ -181,7 +181,8 @@ class PolygonSet:
             return self.intersecting_rows(body)
         packed, count = as_polygon(body).packed
         found = rows_within(self._arrays, packed, count, margin, self._rows_found)
-        return self._found[:found].copy()
+        rows: NDArray[np.int64] = self._found[:found].copy()
+        return rows
 
     def nearest(self, body: Polygon | ArrayLike, skipped: Iterable[int] = ()
                 ) -> tuple[int, float, Point, Point] | None:
@@ -227,7 +228,8 @@ class PolygonSet:
                              f'{other._used_rows}')
         answers = np.empty(self._used_rows, np.int8)
         decide_rows(self._arrays, other._arrays, answers)
-        return answers == MEET
+        meet: NDArray[np.bool_] = answers == MEET
+        return meet
 
     def _share_arrays(self) -> None:
         """Have ready what the kernels take: the arrays as they are now, see `scan`."""

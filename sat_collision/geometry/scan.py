@@ -28,6 +28,7 @@ from sat_collision.geometry.distance import measure
 from sat_collision.geometry.intersection import bodies_meet, filtered_verdict
 from sat_collision.geometry.jit import borrowed, COMPILED, inlined, kernel
 from sat_collision.geometry.layout import body_size, BOUNDS, Packed
+from sat_collision.geometry.plane import length
 from sat_collision.geometry.separating_axis import MEET, SEPARATE
 
 UNCHANGED = -1
@@ -246,5 +247,5 @@ def _contains(numbers, number):
 @kernel
 def _box_gap(bounds, row, body):
     """Return the distance between the bounding boxes of a row and a body."""
-    return math.hypot(max(max(bounds[0, row] - body[4], body[2] - bounds[2, row]), 0.0),
-                      max(max(bounds[1, row] - body[5], body[3] - bounds[3, row]), 0.0))
+    return length(max(max(bounds[0, row] - body[4], body[2] - bounds[2, row]), 0.0),
+                  max(max(bounds[1, row] - body[5], body[3] - bounds[3, row]), 0.0))

@@ -191,18 +191,18 @@ def support(p, ux, uy):
     that is perpendicular to u but for rounding. Each rises by less than 12 u (|ux dx| + |uy dy|),
     and all together, inside a box of sides 2 max|x| and 2 max|y|, by less than 24 u M.
     """
-    if p.count <= SCAN_LIMIT:
+    if p.n <= SCAN_LIMIT:
         v = p.array
         i = p.start + HEADER
         summit = i
         most = v[i] * ux + v[i + 1] * uy
-        for _ in range(1, p.count):
+        for _ in range(1, p.n):
             i += 2
             along = v[i] * ux + v[i + 1] * uy
             summit = i if along > most else summit
             most = along if along > most else most
         return summit
-    return hill_climb(p, near_support(p, table_sector(p.count, ux, uy)), ux, uy)
+    return hill_climb(p, near_support(p, table_sector(p.n, ux, uy)), ux, uy)
 
 
 @inlined
@@ -210,7 +210,7 @@ def hill_climb(p, i, ux, uy):
     """Climb from the vertex at i to the one furthest along u, see `support`."""
     v = p.array
     first = first_vertex(p)
-    last = first + 2 * p.count - 2
+    last = first + 2 * p.n - 2
     ahead = i + 2 if i < last else first
     behind = i - 2 if i > first else last
     rise_ahead = _rise(v, i, ahead, ux, uy)

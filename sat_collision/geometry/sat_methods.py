@@ -177,10 +177,10 @@ def bounds(polygon):
     return (polygon[:, 0].min(), polygon[:, 1].min(), polygon[:, 0].max(), polygon[:, 1].max())
 
 
-def centre_of_gravity(polygon: Body) -> tuple[float, float]:
+@kernel
+def centre_of_gravity(polygon):
     """Return the centre of gravity (section 2.2); of a segment its middle."""
-    x, y = centroid(np.asarray(polygon, np.float64).ravel(), len(polygon))
-    return x, y
+    return centroid(polygon.ravel(), len(polygon))
 
 
 @kernel

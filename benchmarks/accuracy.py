@@ -40,9 +40,10 @@ import families  # noqa: E402, I100
 import machine  # noqa: E402
 import oracle  # noqa: E402
 from sat_collision import intersects_pairs, Polygon, PolygonSet  # noqa: E402
-from sat_collision.geometry.intersection import convex_part  # noqa: E402
-from sat_collision.geometry.separating_axis import boxes_apart, find_separating_axis, SEPARATE, UNCERTAIN  # noqa: E402
 from sat_collision.geometry.jit import kernel  # noqa: E402
+from sat_collision.geometry.layout import convex_part, Packed  # noqa: E402
+from sat_collision.geometry.separating_axis import (  # noqa: E402
+    boxes_apart, find_separating_axis, SEPARATE, UNCERTAIN)
 
 SIDES = 3, 4, 5, 6, 8, 16, 32, 64, 256, 1024
 CHECKED = 1000  # one in so many of the answers the filter proved is also decided in integers
@@ -133,26 +134,27 @@ def _compare(rng, pairs):
 
 
 def _packed(polygons):
-    blocks = [polygon.block[0] for polygon in polygons]
-    starts = np.cumsum([0] + [len(block) for block in blocks[:-1]])
-    return np.concatenate(blocks), starts, np.array([polygon.block[1] for polygon in polygons])
+    packed = [polygon.packed[0] for polygon in polygons]
+    starts = np.cumsum([0] + [len(body) for body in packed[:-1]])
+    return np.concatenate(packed), starts, np.array([polygon.packed[1] for polygon in polygons])
 
 
 @kernel
 def _find_unsure(a, a_starts, a_counts, b, b_starts, b_counts, unsure):
     for row in range(len(unsure)):
-        unsure[row] = _is_unsure(a, a_starts[row], a_counts[row], b, b_starts[row], b_counts[row])
+        unsure[row] = _is_unsure(Packed(a, a_starts[row], a_counts[row]),
+                                 Packed(b, b_starts[row], b_counts[row]))
 
 
 @kernel
-def _is_unsure(p, p_start, n, q, q_start, m):
-    """Tell whether `exact.bodies_meet` needs exact orientations for two bodies' blocks."""
-    for i in range(max(1, -n)):
-        a, a_count = convex_part(p, p_start, n, i)
-        for j in range(max(1, -m)):
-            b, b_count = convex_part(q, q_start, m, j)
-            if not boxes_apart(p, a, q, b):
-                verdict = find_separating_axis(p, a, a_count, q, b, b_count)[0]
+def _is_unsure(p, q):
+    """Tell whether `intersection.bodies_meet` needs exact orientations for two bodies."""
+    for i in range(max(1, -p.n)):
+        a = convex_part(p, i)
+        for j in range(max(1, -q.n)):
+            b = convex_part(q, j)
+            if not boxes_apart(a, b):
+                verdict = find_separating_axis(a, b)[0]
                 if verdict != SEPARATE:
                     return verdict == UNCERTAIN
     return False

@@ -15,7 +15,7 @@
 """
 The methods compared, each as a loop over many pairs prepared for it.
 
-What a body needs once is made before: packed arrays, boxes, centres of gravity, records, the
+What a body needs once is made before: arrays, boxes, centres of gravity, packed polygons, the
 rivals' own shapes. Running a method then returns its answers and, of the methods of
 `sat_collision.geometry.sat_methods`, how many axes each took.
 """
@@ -26,6 +26,7 @@ import numpy as np
 from sat_collision import intersects_pairs, Polygon, PolygonSet
 from sat_collision.geometry import sat_methods
 from sat_collision.geometry.jit import borrowed, COMPILED, kernel
+from sat_collision.geometry.layout import Packed
 from sat_collision.geometry.separating_axis import boxes_apart, find_separating_axis, UNCERTAIN
 import shapely
 
@@ -144,7 +145,7 @@ def applicable(shape):
 def queries(pairs):
     """Return how many axes improved takes, the boxes counted as two, and where it is unsure."""
     counts, unsure = np.empty(len(pairs), np.int64), np.empty(len(pairs), np.bool_)
-    _count(*_blocks(pairs.polygons[0]), *_blocks(pairs.polygons[1]), counts, unsure)
+    _count(*_packed_bodies(pairs.polygons[0]), *_packed_bodies(pairs.polygons[1]), counts, unsure)
     return counts, unsure
 
 
@@ -185,10 +186,10 @@ def _pack(bodies, dtype):
     return np.concatenate(bodies).astype(dtype), ends
 
 
-def _blocks(polygons):
-    blocks = [polygon.block[0] for polygon in polygons]
-    starts = np.cumsum([0] + [len(block) for block in blocks[:-1]])
-    return np.concatenate(blocks), starts, np.array([polygon.block[1] for polygon in polygons])
+def _packed_bodies(polygons):
+    packed = [polygon.packed[0] for polygon in polygons]
+    starts = np.cumsum([0] + [len(body) for body in packed[:-1]])
+    return np.concatenate(packed), starts, np.array([polygon.packed[1] for polygon in polygons])
 
 
 def _loop(method, a, b, extra, answers, axes):
@@ -229,8 +230,9 @@ def _count(a, a_starts, a_counts, b, b_starts, b_counts, counts, unsure):
     for i in range(len(counts)):
         counts[i] = BOX_AXES
         unsure[i] = False
-        if not boxes_apart(a, a_starts[i], b, b_starts[i]):
-            verdict, _, _, tried = find_separating_axis(a, a_starts[i], a_counts[i],
-                                          b, b_starts[i], b_counts[i])
+        p = Packed(a, a_starts[i], a_counts[i])
+        q = Packed(b, b_starts[i], b_counts[i])
+        if not boxes_apart(p, q):
+            verdict, _, _, tried = find_separating_axis(p, q)
             counts[i] += tried
             unsure[i] = verdict == UNCERTAIN

@@ -17,7 +17,7 @@
 from claims import DRAWN_SIDES
 import lookup
 from methods import LABELS
-from sat_collision.geometry.packing import SCAN_LIMIT
+from sat_collision.geometry.layout import SCAN_LIMIT
 from words import listed, ratio, share, spread, table
 
 

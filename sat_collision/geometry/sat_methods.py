@@ -25,11 +25,20 @@ on. What the paper computes in a pre-treatment stage (section 6), bounding boxes
 gravity, a kernel takes as arguments.
 """
 
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 from sat_collision.geometry.jit import kernel
+from sat_collision.geometry.plane import centroid
 from sat_collision.geometry.query import intersects
 
+Body = NDArray[np.floating[Any]]
 
-def traditional(p, q):
+
+def traditional(p: Body, q: Body) -> bool:
     """
     Tell whether two convex polygons collide by the normals of all their edges (section 2.3).
 
@@ -40,7 +49,7 @@ def traditional(p, q):
     return bool(traditional_axes(p, q)[0])
 
 
-def boxed(p, q):
+def boxed(p: Body, q: Body) -> bool:
     """
     Tell whether two convex polygons collide: bounding boxes, then `traditional` (section 1).
 
@@ -49,7 +58,7 @@ def boxed(p, q):
     return bool(boxed_axes(p, q, bounds(p), bounds(q))[0])
 
 
-def rectangles(p, q):
+def rectangles(p: Body, q: Body) -> bool:
     """
     Tell whether two rectangles collide by two axes each, parallel edges merged (section 2.3).
 
@@ -59,7 +68,7 @@ def rectangles(p, q):
     return bool(rectangles_axes(p, q)[0])
 
 
-def published_a(p, q):
+def published_a(p: Body, q: Body) -> bool:
     """
     Tell whether two convex polygons collide as the paper's sections 3.1 and 3.2 say (reading A).
 
@@ -72,7 +81,7 @@ def published_a(p, q):
     return bool(published_a_axes(p, q, centre_of_gravity(p), centre_of_gravity(q))[0])
 
 
-def published_b(p, q):
+def published_b(p: Body, q: Body) -> bool:
     """
     Tell whether two convex polygons collide by steps 1 to 4 of the paper's section 4 (reading B).
 
@@ -84,11 +93,12 @@ def published_b(p, q):
     return bool(published_b_axes(p, q, centre_of_gravity(p), centre_of_gravity(q))[0])
 
 
-def improved(p, q):
+def improved(p: Body, q: Body) -> bool:
     """
     Tell exactly whether two convex polygons collide: the paper's first moves, until proved.
 
-    See `sat_collision.geometry.separating_axis`, which decides in floating point only what its error bounds prove.
+    See `sat_collision.geometry.separating_axis`, which decides in floating point only what its
+    error bounds prove.
     """
     return intersects(p, q)
 
@@ -169,26 +179,8 @@ def bounds(polygon):
 
 @kernel
 def centre_of_gravity(polygon):
-    """Return the area centroid by triangles (section 2.2); of a point or segment its middle."""
-    x0, y0 = polygon[0, 0], polygon[0, 1]
-    area = 0.0
-    for i in range(1, len(polygon) - 1):
-        area += _triangle(polygon, i)
-    if not area > 0:
-        return (x0 + polygon[-1, 0]) / 2, (y0 + polygon[-1, 1]) / 2
-    x, y = x0, y0
-    for i in range(1, len(polygon) - 1):
-        share = _triangle(polygon, i) / area / 3
-        x += share * ((polygon[i, 0] - x0) + (polygon[i + 1, 0] - x0))
-        y += share * ((polygon[i, 1] - y0) + (polygon[i + 1, 1] - y0))
-    return x, y
-
-
-@kernel
-def _triangle(polygon, i):
-    """Return twice the area of the triangle of vertices 0, i and i + 1."""
-    return ((polygon[i, 0] - polygon[0, 0]) * (polygon[i + 1, 1] - polygon[0, 1])
-            - (polygon[i, 1] - polygon[0, 1]) * (polygon[i + 1, 0] - polygon[0, 0]))
+    """Return the centre of gravity (section 2.2); of a segment its middle."""
+    return centroid(polygon.ravel(), len(polygon))
 
 
 @kernel

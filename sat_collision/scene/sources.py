@@ -20,8 +20,8 @@ from collections import Counter
 from typing import TypeAlias
 
 import numpy as np
-from sat_collision.geometry.layout import body_size, FINGERPRINT
-from sat_collision.geometry.polygon import PackedBody
+from sat_collision.geometry.layout import FINGERPRINT
+from sat_collision.geometry.polygon import PackedBody, size_of
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.deadlines import Deadlines, NEVER
 from sat_collision.scene.obstacle_sets import ObstacleSets
@@ -294,5 +294,4 @@ class Source:
 
 def _shape(body: PackedBody) -> bytes:
     """Return what is the same for equal bodies, and for no others."""
-    packed, count = body
-    return np.asarray(packed)[:body_size(packed, 0, count)].tobytes()
+    return np.asarray(body[0])[:size_of(body)].tobytes()

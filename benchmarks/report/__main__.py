@@ -45,6 +45,7 @@ import page  # noqa: E402
 import plots  # noqa: E402
 import speed  # noqa: E402
 import stability  # noqa: E402
+import words  # noqa: E402
 
 PACKAGES = 'numpy', 'numba', 'shapely', 'pymunk'
 SEEDS = 1, 2, 3, 4, 5
@@ -61,7 +62,7 @@ def main():
     arguments.directory.mkdir(parents=True, exist_ok=True)
     stored = arguments.directory / 'figures.json'
     if not arguments.written:
-        stored.write_text(compact(measure(arguments.scale)) + '\n')
+        stored.write_text(words.compact(measure(arguments.scale)) + '\n')
     figures = json.loads(stored.read_text())
     accuracy = arguments.directory / 'accuracy.json'
     figures['accuracy'] = json.loads(accuracy.read_text()) if accuracy.exists() else None
@@ -91,19 +92,6 @@ def measure(scale):
     figures['warning'] = float32.warning()
     figures['seconds'] = round(time.perf_counter() - start)
     return figures
-
-
-def compact(value, depth=0):
-    """Return JSON in which a row of figures, a list of numbers or a flat dict, is one line."""
-    if isinstance(value, dict) and any(isinstance(v, (dict, list)) for v in value.values()):
-        parts = [f'{json.dumps(str(key))}: {compact(v, depth + 1)}' for key, v in value.items()]
-        opening, closing = '{', '}'
-    elif isinstance(value, list) and value and isinstance(value[0], dict):
-        parts, opening, closing = [json.dumps(v) for v in value], '[', ']'
-    else:
-        return json.dumps(value)
-    space = ' ' * (depth + 1)
-    return f'{opening}\n{space}' + f',\n{space}'.join(parts) + f'\n{" " * depth}{closing}'
 
 
 if __name__ == '__main__':

@@ -142,8 +142,8 @@ def _methods(figures):
 The rivals from binary-search SAT to filtered orientations are kernels of our own, compiled as
 improved is, and begin with the boxes as it does; the first two look up support vertices in
 logarithmic time, and the exact stage of the two filters is improved's. Libraries in C were
-measured elsewhere: the best inexact GJK takes 25 ns at n = 4 to improved's 30, and 2.6 to 17 times as long
-from n = 16 on."""
+measured elsewhere: the best inexact GJK takes 25 ns at n = 4 to improved's 30, and 2.6 to 17 times
+as long from n = 16 on."""
 
 
 def _measured(figures):

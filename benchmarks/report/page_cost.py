@@ -81,8 +81,8 @@ def _rotation(rows):
     bulge = max(row['bulge'] for row in rows)
     return (f'**Rotation between frames**: from one recorded frame to the next the footprint '
             f'turns by up to {math.degrees(turn):.0f}°, so its vertices leave the straight lines '
-            f'between their places by up to {metres(bulge)}. A decision is about the places received; '
-            f'what lies between two messages is not guessed.')
+            f'between their places by up to {metres(bulge)}. A decision is about the places '
+            f'received; what lies between two messages is not guessed.')
 
 
 def _among(rows):
@@ -90,5 +90,5 @@ def _among(rows):
     among = sum(row['among_obstacles'] for row in rows)
     touching = sum(row['touching'] for row in rows)
     return (f'**Obstacle against obstacle**: that would be {among:,} pairs in the recordings, '
-            f'where footprint against obstacle is {pairs:,}, {among / pairs:.1f} times as many, to find '
-            f'{touching:,} contacts that no robot takes part in.')
+            f'where footprint against obstacle is {pairs:,}: {among / pairs:.1f} times as many, '
+            f'to find {touching:,} contacts that no robot takes part in.')

@@ -35,7 +35,8 @@ def condition(figures):
 ![Share of wrong answers by gap, of traditional by family and of the methods](condition.png)
 
 *Bins of half a decade with at least 20 pairs, of {found["pairs"]:,} of all families of convex
-bodies; bands are Wilson's intervals.*
+bodies; bands are Wilson's intervals. The notch at 2 u D is of points one ulp apart, whose
+difference is exact.*
 
 Let g be the signed separation of two bodies, here computed in integers, D the largest of their
 coordinates and u = 2⁻⁵³. The question whether they meet has the condition number κ = u D / |g|.

@@ -140,8 +140,8 @@ def _rectangles(figures):
     hard = lookup.row(figures, RECTANGLES, 'hard', 'rectangles')
     return (f'Of rectangles two axes each will do (section 2.3): that is '
             f'{compared(merged, whole)} traditional, wrong in {lookup.rate_of(hard)} of '
-            f'rectangles that share an edge but for rounding; improved, which does not know that they are '
-            f'rectangles, is {compared(ours, merged)} it.')
+            f'rectangles that share an edge but for rounding; improved, which does not know that '
+            f'they are rectangles, is {compared(ours, merged)} it.')
 
 
 def _axes(figures):

@@ -125,8 +125,8 @@ def _condition(figures):
     for panel, step in ((left, 1), (right, 3)):
         panel.set_xscale('log')
         panel.axvline(4, color='#666666', linewidth=0.8, linestyle='--')
-        panel.annotate('4 u D', (4, 103), (3, 0), textcoords='offset points', fontsize=8,
-                       color='#666666')
+        panel.annotate('4 u D', (4, 103), (-3, 0), textcoords='offset points', fontsize=8,
+                       color='#666666', ha='right')
         panel.set_xlabel('gap or overlap in units of u D:  1/κ = |g| / (u D)')
         panel.set_xticks([10.0 ** k for k in range(-2, 17, step)])
         panel.minorticks_off()

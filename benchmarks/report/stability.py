@@ -29,7 +29,7 @@ import shapes
 SIDES = 3, 4, 8, 16, 64
 OFFSETS = 0, *(10**k for k in range(9))
 OFFSET_SIDES = 8
-GROWING = 'traditional', 'traditional_float32', 'binary', 'gjk', 'improved', 'shapely'
+GROWING = 'traditional', 'traditional_float32', 'gjk', 'improved', 'shapely'
 MEASURED = 'near', 'deep', 'hair_gaps', 'vertex_on_edge', 'slivers', 'containment', 'far_offsets'
 
 

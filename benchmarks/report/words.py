@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How figures are written: in words, in tables, and which way a comparison goes."""
+"""How figures are written: in words, in tables and in files, and which way a comparison goes."""
 
-
+import json
 import math
 import re
 import textwrap
@@ -127,6 +127,19 @@ def wrapped(markdown, width=130):
                 break_long_words=False, break_on_hyphens=False) for item in items)
         blocks.append(block)
     return '\n\n'.join(blocks)
+
+
+def compact(value, depth=0):
+    """Return JSON in which a row of figures, a list of numbers or a flat dict, is one line."""
+    if isinstance(value, dict) and any(isinstance(v, (dict, list)) for v in value.values()):
+        parts = [f'{json.dumps(str(key))}: {compact(v, depth + 1)}' for key, v in value.items()]
+        opening, closing = '{', '}'
+    elif isinstance(value, list) and value and isinstance(value[0], dict):
+        parts, opening, closing = [json.dumps(v) for v in value], '[', ']'
+    else:
+        return json.dumps(value)
+    space = ' ' * (depth + 1)
+    return f'{opening}\n{space}' + f',\n{space}'.join(parts) + f'\n{" " * depth}{closing}'
 
 
 def none_wrong(count):

@@ -109,11 +109,11 @@ def traditional_axes(p, q):
     for body in (p, q):
         for i in range(len(body)):
             axes += 1
-            if _edge_separates(p, q, body, i):
+            if edge_separates(p, q, body, i):
                 return False, axes
     if len(p) < 3 and len(q) < 3:
         # Without area, bodies on one line are separate along that line only.
-        return not (_separates(p, q, 1, 0) or _separates(p, q, 0, 1)), axes + 2
+        return not (separates(p, q, 1, 0) or separates(p, q, 0, 1)), axes + 2
     return True, axes
 
 
@@ -132,7 +132,7 @@ def rectangles_axes(p, q):
     for body in (p, q):
         for i in range(2):
             axes += 1
-            if _edge_separates(p, q, body, i):
+            if edge_separates(p, q, body, i):
                 return False, axes
     return True, axes
 
@@ -140,20 +140,20 @@ def rectangles_axes(p, q):
 @kernel
 def published_a_axes(p, q, centre_p, centre_q):
     x, y = centre_q[0] - centre_p[0], centre_q[1] - centre_p[1]
-    if _separates(p, q, x, y):
+    if separates(p, q, x, y):
         return False, 1
     axes = 1
     b, c = _furthest(p, x, y), _furthest(q, -x, -y)
     for body, nearest in ((p, b), (q, c)):
         for i in (nearest, (nearest + 1) % len(body)):
             axes += 1
-            if _edge_separates(p, q, body, i):
+            if edge_separates(p, q, body, i):
                 return False, axes
     for body, vertex, other, nearest in ((p, b, q, c), (q, c, p, b)):
         for i in (nearest, (nearest + 1) % len(other)):
             axes += 1
-            x, y = _to_edge(body[vertex, 0], body[vertex, 1], other, i)
-            if _separates(p, q, x, y):
+            x, y = to_edge(body[vertex, 0], body[vertex, 1], other, i)
+            if separates(p, q, x, y):
                 return False, axes
     return True, axes
 
@@ -161,14 +161,14 @@ def published_a_axes(p, q, centre_p, centre_q):
 @kernel
 def published_b_axes(p, q, centre_p, centre_q):
     x, y = centre_q[0] - centre_p[0], centre_q[1] - centre_p[1]
-    i, j = _crossed_edge(p, centre_p, x, y), _crossed_edge(q, centre_q, -x, -y)
+    i, j = crossed_edge(p, centre_p, x, y), crossed_edge(q, centre_q, -x, -y)
     high = max(p[i - 1, 0] * x + p[i - 1, 1] * y, p[i, 0] * x + p[i, 1] * y)
     low = min(q[j - 1, 0] * x + q[j - 1, 1] * y, q[j, 0] * x + q[j, 1] * y)
     if high < low:
         return False, 1
-    if _edge_separates(p, q, p, i):
+    if edge_separates(p, q, p, i):
         return False, 2
-    return not _edge_separates(p, q, q, j), 3
+    return not edge_separates(p, q, q, j), 3
 
 
 @kernel
@@ -184,12 +184,12 @@ def centre_of_gravity(polygon):
 
 
 @kernel
-def _edge_separates(p, q, body, i):
-    return _separates(p, q, body[i, 1] - body[i - 1, 1], body[i - 1, 0] - body[i, 0])
+def edge_separates(p, q, body, i):
+    return separates(p, q, body[i, 1] - body[i - 1, 1], body[i - 1, 0] - body[i, 0])
 
 
 @kernel
-def _separates(p, q, x, y):
+def separates(p, q, x, y):
     """Tell whether the projections of two polygons on an axis are apart; no bound on rounding."""
     low_p, high_p = _project(p, x, y)
     low_q, high_q = _project(q, x, y)
@@ -217,7 +217,7 @@ def _furthest(polygon, x, y):
 
 
 @kernel
-def _to_edge(x, y, body, i):
+def to_edge(x, y, body, i):
     """Return the vector from a point to the nearest point of an edge."""
     start_x, start_y = body[i - 1, 0], body[i - 1, 1]
     along_x, along_y = body[i, 0] - start_x, body[i, 1] - start_y
@@ -230,7 +230,7 @@ def _to_edge(x, y, body, i):
 
 
 @kernel
-def _crossed_edge(polygon, centre, x, y):
+def crossed_edge(polygon, centre, x, y):
     """Return where the edge ends that the ray from the centre along (x, y) crosses."""
     for i in range(len(polygon)):
         start = x * (polygon[i - 1, 1] - centre[1]) - y * (polygon[i - 1, 0] - centre[0])

@@ -215,7 +215,7 @@ class FootprintMonitor(Node):
             'it offers, or change the publisher')
 
     def _publish_changes(self) -> None:
-        brief = self._scene.brief_contacts()
+        brief = self._scene.evaluations.brief_contacts()
         if brief:
             self._outputs.publish_rise(brief)
         changed = self._scene.changes()

@@ -19,14 +19,13 @@ import math
 import random
 import struct
 
-from builders import serialised
+from builders import box, SECOND, serialised
 import pytest
 from sat_collision.monitor import Monitor
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from sat_collision.scene.sources import TOO_MANY
 
-SECOND = 10**9
 NOW = 1000 * SECOND
 SETTINGS = Settings(
     footprints=(FootprintSettings('robot', '/footprint'),),
@@ -34,11 +33,6 @@ SETTINGS = Settings(
                ObstacleSettings('tracks', '/tracks', type='polygon_instance', max_count=2)))
 BOW_TIE = [(5, 5), (6, 6), (6, 5), (5, 6)]
 CIRCLE = [(math.cos(k / 500), math.sin(k / 500)) for k in range(2000)]
-
-
-def box(x):
-    """Return the corners of a unit square."""
-    return [(x, 0), (x + 1, 0), (x + 1, 1), (x, 1)]
 
 
 def clear_monitor(settings=SETTINGS):

@@ -24,7 +24,7 @@ import math
 from operator import attrgetter
 
 from builders import SECOND, serialised
-from hypothesis import HealthCheck, Phase, settings
+import hypothesis
 from hypothesis import strategies as st
 from hypothesis.stateful import (
     initialize, invariant, rule, RuleBasedStateMachine, run_state_machine_as_test)
@@ -33,7 +33,7 @@ from sat_collision.geometry.polygon import Polygon
 from sat_collision.monitor import Monitor
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
-from sat_collision.scene.sources import OTHER_FRAME
+from sat_collision.scene.sources import OTHER_FRAME, TOO_MANY, TOO_OLD
 
 pytest.importorskip('shapely')
 
@@ -65,8 +65,9 @@ BODIES = {f'{shape} {column} {row}': tuple((x / 2 + 1.5 * column, y / 2 + 1.5 * 
 SQUARE = BODIES['square 0 0']
 RING_OF = {frozenset(ring): ring for ring in BODIES.values()}
 
-# In milliseconds; None for the stamp 0.
-ages = st.sampled_from((0, 0, 0, 1, 15, 90, 400, 650, 2000, -2000, None))
+# In milliseconds, timeouts among them to the nanosecond; None is for a stamp of 0.
+ages = st.sampled_from((0, 0, 0, 1, 15, 20, 90, 500, 600, 700, 1000, 2000, -2000, None))
+waits = st.sampled_from((1, 5, 30, 100, 500, 600))
 bodies = st.sampled_from(tuple(BODIES))
 margins = st.sampled_from((0.0, 0.0, 0.5, 0.75))
 flaws = st.sampled_from((OTHER_FRAME, 'undecodable', *BAD_POINTS))
@@ -75,8 +76,8 @@ instances = st.integers(0, 5)
 sources = st.runner().flatmap(lambda machine: st.sampled_from(machine.sources))
 
 
-class ToldOfPolygons:
-    """A scene that is told of polygons."""
+class ToldByPolygons:
+    """A scene that is told of everything by polygons."""
 
     def __init__(self, settings):
         self.scene = Scene(settings)
@@ -124,7 +125,11 @@ class ToldByMessages:
 
 
 class SceneMachine(RuleBasedStateMachine):
-    """A scene and its model, told of the same events; `seen` counts the statuses they agree on."""
+    """
+    A scene and its model, told of the same events.
+
+    `seen` counts the statuses and the refusals on which the two agreed.
+    """
 
     tell: type
     seen = Counter()
@@ -143,7 +148,7 @@ class SceneMachine(RuleBasedStateMachine):
         if not unheard:
             self.all_are_heard()
 
-    @rule(milliseconds=st.sampled_from((1, 5, 30, 100, 300, 650)))
+    @rule(milliseconds=waits)
     def wait(self, milliseconds):
         self.now += milliseconds * MILLISECOND
         self.scene.advance(self.now)
@@ -242,6 +247,7 @@ class SceneMachine(RuleBasedStateMachine):
             message = None, self.now, None
         refusal = self.model.refuse(name, flaw, *message)
         assert flaw != OTHER_FRAME or told == refusal
+        self.seen[refusal] += 1
 
     def _use(self, settings):
         self.scene.update(settings)
@@ -255,11 +261,11 @@ class SceneMachine(RuleBasedStateMachine):
         return instance if name == 'tracks' else None
 
 
-class ToldOfPolygonsMachine(SceneMachine):
-    tell = ToldOfPolygons
+class PolygonMachine(SceneMachine):
+    tell = ToldByPolygons
 
 
-class ToldByMessagesMachine(SceneMachine):
+class MessageMachine(SceneMachine):
     tell = ToldByMessages
 
 
@@ -272,13 +278,12 @@ def ring_of(polygon):
     return RING_OF[frozenset(map(tuple, polygon.vertices.tolist()))]
 
 
-@pytest.mark.parametrize('machine', (ToldOfPolygonsMachine, ToldByMessagesMachine))
+@pytest.mark.parametrize('machine', (PolygonMachine, MessageMachine))
 def test_scene_agrees_with_a_model_that_recomputes_everything(machine):
     """Sources of every kind, messages of every kind, in any order, with stamps that jump about."""
     machine.seen.clear()
-    run_state_machine_as_test(machine, settings=settings(
+    run_state_machine_as_test(machine, settings=hypothesis.settings(
         max_examples=300, stateful_step_count=70, derandomize=True, database=None, deadline=None,
-        report_multiple_bugs=False,
-        suppress_health_check=list(HealthCheck), phases=(Phase.generate, Phase.shrink)))
-    print(machine.seen)
+        report_multiple_bugs=False, phases=(hypothesis.Phase.generate, hypothesis.Phase.shrink)))
     assert min(machine.seen[status] for status in ('clear', 'collision', 'unknown')) > 500
+    assert min(machine.seen[refusal] for refusal in (OTHER_FRAME, TOO_MANY, TOO_OLD)) > 50

@@ -16,8 +16,9 @@
 Compare millions of answers with the exact oracle, over all hard families: `make accuracy`.
 
 Bodies go through the checked constructor and the compiled bulk decision, as the node runs them;
-the oracle (test/oracle.py) knows nothing of separating axes. Zero wrong answers is the only pass.
-Also measured: how often floating point left the decision to the exact stage, and what that cost.
+the oracle (test/support/oracle.py) knows nothing of separating axes. Zero wrong answers is the
+only pass. Also measured: how often floating point left the decision to the exact stage, and what
+that cost.
 """
 
 import argparse
@@ -34,15 +35,15 @@ import numpy as np
 # Compile the kernels as they are now: numba's cache does not see a change of what a kernel calls.
 FRESH_CACHE = tempfile.TemporaryDirectory()
 os.environ['NUMBA_CACHE_DIR'] = FRESH_CACHE.name
-sys.path.insert(0, str(Path(__file__).parents[1] / 'test' / 'support'))
+ROOT = Path(__file__).parents[1]
+sys.path[:0] = [str(ROOT / 'test' / 'support'), str(ROOT / 'benchmarks' / 'report')]
 
 import families  # noqa: E402, I100
 import machine  # noqa: E402
 import oracle  # noqa: E402
+import samples  # noqa: E402
 from sat_collision import intersects_pairs, Polygon, PolygonSet  # noqa: E402
-from sat_collision.geometry.intersection import convex_part  # noqa: E402
-from sat_collision.geometry.separating_axis import boxes_apart, find_separating_axis, SEPARATE, UNCERTAIN  # noqa: E402
-from sat_collision.geometry.jit import kernel  # noqa: E402
+import stages  # noqa: E402
 
 SIDES = 3, 4, 5, 6, 8, 16, 32, 64, 256, 1024
 CHECKED = 1000  # one in so many of the answers the filter proved is also decided in integers
@@ -87,13 +88,13 @@ def main():
 
 
 def _shares(pairs):
-    """Return (family, n, count): equal shares for the families, but for many_sided; by 1 / n."""
+    """Return (family, n, count): equal shares for the families, less for `MANY`; by 1 / n."""
     named = [*families.CONVEX.values(), *families.SIMPLE.values()]
     shares = []
     for family in named:
         share, sides = pairs // len(named), SIDES
-        if family is families.many_sided:
-            share, sides = share // 50, SIDES[-2:]
+        if family.__name__ in samples.MANY:
+            share, sides = share // 50, samples.MANY[family.__name__]
         elif family.__name__ in families.SIMPLE:
             sides = SIDES[:-2]
         whole = sum(1 / n for n in sides)
@@ -115,8 +116,7 @@ def _compare(rng, pairs):
     if any(oracle.intersects(*pairs[i]) != expected[i] for i in checked):
         raise AssertionError('the filtered oracle contradicts the exact one')
     a, b = ([Polygon(pair[k]) for pair in pairs] for k in (0, 1))
-    unsure = np.empty(len(pairs), np.bool_)
-    _find_unsure(*_packed(a), *_packed(b), unsure)
+    _, unsure = stages.tried(a, b)
     answers, seconds = np.empty(len(pairs), np.bool_), {}
     for exact in (False, True):
         rows = np.flatnonzero(unsure == exact)
@@ -132,41 +132,19 @@ def _compare(rng, pairs):
     }), [[body.tolist() for body in pairs[i]] for i in wrong]
 
 
-def _packed(polygons):
-    blocks = [polygon.block[0] for polygon in polygons]
-    starts = np.cumsum([0] + [len(block) for block in blocks[:-1]])
-    return np.concatenate(blocks), starts, np.array([polygon.block[1] for polygon in polygons])
-
-
-@kernel
-def _find_unsure(a, a_starts, a_counts, b, b_starts, b_counts, unsure):
-    for row in range(len(unsure)):
-        unsure[row] = _is_unsure(a, a_starts[row], a_counts[row], b, b_starts[row], b_counts[row])
-
-
-@kernel
-def _is_unsure(p, p_start, n, q, q_start, m):
-    """Tell whether `exact.bodies_meet` needs exact orientations for two bodies' blocks."""
-    for i in range(max(1, -n)):
-        a, a_count = convex_part(p, p_start, n, i)
-        for j in range(max(1, -m)):
-            b, b_count = convex_part(q, q_start, m, j)
-            if not boxes_apart(p, a, q, b):
-                verdict = find_separating_axis(p, a, a_count, q, b, b_count)[0]
-                if verdict != SEPARATE:
-                    return verdict == UNCERTAIN
-    return False
-
-
 def _print(results):
     print(f'{"family":<22}{"pairs":>12}{"meet":>7}{"wrong":>7}{"exact stage":>13}'
           f'{"ns without":>12}{"ns with it":>12}')
     for name, total in results.items():
         pairs, exact = total['pairs'], total['exact']
-        without, with_it = total['seconds'] * 1e9, total['exact_seconds'] * 1e9
         print(f'{name:<22}{pairs:>12,}{total["meet"] / pairs:>7.0%}{total["wrong"]:>7}'
-              f'{exact / pairs:>13.2%}{without / max(1, pairs - exact):>12.0f}'
-              f'{with_it / exact if exact else 0:>12.0f}')
+              f'{exact / pairs:>13.2%}{_each(total["seconds"], pairs - exact):>12}'
+              f'{_each(total["exact_seconds"], exact):>12}')
+
+
+def _each(seconds, pairs):
+    """Return the ns a pair, unless there are too few to tell."""
+    return f'{seconds * 1e9 / pairs:.0f}' if pairs >= samples.FEWEST_TIMED else '-'
 
 
 if __name__ == '__main__':

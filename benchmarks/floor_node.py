@@ -15,20 +15,25 @@
 """
 What no node in Python can do without: the same publishes, and nothing else.
 
-EventsExecutor, raw subscriptions, callbacks that look at a byte at most.
+Raw subscriptions, callbacks that look at a byte at most; in rclpy's events executor, or with
+--loop in the loop of our node, which takes messages in batches.
 """
 
 import sys
+import time
 
 import counts
 from geometry_msgs.msg import PolygonStamped
 import rclpy
 from rclpy.clock import Clock, ClockType
+from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
-from sat_collision.node import executors
+from rclpy.task import Future
+from sat_collision.node import loop
+from sat_collision.node.signals import interrupt_on_signals, Signalled
 from std_msgs.msg import Bool
 
 _SIGN_OF_FIRST_X = 27
@@ -37,20 +42,24 @@ _SIGN_OF_FIRST_X = 27
 class Floor(Node):
     """Answers a footprint by the sign of its first x, with as many flags as the monitor has."""
 
-    def __init__(self):
+    def __init__(self, in_loop):
         super().__init__('footprint_monitor')
         self._flags = [serialize_message(Bool(data=raised)) for raised in (False, True)]
         self._flag = self._flags[0]
         self._received = 0
         self._publishers = [self.create_publisher(Bool, topic, 10)
                             for topic in ('~/footprint/collision', '~/collision')]
-        self.create_subscription(PolygonStamped, 'footprint', self._answer, 1, raw=True)
-        self.create_subscription(PolygonStamped, 'obstacles', self._count,
-                                 QoSProfile(depth=1000), raw=True)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(0.1, self._publish, clock=steady)
+        group = loop.Reserved() if in_loop else None
+        self.inputs = [
+            loop.Input('footprint', self.create_subscription(
+                PolygonStamped, 'footprint', self._answer, 1, raw=True, callback_group=group)),
+            loop.Input('obstacles', self.create_subscription(
+                PolygonStamped, 'obstacles', self._count, QoSProfile(depth=1000), raw=True,
+                callback_group=group))]
         self._counts = counts.Counts(self)
-        self.create_timer(1.0, lambda: self._counts.publish(self._received), clock=steady)
+        self._next_count = 0.0
+        if not in_loop:
+            self.create_timer(0.1, self.tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _answer(self, data):
         self._flag = self._flags[data[_SIGN_OF_FIRST_X] > 127]
@@ -59,19 +68,48 @@ class Floor(Node):
     def _count(self, data):
         self._received += 1
 
+    present = staticmethod(time.time_ns)
+
+    def receive(self, name, data, info, now):
+        """Take a message, for the loop."""
+        (self._answer if name == 'footprint' else self._count)(data)
+
+    def end_batch(self, messages, seconds):
+        """Do nothing."""
+
+    def note_backlog(self, name, backlog):
+        """Do nothing."""
+
+    def tick(self):
+        """Publish the flags, and once a second how many messages there were."""
+        self._publish()
+        if time.monotonic() >= self._next_count:
+            self._next_count = time.monotonic() + 1.0
+            self._counts.publish(self._received)
+        return 0.1
+
     def _publish(self):
         for publisher in self._publishers:
             publisher.publish(self._flag)
 
 
 def main():
-    executors.interrupt_on_signals()
+    interrupt_on_signals()
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = Floor()
-    executor = executors.create(executors.available(executors.EVENTS), node.context)
-    executor.add_node(node)
-    executors.spin_until_signal(executor)
-    executor.remove_node(node)
+    in_loop = '--loop' in sys.argv
+    node = Floor(in_loop)
+    ended = Signalled()
+    if in_loop:
+        runner = loop.Loop(node, node.inputs, node, lambda: 0.002)
+        runner.run(ended)
+        runner.close()
+    else:
+        executor = EventsExecutor(context=node.context)
+        executor.add_node(node)
+        while not ended():
+            # A wait for what never comes costs less a message than `spin_once`.
+            executor.spin_until_future_complete(Future(), timeout_sec=0.2)
+        executor.remove_node(node)
     node.destroy_node()
     rclpy.shutdown()
 

@@ -32,9 +32,13 @@ def describe(*packages):
 
 
 def _processor():
+    """Return the processor's name with its family, model and stepping, which a name may hide."""
     try:
         lines = Path('/proc/cpuinfo').read_text().splitlines()
     except OSError:
         return platform.processor()
-    return next((line.split(':', 1)[1].strip() for line in lines
-                 if line.startswith('model name')), platform.machine())
+    facts = dict(line.replace('\t', '').split(':', 1) for line in reversed(lines) if ':' in line)
+    name = facts.get('model name', platform.machine()).strip()
+    numbers = [f'{key}{facts[of]}' for key, of in (
+        ('family', 'cpu family'), ('model', 'model'), ('stepping', 'stepping')) if of in facts]
+    return ', '.join([name, ' '.join(numbers)] if numbers else [name])

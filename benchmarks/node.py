@@ -38,6 +38,7 @@ from matplotlib import pyplot  # noqa: E402, I100
 HERE = Path(__file__).parent
 NODES = {'monitor': ['-m', 'sat_collision.node'],
          'floor': [str(HERE / 'floor_node.py')],
+         'loop floor': [str(HERE / 'floor_node.py'), '--loop'],
          'rival': [str(HERE / 'rival_node.py')]}
 OBSTACLES = 10, 100, 1000
 VERTICES = 4, 32

@@ -92,6 +92,8 @@ class Monitor:
         All messages, by name of the footprint or source.
     rejected : Counter
         The messages that were not taken, by (name, reason).
+    lost : Counter
+        The messages that were sent but never came, by name.
 
     """
 
@@ -99,11 +101,14 @@ class Monitor:
         self.scene = Scene(settings)
         self.received: Counter[str] = Counter()
         self.rejected: Counter[tuple[str, str]] = Counter()
+        self.lost: Counter[str] = Counter()
+        self._numbers: dict[str, int] = {}
         self._with_ids = {source.name for source in settings.obstacles
                           if source.type == POLYGON_INSTANCE}
         self._packer = _Packer(settings.max_vertices)
 
-    def receive(self, name: str, data: bytes, now: int) -> Rejection | None:
+    def receive(self, name: str, data: bytes, now: int,
+                number: int | None = None) -> Rejection | None:
         """
         Take a message; one for what is disabled is ignored.
 
@@ -115,6 +120,8 @@ class Monitor:
             The serialised PolygonStamped or PolygonInstanceStamped.
         now : int
             Present time in ns, by the clock of the header stamps.
+        number : int, optional
+            Which message of its publisher it is, where the middleware tells.
 
         Returns
         -------
@@ -122,6 +129,12 @@ class Monitor:
 
         """
         self.received[name] += 1
+        if number is not None:
+            # Another publisher, or one that began again, counts from a number of its own.
+            missing = number - self._numbers.get(name, number) - 1
+            if missing > 0:
+                self.lost[name] += missing
+            self._numbers[name] = number
         scene = self.scene
         settings = scene.settings_of(name)
         if not settings.enabled:

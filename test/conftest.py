@@ -69,20 +69,22 @@ def domain():
             os.close(lock)
 
 
-@pytest.fixture(params=('events', 'single_threaded'))
-def executor(request):
-    """Name each executor that the node can run in."""
+@pytest.fixture(params=('loop', 'executor'))
+def runner(request, monkeypatch):
+    """Name what the node runs in: its own loop, or rclpy's executor where that must do."""
+    if request.param == 'executor':
+        monkeypatch.setattr('sat_collision.node.loop.is_supported', lambda: False)
     return request.param
 
 
 @pytest.fixture
-def start(domain, executor):
-    """Start a monitor with these parameters, dots as double underscores, in each executor."""
+def start(domain, runner):
+    """Start a monitor with these parameters, dots as double underscores, in what it can run in."""
     from harness import RunningMonitor
     running = []
 
     def start(arguments=(), **parameters):
-        running.append(RunningMonitor(domain, executor, arguments, parameters))
+        running.append(RunningMonitor(domain, arguments, parameters))
         return running[-1]
 
     yield start

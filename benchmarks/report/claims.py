@@ -14,9 +14,9 @@
 
 """The paper's claims: which step of the published method gives the wrong answers, and examples."""
 
-import bodies
 from methods import Pairs, run
 import numpy as np
+import samples
 from sat_collision import closest_points, separation
 from sat_collision.geometry import sat_methods
 
@@ -31,8 +31,8 @@ STEPS = {'published_a': {'centre line': 1, 'edge normals at B and C': 5,
 def measure(rng, count=4000):
     """Return by number of vertices at which step the answers of near pairs fall, right or not."""
     rows = []
-    for n in bodies.SIDES[:-1]:
-        pairs, meet = bodies.sample(rng, n, 'near', count if n < 256 else count // 8)
+    for n in samples.SIDES:
+        pairs, meet = samples.sample(rng, n, 'near', count if n < 256 else count // 4)
         prepared = Pairs(pairs)
         traditional, _ = run('traditional', prepared)
         for method in PUBLISHED:
@@ -54,7 +54,7 @@ def measure(rng, count=4000):
 
 def examples(rng, count=4000):
     """Return the near pair furthest apart of those A calls colliding, and B's deepest miss."""
-    pairs, meet = bodies.sample(rng, DRAWN_SIDES, 'near', count)
+    pairs, meet = samples.sample(rng, DRAWN_SIDES, 'near', count)
     prepared = Pairs(pairs)
     found = {}
     for method, wrong in (('published_a', ~meet), ('published_b', meet)):

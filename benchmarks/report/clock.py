@@ -12,17 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Medians of repeated timings, the tasks taking turns."""
+"""Repeated timings, the tasks taking turns."""
 
 import gc
 import time
 
 import numpy as np
 
+# A task that takes longer than this is not repeated, in seconds.
+LONG = 0.25
 
-def medians(tasks, repeats):
+
+def times(tasks, repeats):
     """
-    Run each task as often as said, in turns, and return its median and quartiles in seconds.
+    Run each task as often as said, in turns, and return how long each run took.
 
     Parameters
     ----------
@@ -33,19 +36,24 @@ def medians(tasks, repeats):
     Returns
     -------
     dict
-        (median, first quartile, third quartile) by name.
+        Seconds of each run by name; of one run where that was `LONG`.
 
     """
-    times = {name: [] for name in tasks}
+    taken = {name: [] for name in tasks}
     gc.collect()
     gc.disable()
     try:
         for _ in range(repeats):
             for name, task in tasks.items():
-                start = time.perf_counter()
-                task()
-                times[name].append(time.perf_counter() - start)
+                if not taken[name] or taken[name][0] < LONG:
+                    start = time.perf_counter()
+                    task()
+                    taken[name].append(time.perf_counter() - start)
     finally:
         gc.enable()
-    return {name: tuple(np.quantile(values, [0.5, 0.25, 0.75]).tolist())
-            for name, values in times.items()}
+    return taken
+
+
+def medians(tasks, repeats):
+    """Do as `times`, and return the median seconds by name."""
+    return {name: float(np.median(taken)) for name, taken in times(tasks, repeats).items()}

@@ -16,7 +16,7 @@
 
 import numpy as np
 from sat_collision import intersects, Polygon, PolygonError
-from sat_collision.messages.states import States
+from sat_collision.messages.states import coordinate_step, States
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from stability import hair_pairs, OFFSET_SIDES
@@ -55,10 +55,11 @@ def warning():
     scene = Scene(settings)
     scene.advance(NOW)
     square = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) + [reached, 0]
-    scene.footprint('footprint', Polygon(square), 'map', NOW, NOW)
+    polygon = Polygon(square)
+    scene.footprint('footprint', polygon.packed, 'map', NOW, NOW)
     scene.obstacle('obstacles', None, 'map', NOW, NOW)
     states = States('footprint_monitor', settings)
-    states.write('footprint', scene.state('footprint'), scene.coordinate_step('footprint'))
+    states.write('footprint', scene.state('footprint'), coordinate_step(polygon))
     status, = states.message(None).status
     return {'resolution': settings.resolution, 'from': reached, 'level': ord(status.level),
             'message': status.message}

@@ -14,6 +14,8 @@
 
 """What the plots and the page ask of the figures."""
 
+from words import rate
+
 MIX = 'clear', 'near', 'deep'
 
 
@@ -23,26 +25,54 @@ def row(figures, shape, kind, method, kernel='compiled'):
                  and r['kind'] == kind and r['method'] == method), None)
 
 
-def time(figures, shape, method, kernel='compiled', kinds=MIX):
+def rows(figures, method, kind=None):
+    """Return the compiled rows of a method without rectangles, of one kind of pairs or all."""
+    return [r for r in figures['speed']['compiled'] if r['method'] == method
+            and r['shape'] != 'rectangles' and kind in (None, r['kind'])]
+
+
+def ns(figures, shape, method, kernel='compiled', kinds=MIX):
     """Return the median time a pair in ns, the mean over kinds of pairs, or None."""
-    return _mean(figures, shape, method, kernel, kinds, lambda r: r['ns'][0])
+    found = [row(figures, shape, kind, method, kernel) for kind in kinds]
+    if None in found or not all('ns' in r for r in found):
+        return None
+    return sum(r['ns'][0] for r in found) / len(found)
 
 
-def axes(figures, shape, method, kinds=MIX):
-    """Return the mean number of axes a decision, the mean over kinds of pairs, or None."""
-    return _mean(figures, shape, method, 'compiled', kinds, lambda r: r.get('axes'))
+def axes(figures, method, kinds=MIX):
+    """Return the mean number of axes a decision by number of vertices, as a list."""
+    return [sum(row(figures, n, kind, method)['axes'] for kind in kinds) / len(kinds)
+            for n in sides(figures)]
 
 
-def rate(row, what):
-    """Return false collisions as a share of the pairs apart, or false clears of those not."""
-    whole = row['apart'] if what == 'false_collisions' else row['pairs'] - row['apart']
-    return row[what] / whole if whole else None
+def parts(row, what):
+    """Return false collisions and the pairs apart, or false clears and the others, or both."""
+    if what == 'wrong':
+        return row['false_collisions'] + row['false_clears'], row['pairs']
+    return row[what], row['apart'] if what == 'false_collisions' else row['pairs'] - row['apart']
 
 
-def shapes(figures):
-    """Return the numbers of vertices measured, in order; rectangles are left out."""
+def rate_of(row, what='wrong'):
+    """Return such a share in words, with its interval."""
+    return rate(*parts(row, what))
+
+
+def sides(figures):
+    """Return the numbers of vertices measured, in order."""
     return list(dict.fromkeys(r['shape'] for r in figures['speed']['compiled']
                               if r['shape'] != 'rectangles'))
+
+
+def methods(figures):
+    """Return the methods measured on polygons of any shape, in order."""
+    return list(dict.fromkeys(r['method'] for r in figures['speed']['compiled']
+                              if r['shape'] != 'rectangles'))
+
+
+def timed(figures):
+    """Return those of them that were timed."""
+    return list(dict.fromkeys(r['method'] for r in figures['speed']['compiled']
+                              if r['shape'] != 'rectangles' and 'ns' in r))
 
 
 def wrong(rows):
@@ -50,8 +80,6 @@ def wrong(rows):
     return sum(r['false_collisions'] + r['false_clears'] for r in rows)
 
 
-def _mean(figures, shape, method, kernel, kinds, value):
-    rows = [row(figures, shape, kind, method, kernel) for kind in kinds]
-    if None in rows or None in map(value, rows):
-        return None
-    return sum(map(value, rows)) / len(rows)
+def always_right(figures):
+    """Return the methods without a wrong answer on any pair."""
+    return [method for method in methods(figures) if not wrong(rows(figures, method))]

@@ -16,17 +16,20 @@
 The methods compared, each as a loop over many pairs prepared for it.
 
 What a body needs once is made before: packed arrays, boxes, centres of gravity, records, the
-rivals' own shapes. Running a method then returns its answers and, of the methods of
-`sat_collision.geometry.sat_methods`, how many axes each took.
+libraries' own shapes. Running a method then returns its answers and, of all kernels but improved,
+how many axes each took.
 """
 
 from functools import cached_property
+from typing import NamedTuple
 
+import filters
 import numpy as np
+import readings
+import rivals
 from sat_collision import intersects_pairs, Polygon, PolygonSet
 from sat_collision.geometry import sat_methods
 from sat_collision.geometry.jit import borrowed, COMPILED, kernel
-from sat_collision.geometry.separating_axis import boxes_apart, find_separating_axis, UNCERTAIN
 import shapely
 
 try:
@@ -36,23 +39,66 @@ try:
 except ImportError:
     chipmunk = None
 
-# name: (label, colour, marker), the same in all plots. The colours are safe for the
-# colour-blind (Okabe and Ito, one of Tol).
-STYLES = {
-    'traditional': ('traditional', '#000000', 'o'),
-    'traditional_float32': ('traditional, float32', '#7f7f7f', 's'),
-    'boxed': ('box pre-test', '#56B4E9', '^'),
-    'rectangles': ('rectangles, merged axes', '#882255', 'P'),
-    'published_a': ('published A', '#D55E00', 'v'),
-    'published_b': ('published B', '#CC79A7', 'D'),
-    'improved': ('improved', '#009E73', '*'),
-    'shapely': ('shapely', '#0072B2', 'X'),
-    'pymunk': ('pymunk (Chipmunk)', '#E69F00', 'h'),
+RECTANGLES = 'rectangles'
+
+
+class Method(NamedTuple):
+    """
+    A method: its one name, how it is drawn, its kernel and what that takes of each body.
+
+    The colours are safe for the colour-blind (Okabe and Ito, and Tol).
+    """
+
+    label: str
+    colour: str
+    marker: str
+    kernel: object = None
+    prepared: str = None
+    what: str = ''
+
+
+METHODS = {
+    'traditional': Method('traditional', '#000000', 'o', sat_methods.traditional_axes, None,
+                          'the normals of all edges, every vertex projected (section 2.3)'),
+    'traditional_float32': Method('traditional, float32', '#7f7f7f', 's',
+                                  sat_methods.traditional_axes, None,
+                                  'the same on coordinates rounded to float32, in float32'),
+    'boxed': Method('box pre-test', '#56B4E9', '^', sat_methods.boxed_axes, 'bounds',
+                    'bounding boxes, then traditional (section 1)'),
+    'rectangles': Method('merged axes', '#882255', 'P', sat_methods.rectangles_axes, None,
+                         'two axes a rectangle (section 2.3)'),
+    'published_a': Method('published A', '#D55E00', 'v', sat_methods.published_a_axes, 'centres',
+                          'sections 3.1 and 3.2: all vertices on the centre line, the edge '
+                          'normals at the potential nearest points, the lines to the nearest '
+                          'points'),
+    'published_b': Method('published B', '#CC79A7', 'D', sat_methods.published_b_axes, 'centres',
+                          'section 4 to the letter: four vertices on the centre line, the '
+                          'normals of the two edges it crosses'),
+    'hybrid': Method('published, hybrid', '#AA4499', '<', readings.hybrid_axes, 'centres',
+                     'all vertices on the centre line, then the two normals of section 4'),
+    'closest': Method('published, Eq. 3–4', '#999933', '>', readings.closest_axes, None,
+                      'the line through the closest points, by brute force'),
+    'literal': Method('published, Eq. 5', '#CC6677', 'd', readings.literal_axes, 'centres',
+                      'reading A with B and C chosen by equation 5 as printed'),
+    'binary': Method('binary-search SAT', '#E69F00', 'h', rivals.binary_axes, 'heads',
+                     'the normals of all edges, each by a support vertex'),
+    'gjk': Method('GJK', '#332288', 'p', rivals.gjk_axes, 'heads',
+                  f'with a tolerance of {rivals.GJK_TOLERANCE:g} of the largest difference'),
+    'interval': Method('interval filter', '#88CCEE', 'H', filters.interval_axes, 'heads',
+                       'edges by interval arithmetic, the pair exactly where it is undecided'),
+    'filtered': Method('filtered orientations', '#117733', '8', filters.filtered_axes, 'heads',
+                       'edges by orientations, each filtered as in CGAL, with exact fallback'),
+    'improved': Method('improved', '#009E73', '*', None, None, 'what this package runs'),
+    'shapely': Method('shapely (GEOS)', '#0072B2', 'X', None, None,
+                      'a general geometry library'),
+    'chipmunk': Method('Chipmunk', '#661100', '1', None, None,
+                       'a game engine, through pymunk; asked pair by pair, so not timed'),
 }
-LABELS = {name: style[0] for name, style in STYLES.items()}
-RIVALS = 'shapely', 'pymunk'
-# Testing bounding boxes counts as trying two axes.
-BOX_AXES = 2
+LABELS = {name: method.label for name, method in METHODS.items()}
+LIBRARIES = 'shapely', 'chipmunk'
+EXACT = 'interval', 'filtered', 'improved', 'shapely'
+# Measured for wrong answers alone.
+UNTIMED = 'traditional_float32', 'chipmunk'
 
 
 class Pairs:
@@ -86,6 +132,12 @@ class Pairs:
         return _each(sat_methods.centre_of_gravity, self.sides)
 
     @cached_property
+    def heads(self):
+        """Return a bounding box and a centre of gravity a body."""
+        heads = [np.hstack(parts) for parts in zip(self.bounds, self.centres)]
+        return heads if COMPILED else [head.tolist() for head in heads]
+
+    @cached_property
     def polygons(self):
         return [[Polygon(body) for body in bodies] for bodies in self.sides]
 
@@ -98,14 +150,8 @@ class Pairs:
         return [np.array([shapely_shape(body) for body in bodies]) for bodies in self.sides]
 
     @cached_property
-    def pymunk(self):
-        return [[pymunk_shape(body) for body in bodies] for bodies in self.sides]
-
-
-def _each(function, sides):
-    """Return function of each body: an array a side, or lists of floats for plain Python."""
-    arrays = [np.array([function(body) for body in bodies]) for bodies in sides]
-    return arrays if COMPILED else [array.tolist() for array in arrays]
+    def chipmunk(self):
+        return [[chipmunk_shape(body) for body in bodies] for bodies in self.sides]
 
 
 def run(name, pairs):
@@ -114,11 +160,11 @@ def run(name, pairs):
         return intersects_pairs(*pairs.sets), None
     if name == 'shapely':
         return shapely.intersects(*pairs.shapely), None
-    if name == 'pymunk':
+    if name == 'chipmunk':
         collide = chipmunk.cpShapesCollide
         return np.array([collide(a._shape, b._shape).count > 0
-                         for a, b in zip(*pairs.pymunk)], np.bool_), None
-    method, prepared = _KERNELS[name]
+                         for a, b in zip(*pairs.chipmunk)], np.bool_), None
+    method, prepared = METHODS[name].kernel, METHODS[name].prepared
     extra = getattr(pairs, prepared) if prepared else None
     answers, axes = np.empty(len(pairs), np.bool_), np.empty(len(pairs), np.int64)
     if not COMPILED:
@@ -133,19 +179,12 @@ def run(name, pairs):
     return answers, axes
 
 
-def applicable(shape):
+def applicable(shape=None):
     """Return the methods for a shape: merged axes are for rectangles only."""
-    return [name for name in STYLES
-            if (name != 'rectangles' or shape == 'rectangles')
-            and (name != 'pymunk' or chipmunk is not None)
-            and (COMPILED or name not in ('traditional_float32', *RIVALS))]
-
-
-def queries(pairs):
-    """Return how many axes improved takes, the boxes counted as two, and where it is unsure."""
-    counts, unsure = np.empty(len(pairs), np.int64), np.empty(len(pairs), np.bool_)
-    _count(*_blocks(pairs.polygons[0]), *_blocks(pairs.polygons[1]), counts, unsure)
-    return counts, unsure
+    return [name for name in METHODS
+            if (name != 'rectangles' or shape == RECTANGLES)
+            and (name != 'chipmunk' or chipmunk is not None)
+            and (COMPILED or name not in ('traditional_float32', *LIBRARIES))]
 
 
 def find_centres(pairs):
@@ -161,7 +200,7 @@ def shapely_shape(body):
     return shapely.LineString(body) if len(body) == 2 else shapely.Point(body[0])
 
 
-def pymunk_shape(body):
+def chipmunk_shape(body):
     place = Body(body_type=Body.STATIC)
     points = body.tolist()
     shape = Poly(place, points) if len(body) > 2 else Segment(place, points[0], points[-1], 0)
@@ -169,26 +208,15 @@ def pymunk_shape(body):
     return shape
 
 
-# name: (kernel, what it takes of each body besides the vertices)
-_KERNELS = {
-    'traditional': (sat_methods.traditional_axes, None),
-    'traditional_float32': (sat_methods.traditional_axes, None),
-    'boxed': (sat_methods.boxed_axes, 'bounds'),
-    'rectangles': (sat_methods.rectangles_axes, None),
-    'published_a': (sat_methods.published_a_axes, 'centres'),
-    'published_b': (sat_methods.published_b_axes, 'centres'),
-}
+def _each(function, sides):
+    """Return function of each body: an array a side, or lists of floats for plain Python."""
+    arrays = [np.array([function(body) for body in bodies]) for bodies in sides]
+    return arrays if COMPILED else [array.tolist() for array in arrays]
 
 
 def _pack(bodies, dtype):
     ends = np.cumsum([0] + [len(body) for body in bodies])
     return np.concatenate(bodies).astype(dtype), ends
-
-
-def _blocks(polygons):
-    blocks = [polygon.block[0] for polygon in polygons]
-    starts = np.cumsum([0] + [len(block) for block in blocks[:-1]])
-    return np.concatenate(blocks), starts, np.array([polygon.block[1] for polygon in polygons])
 
 
 def _loop(method, a, b, extra, answers, axes):
@@ -222,15 +250,3 @@ def _find_centres(points, ends, centres):
     points = borrowed(points)
     for i in range(len(centres)):
         centres[i, 0], centres[i, 1] = sat_methods.centre_of_gravity(points[ends[i]:ends[i + 1]])
-
-
-@kernel
-def _count(a, a_starts, a_counts, b, b_starts, b_counts, counts, unsure):
-    for i in range(len(counts)):
-        counts[i] = BOX_AXES
-        unsure[i] = False
-        if not boxes_apart(a, a_starts[i], b, b_starts[i]):
-            verdict, _, _, tried = find_separating_axis(a, a_starts[i], a_counts[i],
-                                          b, b_starts[i], b_counts[i])
-            counts[i] += tried
-            unsure[i] = verdict == UNCERTAIN

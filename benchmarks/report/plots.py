@@ -12,19 +12,26 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The plots of speed, error and axes; the same colour and marker a method everywhere."""
+"""The plots of speed, condition and growth; the same colour and marker a method everywhere."""
 
 import math
 
+from condition import centre_of_bin, FIRST
 import lookup
 from matplotlib import pyplot
-from matplotlib.ticker import FuncFormatter
-from methods import LABELS, RIVALS, STYLES
+from methods import LABELS, METHODS
+import numpy as np
+from words import wilson
 
-# Where the points of near pairs have their n written beside them.
-_NUMBERED = ('published_a', 'false_collisions'), ('published_b', 'false_clears')
-
-PER_CENT = FuncFormatter(lambda value, _: f'{value:g} %')
+U = 2.0 ** -53
+U_FLOAT32 = 2.0 ** -24
+# Drawn in the first figure; the others are in its table.
+DRAWN = ('traditional', 'published_a', 'published_b', 'binary', 'gjk', 'interval', 'filtered',
+         'improved', 'shapely')
+CONDITIONED = 'traditional', 'closest', 'gjk', 'published_a', 'published_b', 'improved'
+_NUMBERED = 'published_a'
+# Bins with fewer pairs are not drawn.
+_FEWEST = 20
 
 
 def write_all(figures, directory):
@@ -32,7 +39,7 @@ def write_all(figures, directory):
     pyplot.rcParams.update({'font.size': 9, 'axes.grid': True, 'grid.alpha': 0.25,
                             'axes.spines.top': False, 'axes.spines.right': False,
                             'figure.dpi': 110, 'savefig.bbox': 'tight'})
-    for plot in (_speed_error, _time, _claims, _axes):
+    for plot in (_speed_error, _condition, _growth):
         figure = plot(figures)
         figure.savefig(directory / f'{plot.__name__[1:]}.png')
         pyplot.close(figure)
@@ -40,131 +47,131 @@ def write_all(figures, directory):
 
 def style(method, **changes):
     """Return how a method's line is drawn."""
-    label, colour, marker = STYLES[method]
+    label, colour, marker = METHODS[method][:3]
     return {'label': label, 'color': colour, 'marker': marker, 'linewidth': 1.4,
             'markersize': 8 if marker == '*' else 5, 'markeredgecolor': 'white',
             'markeredgewidth': 0.4, 'zorder': 4 if method == 'improved' else 3, **changes}
 
 
 def _speed_error(figures):
-    figure, panels = pyplot.subplots(2, 3, figsize=(10.5, 7.2), sharex=True, sharey=True)
-    columns = {'false_collisions': ('clear', 'near', 'hard'),
-               'false_clears': ('deep', 'near', 'hard')}
-    for line, (what, kinds) in zip(panels, columns.items()):
-        for panel, kind in zip(line, kinds):
-            for lane, method in enumerate(STYLES):
-                _speed_error_line(panel, figures, kind, method, what, -0.4 - 0.25 * lane)
-            panel.axhspan(-0.25 * len(STYLES) - 0.3, -0.2, color='#009E73', alpha=0.08)
-            panel.set_title(f'{kind} pairs')
-            panel.set_xscale('log')
-            panel.set_ylim(-0.25 * len(STYLES) - 0.3, 4.1)
-            panel.set_yticks([-0.3 - 0.125 * len(STYLES), 0, 1, 2, 3, 4],
-                             ['none\nwrong', '0.01 %', '0.1 %', '1 %', '10 %', '100 %'])
-    panels[0, 0].set_ylabel('false "collision", share of the pairs apart')
-    panels[1, 0].set_ylabel('false "clear", share of the pairs in contact')
-    for panel in panels[1]:
+    figure, panels = pyplot.subplots(1, 2, figsize=(10.5, 5.0), sharex=True, sharey=True)
+    lowest = -0.3 * len(DRAWN) - 0.3
+    for panel, kind in zip(panels, ('near', 'hard')):
+        for lane, method in enumerate(DRAWN):
+            _speed_error_line(panel, figures, kind, method, -0.45 - 0.3 * lane)
+        panel.axhspan(lowest, -0.2, color='#009E73', alpha=0.08)
+        panel.set_title(f'{kind} pairs')
+        panel.set_xscale('log')
+        panel.set_ylim(lowest, 4.1)
+        panel.set_yticks([lowest / 2 - 0.1, 0, 1, 2, 3, 4],
+                         ['none\nwrong', '0.01 %', '0.1 %', '1 %', '10 %', '100 %'])
         panel.set_xlabel('median time a pair, ns')
-    _legend(figure, panels[0, 2])
+    panels[0].set_ylabel('wrong answers')
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc='lower center', ncols=5, frameon=False)
     figure.tight_layout(rect=(0, 0.09, 1, 1))
     return figure
 
 
-def _speed_error_line(panel, figures, kind, method, what, lane):
-    """Draw rates on a logarithmic scale, per cent times 100, and a rate of 0 in a lane below."""
-    shapes = ('rectangles',) if method == 'rectangles' else lookup.shapes(figures)
-    rows = [(shape, lookup.row(figures, shape, kind, method)) for shape in shapes]
-    points = [(row['ns'][0], lookup.rate(row, what), shape) for shape, row in rows if row]
-    if not points:
-        return
-    times = [time for time, _, _ in points]
-    heights = [math.log10(1e4 * rate) if rate else math.nan for _, rate, _ in points]
-    panel.plot(times, heights, **style(method))
-    panel.plot(times, [lane if not rate else math.nan for _, rate, _ in points],
+def _speed_error_line(panel, figures, kind, method, lane):
+    """Draw shares on a logarithmic scale, per cent times 100, and a share of 0 in a lane below."""
+    rows = [lookup.row(figures, n, kind, method) for n in lookup.sides(figures)]
+    times = np.array([row['ns'][:3] for row in rows])
+    shares = [lookup.parts(row, 'wrong') for row in rows]
+    bars = {'ecolor': METHODS[method].colour, 'elinewidth': 0.8, 'fmt': 'none', 'zorder': 2}
+    heights = [_height(part / whole) if part else math.nan for part, whole in shares]
+    ends = [[_height(end) for end in wilson(part, whole)] if part else (math.nan, math.nan)
+            for part, whole in shares]
+    panel.plot(times[:, 0], heights, **style(method))
+    panel.plot(times[:, 0], [math.nan if part else lane for part, _ in shares],
                **style(method, label=None))
-    if kind == 'near' and (method, what) in _NUMBERED:
-        for time, height, (_, _, shape) in zip(times, heights, points):
-            if height == height:
-                panel.annotate(f'{shape}', (time, height), (6, -3), textcoords='offset points',
-                               fontsize=7, color=STYLES[method][1])
+    at = [lane if math.isnan(height) else height for height in heights]
+    panel.errorbar(times[:, 0], at, xerr=[times[:, 0] - times[:, 1], times[:, 2] - times[:, 0]],
+                   **bars)
+    panel.errorbar(times[:, 0], heights, yerr=[[height - low for height, (low, _) in
+                                                zip(heights, ends)],
+                                               [high - height for height, (_, high) in
+                                                zip(heights, ends)]], **bars)
+    if kind == 'near' and method == _NUMBERED:
+        for n, time, height in zip(lookup.sides(figures), times[:, 0], at):
+            panel.annotate(f'n = {n}' if n == lookup.sides(figures)[0] else f'{n}',
+                           (time, height), (7, -9), textcoords='offset points', fontsize=7.5,
+                           color=METHODS[method].colour)
 
 
-def _time(figures):
-    figure, panels = pyplot.subplots(1, 2, figsize=(10, 4.4), sharey=True)
-    for panel, kernel, title in zip(panels, ('compiled', 'plain'), (
-            'compiled (numba)', 'plain Python')):
-        for method in STYLES:
-            _line_by_sides(panel, figures, method,
-                           lambda n, m, k=kernel: lookup.time(figures, n, m, k))
-        panel.set_yscale('log')
-        panel.set_title(title)
-    panels[0].set_ylabel('median time a pair, ns')
-    _legend(figure, panels[0])
-    figure.tight_layout(rect=(0, 0.1, 1, 1))
-    return figure
+def _height(share):
+    return max(math.log10(1e4 * share), -0.15) if share else -0.15
 
 
-def _claims(figures):
-    figure, (left, right) = pyplot.subplots(1, 2, figsize=(10, 4.2))
-    for method in ('traditional', 'boxed', 'published_a', 'published_b', 'improved', *RIVALS):
-        _line_by_sides(left, figures, method,
-                       lambda n, m: _ratio(lookup.time(figures, n, m),
-                                           lookup.time(figures, n, 'traditional')))
-    left.set_yscale('log')
-    left.set_ylabel('time a pair / time of traditional')
-    steps = figures['steps']
-    for method, what, line in (('published_a', 'false_collisions', '-'),
-                               ('published_b', 'false_collisions', '-'),
-                               ('published_b', 'false_clears', '--')):
-        rows = [row for row in steps if row['method'] == method]
-        whole = 'apart' if what == 'false_collisions' else 'meet'
-        right.plot([row['n'] for row in rows], [100 * row[what] / row[whole] for row in rows],
-                   **style(method, linestyle=line,
-                           label=f'{LABELS[method]}, {what.replace("_", " ")}'))
-    _side_axis(right, [row['n'] for row in steps])
-    right.set_ylim(0)
-    right.yaxis.set_major_formatter(PER_CENT)
-    right.set_ylabel('wrong answers on near pairs')
-    right.legend(frameon=False, fontsize=8)
-    left.legend(frameon=False, fontsize=8)
+def _condition(figures):
+    figure, (left, right) = pyplot.subplots(1, 2, figsize=(10.5, 4.6), sharey=True)
+    found = figures['condition']
+    for number, (family, bins) in enumerate(found['families'].items()):
+        x, shares, _ = _curve(bins, 'apart')
+        if np.nan_to_num(shares).any():
+            left.plot(x, shares, linewidth=1.0, marker='os^vDPX<>hp8d'[number % 13], markersize=4,
+                      label=family.replace('_', ' '))
+    left.set_title('traditional by family, pairs apart')
+    for method in CONDITIONED:
+        for side, line in (('apart', '-'), ('meet', ':')):
+            x, shares, ends = _curve(found['bins'][method], side)
+            if side == 'apart' or np.nan_to_num(shares).any():
+                right.plot(x, shares, **style(method, linestyle=line, markersize=4, label=(
+                    _label(found, method) if side == 'apart' else None)))
+                right.fill_between(x, *ends.T, color=METHODS[method].colour, alpha=0.12,
+                                   linewidth=0)
+    right.plot([], [], ':', color='#666666', label='dotted: pairs that overlap')
+    right.set_title('all families')
+    for panel, step in ((left, 1), (right, 3)):
+        panel.set_xscale('log')
+        panel.axvline(4, color='#666666', linewidth=0.8, linestyle='--')
+        panel.annotate('4 u D', (4, 103), (-3, 0), textcoords='offset points', fontsize=8,
+                       color='#666666', ha='right')
+        panel.set_xlabel('gap or overlap in units of u D:  1/κ = |g| / (u D)')
+        panel.set_xticks([10.0 ** k for k in range(-2, 17, step)])
+        panel.minorticks_off()
+        panel.set_ylim(-3, 109)
+        panel.legend(frameon=False, fontsize=8, loc='upper right')
+    left.set_xlim(10 ** FIRST, 1e3)
+    left.set_ylabel('wrong answers, %')
     figure.tight_layout()
     return figure
 
 
-def _axes(figures):
-    figure, panels = pyplot.subplots(1, 2, figsize=(10, 4.2), sharey=True)
-    for panel, kinds, title in zip(panels, (lookup.MIX, ('hard',)), (
-            'clear, near and deep pairs, equal shares', 'hard pairs')):
-        for method in ('traditional', 'boxed', 'published_a', 'published_b', 'improved'):
-            _line_by_sides(panel, figures, method,
-                           lambda n, m, k=kinds: lookup.axes(figures, n, m, k))
-        panel.set_yscale('log')
-        panel.set_title(title)
-    panels[0].set_ylabel('mean number of axes a decision')
-    panels[0].legend(frameon=False, fontsize=8)
-    figure.tight_layout()
+def _label(found, method):
+    """Return how a line is called: improved stands for all methods that are never wrong."""
+    never = [m for m, worst in found['backward'].items() if not worst]
+    return f'{LABELS[method]} (as all never wrong)' if method in never else LABELS[method]
+
+
+def _curve(bins, side):
+    """Return gaps in units of u D, wrong shares and Wilson's intervals in per cent."""
+    at = {'apart': 1, 'meet': 3}[side]
+    found = {k: (bin_[at - 1], bin_[at]) for k, *bin_ in bins if k >= 0 and bin_[at] >= _FEWEST}
+    gaps, shares, ends = [], [], []
+    for k in range(min(found, default=0), max(found, default=-1) + 1):
+        wrong, pairs = found.get(k, (math.nan, math.nan))
+        gaps.append(centre_of_bin(k))
+        shares.append(100 * wrong / pairs)
+        ends.append([100 * end for end in wilson(wrong, pairs)])
+    return np.array(gaps), np.array(shares), np.array(ends).reshape(-1, 2)
+
+
+def _growth(figures):
+    figure, panel = pyplot.subplots(figsize=(6.4, 4.2))
+    rows = [row for row in figures['by_offset'] if row['offset'] > 0]
+    offsets = np.array(sorted({row['offset'] for row in rows}), float)
+    for bound, colour, name in ((4 * U, '#000000', '4 u D, float64'),
+                                (6 * U_FLOAT32, '#7f7f7f', '6 u D, float32')):
+        panel.plot(offsets, bound * offsets, ':', color=colour, label=name)
+    for method in METHODS:
+        points = [(row['offset'], row['widest']) for row in rows if row['method'] == method
+                  and row['widest'] > 1e-300]
+        if points:
+            panel.plot(*zip(*points), **style(method, linewidth=0.8))
+    panel.set_xscale('log')
+    panel.set_yscale('log')
+    panel.set_xlabel('distance from the origin D, m')
+    panel.set_ylabel('widest gap or overlap misjudged, m')
+    panel.legend(frameon=False, fontsize=8, loc='upper left', bbox_to_anchor=(1, 1))
     return figure
-
-
-def _line_by_sides(panel, figures, method, value):
-    points = [(n, value(n, method)) for n in lookup.shapes(figures)]
-    points = [(n, y) for n, y in points if y is not None]
-    if points:
-        panel.plot(*zip(*points), **style(method))
-    _side_axis(panel, lookup.shapes(figures))
-
-
-def _side_axis(panel, sides):
-    sides = sorted(set(sides))
-    panel.set_xscale('log', base=2)
-    panel.set_xticks(sides, [str(n) if n != 3 else '3 ' for n in sides])
-    panel.minorticks_off()
-    panel.set_xlabel('vertices of each body, n')
-
-
-def _legend(figure, panel):
-    handles, labels = panel.get_legend_handles_labels()
-    figure.legend(handles, labels, loc='lower center', ncols=4, frameon=False)
-
-
-def _ratio(a, b):
-    return None if a is None or b is None else a / b

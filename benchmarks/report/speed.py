@@ -22,33 +22,41 @@ import subprocess
 import sys
 import tempfile
 
-import bodies
 import clock
 from methods import (
-    applicable, BOX_AXES, find_centres, Pairs, pymunk_shape, queries, run, shapely_shape)
+    applicable, chipmunk_shape, find_centres, Pairs, run, shapely_shape, UNTIMED)
 import numpy as np
+import samples
 from sat_collision import intersects, Polygon
 from sat_collision.geometry.jit import COMPILED
 import shapely
+import stages
 
-REPEATS = 7
-SHAPES = *bodies.SIDES, bodies.RECTANGLES
+REPEATS = 5
+SHAPES = *samples.SIDES, samples.RECTANGLES
+PLAIN_SIDES = 4, 16, 64
+PREPARED_SIDES = 4, 16, 64, 256
 
 
-def measure(rng, scale=1.0):
+def measure(seeds, scale=1.0):
     """Return rows of figures for both kernels, with what the kernels disagree in."""
     rows, small = [], []
     for shape in SHAPES:
-        n = 4 if shape == bodies.RECTANGLES else shape
-        for kind in bodies.KINDS:
-            pairs, meet = bodies.sample(rng, shape, kind, _count(n, scale))
-            rows += rows_of(shape, kind, pairs, meet, REPEATS)
-            few = max(2, min(60, 2000 // n))
-            small.append((shape, kind, pairs[:few], meet[:few], 3 if n < 256 else 1))
+        n = 4 if shape == samples.RECTANGLES else shape
+        for kind in samples.KINDS:
+            runs = []
+            for seed in seeds:
+                rng = np.random.default_rng([seed, n])
+                pairs, meet = samples.sample(rng, shape, kind, _count(n, scale))
+                runs.append(_run_all(shape, pairs, meet, REPEATS))
+            rows += [{'shape': shape, 'kind': kind, **row} for row in _pooled(runs)]
+            if shape in PLAIN_SIDES:
+                few = max(4, int(scale * min(120, 4000 // n)))
+                small.append((shape, kind, pairs[:few], meet[:few]))
         print(f'speed: {shape}', file=sys.stderr)
     plain = _in_plain_python(small)
     different = compared = 0
-    for (shape, kind, pairs, *_), rows_there in zip(small, plain):
+    for (_, _, pairs, _), rows_there in zip(small, plain):
         here = Pairs(pairs)
         for row in rows_there:
             answers = run(row['method'], here)[0]
@@ -58,63 +66,84 @@ def measure(rng, scale=1.0):
             'kernels': {'compared': compared, 'different': different}}
 
 
-def rows_of(shape, kind, pairs, meet, repeats, keep_answers=False):
-    """Return a row of figures for each method that applies, all measured in turns."""
-    prepared = Pairs(pairs)
-    names = applicable(shape)
-    results = {name: run(name, prepared) for name in names}
-    seconds = clock.medians({name: functools.partial(run, name, prepared) for name in names},
-                            repeats)
-    rows = []
-    for name, (answers, axes) in results.items():
-        row = {'shape': shape, 'kind': kind, 'method': name, 'pairs': len(pairs),
-               'apart': int((~meet).sum()), 'false_collisions': int((answers & ~meet).sum()),
-               'false_clears': int((~answers & meet).sum()),
-               'ns': [round(value / len(pairs) * 1e9, 1) for value in seconds[name]]}
-        if name == 'improved' and COMPILED:
-            axes, unsure = queries(prepared)
-            row['exact_stage'] = int(unsure.sum())
-            row['without_axis'] = int((axes == BOX_AXES).sum())
-        if axes is not None:
-            row['axes'] = float(axes.mean())
-        if keep_answers:
-            row['answers'] = answers.tolist()
-        rows.append(row)
-    return rows
-
-
 def preparation(rng, scale=1.0):
     """Return what it costs to make ready a body, and to ask for one pair from Python, in ns."""
     rows = []
-    for n in bodies.SIDES:
-        pairs, _ = bodies.sample(rng, n, 'near', _count(n, 0.1 * scale))
+    for n in PREPARED_SIDES:
+        pairs, _ = samples.sample(rng, n, 'near', _count(n, scale))
         prepared = Pairs(pairs)
         rings = prepared.sides[0]
         made = {
             'Polygon': lambda: [Polygon(ring) for ring in rings],
-            'shapely': lambda: [shapely_shape(ring) for ring in rings],
-            'pymunk': lambda: [pymunk_shape(ring) for ring in rings],
+            'shapely (GEOS)': lambda: [shapely_shape(ring) for ring in rings],
+            'Chipmunk': lambda: [chipmunk_shape(ring) for ring in rings],
             'centre of gravity, compiled': lambda: find_centres(prepared),
         }
         asked = {
-            'intersects': lambda: [intersects(a, b) for a, b in zip(*prepared.polygons)],
-            'shapely.intersects': lambda: [shapely.intersects(a, b)
-                                           for a, b in zip(*prepared.shapely)],
-            'cpShapesCollide': functools.partial(run, 'pymunk', prepared),
+            'improved': lambda: [intersects(a, b) for a, b in zip(*prepared.polygons)],
+            'shapely (GEOS)': lambda: [shapely.intersects(a, b)
+                                       for a, b in zip(*prepared.shapely)],
+            'Chipmunk': functools.partial(run, 'chipmunk', prepared),
         }
+        if 'chipmunk' not in applicable():
+            del made['Chipmunk'], asked['Chipmunk']
         for task in (*made.values(), *asked.values()):
             task()
         for stage, tasks in (('body', made), ('call', asked)):
             for name, seconds in clock.medians(tasks, REPEATS).items():
                 rows.append({'n': n, 'stage': stage, 'what': name,
-                             'ns': round(seconds[0] / len(rings) * 1e9, 1)})
+                             'ns': round(seconds / len(rings) * 1e9, 1)})
     return rows
 
 
+def _run_all(shape, pairs, meet, repeats):
+    """Return for each method that applies the answers' counts, the axes and all times in ns."""
+    prepared = Pairs(pairs)
+    names = applicable(shape)
+    with np.errstate(all='ignore'):
+        results = {name: run(name, prepared) for name in names}
+    taken = clock.times({name: functools.partial(run, name, prepared)
+                         for name in names if name not in UNTIMED}, repeats)
+    rows = {}
+    for name, (answers, axes) in results.items():
+        row = {'pairs': len(pairs), 'apart': int((~meet).sum()),
+               'false_collisions': int((answers & ~meet).sum()),
+               'false_clears': int((~answers & meet).sum()),
+               'ns': [seconds / len(pairs) * 1e9 for seconds in taken.get(name, ())],
+               'answers': answers}
+        if name == 'improved' and COMPILED:
+            axes, exact = stages.tried(*prepared.polygons)
+            row['exact'] = int(exact.sum())
+        if axes is not None:
+            row['axes'] = float(axes.mean())
+        rows[name] = row
+    return rows
+
+
+def _pooled(runs):
+    """
+    Return a row a method of the runs with several seeds.
+
+    Its times are median, quartiles, and the least and greatest of the seeds' medians.
+    """
+    for name in runs[0]:
+        of = [run_[name] for run_ in runs]
+        row = {'method': name, **{key: sum(one[key] for one in of) for key in (
+            'pairs', 'apart', 'false_collisions', 'false_clears', 'exact') if key in of[0]}}
+        row['wrong_by_seed'] = [one['false_collisions'] + one['false_clears'] for one in of]
+        times = [one['ns'] for one in of]
+        if times[0]:
+            each = [float(np.median(ns)) for ns in times]
+            row['ns'] = [round(value, 1) for value in (
+                *np.quantile(np.concatenate(times), [0.5, 0.25, 0.75]), min(each), max(each))]
+        if 'axes' in of[0]:
+            row['axes'] = round(float(np.mean([one['axes'] for one in of])), 2)
+        yield row
+
+
 def _count(n, scale):
-    """Return how many pairs: enough for rates of a per cent, and seconds for a method."""
-    count = {256: 2000, 1024: 256}.get(n, min(6000, 200_000 // n))
-    return max(8, int(count * scale) // 2 * 2)
+    """Return how many pairs a seed: enough for rates of a per cent, and seconds for a method."""
+    return max(8, int(scale * min(1200, max(300, 40_000 // n))) // 2 * 2)
 
 
 def _in_plain_python(samples):
@@ -129,7 +158,13 @@ def _in_plain_python(samples):
     return json.loads(printed)
 
 
+def _plain_rows(shape, kind, pairs, meet):
+    rows = _run_all(shape, pairs, meet, 1)
+    return [{'shape': shape, 'kind': kind, 'method': name, 'pairs': row['pairs'],
+             'ns': [round(row['ns'][0], 1)], 'answers': row['answers'].tolist()}
+            for name, row in rows.items()]
+
+
 if __name__ == '__main__':
     with open(sys.argv[1], 'rb') as file:
-        print(json.dumps([rows_of(*sample, keep_answers=True)
-                          for sample in pickle.load(file)]))
+        print(json.dumps([_plain_rows(*sample) for sample in pickle.load(file)]))

@@ -12,16 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Wrong answers by family, and how they grow with the distance from the origin and with n."""
+"""Wrong answers by family, how they grow with the distance from the origin, and separations."""
 
 from fractions import Fraction
 
-import bodies
 import families
-from methods import applicable, Pairs, run, shapely_shape
+from methods import applicable, Pairs, RECTANGLES, run, shapely_shape
 import numpy as np
 import oracle
 import rationals
+import samples
 from sat_collision import intersects, Polygon, separation
 import shapely
 import shapes
@@ -29,8 +29,7 @@ import shapes
 SIDES = 3, 4, 8, 16, 64
 OFFSETS = 0, *(10**k for k in range(9))
 OFFSET_SIDES = 8
-SIDES_OFFSET = 1000
-GROWING = 'traditional', 'traditional_float32', 'improved', 'shapely', 'pymunk'
+GROWING = 'traditional', 'traditional_float32', 'gjk', 'improved', 'shapely'
 MEASURED = 'near', 'deep', 'hair_gaps', 'vertex_on_edge', 'slivers', 'containment', 'far_offsets'
 
 
@@ -38,9 +37,7 @@ def by_family(rng, count=2000):
     """Return wrong answers by family and method; of bodies that are not convex, of two methods."""
     rows = []
     for name, family in {**families.CONVEX, **families.SIMPLE}.items():
-        sides = (256, 1024) if family is families.many_sided else SIDES
-        share = count // len(sides) if family is not families.many_sided else count // 50
-        pairs = sum((bodies.chunked(family, rng, share, n) for n in sides), [])
+        pairs = samples.of_family(rng, family, count, SIDES)
         meet, _ = oracle.intersects_pairs(pairs)
         if name in families.SIMPLE:
             answers = {
@@ -49,7 +46,7 @@ def by_family(rng, count=2000):
                                                           for pair in pairs]) for k in (0, 1)))}
         else:
             prepared = Pairs(pairs)
-            shape = bodies.RECTANGLES if family is families.rectangles_on_edge else None
+            shape = RECTANGLES if family is families.rectangles_on_edge else None
             with np.errstate(all='ignore'):
                 answers = {method: run(method, prepared)[0] for method in applicable(shape)}
         rows += [{'family': name, 'method': method, **_wrong(answer, meet)}
@@ -61,12 +58,6 @@ def by_offset(rng, count=2000):
     """Return wrong answers and the widest gap or overlap misjudged, by distance from 0."""
     return [{'offset': offset, **row} for offset in OFFSETS
             for row in _misjudged(rng, OFFSET_SIDES, offset, count)]
-
-
-def by_sides(rng, count=2000):
-    """Return the same by number of vertices, at one distance from the origin."""
-    return [{'n': n, **row} for n in bodies.SIDES[:-1]
-            for row in _misjudged(rng, n, SIDES_OFFSET, count if n < 256 else count // 4)]
 
 
 def separations(rng, count=60):
@@ -116,7 +107,7 @@ def _misjudged(rng, n, offset, count):
     meet, _ = oracle.intersects_pairs(pairs)
     prepared = Pairs(pairs)
     rows = []
-    for method in applicable(None):
+    for method in applicable():
         if method in GROWING:
             answers, _ = run(method, prepared)
             misjudged = np.abs(gaps[answers != meet])

@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How figures are written: in words, in tables, and which way a comparison goes."""
+"""How figures are written: in words, in tables and in files, and which way a comparison goes."""
 
-
+import json
 import math
 import re
 import textwrap
@@ -36,6 +36,13 @@ def duration(ns):
     return f'{ns / 1e9:.0f} s'
 
 
+def durations(middle, low, high):
+    """Return a time in ns with a range around it, all in one unit."""
+    text, unit = duration(middle).split()
+    size = {'ns': 1, 'µs': 1e3, 'ms': 1e6, 's': 1e9}[unit]
+    return f'{text} ({_three_figures(low / size)}–{_three_figures(high / size)}) {unit}'
+
+
 def share(part, whole=1.0):
     """Return a share as a percentage; only what is exactly none or all is written so."""
     if part is None or not whole:
@@ -46,6 +53,23 @@ def share(part, whole=1.0):
     if 99.5 <= per_cent < 100:
         return f'{math.floor(10 * per_cent) / 10:g} %'
     return f'{per_cent:.2g} %' if per_cent < 10 else f'{per_cent:.0f} %'
+
+
+def wilson(part, whole, z=1.96):
+    """Return Wilson's interval of 95 % confidence for a share."""
+    middle = (part + z * z / 2) / (whole + z * z)
+    half = z / (whole + z * z) * math.sqrt(part * (whole - part) / whole + z * z / 4)
+    return max(middle - half, 0.0) if part else 0.0, min(middle + half, 1.0)
+
+
+def rate(part, whole):
+    """Return a share with Wilson's interval: '34 % (32–36)', or '0 (< 0.1 %)'."""
+    if not whole:
+        return '–'
+    low, high = wilson(part, whole)
+    if part == 0:
+        return f'0 (< {share(high)})'
+    return f'{share(part, whole)} ({100 * low:.2g}–{100 * high:.2g})'
 
 
 def counted(count, whole):
@@ -70,7 +94,7 @@ def compared(time, other):
 
 def metres(value):
     """Return a length in m, with two figures."""
-    return f'{value:.2g} m' if 1e-3 <= value < 100 or value == 0 else f'{_power(value)} m'
+    return f'{value:.2g} m' if 1e-3 <= value < 100 or value == 0 else f'{power(value)} m'
 
 
 def distance(value):
@@ -92,17 +116,6 @@ def listed(items):
     return items[0] if len(items) == 1 else f'{", ".join(items[:-1])} and {items[-1]}'
 
 
-def compared_ends(first, last, time, other):
-    """Say how a time compares with another for the least and for the largest n, as `compared`."""
-    factors = [other[n] / time[n] for n in (first, last)]
-    if min(factors) < 1 < max(factors):
-        return (f'{compared(time[first], other[first])} (n = {first}) and '
-                f'{compared(time[last], other[last])} (n = {last})')
-    word = 'fast' if max(factors) > 1 else 'slow'
-    factors = [max(factor, 1 / factor) for factor in factors]
-    return f'{ratio(factors[0])} (n = {first}) to {_times(factors[1])} (n = {last}) as {word} as'
-
-
 def wrapped(markdown, width=130):
     """Return Markdown with its paragraphs and list items filled, tables and headings as is."""
     blocks = []
@@ -116,16 +129,32 @@ def wrapped(markdown, width=130):
     return '\n\n'.join(blocks)
 
 
+def compact(value, depth=0):
+    """Return JSON in which a row of figures, a list of numbers or a flat dict, is one line."""
+    if isinstance(value, dict) and any(isinstance(v, (dict, list)) for v in value.values()):
+        parts = [f'{json.dumps(str(key))}: {compact(v, depth + 1)}' for key, v in value.items()]
+        opening, closing = '{', '}'
+    elif isinstance(value, list) and value and isinstance(value[0], dict):
+        parts, opening, closing = [json.dumps(v) for v in value], '[', ']'
+    else:
+        return json.dumps(value)
+    space = ' ' * (depth + 1)
+    return f'{opening}\n{space}' + f',\n{space}'.join(parts) + f'\n{" " * depth}{closing}'
+
+
 def none_wrong(count):
     """Return what no wrong answer among so many says about their rate (the rule of three)."""
-    return f'below {_power(3 / count)} with 95 % confidence, for pairs so drawn'
+    return f'below {power(3 / count)} with 95 % confidence, for pairs so drawn'
 
 
 def _times(value):
     return f'{value:.2g} times' if value < 99.5 else f'{value:.0f} times'
 
 
-def _power(value):
+def power(value):
+    """Return a number with two figures, by a power of ten where that is shorter."""
+    if 0.01 <= value < 1000:
+        return f'{value:.2g}' if value < 100 else f'{value:.0f}'
     mantissa, exponent = f'{value:.1e}'.split('e')
     return f'{mantissa}·10{_raised(int(exponent))}'
 

@@ -14,17 +14,22 @@
 """
 See the monitor at work: robots in a warehouse, three processes, real DDS.
 
-This process starts the collision_monitor node and a publisher of the embedded scene, prints each
+This process starts the footprint_monitor node and a publisher of the embedded scene, prints each
 change of a flag as it arrives, checks that the flags are those that the scene is built to cause,
 and draws the published markers at the first contact into demo.png.
 """
 
+from __future__ import annotations
+
 import argparse
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 import os
 import subprocess
 import sys
 import time
 
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Point32, PolygonStamped
 import rclpy
@@ -39,7 +44,7 @@ _STATIC_STEPS = 20
 _START_TIMEOUT = 90.0
 # Long enough that a publisher held up by a busy machine does not count as silent.
 _TIMEOUT = 5.0
-_PARAMETERS = {
+_PARAMETERS: dict[str, object] = {
     'footprints': list(warehouse.FOOTPRINTS),
     'obstacles': ['warehouse', 'people'],
     'frame_id': warehouse.FRAME,
@@ -50,12 +55,12 @@ _PARAMETERS = {
 class _Publisher(Node):
     """Publishes the footprints and the person often, and what does not move now and then."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__('warehouse')
         self._topics = {name: self.create_publisher(PolygonStamped, name, 100)
                         for name in [*warehouse.FOOTPRINTS, 'warehouse', 'people']}
 
-    def play(self):
+    def play(self) -> None:
         while any(topic.get_subscription_count() == 0 for topic in self._topics.values()):
             time.sleep(_PERIOD)
         # Scene time goes by steps: a busy machine makes the demo slower, and skips no contact.
@@ -70,7 +75,7 @@ class _Publisher(Node):
                 self._publish(name, warehouse.footprint(name, elapsed), stamp)
             time.sleep(_PERIOD)
 
-    def _publish(self, topic, outline, stamp):
+    def _publish(self, topic: str, outline: warehouse.Outline, stamp: Time) -> None:
         message = PolygonStamped()
         message.header.stamp = stamp
         message.header.frame_id = warehouse.FRAME
@@ -81,29 +86,30 @@ class _Publisher(Node):
 class _Viewer(Node):
     """Notes the flags, the obstacles in contact, and the markers at the first contact."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__('viewer')
-        self.flags = {name: [] for name in warehouse.FOOTPRINTS}
-        self.touched = {name: [] for name in warehouse.FOOTPRINTS}
-        self.markers = None
+        self.flags: dict[str, list[bool]] = {name: [] for name in warehouse.FOOTPRINTS}
+        self.touched: dict[str, list[str]] = {name: [] for name in warehouse.FOOTPRINTS}
+        self.markers: MarkerArray | None = None
         # When the first robot was seen to be clear: the scene has begun.
         self.start = time.monotonic()
-        monitor = '/collision_monitor'
+        monitor = '/footprint_monitor'
         for name in self.flags:
             self.create_subscription(Bool, f'{monitor}/{name}/collision',
-                                     lambda flag, name=name: self._note_flag(name, flag.data), 10)
+                                     partial(self._note_flag, name), 10)
         self.create_subscription(DiagnosticArray, f'{monitor}/state', self._note_state, 10)
         self.create_subscription(MarkerArray, f'{monitor}/markers', self._note_markers, 10)
 
-    def _note_flag(self, name, raised):
+    def _note_flag(self, name: str, flag: Bool) -> None:
         flags = self.flags[name]
+        raised = flag.data
         if not flags or flags[-1] != raised:
             if not raised and not any(False in seen for seen in self.flags.values()):
                 self.start = time.monotonic()
             flags.append(raised)
             _print(f'{time.monotonic() - self.start:6.2f} s  {name:8} collision: {raised}')
 
-    def _note_state(self, states):
+    def _note_state(self, states: DiagnosticArray) -> None:
         for name, status in zip(self.flags, states.status):
             values = {pair.key: pair.value for pair in status.values}
             obstacles = values['obstacles in contact']
@@ -112,11 +118,11 @@ class _Viewer(Node):
                 touched.append(obstacles)
                 _print(f'{"":8}  {name:8} {status.message}')
 
-    def _note_markers(self, markers):
+    def _note_markers(self, markers: MarkerArray) -> None:
         if self.markers is None and any(m.ns.startswith('contacts/') for m in markers.markers):
             self.markers = markers
 
-    def show_progress(self):
+    def show_progress(self) -> None:
         share = min((time.monotonic() - self.start) / warehouse.DURATION, 1.0)
         flags = '  '.join(f'{name} {"COLLISION" if flags[-1] else "clear"}'
                           for name, flags in self.flags.items() if flags)
@@ -124,17 +130,17 @@ class _Viewer(Node):
             print(f'\r\033[K[{"#" * round(30 * share):30}] {flags}', end='', flush=True)
 
 
-def _print(line):
+def _print(line: str) -> None:
     print(f'\r\033[K{line}' if sys.stdout.isatty() else line, flush=True)
 
 
-def _parameters():
+def _parameters() -> Iterator[str]:
     for name, value in _PARAMETERS.items():
         text = f'[{", ".join(value)}]' if isinstance(value, list) else value
         yield from ('-p', f'{name}:={text}')
 
 
-def _spin(viewer, condition, timeout):
+def _spin(viewer: _Viewer, condition: Callable[[], bool], timeout: float) -> bool:
     """Spin until a condition holds; return whether it came to hold within the timeout (s)."""
     deadline = time.monotonic() + timeout
     while not condition():
@@ -145,14 +151,14 @@ def _spin(viewer, condition, timeout):
     return True
 
 
-def _watch(viewer):
+def _watch(viewer: _Viewer) -> bool:
     """Run node and publisher to the end; return whether they came up and ended well."""
     monitor = subprocess.Popen([sys.executable, '-m', 'sat_collision.node',
                                 '--ros-args', *_parameters()])
     publisher = None
     try:
         if not _spin(viewer, lambda: all(viewer.flags.values()), _START_TIMEOUT):
-            print('the collision monitor does not publish')
+            print(f'the monitor published nothing within {_START_TIMEOUT:g} s')
             return False
         publisher = subprocess.Popen([sys.executable, '-m', 'sat_collision.demo', '--publish'])
         return (_spin(viewer, lambda: publisher.poll() is not None, 2 * warehouse.DURATION)
@@ -163,7 +169,7 @@ def _watch(viewer):
             process.wait()
 
 
-def _verdict(viewer):
+def _verdict(viewer: _Viewer) -> bool:
     """Print and return whether what was received is what the scene causes."""
     # Nothing is known at first, then clear, and a rise and a fall for each contact.
     right = True
@@ -172,12 +178,12 @@ def _verdict(viewer):
         touched = [f'{source}/{number}' for source, number in contacts]
         right &= viewer.flags[name] == flags and viewer.touched[name] == touched
         _print(f'{name:8} touched {", ".join(viewer.touched[name]) or "nothing"}, '
-               f'as built: {", ".join(touched)}; flags {viewer.flags[name]}, as built: {flags}')
+               f'expected {", ".join(touched)}; flags {viewer.flags[name]}, expected {flags}')
     print('the flags are right' if right else 'THE FLAGS ARE WRONG')
     return right
 
 
-def _draw(markers, path):
+def _draw(markers: MarkerArray, path: str) -> None:
     import matplotlib
     matplotlib.use('Agg')
     from matplotlib import pyplot
@@ -189,7 +195,7 @@ def _draw(markers, path):
     print(f'wrote {path}')
 
 
-def main(args=None):
+def main(args: Sequence[str] | None = None) -> int:
     """Run the demo; return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--publish', action='store_true', help='only publish the scene')

@@ -13,10 +13,18 @@
 # limitations under the License.
 """Draw a visualization_msgs/MarkerArray as a picture, as RViz would from above."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from visualization_msgs.msg import MarkerArray
 
-def draw_markers(markers, axes):
+
+def draw_markers(markers: MarkerArray, axes: Axes) -> None:
     """
     Draw the markers of a scene.
 
@@ -35,13 +43,14 @@ def draw_markers(markers, axes):
         colour = 1.0 - marker.color.a * (1.0 - colour)
         points = np.array([(point.x, point.y) for point in marker.points]).reshape(-1, 2)
         if marker.type == marker.TRIANGLE_LIST:
-            axes.add_collection(PolyCollection(points.reshape(-1, 3, 2), facecolor=colour,
+            axes.add_collection(PolyCollection(list(points.reshape(-1, 3, 2)), facecolor=colour,
                                                edgecolor=colour, linewidth=0.3))
         elif marker.type == marker.LINE_LIST:
-            axes.add_collection(LineCollection(points.reshape(-1, 2, 2), colors=[colour],
+            axes.add_collection(LineCollection(list(points.reshape(-1, 2, 2)), colors=[colour],
                                                linewidths=60.0 * marker.scale.x))
         elif marker.type == marker.SPHERE_LIST:
-            axes.scatter(*points.T, color=[colour], s=12.0)
+            x, y = points.T
+            axes.scatter(x, y, color=[colour], s=12.0)
         elif marker.type == marker.TEXT_VIEW_FACING:
             place = marker.pose.position
             axes.annotate(marker.text, (place.x, place.y), color=colour, fontsize=8,

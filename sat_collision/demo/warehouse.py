@@ -14,20 +14,29 @@
 """
 The embedded scene of the demo: robots that drive through a warehouse, and what they touch.
 
-Plain geometry in metres in the frame 'map', x along the aisles. It knows no ROS.
+Plain geometry in metres in the frame 'map', x along the aisles. It needs no ROS.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
 import numpy as np
+from numpy.typing import NDArray
+
+Outline: TypeAlias = NDArray[np.float64]
+_Path: TypeAlias = Sequence[tuple[float, float, float, float]]
 
 FRAME = 'map'
 DURATION = 16.0
 
 
-def _box(min_x, min_y, max_x, max_y):
+def _box(min_x: float, min_y: float, max_x: float, max_y: float) -> Outline:
     return np.array([(min_x, min_y), (max_x, min_y), (max_x, max_y), (min_x, max_y)], float)
 
 
-def _disc(x, y, radius, sides):
+def _disc(x: float, y: float, radius: float, sides: int) -> Outline:
     angles = 2.0 * np.pi * np.arange(sides) / sides
     return np.column_stack([x + radius * np.cos(angles), y + radius * np.sin(angles)])
 
@@ -53,14 +62,14 @@ FOOTPRINTS = {
 
 # Way points: time (s), x, y, heading (rad). The forklift takes a pillar into its notch without
 # touching it, then backs into a shelf. The cart touches the wall exactly, edge on edge.
-_PATHS = {
+_PATHS: dict[str, _Path] = {
     'amr': [(0, 1.0, 4.0, 0), (16, 18.0, 4.0, 0)],
     'forklift': [(0, 6.0, 5.35, 0), (4, 8.35, 5.35, 0), (8, 8.35, 5.35, 0), (10, 6.0, 5.35, 0),
                  (12, 6.0, 7.65, 0), (13, 6.0, 7.65, 0), (15, 6.0, 5.35, 0), (16, 6.0, 5.35, 0)],
     'cart': [(0, 17.0, 9.5, 0), (6, 15.0, 10.5, 0), (9, 12.0, 10.5, 0), (12, 12.0, 9.75, 0),
              (16, 17.0, 9.75, 0)],
 }
-_PERSON_PATH = [(0, 12.0, 7.0, 0), (5, 11.0, 7.0, 0), (11, 11.0, 3.4, 0), (16, 9.0, 3.4, 0)]
+_PERSON_PATH: _Path = [(0, 12.0, 7.0, 0), (5, 11.0, 7.0, 0), (11, 11.0, 3.4, 0), (16, 9.0, 3.4, 0)]
 _PERSON = _disc(0.0, 0.0, 0.3, 12)
 
 # What each robot touches in turn, as (source, number of the obstacle).
@@ -71,18 +80,19 @@ CONTACTS = {
 }
 
 
-def footprint(name, time):
+def footprint(name: str, time: float) -> Outline:
     """Return the (n, 2) footprint of a robot at a time in seconds."""
     return _placed(FOOTPRINTS[name], _PATHS[name], time)
 
 
-def person(time):
+def person(time: float) -> Outline:
     """Return the (n, 2) outline of the person at a time in seconds."""
     return _placed(_PERSON, _PERSON_PATH, time)
 
 
-def _placed(outline, path, time):
+def _placed(outline: Outline, path: _Path, time: float) -> Outline:
     times, *coordinates = zip(*path)
     x, y, heading = (np.interp(time, times, values) for values in coordinates)
     cosine, sine = np.cos(heading), np.sin(heading)
-    return outline @ np.array([(cosine, sine), (-sine, cosine)]) + (x, y)
+    placed: Outline = outline @ np.array([(cosine, sine), (-sine, cosine)]) + (x, y)
+    return placed

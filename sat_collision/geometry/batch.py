@@ -21,21 +21,50 @@ worth fetching, and which these are is known one axis at a time: all pairs of a 
 step, and what one reads next comes while the others are at work.
 """
 
+from typing import Any, NamedTuple
+
 from sat_collision.geometry.intersection import bodies_meet, meet_near
 from sat_collision.geometry.jit import (
     borrowed, inlined, kernel, prefetch, scratch, scratch_integers, unchecked_view)
 from sat_collision.geometry.layout import (
-    HEADER, near_support, SCAN_LIMIT, table_place, table_sector)
-from sat_collision.geometry.rows import rows_of
+    HEADER, near_support, Packed, SCAN_LIMIT, table_place, table_sector)
+from sat_collision.geometry.rows import body_of, Rows, rows_of
 from sat_collision.geometry.separating_axis import (
     boxes_apart, find_separating_axis, first_axis, hill_climb, MEET, MOST_QUERIES, OPEN, refine,
-    SEPARATE, UNCERTAIN)
+    Search, SEPARATE, UNCERTAIN)
 
 _CACHE_LINE = 8
 _AHEAD = 16
 _BATCH = 128
-# The doubles that a pair keeps between two axes: ax, ay, bx, by, ux, uy, reach_x, reach_y.
+# The doubles that a pair keeps between two axes: those of a Search.
 _STATE = 8
+
+
+class Pairs(NamedTuple):
+    """
+    Two sets whose rows are paired, and what is known of each pair.
+
+    Attributes
+    ----------
+    rows, others : Rows
+        The two sets.
+    verdicts : (r,) array of int8
+        SEPARATE, MEET, UNCERTAIN, or OPEN.
+    searches : flat array of float64
+        The searches of a batch, one after another.
+    places : flat array of int64
+        Two for each pair of a batch: the sectors, then the support vertices.
+    pending : flat array of int64
+        The rows of a batch that are still open.
+
+    """
+
+    rows: Rows
+    others: Rows
+    verdicts: Any
+    searches: Any
+    places: Any
+    pending: Any
 
 
 @kernel
@@ -51,105 +80,95 @@ def decide_rows(set_array, other_array, answers):
         Receives MEET or SEPARATE.
 
     """
-    rows = rows_of(borrowed(set_array))
-    other_rows = rows_of(borrowed(other_array))
-    data = unchecked_view(rows.packed)
-    other_data = unchecked_view(other_rows.packed)
-    state = scratch(_STATE * _BATCH)
-    places = scratch_integers(2 * _BATCH)
-    pending = scratch_integers(_BATCH)
+    pairs = Pairs(rows_of(borrowed(set_array)), rows_of(borrowed(other_array)), answers,
+                  scratch(_STATE * _BATCH), scratch_integers(2 * _BATCH), scratch_integers(_BATCH))
     # Batch by batch, so that what has to be decided exactly is still in the cache.
     for start in range(0, len(answers), _BATCH):
-        count = _begin(rows, data, other_rows, other_data, start, answers, state, pending, places)
-        _go_on(rows, data, other_rows, other_data, start, answers, state, pending, count, places)
-        for row in range(start, min(start + _BATCH, len(answers))):
+        end = min(start + _BATCH, len(answers))
+        count = _begin(pairs, start, end, len(answers))
+        _go_on(pairs, start, count)
+        for row in range(start, end):
             if answers[row] == UNCERTAIN or answers[row] == OPEN:
-                answers[row] = MEET if _meet(
-                    data, rows.start[row], rows.count[row],
-                    other_data, other_rows.start[row], other_rows.count[row],
-                    places[2 * (row - start)], places[2 * (row - start) + 1]) else SEPARATE
+                answers[row] = MEET if _meet(pairs, row, row - start) else SEPARATE
 
 
 @inlined
-def _meet(p, p_start, n, q, q_start, m, i, j):
-    """Tell exactly whether two bodies meet; a search of convex ones ended at i and j."""
-    if n > 0 and m > 0:
-        return meet_near(p, p_start, n, q, q_start, m, i, j)
-    return bodies_meet(p, p_start, n, q, q_start, m)
+def _meet(pairs, row, slot):
+    """Tell exactly whether two bodies meet; a search of convex ones ended at the slot's places."""
+    p = body_of(pairs.rows, row)
+    q = body_of(pairs.others, row)
+    if p.n > 0 and q.n > 0:
+        return meet_near(p, q, pairs.places[2 * slot], pairs.places[2 * slot + 1])
+    return bodies_meet(p, q)
+
+
+@inlined
+def _unchecked(pairs):
+    """Return the same arrays for use inside a hot loop."""
+    return Pairs(pairs.rows, pairs.others, unchecked_view(pairs.verdicts),
+                 unchecked_view(pairs.searches), unchecked_view(pairs.places),
+                 unchecked_view(pairs.pending))
 
 
 @kernel
-def _begin(rows, data, other_rows, other_data, start, verdicts, state, pending, places):
+def _begin(pairs, start, end, used):
     """Decide pairs with few vertices, begin with the others; list and count those still open."""
-    data = unchecked_view(data)
-    other_data = unchecked_view(other_data)
-    used = len(verdicts)
-    verdicts = unchecked_view(verdicts)
-    state = unchecked_view(state)
-    pending = unchecked_view(pending)
-    places = unchecked_view(places)
+    rows, others, verdicts, searches, places, pending = _unchecked(pairs)
+    data = unchecked_view(rows.packed)
+    other_data = unchecked_view(others.packed)
     count = 0
-    for row in range(start, min(start + _BATCH, used)):
+    for row in range(start, end):
         ahead = row + _AHEAD
         if ahead < used:
-            _prefetch(data, rows.start[ahead], rows.count[ahead])
-            _prefetch(other_data, other_rows.start[ahead], other_rows.count[ahead])
-        p = rows.start[row]
-        n = rows.count[row]
-        q = other_rows.start[row]
-        m = other_rows.count[row]
+            _prefetch(data, rows.start[ahead], rows.n[ahead])
+            _prefetch(other_data, others.start[ahead], others.n[ahead])
+        p = Packed(data, rows.start[row], rows.n[row])
+        q = Packed(other_data, others.start[row], others.n[row])
         slot = row - start
-        if n == 0 or m == 0 or boxes_apart(data, p, other_data, q):
+        if p.n == 0 or q.n == 0 or boxes_apart(p, q):
             verdicts[row] = SEPARATE
-        elif n < 0 or m < 0:
+        elif p.n < 0 or q.n < 0:
             verdicts[row] = UNCERTAIN
-        elif n <= SCAN_LIMIT or m <= SCAN_LIMIT:
-            verdict, i, j, _ = find_separating_axis(data, p, n, other_data, q, m)
+        elif p.n <= SCAN_LIMIT or q.n <= SCAN_LIMIT:
+            verdict, i, j, _ = find_separating_axis(p, q)
             verdicts[row] = verdict
             places[2 * slot] = i
             places[2 * slot + 1] = j
         else:
-            verdict, ux, uy, reach_x, reach_y = first_axis(data, p, other_data, q)
+            verdict, search = first_axis(p, q)
             verdicts[row] = verdict
             if verdict == OPEN:
-                s = _STATE * slot
-                state[s] = state[s + 2] = state[s + 4] = ux
-                state[s + 1] = state[s + 3] = state[s + 5] = uy
-                state[s + 6] = reach_x
-                state[s + 7] = reach_y
+                _store(searches, slot, search)
                 pending[count] = row
                 count += 1
     return count
 
 
 @kernel
-def _go_on(rows, data, other_rows, other_data, start, verdicts, state, pending, count, places):
-    """Search on as `improved.search` does, all pending pairs one axis further in each round."""
-    data = unchecked_view(data)
-    other_data = unchecked_view(other_data)
-    verdicts = unchecked_view(verdicts)
-    state = unchecked_view(state)
-    pending = unchecked_view(pending)
-    places = unchecked_view(places)
+def _go_on(pairs, start, count):
+    """Search on as `find_separating_axis` does, all pending pairs one axis further a round."""
+    rows, others, verdicts, searches, places, pending = _unchecked(pairs)
+    data = unchecked_view(rows.packed)
+    other_data = unchecked_view(others.packed)
     queries = 0
     while count > 0 and queries < MOST_QUERIES:
         queries += 1
         for k in range(count):
             row = pending[k]
             slot = row - start
-            ux = state[_STATE * slot + 4]
-            uy = state[_STATE * slot + 5]
-            i = table_sector(rows.count[row], ux, uy)
-            j = table_sector(other_rows.count[row], -ux, -uy)
+            ux = searches[_STATE * slot + 4]
+            uy = searches[_STATE * slot + 5]
+            i = table_sector(rows.n[row], ux, uy)
+            j = table_sector(others.n[row], -ux, -uy)
             prefetch(data, table_place(rows.start[row], i))
-            prefetch(other_data, table_place(other_rows.start[row], j))
+            prefetch(other_data, table_place(others.start[row], j))
             places[2 * slot] = i
             places[2 * slot + 1] = j
         for k in range(count):
             row = pending[k]
             slot = row - start
-            i = near_support(data, rows.start[row], rows.count[row], places[2 * slot])
-            j = near_support(other_data, other_rows.start[row], other_rows.count[row],
+            i = near_support(Packed(data, rows.start[row], rows.n[row]), places[2 * slot])
+            j = near_support(Packed(other_data, others.start[row], others.n[row]),
                              places[2 * slot + 1])
             _prefetch_neighbours(data, i)
             _prefetch_neighbours(other_data, j)
@@ -159,28 +178,40 @@ def _go_on(rows, data, other_rows, other_data, start, verdicts, state, pending, 
         for k in range(count):
             row = pending[k]
             slot = row - start
-            s = _STATE * slot
-            ux = state[s + 4]
-            uy = state[s + 5]
-            i = hill_climb(data, rows.start[row], rows.count[row], places[2 * slot], ux, uy)
-            j = hill_climb(other_data, other_rows.start[row], other_rows.count[row], places[2 * slot + 1],
-                      -ux, -uy)
-            verdict, ax, ay, bx, by, ux, uy = refine(
-                data, i, other_data, j, state[s], state[s + 1], state[s + 2], state[s + 3],
-                ux, uy, state[s + 6], state[s + 7])
+            search = _load(searches, slot)
+            i = hill_climb(Packed(data, rows.start[row], rows.n[row]),
+                           places[2 * slot], search.ux, search.uy)
+            j = hill_climb(Packed(other_data, others.start[row], others.n[row]),
+                           places[2 * slot + 1], -search.ux, -search.uy)
+            verdict, search = refine(data, i, other_data, j, search)
             verdicts[row] = verdict
             places[2 * slot] = i
             places[2 * slot + 1] = j
             if verdict == OPEN:
-                state[s] = ax
-                state[s + 1] = ay
-                state[s + 2] = bx
-                state[s + 3] = by
-                state[s + 4] = ux
-                state[s + 5] = uy
+                _store(searches, slot, search)
                 pending[left] = row
                 left += 1
         count = left
+
+
+@inlined
+def _store(searches, slot, search):
+    s = _STATE * slot
+    searches[s] = search.ax
+    searches[s + 1] = search.ay
+    searches[s + 2] = search.bx
+    searches[s + 3] = search.by
+    searches[s + 4] = search.ux
+    searches[s + 5] = search.uy
+    searches[s + 6] = search.reach_x
+    searches[s + 7] = search.reach_y
+
+
+@inlined
+def _load(searches, slot):
+    s = _STATE * slot
+    return Search(searches[s], searches[s + 1], searches[s + 2], searches[s + 3],
+                  searches[s + 4], searches[s + 5], searches[s + 6], searches[s + 7])
 
 
 @inlined

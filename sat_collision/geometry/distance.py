@@ -11,6 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
 """
 How far apart two bodies are, or how deep they overlap.
 
@@ -25,7 +26,8 @@ import math
 
 from sat_collision.geometry.intersection import convex_meet, interiors_apart
 from sat_collision.geometry.jit import kernel
-from sat_collision.geometry.layout import convex_part, HEADER, table_size
+from sat_collision.geometry.layout import convex_part, first_vertex, Packed
+from sat_collision.geometry.plane import length
 from sat_collision.geometry.separating_axis import support
 
 _LEAST = 5e-324
@@ -33,22 +35,28 @@ _DOUBTFUL = 1e-12
 
 
 @kernel
-def measure(p, p_start, n, q, q_start, m):
-    """Return separation and closest points x, y, x, y of the bodies of two packeds."""
+def measure_arrays(p, n, q, m):
+    """Return the same as `measure` of bodies that an array each holds, with counts n and m."""
+    return measure(Packed(p, 0, n), Packed(q, 0, m))
+
+
+@kernel
+def measure(p, q):
+    """Return separation and closest points x, y, x, y of two packed polygons, convex or not."""
     least = math.inf
     found = (0.0, 0.0, 0.0, 0.0)
     meeting = False
-    for i in range(max(1, -n)):
-        a, a_count = convex_part(p, p_start, n, i)
-        for j in range(max(1, -m)):
-            b, b_count = convex_part(q, q_start, m, j)
-            meet = convex_meet(p, a, a_count, q, b, b_count)
+    for i in range(max(1, -p.n)):
+        a = convex_part(p, i)
+        for j in range(max(1, -q.n)):
+            b = convex_part(q, j)
+            meet = convex_meet(a, b)
             if meeting and not meet:
                 continue
             if meet:
-                value, points = _penetration(p, a, a_count, q, b, b_count)
+                value, points = _penetration(a, b)
             else:
-                value, points = _distance(p, a, a_count, q, b, b_count)
+                value, points = _distance(a, b)
             if value < least or (meet and not meeting):
                 least = value
                 found = points
@@ -57,37 +65,40 @@ def measure(p, p_start, n, q, q_start, m):
 
 
 @kernel
-def _furthest(v, start, count, ux, uy):
-    """Return where in v the vertex furthest along u stands."""
-    i = support(v, start, count, ux, uy)
+def _furthest(p, ux, uy):
+    """Return where the vertex of P furthest along u stands."""
+    i = support(p, ux, uy)
     if i >= 0:
         return i
-    first = start + HEADER + table_size(count)
+    v = p.array
+    first = first_vertex(p)
     i = first
-    for k in range(first, first + 2 * count, 2):
+    for k in range(first, first + 2 * p.n, 2):
         if v[k] * ux + v[k + 1] * uy > v[i] * ux + v[i + 1] * uy:
             i = k
     return i
 
 
 @kernel
-def _distance(p, p_start, n, q, q_start, m):
+def _distance(p, q):
     """
     Return distance and closest points of two convex polygons without a common point.
 
     A segment a b of the Minkowski difference, given by the vertices that make its ends, comes
     nearer to the origin with every step, until no support vertex is beyond it.
     """
-    ux = q[q_start] - p[p_start]
-    uy = q[q_start + 1] - p[p_start + 1]
-    pa = pb = _furthest(p, p_start, n, ux, uy)
-    qa = qb = _furthest(q, q_start, m, -ux, -uy)
-    distance, share, ux, uy = _nearest_of_segment(p, q, pa, qa, pb, qb)
-    for _ in range(n + m):
-        pw = _furthest(p, p_start, n, ux, uy)
-        qw = _furthest(q, q_start, m, -ux, -uy)
-        to_a = _nearest_of_segment(p, q, pa, qa, pw, qw)
-        to_b = _nearest_of_segment(p, q, pw, qw, pb, qb)
+    v = p.array
+    w = q.array
+    ux = w[q.start] - v[p.start]
+    uy = w[q.start + 1] - v[p.start + 1]
+    pa = pb = _furthest(p, ux, uy)
+    qa = qb = _furthest(q, -ux, -uy)
+    distance, share, ux, uy = _nearest_of_segment(v, w, pa, qa, pb, qb)
+    for _ in range(p.n + q.n):
+        pw = _furthest(p, ux, uy)
+        qw = _furthest(q, -ux, -uy)
+        to_a = _nearest_of_segment(v, w, pa, qa, pw, qw)
+        to_b = _nearest_of_segment(v, w, pw, qw, pb, qb)
         if min(to_a[0], to_b[0]) >= distance:
             break
         if to_a[0] <= to_b[0]:
@@ -99,8 +110,8 @@ def _distance(p, p_start, n, q, q_start, m):
             qa = qw
             distance, share, ux, uy = to_b
     return max(distance, _LEAST), (
-        p[pa] + share * (p[pb] - p[pa]), p[pa + 1] + share * (p[pb + 1] - p[pa + 1]),
-        q[qa] + share * (q[qb] - q[qa]), q[qa + 1] + share * (q[qb + 1] - q[qa + 1]))
+        v[pa] + share * (v[pb] - v[pa]), v[pa + 1] + share * (v[pb + 1] - v[pa + 1]),
+        w[qa] + share * (w[qb] - w[qa]), w[qa + 1] + share * (w[qb + 1] - w[qa + 1]))
 
 
 @kernel
@@ -115,36 +126,35 @@ def _nearest_of_segment(p, q, pa, qa, pb, qb):
     ay = q[qa + 1] - p[pa + 1]
     ex = (q[qb] - p[pb]) - ax
     ey = (q[qb + 1] - p[pb + 1]) - ay
-    length = math.hypot(ex, ey)
-    if length == 0.0:
-        return math.hypot(ax, ay), 0.0, ax, ay
-    ex /= length
-    ey /= length
+    size = length(ex, ey)
+    if size == 0.0:
+        return length(ax, ay), 0.0, ax, ay
+    ex /= size
+    ey /= size
     along = -(ax * ex + ay * ey)
     if along <= 0.0:
-        return math.hypot(ax, ay), 0.0, ax, ay
-    if along >= length:
+        return length(ax, ay), 0.0, ax, ay
+    if along >= size:
         bx = q[qb] - p[pb]
         by = q[qb + 1] - p[pb + 1]
-        return math.hypot(bx, by), 1.0, bx, by
+        return length(bx, by), 1.0, bx, by
     height = ax * ey - ay * ex
     if height < 0.0:
-        return -height, along / length, -ey, ex
-    return height, along / length, ey, -ex
+        return -height, along / size, -ey, ex
+    return height, along / size, ey, -ex
 
 
 @kernel
-def _penetration(p, p_start, n, q, q_start, m):
+def _penetration(p, q):
     """Return minus the depth, or 0 if they only touch, and the points that realise it."""
-    depth, x, y, ux, uy = _least_reach(p, p_start, n, q, q_start, m)
-    other_depth, other_x, other_y, vx, vy = _least_reach(q, q_start, m, p, p_start, n)
-    size = max(max(abs(p[p_start + 2]), abs(p[p_start + 4])),
-               max(abs(p[p_start + 3]), abs(p[p_start + 5])))
+    depth, x, y, ux, uy = _least_reach(p, q)
+    other_depth, other_x, other_y, vx, vy = _least_reach(q, p)
+    size = max(max(abs(p.array[p.start + 2]), abs(p.array[p.start + 4])),
+               max(abs(p.array[p.start + 3]), abs(p.array[p.start + 5])))
     flipped = other_depth < depth
     if flipped:
         depth, x, y, ux, uy = other_depth, other_x, other_y, vx, vy
-    if depth == math.inf or (depth <= _DOUBTFUL * size
-                             and interiors_apart(p, p_start, n, q, q_start, m)):
+    if depth == math.inf or (depth <= _DOUBTFUL * size and interiors_apart(p, q)):
         return 0.0, (x, y, x, y)
     depth = max(depth, _LEAST)
     if flipped:
@@ -153,25 +163,27 @@ def _penetration(p, p_start, n, q, q_start, m):
 
 
 @kernel
-def _least_reach(p, p_start, n, q, q_start, m):
+def _least_reach(p, q):
     """
     Return how far Q reaches beyond the edge of P behind which it reaches least.
 
     Returned are this depth (infinite if P is a point), the vertex x, y of Q that reaches so far,
     and the edge's outward normal.
     """
-    first = p_start + HEADER + table_size(n)
-    best = (math.inf, p[first], p[first + 1], 0.0, 0.0)
-    for i in range(n if n > 1 else 0):
+    v = p.array
+    w = q.array
+    first = first_vertex(p)
+    best = (math.inf, v[first], v[first + 1], 0.0, 0.0)
+    for i in range(p.n if p.n > 1 else 0):
         a = first + 2 * i
-        b = first + 2 * (i + 1 if i + 1 < n else 0)
-        ex = p[b] - p[a]
-        ey = p[b + 1] - p[a + 1]
-        length = math.hypot(ex, ey)
-        ux = ey / length
-        uy = -ex / length
-        j = _furthest(q, q_start, m, -ux, -uy)
-        depth = (p[a] - q[j]) * ux + (p[a + 1] - q[j + 1]) * uy
+        b = first + 2 * (i + 1 if i + 1 < p.n else 0)
+        ex = v[b] - v[a]
+        ey = v[b + 1] - v[a + 1]
+        size = length(ex, ey)
+        ux = ey / size
+        uy = -ex / size
+        j = _furthest(q, -ux, -uy)
+        depth = (v[a] - w[j]) * ux + (v[a + 1] - w[j + 1]) * uy
         if depth < best[0]:
-            best = (depth, q[j], q[j + 1], ux, uy)
+            best = (depth, w[j], w[j + 1], ux, uy)
     return best

@@ -11,130 +11,147 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-The exact answer for any two bodies, for where the search in plain doubles is not sure.
-"""
+
+"""The exact answer for two bodies: what plain doubles leave open is decided here."""
+
+from typing import Any, NamedTuple
 
 from sat_collision.geometry.jit import inlined, kernel, unchecked_view
-from sat_collision.geometry.layout import convex_part, HEADER, table_size
+from sat_collision.geometry.layout import convex_part, first_vertex, Packed
 from sat_collision.geometry.predicates import orient, segments_meet
 from sat_collision.geometry.separating_axis import (
     boxes_apart, find_separating_axis, MEET, SEPARATE, UNCERTAIN)
 
 
-@kernel
-def bodies_meet(p, p_start, n, q, q_start, m):
+class Ring(NamedTuple):
     """
-    Tell exactly whether two bodies share a point; touching counts.
+    The vertices of a convex polygon.
 
-    Parameters
+    Attributes
     ----------
-    p, q : flat arrays of float64
-        Hold the bodies' packeds, from p_start and q_start on.
-    n, m : int
-        The number of vertices of a convex body, minus the number of parts of another.
+    array : flat array of float64
+        Holds them x, y, x, y, ..., counter-clockwise.
+    first, n : int
+        Where in the array they start, and how many there are.
 
     """
-    if boxes_apart(p, p_start, q, q_start):
+
+    array: Any
+    first: int
+    n: int
+
+
+@kernel
+def arrays_meet(p, n, q, m):
+    """Tell the same as `bodies_meet` of bodies that an array each holds, with counts n and m."""
+    return bodies_meet(Packed(p, 0, n), Packed(q, 0, m))
+
+
+@kernel
+def bodies_meet(p, q):
+    """Tell exactly whether two packed polygons, convex or not, share a point; touching counts."""
+    if boxes_apart(p, q):
         return False
-    for i in range(max(1, -n)):
-        a, a_count = convex_part(p, p_start, n, i)
-        for j in range(max(1, -m)):
-            b, b_count = convex_part(q, q_start, m, j)
-            if convex_meet(p, a, a_count, q, b, b_count):
+    for i in range(max(1, -p.n)):
+        a = convex_part(p, i)
+        for j in range(max(1, -q.n)):
+            if convex_meet(a, convex_part(q, j)):
                 return True
     return False
 
 
 @inlined
-def filtered_verdict(p, p_start, n, q, q_start, m):
+def filtered_verdict(p, q):
     """
     Return what the search in plain doubles says of two bodies: SEPARATE, MEET or UNCERTAIN.
 
-    The parameters are those of `bodies_meet`; a count of 0 stands for no body. Bodies that are
-    not convex and may meet are left UNCERTAIN.
+    A count of 0 stands for no body. Bodies that are not convex and may meet are left UNCERTAIN.
     """
-    p = unchecked_view(p)
-    q = unchecked_view(q)
-    if n == 0 or m == 0 or boxes_apart(p, p_start, q, q_start):
+    p = Packed(unchecked_view(p.array), p.start, p.n)
+    q = Packed(unchecked_view(q.array), q.start, q.n)
+    if p.n == 0 or q.n == 0 or boxes_apart(p, q):
         return SEPARATE
-    if n < 0 or m < 0:
+    if p.n < 0 or q.n < 0:
         return UNCERTAIN
-    verdict, _, _, _ = find_separating_axis(p, p_start, n, q, q_start, m)
+    verdict, _, _, _ = find_separating_axis(p, q)
     return verdict
 
 
 @kernel
-def convex_meet(p, p_start, n, q, q_start, m):
-    """Tell exactly whether two convex polygons, packed, share a point."""
-    p = unchecked_view(p)
-    q = unchecked_view(q)
-    if boxes_apart(p, p_start, q, q_start):
+def convex_meet(p, q):
+    """Tell exactly whether two convex polygons share a point."""
+    p = Packed(unchecked_view(p.array), p.start, p.n)
+    q = Packed(unchecked_view(q.array), q.start, q.n)
+    if boxes_apart(p, q):
         return False
-    verdict, i, j, _ = find_separating_axis(p, p_start, n, q, q_start, m)
+    verdict, i, j, _ = find_separating_axis(p, q)
     if verdict != UNCERTAIN:
         return verdict == MEET
-    return meet_near(p, p_start, n, q, q_start, m, i, j)
+    return meet_near(p, q, i, j)
 
 
 @kernel
-def meet_near(p, p_start, n, q, q_start, m, i, j):
-    """Tell the same where the find_separating_axis, which ended at i and j in p and q, was not sure."""
-    p = unchecked_view(p)
-    q = unchecked_view(q)
-    first_p = p_start + HEADER + table_size(n)
-    first_q = q_start + HEADER + table_size(m)
-    i = (i - first_p) // 2 if i >= first_p else 0
-    j = (j - first_q) // 2 if j >= first_q else 0
-    return _meet_by_edges(p, first_p, n, q, first_q, m, i, j)
-
-
-@kernel
-def _meet_by_edges(p, ps, n, q, qs, m, i, j):
+def meet_near(p, q, i, j):
     """
-    Decide by exact orientations; i and j are vertices near the contact, if there is one.
+    Tell exactly whether two convex polygons share a point, where the search was UNCERTAIN.
 
     Two convex polygons are separate iff some edge of one has every vertex of the other strictly
     outside it (a segment counts as two edges, there and back). Two bodies without area may be
     separate along their common line only, so those are compared as segments. Most touching pairs
-    are recognised by their edges next to i and j.
+    are recognised by their edges next to the vertices at i and j, where the search ended.
     """
-    for a in ((i + n - 1) % n, i):
-        b = (a + 1) % n
-        for c in ((j + m - 1) % m, j):
-            d = (c + 1) % m
-            if segments_meet(p[ps + 2 * a], p[ps + 2 * a + 1], p[ps + 2 * b], p[ps + 2 * b + 1],
-                             q[qs + 2 * c], q[qs + 2 * c + 1], q[qs + 2 * d], q[qs + 2 * d + 1]):
+    p = _ring(p)
+    q = _ring(q)
+    i = (i - p.first) // 2 if i >= p.first else 0
+    j = (j - q.first) // 2 if j >= q.first else 0
+    for a in (i - 1 if i > 0 else p.n - 1, i):
+        for b in (j - 1 if j > 0 else q.n - 1, j):
+            if _edges_meet(p, a, q, b):
                 return True
-    if n <= 2 and m <= 2:
+    if p.n <= 2 and q.n <= 2:
         return False
-    return not (_some_edge_separates(p, ps, n, q, qs, m, i, j, 0)
-                or _some_edge_separates(q, qs, m, p, ps, n, j, i, 0))
+    return not (_some_edge_separates(p, q, i, j, 0) or _some_edge_separates(q, p, j, i, 0))
 
 
 @kernel
-def interiors_apart(p, p_start, n, q, q_start, m):
+def interiors_apart(p, q):
     """Tell exactly whether some edge of two convex polygons has the other nowhere inside it."""
-    ps = p_start + HEADER + table_size(n)
-    qs = q_start + HEADER + table_size(m)
-    return (_some_edge_separates(p, ps, n, q, qs, m, 0, 0, 1)
-            or _some_edge_separates(q, qs, m, p, ps, n, 0, 0, 1))
+    p = _ring(p)
+    q = _ring(q)
+    return _some_edge_separates(p, q, 0, 0, 1) or _some_edge_separates(q, p, 0, 0, 1)
+
+
+@inlined
+def _ring(p):
+    return Ring(unchecked_view(p.array), first_vertex(p), p.n)
 
 
 @kernel
-def _some_edge_separates(p, ps, n, q, qs, m, i, j, inner):
+def _edges_meet(p, i, q, j):
+    """Tell whether the edge of P that leaves vertex i shares a point with that of Q and j."""
+    a = p.first + 2 * i
+    b = p.first + 2 * (i + 1 if i + 1 < p.n else 0)
+    c = q.first + 2 * j
+    d = q.first + 2 * (j + 1 if j + 1 < q.n else 0)
+    return segments_meet(p.array[a], p.array[a + 1], p.array[b], p.array[b + 1],
+                         q.array[c], q.array[c + 1], q.array[d], q.array[d + 1])
+
+
+@kernel
+def _some_edge_separates(p, q, i, j, inner):
     """Tell exactly whether all of Q is on the right of an edge of P: its turns less than inner."""
-    if n < 2:
+    if p.n < 2:
         return False
     inside = j
-    for s in range(n):
-        a = (i + n - 1 + s) % n
-        b = (a + 1) % n
+    for s in range(p.n):
+        a = p.first + 2 * ((i + p.n - 1 + s) % p.n)
+        b = p.first + 2 * ((i + s) % p.n)
         separates = True
-        for t in range(m):
-            k = (inside + t) % m
-            if orient(p[ps + 2 * a], p[ps + 2 * a + 1], p[ps + 2 * b], p[ps + 2 * b + 1],
-                      q[qs + 2 * k], q[qs + 2 * k + 1]) >= inner:
+        for t in range(q.n):
+            k = (inside + t) % q.n
+            c = q.first + 2 * k
+            if orient(p.array[a], p.array[a + 1], p.array[b], p.array[b + 1],
+                      q.array[c], q.array[c + 1]) >= inner:
                 inside = k
                 separates = False
                 break

@@ -20,48 +20,63 @@ compiled, without it the same function runs as Python; both do the same IEEE dou
 the same order, so the answers are identical. ``NUMBA_DISABLE_JIT=1`` selects plain Python.
 """
 
+from __future__ import annotations
+
+from typing import Any, Callable
+
 import numpy as np
+from numpy.typing import NDArray
 
 try:
     from llvmlite import ir
     import numba
     import numba.extending
+    from sat_collision.geometry.kernel_cache import cache_problem, keep_compiled
 except ImportError:
     numba = None
+
+    def cache_problem() -> str | None:
+        """Return None; there is nothing to keep."""
+        return None
 
 COMPILED = numba is not None and not numba.config.DISABLE_JIT
 KERNEL = f'numba {numba.__version__}' if COMPILED else 'plain Python'
 
 
-def kernel(function):
+def kernel(function: Callable[..., Any]) -> Any:
     """
     Compile a module-level function with numba, or return it unchanged.
 
     No ``fastmath``: fused or reordered arithmetic would break the error bounds that the exact
     answers rest on. Division by zero gives infinity or NaN in compiled code and must be avoided
-    by the caller, because plain Python raises. The cache notices a change of a kernel's own file
-    only: delete ``__pycache__`` after editing a kernel that others call.
+    by the caller, because plain Python raises.
     """
-    if not COMPILED:
-        return function
-    return numba.njit(cache=True, error_model='numpy')(function)
+    return _compiled(function) if COMPILED else function
 
 
-def inlined(function):
+def inlined(function: Callable[..., Any]) -> Any:
     """Compile like `kernel`, and always inline: for the steps of a hot loop."""
-    if not COMPILED:
-        return function
-    return numba.njit(cache=True, error_model='numpy', forceinline=True)(function)
+    return _compiled(function, forceinline=True) if COMPILED else function
 
 
-def indexable(array):
+def _compiled(function: Callable[..., Any], **options: Any) -> Any:
+    compiled = numba.njit(error_model='numpy', **options)(function)
+    keep_compiled(compiled)
+    # For numba a literal 0 and an integer are two types, and it would compile for either.
+    template = compiled.get_call_template
+    compiled.get_call_template = lambda types, named: template(
+        tuple(map(numba.types.unliteral, types)), named)
+    return compiled
+
+
+def indexable(array: NDArray[Any]) -> Any:
     """
     Return what kernels should index: the array when compiled, else a memoryview of it.
 
     A memoryview hands out Python floats, which plain Python computes with several times faster
     than with NumPy scalars.
     """
-    return array if COMPILED else memoryview(array)
+    return array if COMPILED else array.data
 
 
 if COMPILED:

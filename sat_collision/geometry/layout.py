@@ -33,6 +33,8 @@ The table cuts the directions into sectors, four for each double: a double holds
 13 bits without loss. It only says where to start looking, so rounding in it decides nothing.
 """
 
+from typing import Any, NamedTuple
+
 from sat_collision.geometry.jit import inlined, kernel
 
 HEADER = 8
@@ -44,6 +46,26 @@ ENTRY_BITS = 13
 ENTRY_MASK = (1 << ENTRY_BITS) - 1
 
 _INFINITY = float('inf')
+
+
+class Packed(NamedTuple):
+    """
+    A packed polygon, as kernels pass it to each other.
+
+    Attributes
+    ----------
+    array : flat array of float64
+        Holds the polygon, and maybe others.
+    start : int
+        Where in the array it starts.
+    n : int
+        Its vertices if convex, else minus its convex parts.
+
+    """
+
+    array: Any
+    start: int
+    n: int
 
 
 @inlined
@@ -58,6 +80,12 @@ def table_size(count):
 def packed_size(count):
     """Return how many doubles a packed convex polygon with count vertices takes."""
     return HEADER + table_size(count) + 2 * count
+
+
+@inlined
+def first_vertex(p):
+    """Return where in the array the vertices of a convex polygon start."""
+    return p.start + HEADER + table_size(p.n)
 
 
 @inlined
@@ -79,27 +107,27 @@ def table_place(start, sector):
 
 
 @inlined
-def near_support(packed, start, count, sector):
+def near_support(p, sector):
     """
     Return where in the array a vertex near the support along the axes of a sector stands.
 
     For more than SCAN_LIMIT vertices: it is looked up in the table.
     """
-    entries = int(packed[table_place(start, sector)])
+    entries = int(p.array[table_place(p.start, sector)])
     entry = (entries >> (ENTRY_BITS * (sector & 3))) & ENTRY_MASK
-    return start + HEADER + table_size(count) + 2 * entry
+    return first_vertex(p) + 2 * entry
 
 
 @kernel
-def convex_part(packed, start, count, i):
-    """Return where convex part i of a polygon starts, and its number of vertices."""
-    if count > 0:
-        return start, count
-    entry = start + HEADER + 2 * i
-    return start + int(packed[entry]), int(packed[entry + 1])
+def convex_part(p, i):
+    """Return convex part i of a polygon, packed too; of a convex one itself."""
+    if p.n > 0:
+        return p
+    entry = p.start + HEADER + 2 * i
+    return Packed(p.array, p.start + int(p.array[entry]), int(p.array[entry + 1]))
 
 
 @kernel
-def body_size(packed, start, count):
+def body_size(p):
     """Return how many doubles a packed polygon takes, convex or not."""
-    return packed_size(count) if count > 0 else int(packed[start + 1])
+    return packed_size(p.n) if p.n > 0 else int(p.array[p.start + 1])

@@ -11,12 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Make packed polygons, see `layout`, of received points."""
 
-import math
+"""Make packed polygons, see `layout`, of received points."""
 
 from sat_collision.geometry.jit import float32_values, kernel, scratch
 from sat_collision.geometry.layout import ENTRY_BITS, ENTRY_MASK, FINGERPRINT, HEADER, table_size
+from sat_collision.geometry.plane import centroid, length
 from sat_collision.geometry.predicates import orient
 from sat_collision.geometry.ring import clean, CONVEX, NON_CONVEX
 
@@ -29,16 +29,14 @@ _INFINITY = float('inf')
 
 
 @kernel
-def pack(points, width, packed, most):
+def pack(points, packed, most):
     """
     Pack a polygon, given as received points, see `layout`.
 
     Parameters
     ----------
-    points : (width * n,) flat array of float64, n >= 1
-        x, y and, if width is 3, z of each point as received.
-    width : int
-        2 or 3.
+    points : (2 n,) flat array of float64, n >= 1
+        x, y of each point as received.
     packed : flat array of float64
         Receives the polygon; of `packed_size(n)` at least.
     most : int
@@ -54,8 +52,8 @@ def pack(points, width, packed, most):
         Where the vertices start in the array.
 
     """
-    ring = scratch(2 * (len(points) // width))
-    verdict, count, i, j = clean(points, width, ring, most)
+    ring = scratch(len(points))
+    verdict, count, i, j = clean(points, ring, most)
     first = 0
     if verdict == CONVEX or verdict == NON_CONVEX:
         first = HEADER + table_size(count)
@@ -73,17 +71,23 @@ def pack(points, width, packed, most):
 
 
 @kernel
-def pack_float32(data, start, received, packed, most):
+def pack_convex(data, start, received, packed, most):
     """
-    Pack a polygon as `pack` does, from bytes: x, y and z of each point as float32.
+    Pack a polygon, given as bytes of a message, if it is convex.
 
     Parameters
     ----------
     data : bytes
     start, received : int
-        Where in the data the points start, and how many there are.
+        Where in the data the points start, and how many there are, at least one: x, y and z of
+        each as float32 in this machine's byte order.
     packed, most
-        As for `pack`, whose values are returned.
+        As for `pack`.
+
+    Returns
+    -------
+    int
+        The number of vertices; 0 if the polygon is not convex or the points are refused.
 
     """
     values = float32_values(data, start)
@@ -91,13 +95,7 @@ def pack_float32(data, start, received, packed, most):
     for i in range(received):
         points[2 * i] = values[3 * i]
         points[2 * i + 1] = values[3 * i + 1]
-    return pack(points, 2, packed, most)
-
-
-@kernel
-def pack_convex(data, start, received, packed, most):
-    """Return the number of vertices if `pack_float32` gives a convex polygon, else 0."""
-    verdict, count, _, _, _ = pack_float32(data, start, received, packed, most)
+    verdict, count, _, _, _ = pack(points, packed, most)
     return count if verdict == CONVEX else 0
 
 
@@ -130,19 +128,9 @@ def _write_inner_disc(ring, count, packed):
     That makes it a point to reason with, not only a direction. Of slivers, segments and points,
     where rounding may put it outside, the vertex that stands there already serves instead.
     """
-    x0 = ring[0]
-    y0 = ring[1]
-    area = 0.0
-    for i in range(1, count - 1):
-        area += _cross(ring, i)
-    if not 0.0 < area < _INFINITY:
+    if count < 3:
         return
-    x = x0
-    y = y0
-    for i in range(1, count - 1):
-        weight = _cross(ring, i) / area / 3.0
-        x += weight * ((ring[2 * i] - x0) + (ring[2 * i + 2] - x0))
-        y += weight * ((ring[2 * i + 1] - y0) + (ring[2 * i + 3] - y0))
+    x, y = centroid(ring, count)
     radius = _INFINITY
     for i in range(count):
         k = i + 1 if i + 1 < count else 0
@@ -151,19 +139,12 @@ def _write_inner_disc(ring, count, packed):
         ex = ring[2 * k] - ring[2 * i]
         ey = ring[2 * k + 1] - ring[2 * i + 1]
         radius = min(radius, (ex * (y - ring[2 * i + 1]) - ey * (x - ring[2 * i]))
-                     / math.hypot(ex, ey))
+                     / length(ex, ey))
     packed[0] = x
     packed[1] = y
     radius -= _SHORTER * (radius + (packed[4] - packed[2]) + (packed[5] - packed[3]))
     if _LEAST_RADIUS < radius < _INFINITY:
         packed[6] = radius
-
-
-@kernel
-def _cross(ring, i):
-    """Return twice the signed area of the triangle of vertices 0, i and i + 1."""
-    return ((ring[2 * i] - ring[0]) * (ring[2 * i + 3] - ring[1])
-            - (ring[2 * i + 1] - ring[1]) * (ring[2 * i + 2] - ring[0]))
 
 
 @kernel
@@ -193,5 +174,3 @@ def _write_table(ring, count, packed):
             packed[HEADER + sector // 4] = 0.0
         entry = min(i, ENTRY_MASK)
         packed[HEADER + sector // 4] += float(entry << (ENTRY_BITS * (sector % 4)))
-
-

@@ -25,8 +25,9 @@ from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry import ring
 from sat_collision.geometry.convex_parts import convex_parts
 from sat_collision.geometry.jit import indexable
-from sat_collision.geometry.layout import body_size, BOUNDS, convex_part, HEADER, packed_size
-from sat_collision.geometry.packing import pack, pack_float32
+from sat_collision.geometry.layout import BOUNDS, HEADER, packed_size
+from sat_collision.geometry.packing import pack
+from sat_collision.geometry.plane import centroid
 
 MAX_VERTICES = 1024
 
@@ -94,10 +95,7 @@ class Polygon:
     packed: PackedBody
 
     def __init__(self, points: ArrayLike, max_vertices: int = MAX_VERTICES) -> None:
-        flat, width = _flat(points)
-        array = np.empty(packed_size(len(flat) // width))
-        self._take(array, pack(indexable(flat), width, indexable(array), max_vertices),
-                   max_vertices)
+        self._pack(_coordinates(points), max_vertices)
 
     @classmethod
     def from_float32(cls, data: bytes, start: int, count: int,
@@ -117,23 +115,23 @@ class Polygon:
         """
         if count == 0:
             raise _empty()
-        array = np.empty(packed_size(count))
+        points = np.frombuffer(data, np.float32, 3 * count, start).reshape(-1, 3)
         polygon = cls.__new__(cls)
-        polygon._take(array, pack_float32(data, start, count, indexable(array), max_vertices),
-                      max_vertices)
+        polygon._pack(points[:, :2].astype(np.float64), max_vertices)
         return polygon
 
     @classmethod
     def of_packed(cls, packed: NDArray[np.float64], count: int) -> Polygon:
         """Make a polygon of a copy of what `packed` holds of it; there may be more behind."""
         polygon = cls.__new__(cls)
-        polygon.packed = indexable(packed[:body_size(packed, 0, count)].copy()), count
+        polygon.packed = indexable(packed[:size_of((packed, count))].copy()), count
         return polygon
 
-    def _take(self, array: NDArray[np.float64], outcome: tuple[int, int, int, int, int],
-              max_vertices: int) -> None:
-        """Become what was packed, or raise what is wrong with it."""
-        verdict, count, i, j, first = outcome
+    def _pack(self, points: NDArray[np.float64], max_vertices: int) -> None:
+        """Become what (n, 2) points make, or raise what is wrong with them."""
+        array = np.empty(packed_size(len(points)))
+        verdict, count, i, j, first = pack(indexable(points.ravel()), indexable(array),
+                                           max_vertices)
         end = first + 2 * count
         if verdict == ring.CONVEX:
             self.packed = indexable(array[:end] if end != len(array) else array), count
@@ -163,8 +161,9 @@ class Polygon:
         packed, count = self.packed
         if count > 0:
             return self,
-        places = (convex_part(packed, 0, count, i) for i in range(-count))
-        return tuple(Polygon.of_packed(np.asarray(packed)[start:], part) for start, part in places)
+        array = np.asarray(packed)
+        table = array[HEADER:HEADER - 2 * count].reshape(-1, 2).astype(int).tolist()
+        return tuple(Polygon.of_packed(array[start:], part) for start, part in table)
 
     @property
     def is_convex(self) -> bool:
@@ -174,13 +173,8 @@ class Polygon:
     @property
     def centroid(self) -> NDArray[np.float64]:
         """Centre of gravity (x, y), (2,) array; of a segment its middle (paper section 2.2)."""
-        first, *others = self.vertices
-        if len(others) < 2:
-            return first + (others[0] - first) / 2 if others else first.copy()
-        fan = np.array(others) - first
-        double_areas = fan[:-1, 0] * fan[1:, 1] - fan[:-1, 1] * fan[1:, 0]
-        weights = double_areas / double_areas.sum()
-        return first + weights @ (fan[:-1] + fan[1:]) / 3
+        vertices = self.vertices
+        return np.array(centroid(indexable(vertices.ravel()), len(vertices)))
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -209,13 +203,19 @@ def _joined(header: NDArray[np.float64], parts: list[Polygon],
     return joined
 
 
+def size_of(body: PackedBody) -> int:
+    """Return how many doubles of its array a packed body takes."""
+    packed, count = body
+    return int(packed_size(count) if count > 0 else packed[1])
+
+
 def as_polygon(body: Polygon | ArrayLike) -> Polygon:
     """Return a Polygon as it is, and make one from points."""
     return body if isinstance(body, Polygon) else Polygon(body)
 
 
-def _flat(points: ArrayLike) -> tuple[NDArray[np.float64], int]:
-    """Return the points' coordinates as a flat float64 array, and how many each point has."""
+def _coordinates(points: ArrayLike) -> NDArray[np.float64]:
+    """Return x and y of received points, (n, 2)."""
     try:
         array = np.asarray(points, dtype=None if hasattr(points, 'dtype') else np.float64)
         if array.size == 0 and array.ndim <= 2:
@@ -223,7 +223,7 @@ def _flat(points: ArrayLike) -> tuple[NDArray[np.float64], int]:
         if array.ndim != 2 or array.shape[1] not in (2, 3):
             raise PolygonError(Reason.WRONG_SHAPE,
                                f'points of shape {array.shape}, expected (n, 2) or (n, 3)')
-        return array.astype(np.float64).ravel(), array.shape[1]
+        return array.astype(np.float64)[:, :2]
     except (TypeError, ValueError) as error:
         if isinstance(error, PolygonError):
             raise
@@ -255,6 +255,7 @@ def _crossing(a: list[float], b: list[float], c: list[float],
     """Return where two segments that meet do so, rounded, for a message."""
     determinant = (b[0] - a[0]) * (d[1] - c[1]) - (b[1] - a[1]) * (d[0] - c[0])
     if determinant == 0.0:
-        return sorted((a, b, c, d))[1]
+        x, y = sorted((a, b, c, d))[1]
+        return x, y
     t = ((c[0] - a[0]) * (d[1] - c[1]) - (c[1] - a[1]) * (d[0] - c[0])) / determinant
     return a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])

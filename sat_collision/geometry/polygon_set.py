@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry.batch import decide_rows
 from sat_collision.geometry.jit import indexable
-from sat_collision.geometry.polygon import as_polygon, PackedBody, Polygon
-from sat_collision.geometry.rows import new_array, Rows, rows_of, use_rows
+from sat_collision.geometry.polygon import as_polygon, PackedBody, Polygon, size_of
+from sat_collision.geometry.rows import new_array, use_rows, views_of
 from sat_collision.geometry.scan import (
     intersecting_rows, is_same, nearest_row, NO_ROOM, rows_within, UNCHANGED, write_and_intersect,
     write_and_measure)
@@ -67,7 +67,7 @@ class PolygonSet:
     def _use(self, array: NDArray[np.float64]) -> None:
         use_rows(array, self._used_rows)
         self._array = indexable(array)
-        self._rows = Rows(*map(np.asarray, rows_of(self._array)))
+        self._rows = views_of(array)
 
     def __len__(self) -> int:
         """Return the number of rows with a body."""
@@ -81,7 +81,7 @@ class PolygonSet:
     @property
     def nbytes(self) -> int:
         """Bytes of memory held."""
-        return self._array.nbytes
+        return int(self._array.nbytes)
 
     def append(self, body: Polygon | ArrayLike) -> int:
         """Add a body and return its row: the one freed last, if any."""
@@ -131,7 +131,7 @@ class PolygonSet:
                 outcome = write_and_measure(self._array, row, packed, count, others._array,
                                             margin)
             if outcome == NO_ROOM:
-                self._make_room(row, len(packed))
+                self._make_room(row, size_of(body))
             elif outcome == UNCHANGED:
                 return None
             else:
@@ -139,7 +139,7 @@ class PolygonSet:
 
     def remove(self, row: int) -> None:
         """Take the body of a row out; the row number may be given to a later body."""
-        self._rows.count[row] = 0
+        self._rows.n[row] = 0
         self._free.append(row)
 
     def is_same(self, row: int, body: PackedBody) -> bool:
@@ -149,7 +149,7 @@ class PolygonSet:
     def polygon(self, row: int) -> Polygon:
         """Return the body of a row."""
         start = self._rows.start[row]
-        return Polygon.of_packed(self._rows.packed[start:], int(self._rows.count[row]))
+        return Polygon.of_packed(self._rows.packed[start:], int(self._rows.n[row]))
 
     def intersecting_rows(self, body: Polygon | ArrayLike) -> NDArray[np.int64]:
         """
@@ -162,7 +162,7 @@ class PolygonSet:
         """
         packed, count = as_polygon(body).packed
         found = intersecting_rows(self._array, packed, count)
-        return self._rows.found[:found].copy() if found else _NO_ROWS
+        return self._rows.found[:int(found)].copy() if found else _NO_ROWS
 
     def rows_within(self, body: Polygon | ArrayLike, margin: float) -> NDArray[np.int64]:
         """
@@ -175,7 +175,8 @@ class PolygonSet:
             return self.intersecting_rows(body)
         packed, count = as_polygon(body).packed
         found = rows_within(self._array, packed, count, margin)
-        return self._rows.found[:found].copy()
+        rows: NDArray[np.int64] = self._rows.found[:found].copy()
+        return rows
 
     def nearest(self, body: Polygon | ArrayLike, skipped: Iterable[int] = ()
                 ) -> tuple[int, float, Point, Point] | None:
@@ -221,14 +222,15 @@ class PolygonSet:
                              f'{other._used_rows}')
         answers = np.empty(self._used_rows, np.int8)
         decide_rows(self._array, other._array, answers)
-        return answers == MEET
+        meet: NDArray[np.bool_] = answers == MEET
+        return meet
 
     def _make_room(self, row: int, size: int) -> None:
         """Give a row space for a packed body, at the end of what is used."""
         rows = self._rows
-        rows.count[row] = 0
+        rows.n[row] = 0
         if self._used_doubles + size > len(rows.packed):
-            live = int(rows.space[rows.count != 0].sum())
+            live = int(rows.space[rows.n != 0].sum())
             self._rebuild(len(rows.found), max(_FEWEST_DOUBLES, 2 * (live + size)))
         self._rows.start[row] = self._used_doubles
         self._rows.space[row] = size
@@ -239,11 +241,11 @@ class PolygonSet:
         old = self._rows
         self._use(new_array(room, doubles))
         end = 0
-        for row in np.flatnonzero(old.count):
+        for row in np.flatnonzero(old.n):
             start, size = old.start[row], old.space[row]
             self._rows.packed[end:end + size] = old.packed[start:start + size]
-            for before, column in zip(old[:7], self._rows):
-                column[row] = before[row]
+            for name in ('min_x', 'min_y', 'max_x', 'max_y', 'n', 'space'):
+                getattr(self._rows, name)[row] = getattr(old, name)[row]
             self._rows.start[row] = end
             end += size
         self._used_doubles = end

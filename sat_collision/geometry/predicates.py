@@ -26,6 +26,9 @@ C. the six products of the expanded determinant summed in a fixed-point accumula
    whole exponent range (Kulisch), which is exact, and free of overflow and underflow.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 import math
 
 import numpy as np
@@ -49,7 +52,7 @@ _EXPONENT_OFFSET = 1128
 _LIMBS = 184
 
 
-def orientation(a, b, c):
+def orientation(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> int:
     """
     Tell on which side of the directed line from a to b the point c lies.
 

@@ -11,6 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
 """What is asked of any two bodies: do they touch, and how far apart or how deep are they."""
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sat_collision.geometry.distance import measure
-from sat_collision.geometry.intersection import bodies_meet
+from sat_collision.geometry.distance import measure_arrays
+from sat_collision.geometry.intersection import arrays_meet
 from sat_collision.geometry.polygon import as_polygon, Polygon
 from sat_collision.geometry.polygon_set import PolygonSet
 
@@ -48,7 +49,7 @@ def intersects(a: Polygon | ArrayLike, b: Polygon | ArrayLike) -> bool:
     """
     p, n = as_polygon(a).packed
     q, m = as_polygon(b).packed
-    return bool(bodies_meet(p, 0, n, q, 0, m))
+    return bool(arrays_meet(p, n, q, m))
 
 
 def intersects_many(a: Polygon | ArrayLike,
@@ -151,5 +152,5 @@ def _measure(a: Polygon | ArrayLike,
              b: Polygon | ArrayLike) -> tuple[float, float, float, float, float]:
     p, n = as_polygon(a).packed
     q, m = as_polygon(b).packed
-    found: tuple[float, float, float, float, float] = measure(p, 0, n, q, 0, m)
+    found: tuple[float, float, float, float, float] = measure_arrays(p, n, q, m)
     return found

@@ -18,9 +18,7 @@ From a ring of received points to a clean counter-clockwise one, or to what is w
 All decisions here are exact: they compare coordinates or take the sign of `predicates.orient`.
 """
 
-import numpy as np
-
-from sat_collision.geometry.jit import kernel, scratch
+from sat_collision.geometry.jit import kernel, scratch, scratch_integers
 from sat_collision.geometry.predicates import orient, segments_meet
 
 CONVEX = 0
@@ -32,7 +30,7 @@ TOO_MANY = 5
 
 
 @kernel
-def clean(points, width, ring, most):
+def clean(points, ring, most):
     """
     Turn points into a clean counter-clockwise ring.
 
@@ -41,10 +39,8 @@ def clean(points, width, ring, most):
 
     Parameters
     ----------
-    points : (width * n,) flat array of float64, n >= 1
-        x, y and, if width is 3, z of each point as received.
-    width : int
-        2 or 3.
+    points : (2 n,) flat array of float64, n >= 1
+        x, y of each point as received.
     ring : (2 n,) flat array of float64
         Receives the clean vertices; its tail may stay unused.
     most : int
@@ -62,7 +58,7 @@ def clean(points, width, ring, most):
         j of the ring share a point.
 
     """
-    verdict, count, clockwise, i = _classify(points, width, ring)
+    verdict, count, clockwise, i = _classify(points, ring)
     j = i
     if count > most:
         return TOO_MANY, count, i, j
@@ -76,7 +72,7 @@ def clean(points, width, ring, most):
 
 
 @kernel
-def _classify(points, width, ring):
+def _classify(points, ring):
     """
     Write the clean ring; return verdict, vertex count, clockwise and place.
 
@@ -84,7 +80,7 @@ def _classify(points, width, ring):
     lexicographically smaller than both neighbours turns once around: it is convex, and therefore
     simple. What is not convex is NON_CONVEX here and has still to be checked for crossings.
     """
-    walk, count = _drop_repeated(points, width)
+    walk, count = _drop_repeated(points)
     if count < 0:
         return NOT_FINITE, 0, False, -1 - count
     if count <= 2:
@@ -135,15 +131,15 @@ def _classify(points, width, ring):
 
 
 @kernel
-def _drop_repeated(points, width):
+def _drop_repeated(points):
     """Return the points without consecutive repetitions and how many, or -1 - i: i not finite."""
-    received = len(points) // width
+    received = len(points) // 2
     walk = scratch(2 * received)
     count = 0
     for i in range(received):
         # Adding zero turns -0.0 into 0.0, so that equal vertices have equal bytes.
-        x = points[width * i] + 0.0
-        y = points[width * i + 1] + 0.0
+        x = points[2 * i] + 0.0
+        y = points[2 * i + 1] + 0.0
         if x - x != 0.0 or y - y != 0.0:
             return walk, -1 - i
         if count == 0 or x != walk[2 * count - 2] or y != walk[2 * count - 1]:
@@ -184,7 +180,7 @@ def _first_crossing(ring, count):
     for i in range(count):
         after = i + 1 if i + 1 < count else 0
         least[i] = min(ring[2 * i], ring[2 * after])
-    order = np.argsort(least, kind='mergesort')
+    order = _sorted(least, count)
     for s in range(count):
         i = order[s]
         i_end = i + 1 if i + 1 < count else 0
@@ -202,6 +198,26 @@ def _first_crossing(ring, count):
                                       ring[2 * j_end], ring[2 * j_end + 1])):
                 return i, j
     return -1, -1
+
+
+@kernel
+def _sorted(keys, count):
+    """Return the numbers from 0 to count in order of their keys, sorted as D. L. Shell does."""
+    order = scratch_integers(count)
+    for i in range(count):
+        order[i] = i
+    gap = count // 2
+    while gap > 0:
+        for i in range(gap, count):
+            moved = order[i]
+            k = i
+            while k >= gap and keys[order[k - gap]] > keys[moved]:
+                order[k] = order[k - gap]
+                k -= gap
+            order[k] = moved
+        # Not halved, which might compare odd places among themselves only until the end.
+        gap = (5 * gap - 1) // 11 if gap > 2 else gap // 2
+    return order
 
 
 @kernel

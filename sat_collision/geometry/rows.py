@@ -20,11 +20,12 @@ of what a message does. It begins with the number of rows that there is room for
 were, in use. Then follow the table of rows, column by column, and the packed bodies.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from sat_collision.geometry.jit import inlined, integers
+from sat_collision.geometry.jit import indexable, inlined, integers
+from sat_collision.geometry.layout import Packed
 
 _COLUMNS = 8
 _HEAD = 2
@@ -38,7 +39,7 @@ class Rows(NamedTuple):
     ----------
     min_x, min_y, max_x, max_y : (r,) array of float64
         Bounds.
-    start, count, space : (r,) array of int64
+    start, n, space : (r,) array of int64
         Where the packed body starts, its count (0: no body), and how many doubles it may take.
     found : (r,) array of int64
         Room for the rows that a scan finds.
@@ -54,7 +55,7 @@ class Rows(NamedTuple):
     max_x: NDArray[np.float64]
     max_y: NDArray[np.float64]
     start: NDArray[np.int64]
-    count: NDArray[np.int64]
+    n: NDArray[np.int64]
     space: NDArray[np.int64]
     found: NDArray[np.int64]
     packed: NDArray[np.float64]
@@ -78,11 +79,25 @@ def rows_of(array):
                 whole[g:h], whole[h:h + room], array[h + room:], int(array[1]))
 
 
+@inlined
+def body_of(rows, row):
+    """Return the packed body of a row."""
+    return Packed(rows.packed, rows.start[row], rows.n[row])
+
+
 def new_array(rows: int, doubles: int) -> NDArray[np.float64]:
     """Return the array of an empty set with room for so many rows, and doubles of bodies."""
     array = np.zeros(_HEAD + _COLUMNS * rows + doubles)
     array[0] = rows
     return array
+
+
+def views_of(array: NDArray[np.float64]) -> Rows:
+    """Return the parts of the array of a set as NumPy has them, for plain Python."""
+    rows: Rows = rows_of(indexable(array))
+    columns: dict[str, Any] = {name: np.asarray(column)
+                               for name, column in rows._asdict().items() if name != 'used'}
+    return rows._replace(**columns)
 
 
 def use_rows(array: NDArray[np.float64], used: int) -> None:

@@ -25,11 +25,20 @@ on. What the paper computes in a pre-treatment stage (section 6), bounding boxes
 gravity, a kernel takes as arguments.
 """
 
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 from sat_collision.geometry.jit import kernel
+from sat_collision.geometry.plane import centroid
 from sat_collision.geometry.query import intersects
 
+Body = NDArray[np.floating[Any]]
 
-def traditional(p, q):
+
+def traditional(p: Body, q: Body) -> bool:
     """
     Tell whether two convex polygons collide by the normals of all their edges (section 2.3).
 
@@ -40,7 +49,7 @@ def traditional(p, q):
     return bool(traditional_axes(p, q)[0])
 
 
-def boxed(p, q):
+def boxed(p: Body, q: Body) -> bool:
     """
     Tell whether two convex polygons collide: bounding boxes, then `traditional` (section 1).
 
@@ -49,7 +58,7 @@ def boxed(p, q):
     return bool(boxed_axes(p, q, bounds(p), bounds(q))[0])
 
 
-def rectangles(p, q):
+def rectangles(p: Body, q: Body) -> bool:
     """
     Tell whether two rectangles collide by two axes each, parallel edges merged (section 2.3).
 
@@ -59,7 +68,7 @@ def rectangles(p, q):
     return bool(rectangles_axes(p, q)[0])
 
 
-def published_a(p, q):
+def published_a(p: Body, q: Body) -> bool:
     """
     Tell whether two convex polygons collide as the paper's sections 3.1 and 3.2 say (reading A).
 
@@ -72,7 +81,7 @@ def published_a(p, q):
     return bool(published_a_axes(p, q, centre_of_gravity(p), centre_of_gravity(q))[0])
 
 
-def published_b(p, q):
+def published_b(p: Body, q: Body) -> bool:
     """
     Tell whether two convex polygons collide by steps 1 to 4 of the paper's section 4 (reading B).
 
@@ -84,11 +93,12 @@ def published_b(p, q):
     return bool(published_b_axes(p, q, centre_of_gravity(p), centre_of_gravity(q))[0])
 
 
-def improved(p, q):
+def improved(p: Body, q: Body) -> bool:
     """
     Tell exactly whether two convex polygons collide: the paper's first moves, until proved.
 
-    See `sat_collision.geometry.separating_axis`, which decides in floating point only what its error bounds prove.
+    See `sat_collision.geometry.separating_axis`, which decides in floating point only what its
+    error bounds prove.
     """
     return intersects(p, q)
 
@@ -99,11 +109,11 @@ def traditional_axes(p, q):
     for body in (p, q):
         for i in range(len(body)):
             axes += 1
-            if _edge_separates(p, q, body, i):
+            if edge_separates(p, q, body, i):
                 return False, axes
     if len(p) < 3 and len(q) < 3:
         # Without area, bodies on one line are separate along that line only.
-        return not (_separates(p, q, 1, 0) or _separates(p, q, 0, 1)), axes + 2
+        return not (separates(p, q, 1, 0) or separates(p, q, 0, 1)), axes + 2
     return True, axes
 
 
@@ -122,7 +132,7 @@ def rectangles_axes(p, q):
     for body in (p, q):
         for i in range(2):
             axes += 1
-            if _edge_separates(p, q, body, i):
+            if edge_separates(p, q, body, i):
                 return False, axes
     return True, axes
 
@@ -130,20 +140,20 @@ def rectangles_axes(p, q):
 @kernel
 def published_a_axes(p, q, centre_p, centre_q):
     x, y = centre_q[0] - centre_p[0], centre_q[1] - centre_p[1]
-    if _separates(p, q, x, y):
+    if separates(p, q, x, y):
         return False, 1
     axes = 1
     b, c = _furthest(p, x, y), _furthest(q, -x, -y)
     for body, nearest in ((p, b), (q, c)):
         for i in (nearest, (nearest + 1) % len(body)):
             axes += 1
-            if _edge_separates(p, q, body, i):
+            if edge_separates(p, q, body, i):
                 return False, axes
     for body, vertex, other, nearest in ((p, b, q, c), (q, c, p, b)):
         for i in (nearest, (nearest + 1) % len(other)):
             axes += 1
-            x, y = _to_edge(body[vertex, 0], body[vertex, 1], other, i)
-            if _separates(p, q, x, y):
+            x, y = to_edge(body[vertex, 0], body[vertex, 1], other, i)
+            if separates(p, q, x, y):
                 return False, axes
     return True, axes
 
@@ -151,14 +161,14 @@ def published_a_axes(p, q, centre_p, centre_q):
 @kernel
 def published_b_axes(p, q, centre_p, centre_q):
     x, y = centre_q[0] - centre_p[0], centre_q[1] - centre_p[1]
-    i, j = _crossed_edge(p, centre_p, x, y), _crossed_edge(q, centre_q, -x, -y)
+    i, j = crossed_edge(p, centre_p, x, y), crossed_edge(q, centre_q, -x, -y)
     high = max(p[i - 1, 0] * x + p[i - 1, 1] * y, p[i, 0] * x + p[i, 1] * y)
     low = min(q[j - 1, 0] * x + q[j - 1, 1] * y, q[j, 0] * x + q[j, 1] * y)
     if high < low:
         return False, 1
-    if _edge_separates(p, q, p, i):
+    if edge_separates(p, q, p, i):
         return False, 2
-    return not _edge_separates(p, q, q, j), 3
+    return not edge_separates(p, q, q, j), 3
 
 
 @kernel
@@ -169,35 +179,17 @@ def bounds(polygon):
 
 @kernel
 def centre_of_gravity(polygon):
-    """Return the area centroid by triangles (section 2.2); of a point or segment its middle."""
-    x0, y0 = polygon[0, 0], polygon[0, 1]
-    area = 0.0
-    for i in range(1, len(polygon) - 1):
-        area += _triangle(polygon, i)
-    if not area > 0:
-        return (x0 + polygon[-1, 0]) / 2, (y0 + polygon[-1, 1]) / 2
-    x, y = x0, y0
-    for i in range(1, len(polygon) - 1):
-        share = _triangle(polygon, i) / area / 3
-        x += share * ((polygon[i, 0] - x0) + (polygon[i + 1, 0] - x0))
-        y += share * ((polygon[i, 1] - y0) + (polygon[i + 1, 1] - y0))
-    return x, y
+    """Return the centre of gravity (section 2.2); of a segment its middle."""
+    return centroid(polygon.ravel(), len(polygon))
 
 
 @kernel
-def _triangle(polygon, i):
-    """Return twice the area of the triangle of vertices 0, i and i + 1."""
-    return ((polygon[i, 0] - polygon[0, 0]) * (polygon[i + 1, 1] - polygon[0, 1])
-            - (polygon[i, 1] - polygon[0, 1]) * (polygon[i + 1, 0] - polygon[0, 0]))
+def edge_separates(p, q, body, i):
+    return separates(p, q, body[i, 1] - body[i - 1, 1], body[i - 1, 0] - body[i, 0])
 
 
 @kernel
-def _edge_separates(p, q, body, i):
-    return _separates(p, q, body[i, 1] - body[i - 1, 1], body[i - 1, 0] - body[i, 0])
-
-
-@kernel
-def _separates(p, q, x, y):
+def separates(p, q, x, y):
     """Tell whether the projections of two polygons on an axis are apart; no bound on rounding."""
     low_p, high_p = _project(p, x, y)
     low_q, high_q = _project(q, x, y)
@@ -225,7 +217,7 @@ def _furthest(polygon, x, y):
 
 
 @kernel
-def _to_edge(x, y, body, i):
+def to_edge(x, y, body, i):
     """Return the vector from a point to the nearest point of an edge."""
     start_x, start_y = body[i - 1, 0], body[i - 1, 1]
     along_x, along_y = body[i, 0] - start_x, body[i, 1] - start_y
@@ -238,7 +230,7 @@ def _to_edge(x, y, body, i):
 
 
 @kernel
-def _crossed_edge(polygon, centre, x, y):
+def crossed_edge(polygon, centre, x, y):
     """Return where the edge ends that the ray from the centre along (x, y) crosses."""
     for i in range(len(polygon)):
         start = x * (polygon[i - 1, 1] - centre[1]) - y * (polygon[i - 1, 0] - centre[0])

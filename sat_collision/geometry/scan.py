@@ -24,8 +24,9 @@ import numpy as np
 from sat_collision.geometry.distance import measure
 from sat_collision.geometry.intersection import bodies_meet, filtered_verdict
 from sat_collision.geometry.jit import borrowed, COMPILED, kernel
-from sat_collision.geometry.layout import body_size
-from sat_collision.geometry.rows import rows_of
+from sat_collision.geometry.layout import body_size, Packed
+from sat_collision.geometry.plane import length
+from sat_collision.geometry.rows import body_of, rows_of
 from sat_collision.geometry.separating_axis import MEET, SEPARATE
 
 UNCHANGED = -1
@@ -45,18 +46,18 @@ def write_row(set_array, row, body, count):
 
     """
     rows = rows_of(borrowed(set_array))
-    size = body_size(body, 0, count)
+    size = body_size(Packed(body, 0, count))
     start = rows.start[row]
     if size > rows.space[row]:
         return NO_ROOM
-    same = rows.count[row] == count
+    same = rows.n[row] == count
     for k in range(size):
         if same and rows.packed[start + k] != body[k]:
             same = False
         rows.packed[start + k] = body[k]
     if same:
         return UNCHANGED
-    rows.count[row] = count
+    rows.n[row] = count
     rows.min_x[row] = body[2]
     rows.min_y[row] = body[3]
     rows.max_x[row] = body[4]
@@ -82,9 +83,9 @@ def write_and_measure(set_array, row, body, count, others, margin):
 def is_same(set_array, row, body, count):
     """Tell whether the body of a row is this one, number by number."""
     rows = rows_of(borrowed(set_array))
-    size = body_size(body, 0, count)
+    size = body_size(Packed(body, 0, count))
     start = rows.start[row]
-    if rows.count[row] != count or rows.space[row] < size:
+    if rows.n[row] != count or rows.space[row] < size:
         return False
     for k in range(size):
         if rows.packed[start + k] != body[k]:
@@ -103,8 +104,7 @@ def intersecting_rows(set_array, body, count):
         row = found[k]
         if row < 0:
             row = -1 - row
-            if not bodies_meet(rows.packed, rows.start[row], rows.count[row],
-                               body, 0, count):
+            if not bodies_meet(body_of(rows, row), Packed(body, 0, count)):
                 continue
         found[hits] = row
         hits += 1
@@ -120,8 +120,7 @@ def _candidates(rows, body, count):
     candidates = 0
     for k in range(near):
         row = found[k]
-        verdict = filtered_verdict(rows.packed, rows.start[row], rows.count[row],
-                                   body, 0, count)
+        verdict = filtered_verdict(body_of(rows, row), Packed(body, 0, count))
         if verdict != SEPARATE:
             found[candidates] = row if verdict == MEET else -1 - row
             candidates += 1
@@ -162,9 +161,8 @@ def rows_within(set_array, body, count, margin):
     reach = margin * (1.0 + 1e-9)
     hits = 0
     for row in range(rows.used):
-        if (rows.count[row] != 0 and _box_gap(rows, row, body) <= reach
-                and measure(rows.packed, rows.start[row], rows.count[row],
-                            body, 0, count)[0] <= margin):
+        if (rows.n[row] != 0 and _box_gap(rows, row, body) <= reach
+                and measure(body_of(rows, row), Packed(body, 0, count))[0] <= margin):
             rows.found[hits] = row
             hits += 1
     return hits
@@ -188,19 +186,19 @@ def nearest_row(set_array, body, count, skipped):
     best = -1
     gap = math.inf
     for row in range(rows.used):
-        if (rows.count[row] != 0 and _box_gap(rows, row, body) < gap
+        if (rows.n[row] != 0 and _box_gap(rows, row, body) < gap
                 and not _contains(skipped, row)):
             gap = _box_gap(rows, row, body)
             best = row
     if best < 0:
         return best, gap, 0.0, 0.0, 0.0, 0.0
     first = best
-    found = measure(rows.packed, rows.start[first], rows.count[first], body, 0, count)
+    found = measure(body_of(rows, first), Packed(body, 0, count))
     for row in range(rows.used):
-        if (row != first and rows.count[row] != 0
+        if (row != first and rows.n[row] != 0
                 and _box_gap(rows, row, body) <= max(found[0], 0.0)
                 and not _contains(skipped, row)):
-            other = measure(rows.packed, rows.start[row], rows.count[row], body, 0, count)
+            other = measure(body_of(rows, row), Packed(body, 0, count))
             if other[0] < found[0]:
                 found = other
                 best = row
@@ -218,5 +216,5 @@ def _contains(numbers, number):
 @kernel
 def _box_gap(rows, row, body):
     """Return the distance between the bounding boxes of a row and a body."""
-    return math.hypot(max(max(rows.min_x[row] - body[4], body[2] - rows.max_x[row]), 0.0),
-                      max(max(rows.min_y[row] - body[5], body[3] - rows.max_y[row]), 0.0))
+    return length(max(max(rows.min_x[row] - body[4], body[2] - rows.max_x[row]), 0.0),
+                  max(max(rows.min_y[row] - body[5], body[3] - rows.max_y[row]), 0.0))

@@ -11,6 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
 """
 The improved separating axis method: the paper's first moves, continued until proved.
 
@@ -23,12 +24,14 @@ of axes still possible: trying it instead needs fewer axes. So on, until an axis
 three w hold the origin in their triangle: a common point.
 
 Each sign is taken from plain doubles when it exceeds a forward error bound. Where one does not
-(touching, collinear, hair-thin gaps) the search says so, and `exact` decides.
+(touching, collinear, hair-thin gaps) the search says so, and `intersection` decides exactly.
 """
+
+from typing import NamedTuple
 
 from sat_collision.geometry.jit import inlined
 from sat_collision.geometry.layout import (
-    HEADER, near_support, SCAN_LIMIT, table_sector, table_size)
+    first_vertex, HEADER, near_support, SCAN_LIMIT, table_sector)
 from sat_collision.geometry.predicates import UNDERFLOW_BOUND
 
 SEPARATE = -1
@@ -47,78 +50,92 @@ SUPPORT_UNDERFLOW = 2.0 ** -1040
 MOST_QUERIES = 48
 
 
+class Search(NamedTuple):
+    """
+    What is known between two axes.
+
+    Attributes
+    ----------
+    ax, ay, bx, by : float
+        The cone of axes still possible, {u: u . a > 0, u . b > 0}, a to b a left turn.
+    ux, uy : float
+        The axis to try next.
+    reach_x, reach_y : float
+        The greatest magnitudes of coordinates.
+
+    """
+
+    ax: float
+    ay: float
+    bx: float
+    by: float
+    ux: float
+    uy: float
+    reach_x: float
+    reach_y: float
+
+
 @inlined
-def boxes_apart(p, p_start, q, q_start):
+def boxes_apart(p, q):
     """Tell whether the bounding boxes of two packed polygons share no point."""
+    a = p.array
+    b = q.array
     # Bitwise, to be one branch and not four that a processor cannot foresee.
-    return ((p[p_start + 2] > q[q_start + 4]) | (q[q_start + 2] > p[p_start + 4])
-            | (p[p_start + 3] > q[q_start + 5]) | (q[q_start + 3] > p[p_start + 5]))
+    return ((a[p.start + 2] > b[q.start + 4]) | (b[q.start + 2] > a[p.start + 4])
+            | (a[p.start + 3] > b[q.start + 5]) | (b[q.start + 3] > a[p.start + 5]))
 
 
 @inlined
-def find_separating_axis(p, p_start, n, q, q_start, m):
+def find_separating_axis(p, q):
     """
     Search for a separating axis or a common point of two convex polygons in plain doubles.
 
     Parameters
     ----------
-    p, q : flat arrays of float64
-        Hold the packed polygons (see `layout`), from p_start and q_start on.
-    n, m : int
-        Their numbers of vertices, at least one.
+    p, q : Packed
 
     Returns
     -------
     verdict : int
         SEPARATE and MEET are proved. Otherwise UNCERTAIN.
     i, j : int
-        Where the last support vertices of P and Q stand in p and q; meaningless when UNCERTAIN.
+        Where the last support vertices of P and Q stand in their arrays; meaningless when
+        UNCERTAIN.
     queries : int
         How many axes were tried.
 
     """
-    verdict, ux, uy, reach_x, reach_y = first_axis(p, p_start, q, q_start)
-    ax = bx = ux
-    ay = by = uy
+    verdict, search = first_axis(p, q)
     i = j = 0
     queries = 0
     while verdict == OPEN and queries < MOST_QUERIES:
         queries += 1
-        i = support(p, p_start, n, ux, uy)
-        j = support(q, q_start, m, -ux, -uy)
-        verdict, ax, ay, bx, by, ux, uy = refine(p, i, q, j, ax, ay, bx, by, ux, uy,
-                                                   reach_x, reach_y)
+        i = support(p, search.ux, search.uy)
+        j = support(q, -search.ux, -search.uy)
+        verdict, search = refine(p.array, i, q.array, j, search)
     return UNCERTAIN if verdict == OPEN else verdict, i, j, queries
 
 
 @inlined
-def first_axis(p, p_start, q, q_start):
-    """
-    Compare the discs inside two polygons, and choose the first axis.
-
-    Returns
-    -------
-    verdict : int
-        MEET or OPEN.
-    ux, uy : float
-        The first axis, and both sides of the cone.
-    reach_x, reach_y : float
-        The greatest magnitudes of coordinates.
-
-    """
-    reach_x = max(max(-p[p_start + 2], p[p_start + 4]), max(-q[q_start + 2], q[q_start + 4]))
-    reach_y = max(max(-p[p_start + 3], p[p_start + 5]), max(-q[q_start + 3], q[q_start + 5]))
-    ux = q[q_start] - p[p_start]
-    uy = q[q_start + 1] - p[p_start + 1]
-    inner = p[p_start + 6] + q[q_start + 6]
+def first_axis(p, q):
+    """Compare the discs inside two polygons; return MEET or OPEN, and the Search to begin with."""
+    a = p.array
+    b = q.array
+    i = p.start
+    j = q.start
+    reach_x = max(max(-a[i + 2], a[i + 4]), max(-b[j + 2], b[j + 4]))
+    reach_y = max(max(-a[i + 3], a[i + 5]), max(-b[j + 3], b[j + 5]))
+    ux = b[j] - a[i]
+    uy = b[j + 1] - a[i + 1]
+    inner = a[i + 6] + b[j + 6]
     verdict = OPEN
     if ux * ux + uy * uy < inner * inner or (ux == 0.0 and uy == 0.0):
         verdict = MEET
-    return verdict, ux, uy, reach_x, reach_y
+    return verdict, Search(ux, uy, ux, uy, ux, uy, reach_x, reach_y)
 
 
 @inlined
-def refine(p, i, q, j, ax, ay, bx, by, ux, uy, reach_x, reach_y):
+def refine(p, i, q, j, search):
     """
     Judge an axis u by the support vertices along it, and choose the next one.
 
@@ -126,29 +143,26 @@ def refine(p, i, q, j, ax, ay, bx, by, ux, uy, reach_x, reach_y):
     ----------
     p, q : flat arrays of float64
     i, j : int
-        Where the support vertices stand, see `support`.
-    ax, ay, bx, by : float
-        The cone of axes still possible, {u: u . a > 0, u . b > 0}, a to b a left turn.
-    ux, uy : float
-        The axis.
-    reach_x, reach_y : float
-        The greatest magnitudes of coordinates.
+        Where in them the support vertices stand, see `support`.
+    search : Search
+        The axis, and what is known before.
 
     Returns
     -------
     verdict : int
         SEPARATE, MEET, UNCERTAIN, or OPEN: another axis has to be tried.
-    ax, ay, bx, by, ux, uy : float
-        What remains of the cone, and the next axis; meaningless unless OPEN.
+    search : Search
+        What is known now, and the next axis; meaningless unless OPEN.
 
     """
+    ax, ay, bx, by, ux, uy, reach_x, reach_y = search
     verdict = UNCERTAIN
     if i >= 0 and j >= 0:
         wx = q[j] - p[i]
         wy = q[j + 1] - p[i + 1]
         from_a = _turn(ax, ay, wx, wy)
         to_b = _turn(wx, wy, bx, by)
-        gap = _gap(wx, wy, ux, uy, reach_x, reach_y)
+        gap = _gap(wx, wy, search)
         if gap > 0:
             verdict = SEPARATE
         elif gap < 0:
@@ -162,13 +176,13 @@ def refine(p, i, q, j, ax, ay, bx, by, ux, uy, reach_x, reach_y):
                 verdict = OPEN
                 ax = wx
                 ay = wy
-    return verdict, ax, ay, bx, by, by - ay, ax - bx
+    return verdict, Search(ax, ay, bx, by, by - ay, ax - bx, reach_x, reach_y)
 
 
 @inlined
-def support(v, start, count, ux, uy):
+def support(p, ux, uy):
     """
-    Return where in v the vertex furthest along u stands, or -1 where that is not certain.
+    Return where the vertex of P furthest along u stands, or -1 where that is not certain.
 
     What it may fall short by is bounded in terms of M = |ux| max|x| + |uy| max|y|, u = 2^-53. Of a
     few vertices all are projected, each with an error of 2 u M. On many the boundary is climbed
@@ -177,25 +191,26 @@ def support(v, start, count, ux, uy):
     that is perpendicular to u but for rounding. Each rises by less than 12 u (|ux dx| + |uy dy|),
     and all together, inside a box of sides 2 max|x| and 2 max|y|, by less than 24 u M.
     """
-    if count <= SCAN_LIMIT:
-        i = start + HEADER
+    if p.n <= SCAN_LIMIT:
+        v = p.array
+        i = p.start + HEADER
         summit = i
         most = v[i] * ux + v[i + 1] * uy
-        for _ in range(1, count):
+        for _ in range(1, p.n):
             i += 2
             along = v[i] * ux + v[i + 1] * uy
             summit = i if along > most else summit
             most = along if along > most else most
         return summit
-    i = near_support(v, start, count, table_sector(count, ux, uy))
-    return hill_climb(v, start, count, i, ux, uy)
+    return hill_climb(p, near_support(p, table_sector(p.n, ux, uy)), ux, uy)
 
 
 @inlined
-def hill_climb(v, start, count, i, ux, uy):
+def hill_climb(p, i, ux, uy):
     """Climb from the vertex at i to the one furthest along u, see `support`."""
-    first = start + HEADER + table_size(count)
-    last = first + 2 * count - 2
+    v = p.array
+    first = first_vertex(p)
+    last = first + 2 * p.n - 2
     ahead = i + 2 if i < last else first
     behind = i - 2 if i > first else last
     rise_ahead = _rise(v, i, ahead, ux, uy)
@@ -224,13 +239,14 @@ def _rise(v, i, k, ux, uy):
 
 
 @inlined
-def _gap(wx, wy, ux, uy, reach_x, reach_y):
+def _gap(wx, wy, search):
     """Return the sign of w . u for the true support vertices, 0 if not certain."""
-    along_x = wx * ux
-    along_y = wy * uy
+    along_x = wx * search.ux
+    along_y = wy * search.uy
     gap = along_x + along_y
     bound = (PRODUCT_BOUND * (abs(along_x) + abs(along_y))
-             + SUPPORT_BOUND * (abs(ux) * reach_x + abs(uy) * reach_y) + SUPPORT_UNDERFLOW)
+             + SUPPORT_BOUND * (abs(search.ux) * search.reach_x + abs(search.uy) * search.reach_y)
+             + SUPPORT_UNDERFLOW)
     # Strict, so that overflow (infinity > infinity) and NaN prove nothing.
     return int(gap > bound) - int(-gap > bound)
 

@@ -96,6 +96,13 @@ class Outputs:
         self._unwritten.update(names)
         self.markers_current = False
 
+    def publish_rise(self, names: Iterable[str]) -> None:
+        """Publish that footprints were in collision, although they are not any more."""
+        for name in names:
+            self._flags[name].publish(_FLAGS[True])
+        if not self._watched.isdisjoint(names):
+            self._common_flag.publish(_FLAGS[True])
+
     def publish(self, names: Iterable[str] | None = None) -> None:
         """Publish the common flag, the flags of some footprints or of all, and all states."""
         for name in self._flags if names is None else names:

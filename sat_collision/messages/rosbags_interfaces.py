@@ -14,7 +14,10 @@
 
 """Message classes made from rosbags' definitions, for machines without ROS."""
 
+from __future__ import annotations
+
 import functools
+from typing import Any
 
 import numpy as np
 from rosbags.interfaces import Nodetype
@@ -26,12 +29,12 @@ _ENCAPSULATIONS = (b'\x00\x00', b'\x00\x01')  # plain CDR, big and little endian
 _QUATERNION = 'geometry_msgs/msg/Quaternion'
 
 
-def serialize(message):
+def serialize(message: Any) -> bytes:
     """Return the CDR bytes of a message."""
     return bytes(STORE.serialize_cdr(message, type(message).type_name))
 
 
-def deserialize(data, kind):
+def deserialize(data: bytes, kind: Any) -> Any:
     """Return the message of a class of `message_class` that CDR bytes hold."""
     if bytes(data[:2]) not in _ENCAPSULATIONS:
         raise ValueError(f'unknown encapsulation {bytes(data[:2]).hex()}')
@@ -40,11 +43,11 @@ def deserialize(data, kind):
 
 
 @functools.cache
-def message_class(name):
+def message_class(name: str) -> type:
     """Return the class of a type such as std_msgs/msg/Bool: fields by keyword, all optional."""
     constants, fields = STORE.fielddefs[name]
 
-    def __init__(self, **values):
+    def __init__(self: Any, **values: Any) -> None:
         for field, description in fields:
             value = values.pop(field) if field in values else _default(description)
             setattr(self, field, value)
@@ -60,7 +63,7 @@ def message_class(name):
         **{constant: value for constant, _, value in constants}})
 
 
-def _default(description):
+def _default(description: Any) -> Any:
     """Return the default of a field, by rosbags' description of its type."""
     kind, detail = description
     if kind is Nodetype.NAME:

@@ -16,8 +16,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
-import time
 from typing import Any
 
 import numpy as np
@@ -131,73 +129,3 @@ class States:
         """Return the message as of a stamp."""
         self._message.header.stamp = stamp
         return self._message
-
-
-class Health:
-    """
-    The message of /diagnostics: what came in, what was refused, and what a check costs.
-
-    Parameters
-    ----------
-    node_name, hardware_id : str
-    facts : dict
-        What does not change while the node runs, such as the kernel in use.
-
-    Attributes
-    ----------
-    check_times : list of float
-        How many seconds the check of each message of the period took; to be appended to.
-
-    """
-
-    def __init__(self, node_name, hardware_id, facts):
-        self._status = DiagnosticStatus(name=f'{node_name}: health', hardware_id=hardware_id)
-        self._facts = facts
-        self._incompatible = {}
-        self._received = Counter()
-        self._refused = 0
-        self._begun = time.monotonic()
-        self.check_times = []
-
-    def incompatible_qos(self, topic, policy):
-        """Note that a publisher on a topic cannot be heard."""
-        self._incompatible[topic] = policy
-
-    def message(self, stamp, received, rejected):
-        """
-        Return the message on the period that ends now, and begin the next.
-
-        Parameters
-        ----------
-        stamp : builtin_interfaces.msg.Time
-        received, rejected : collections.Counter
-            Messages since the start: by source, and by source and reason.
-
-        """
-        now = time.monotonic()
-        period = now - self._begun
-        refused = rejected.total()
-        times = self.check_times or [0.0]
-        values = dict(self._facts)
-        values['check time mean [ms]'] = f'{1e3 * sum(times) / len(times):.3f}'
-        values['check time max [ms]'] = f'{1e3 * max(times):.3f}'
-        for name, count in received.items():
-            values[f'{name}: received'] = str(count)
-            values[f'{name}: rate [Hz]'] = f'{(count - self._received[name]) / period:.1f}'
-        for (name, reason), count in rejected.items():
-            values[f'{name}: rejected, {reason}'] = str(count)
-        for topic, policy in self._incompatible.items():
-            values[f'{topic}: incompatible QoS'] = policy
-        self._status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
-        problems = [f'incompatible QoS on {topic}' for topic in self._incompatible]
-        if refused > self._refused:
-            problems.append(f'messages rejected: {refused - self._refused}')
-        self._status.level = DiagnosticStatus.WARN if problems else DiagnosticStatus.OK
-        self._status.message = '; '.join(problems) or 'running'
-        self._received = received.copy()
-        self._refused = refused
-        self._begun = now
-        self.check_times.clear()
-        message = DiagnosticArray(status=[self._status])
-        message.header.stamp = stamp
-        return message

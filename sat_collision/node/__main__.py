@@ -23,18 +23,18 @@ import sys
 import rclpy
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
-from sat_collision.node import executors
 from sat_collision.node.footprint_monitor import FootprintMonitor, NAME
+from sat_collision.node.signals import ignore_signals, interrupt_on_signals, Signalled
 from sat_collision.scene.parameters import ParameterError
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the node until SIGINT or SIGTERM and return the exit status."""
-    executors.interrupt_on_signals()
+    """Run the node until SIGINT, SIGTERM or SIGHUP and return the exit status."""
+    interrupt_on_signals()
     try:
         return _run(args)
     except KeyboardInterrupt:
-        executors.ignore_signals()
+        ignore_signals()
         return 0
 
 
@@ -52,11 +52,9 @@ def _run(args: Sequence[str] | None) -> int:
         return 1
     # No later collection goes through all that the start has made, which takes some 70 ms.
     gc.freeze()
-    executor = node.create_executor()
-    executors.spin_until_signal(executor)
+    node.loop.run(Signalled())
     node.get_logger().info('stopped by a signal')
-    executor.remove_node(node)
-    executor.shutdown()
+    node.loop.close()
     node.destroy_node()
     rclpy.shutdown()
     return 0

@@ -25,9 +25,8 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Point32, PolygonInstanceStamped, PolygonStamped
-from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
+from rclpy.clock import JumpThreshold, TimeJump
 from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
-from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -37,7 +36,8 @@ from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.query import closest_points
 from sat_collision.messages.outputs import Outputs
 from sat_collision.monitor import Monitor, Rejection
-from sat_collision.node import executors
+from sat_collision.node import loop
+from sat_collision.node.fallback import ExecutorLoop
 from sat_collision.node.health import Health
 from sat_collision.node.parameters import Parameters
 from sat_collision.scene.parameters import ParameterError
@@ -87,8 +87,9 @@ class FootprintMonitor(Node):
     """
     Publishes whether footprints collide with obstacles.
 
-    Everything happens in one thread: a message is checked and answered in its callback, and a
-    tick by the steady clock sees to whatever time alone brings about.
+    Everything happens in one thread, see `loop`: messages are checked in batches, what follows
+    is published once a batch, and a tick by the steady clock sees to whatever time alone brings
+    about.
 
     Parameters
     ----------
@@ -106,10 +107,6 @@ class FootprintMonitor(Node):
         super().__init__(NAME, **options)
         parameters = Parameters(self)
         settings = parameters.settings
-        self._executor_kind = executors.available(settings.executor)
-        if self._executor_kind != settings.executor:
-            self.get_logger().warning(f'this rclpy has no {settings.executor} executor: '
-                                      f'using the {self._executor_kind} one instead')
         self._warm_up()
         self._choose_clock()
         self._clock_changes = self.get_clock().create_jump_callback(
@@ -119,25 +116,26 @@ class FootprintMonitor(Node):
         self._scene = self._monitor.scene
         self._outputs = Outputs(self, settings, self._scene)
         self._health = Health(self.get_name(), self.get_fully_qualified_name(),
-                              {'kernel': KERNEL, 'executor': self._executor_kind})
+                              {'kernel': KERNEL})
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._logged: dict[tuple[str, str], float] = {}
-        for footprint in settings.footprints:
-            self._subscribe(footprint, PolygonStamped, _FOOTPRINT_DEPTH)
+        in_loop = loop.is_supported()
+        self._taken_by = loop.Reserved() if in_loop else self.default_callback_group
+        inputs = [self._subscribe(footprint, PolygonStamped, _FOOTPRINT_DEPTH)
+                  for footprint in settings.footprints]
         for source in settings.obstacles:
             kind = PolygonInstanceStamped if source.type == POLYGON_INSTANCE else PolygonStamped
-            self._subscribe(source, kind, _OBSTACLES_DEPTH)
+            inputs.append(self._subscribe(source, kind, _OBSTACLES_DEPTH))
         self._reporting = _Every(_HEALTH_PERIOD)
-        self._ticking = self.create_timer(_TICK, self._tick,
-                                          clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._set_rates(settings)
+        if in_loop:
+            self.loop: loop.Loop | ExecutorLoop = loop.Loop(
+                self, inputs, self, lambda: self._scene.settings.max_batch_delay)
+        else:
+            self.get_logger().warning('this rclpy has not what the loop of this node stands on: '
+                                      'using the single-threaded executor, which costs more')
+            self.loop = ExecutorLoop(self, self)
         parameters.on_change(self._configure)
-
-    def create_executor(self) -> Executor:
-        """Return an executor of the kind that the parameters name, with this node in it."""
-        executor = executors.create(self._executor_kind, self.context)
-        executor.add_node(self)
-        return executor
 
     def _warm_up(self) -> None:
         """Run every kernel once, so that no message waits for a compilation."""
@@ -161,48 +159,76 @@ class FootprintMonitor(Node):
         self.get_logger().info(f'kernels ({KERNEL}) ready after {time.monotonic() - start:.1f} s')
 
     def _subscribe(self, source: FootprintSettings | ObstacleSettings, kind: type,
-                   depth: int) -> None:
+                   depth: int) -> loop.Input:
         events = SubscriptionEventCallbacks(
             incompatible_qos=partial(self._report_incompatible_qos, source.topic))
         try:
-            self.create_subscription(
+            subscription = self.create_subscription(
                 # The settings have the remapped name, which must not be remapped again.
                 kind, self.get_parameter(f'{source.name}.topic').value,
-                partial(self._receive, source.name), QoSProfile(depth=depth), raw=True,
-                event_callbacks=events, qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE))
+                partial(self._receive_alone, source.name), QoSProfile(depth=depth), raw=True,
+                callback_group=self._taken_by, event_callbacks=events,
+                qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE))
         except RuntimeError as error:
             raise ParameterError(f'{source.topic}: {error}') from error
         self.get_logger().info(f'{source.name}: {kind.__name__} on {source.topic}')
+        return loop.Input(source.name, subscription)
 
     def _set_rates(self, settings: Settings) -> None:
         self._publishing = _Every(1.0 / settings.publish_rate)
         self._marking = _Every(1.0 / settings.marker_rate)
-        period = min(_TICK, 1.0 / settings.publish_rate, 1.0 / settings.marker_rate)
-        self._ticking.timer_period_ns = round(period * 1e9)
+        self._tick_period = min(_TICK, 1.0 / settings.publish_rate, 1.0 / settings.marker_rate)
 
     def _configure(self, settings: Settings) -> None:
         """Apply changed parameters and publish what follows from them."""
         self._set_rates(settings)
         self._scene.update(settings)
-        self._scene.advance(self._now())
+        self._scene.advance(self.present())
         self._outputs.configure(settings)
         self._outputs.publish()
 
     def _choose_clock(self, jump: TimeJump | None = None) -> None:
-        """Have `_now` ask the system itself unless time is simulated: each message does."""
+        """Have `present` ask the system itself unless time is simulated: each batch does."""
         clock = self.get_clock()
-        self._now: Callable[[], int] = time.time_ns
+        self.present: Callable[[], int] = time.time_ns
         if clock.ros_time_is_active:
-            self._now = lambda: int(clock.now().nanoseconds)
+            self.present = lambda: int(clock.now().nanoseconds)
 
-    def _receive(self, name: str, data: bytes) -> None:
-        start = time.perf_counter()
-        rejection = self._monitor.receive(name, data, self._now())
-        self._health.check_times.append(time.perf_counter() - start)
-        self._outputs.markers_current = False
+    def receive(self, name: str, data: bytes, info: dict[str, Any], now: int) -> None:
+        """Take a message, as `Monitor.receive` does; info is rclpy's on it."""
+        rejection = self._monitor.receive(name, data, now, info['publication_sequence_number'])
         if rejection:
             self._log(rejection)
+
+    def end_batch(self, messages: int, seconds: float) -> None:
+        """Publish what has changed, after so many messages that took so long."""
+        self._health.count_batch(messages, seconds)
+        self._outputs.markers_current = False
         self._publish_changes()
+
+    def note_backlog(self, name: str, backlog: loop.Backlog | None) -> None:
+        """Take note of how far behind a topic is, None where it is not any more."""
+        self._health.note_backlog(name, backlog)
+        self._scene.fall_behind(name, backlog.seconds if backlog else 0.0)
+
+    def tick(self) -> float:
+        """Do what is due without a message; return in how many s the next tick is due."""
+        self._scene.advance(self.present())
+        self._publish_changes()
+        now = time.monotonic()
+        if self._publishing.due(now):
+            self._outputs.publish()
+        if self._marking.due(now):
+            self._outputs.publish_markers()
+        if self._reporting.due(now):
+            self._health_publisher.publish(self._health.message(
+                self.get_clock().now().to_msg(), self._monitor))
+        return self._tick_period
+
+    def _receive_alone(self, name: str, data: bytes, info: dict[str, Any]) -> None:
+        start = time.perf_counter()
+        self.receive(name, data, info, self.present())
+        self.end_batch(1, time.perf_counter() - start)
 
     def _log(self, rejection: Rejection) -> None:
         """Log a rejected message, once a second at most for each source and reason."""
@@ -222,20 +248,10 @@ class FootprintMonitor(Node):
             'it offers, or change the publisher')
 
     def _publish_changes(self) -> None:
+        brief = self._scene.brief_contacts()
+        if brief:
+            self._outputs.publish_rise(brief)
         changed = self._scene.changes()
         if changed:
             self._outputs.update(changed)
             self._outputs.publish(changed)
-
-    def _tick(self) -> None:
-        """Do what is due without a message: ageing, silence, and what recurs."""
-        self._scene.advance(self._now())
-        self._publish_changes()
-        now = time.monotonic()
-        if self._publishing.due(now):
-            self._outputs.publish()
-        if self._marking.due(now):
-            self._outputs.publish_markers()
-        if self._reporting.due(now):
-            self._health_publisher.publish(self._health.message(
-                self.get_clock().now().to_msg(), self._monitor.received, self._monitor.rejected))

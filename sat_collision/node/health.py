@@ -22,6 +22,8 @@ import time
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from sat_collision.monitor import Monitor
+from sat_collision.node.loop import Backlog
 
 
 class Health:
@@ -34,11 +36,6 @@ class Health:
     facts : dict
         What does not change while the node runs, such as the kernel in use.
 
-    Attributes
-    ----------
-    check_times : list of float
-        How many seconds the check of each message of the period took; to be appended to.
-
     """
 
     def __init__(self, node_name: str, hardware_id: str, facts: Mapping[str, str]) -> None:
@@ -46,50 +43,72 @@ class Health:
         self._facts = facts
         self._incompatible: dict[str, str] = {}
         self._received: Counter[str] = Counter()
-        self._refused = 0
+        self._refused = self._lost = 0
         self._begun = time.monotonic()
-        self.check_times: list[float] = []
+        self._backlogs: dict[str, Backlog] = {}
+        self._messages = 0
+        self._seconds = 0.0
+        self._longest = 0.0
 
     def incompatible_qos(self, topic: str, policy: str) -> None:
         """Note that a publisher on a topic cannot be heard."""
         self._incompatible[topic] = policy
 
-    def message(self, stamp: Time, received: Counter[str],
-                rejected: Counter[tuple[str, str]]) -> DiagnosticArray:
+    def count_batch(self, messages: int, seconds: float) -> None:
+        """Count messages that were checked together, and how long that took."""
+        self._messages += messages
+        self._seconds += seconds
+        self._longest = max(self._longest, seconds)
+
+    def note_backlog(self, name: str, backlog: Backlog | None) -> None:
+        """Note how far behind the messages of a footprint or source are, None for not at all."""
+        if backlog:
+            self._backlogs[name] = backlog
+        else:
+            self._backlogs.pop(name, None)
+
+    def message(self, stamp: Time, monitor: Monitor) -> DiagnosticArray:
         """
         Return the message on the period that ends now, and begin the next.
 
         Parameters
         ----------
         stamp : builtin_interfaces.msg.Time
-        received, rejected : collections.Counter
-            Messages since the start: by source, and by source and reason.
+        monitor : Monitor
+            Has counted the messages since the start.
 
         """
         now = time.monotonic()
         period = now - self._begun
-        refused = rejected.total()
-        times = self.check_times or [0.0]
+        refused, lost = monitor.rejected.total(), monitor.lost.total()
         values = dict(self._facts)
-        values['check time mean [ms]'] = f'{1e3 * sum(times) / len(times):.3f}'
-        values['check time max [ms]'] = f'{1e3 * max(times):.3f}'
-        for name, count in received.items():
+        values['check time mean [ms]'] = f'{1e3 * self._seconds / max(self._messages, 1):.3f}'
+        values['longest batch [ms]'] = f'{1e3 * self._longest:.3f}'
+        for name, count in monitor.received.items():
             values[f'{name}: received'] = str(count)
             values[f'{name}: rate [Hz]'] = f'{(count - self._received[name]) / period:.1f}'
-        for (name, reason), count in rejected.items():
+        for (name, reason), count in monitor.rejected.items():
             values[f'{name}: rejected, {reason}'] = str(count)
+        for name, count in monitor.lost.items():
+            values[f'{name}: lost'] = str(count)
+        for name, backlog in self._backlogs.items():
+            values[f'{name}: behind'] = f'{backlog.seconds:.3f} s, {backlog.messages} messages'
         for topic, policy in self._incompatible.items():
             values[f'{topic}: incompatible QoS'] = policy
         self._status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
         problems = [f'incompatible QoS on {topic}' for topic in self._incompatible]
         if refused > self._refused:
             problems.append(f'messages rejected: {refused - self._refused}')
+        if lost > self._lost:
+            problems.append(f'messages lost: {lost - self._lost}')
+        problems += [f'{name} is behind by {backlog.seconds:.3f} s'
+                     for name, backlog in self._backlogs.items()]
         self._status.level = DiagnosticStatus.WARN if problems else DiagnosticStatus.OK
         self._status.message = '; '.join(problems) or 'running'
-        self._received = received.copy()
-        self._refused = refused
+        self._received = monitor.received.copy()
+        self._refused, self._lost = refused, lost
         self._begun = now
-        self.check_times.clear()
+        self._messages, self._seconds, self._longest = 0, 0.0, 0.0
         message = DiagnosticArray(status=[self._status])
         message.header.stamp = stamp
         return message

@@ -14,9 +14,13 @@
 
 """The command replay_check."""
 
+from __future__ import annotations
+
 import argparse
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 import sys
+from typing import NoReturn
 
 from rosbags.rosbag2 import WriterError
 from sat_collision.replay.configuration import (
@@ -24,22 +28,24 @@ from sat_collision.replay.configuration import (
 from sat_collision.replay.example import write_example
 from sat_collision.replay.expectation import differences, ExpectationError
 from sat_collision.replay.formats import write_csv, write_json, write_junit
+from sat_collision.replay.options import HEADER, Options, RECEIVE
 from sat_collision.replay.parallel import check_here, check_on_cluster, check_one
-from sat_collision.replay.report import Progress, report, report_all
-from sat_collision.replay.result import overall, Verdict
-from sat_collision.replay.run import check, HEADER, Options, RECEIVE
+from sat_collision.replay.progress import Progress
+from sat_collision.replay.report import report, report_all
+from sat_collision.replay.result import overall, Result, Verdict
+from sat_collision.replay.run import check
 from sat_collision.scene.parameters import ParameterError
 
 _DESCRIPTION = """\
 Check recordings for collisions with the scene of the live node.
 
-Exit status: 0 clear; 1 collision; 2 cannot tell (unknown for longer than --max-unknown, or no
-data); 3 bad input. A proved collision counts before bad input, that before what cannot be told.
-With --expect: 0 as expected, 1 different, 3 bad input.
+Exit status: 0 clear; 1 collision; 2 unknown (for longer than --max-unknown, or no data); 3 bad
+input. Where several apply, a collision comes before bad input, and bad input before unknown.
+With --expect: 0 as expected; 1 different; 3 bad input.
 """
 
 
-def main(args=None):
+def main(args: Sequence[str] | None = None) -> int:
     """Run the command and return the exit status."""
     parser = _parser()
     options = parser.parse_args(args)
@@ -53,18 +59,18 @@ def main(args=None):
         return int(Verdict.UNKNOWN)
 
 
-def _run(options, parser):
+def _run(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     if options.write_example:
         write_example(options.write_example)
         print(f'wrote {options.write_example}; check it with\n  replay_check '
               f'{options.write_example} --params-file {options.write_example}/params.yaml')
         return 0
     if not options.bags:
-        parser.error('which BAG?')
+        parser.error('name at least one recording (BAG)')
     several = len(options.bags) > 1
     if options.write_bag and not several and Path(options.write_bag).exists():
-        raise ParameterError(f'{options.write_bag} exists')
-    results = []
+        raise ParameterError(f'{options.write_bag} already exists')
+    results: list[Result] = []
     for result in _results(options, several):
         print('\n'.join(report(result)), flush=True)
         results.append(result)
@@ -86,7 +92,7 @@ def _run(options, parser):
     return int(overall(results))
 
 
-def _results(options, several):
+def _results(options: argparse.Namespace, several: bool) -> Iterator[Result]:
     """Yield results as they come."""
     settings = _options(options)
     if options.dask:
@@ -96,7 +102,7 @@ def _results(options, several):
     return _one_by_one(options.bags, settings, several)
 
 
-def _one_by_one(bags, settings, several):
+def _one_by_one(bags: Iterable[str], settings: Options, several: bool) -> Iterator[Result]:
     for bag in bags:
         progress = Progress()
         result = (check_one if several else check)(bag, settings, progress.show)
@@ -104,8 +110,8 @@ def _one_by_one(bags, settings, several):
         yield result
 
 
-def _options(options):
-    """Return what the command line says as Options; what makes no sense is found here."""
+def _options(options: argparse.Namespace) -> Options:
+    """Return what the command line says as Options; parameters that are wrong are found here."""
     parameters = {}
     for path in options.params_file:
         parameters.update(parameters_of_file(path, options.node))
@@ -118,20 +124,20 @@ def _options(options):
         sample=options.sample, picture=bool(options.plot), write_bag=options.write_bag)
 
 
-def _of_bag(folder, bag, suffix):
+def _of_bag(folder: str, bag: str, suffix: str) -> str:
     Path(folder).mkdir(parents=True, exist_ok=True)
     return str(Path(folder, Path(bag).stem + suffix))
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser whose exit status for what it does not understand is that of bad input."""
+    """A parser that ends with the exit status of bad input where it finds an error."""
 
-    def error(self, message):
+    def error(self, message: str) -> NoReturn:
         self.print_usage(sys.stderr)
         self.exit(int(Verdict.BAD_INPUT), f'{self.prog}: {message}\n')
 
 
-def _parser():
+def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         'replay_check', description=_DESCRIPTION,
         formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -140,9 +146,9 @@ def _parser():
     scene = parser.add_argument_group('what to check')
     add = scene.add_argument
     add('--params-file', action='append', default=[], metavar='FILE',
-        help="the node's ROS 2 parameter file; later files win")
+        help="the node's ROS 2 parameter file; later files override earlier ones")
     add('-p', '--param', action='append', default=[], metavar='NAME:=VALUE',
-        help='one parameter of the node, over the files')
+        help='one parameter of the node; overrides the files')
     add('--footprint', action='append', default=[], metavar='[NAME:=]TOPIC',
         help='a footprint and its topic')
     add('--obstacles', action='append', default=[], metavar='[NAME:=]TOPIC',
@@ -151,46 +157,50 @@ def _parser():
         help='full name of the node, for parameter files and topics (%(default)s)')
     add('--clock', choices=(RECEIVE, HEADER), default=RECEIVE,
         help='time of a message: when it was received, or its header stamp (%(default)s)')
-    add('--start', type=_seconds, default=0.0, metavar='S', help='begin S s into the recording')
-    add('--duration', type=_seconds, metavar='S', help='check S s of it')
+    add('--start', type=_seconds, default=0.0, metavar='S',
+        help='start S seconds into the recording')
+    add('--duration', type=_seconds, metavar='S', help='check S seconds of it')
     add('--sample', type=_period, default=0.1, metavar='S',
-        help='look what is nearest every S s (%(default)s)')
+        help='measure separations every S seconds (%(default)s)')
     verdict = parser.add_argument_group('verdict')
     add = verdict.add_argument
     add('--max-unknown', type=_seconds, default=1.0, metavar='S',
-        help='how long a footprint may be unknown in all (%(default)s s)')
-    add('--expect', metavar='FILE', help='compare with a result that --json wrote')
+        help='how many seconds in all a footprint may be unknown (%(default)s)')
+    add('--expect', metavar='FILE', help='compare with a result that --json wrote before')
     output = parser.add_argument_group('output')
     add = output.add_argument
-    add('--json', metavar='FILE', help='the result; docs/replay.md has the schema')
-    add('--csv', metavar='FILE', help='a row for each contact and each unknown interval')
-    add('--junit', metavar='FILE', help='a test suite for each recording')
-    add('--plot', metavar='FILE', help='a picture; with several recordings a directory of them')
+    add('--json', metavar='FILE', help='write the result; docs/replay.md has the schema')
+    add('--csv', metavar='FILE', help='write a row for each contact and each unknown interval')
+    add('--junit', metavar='FILE', help='write a test suite for each recording')
+    add('--plot', metavar='FILE',
+        help='draw a picture; for several recordings, a directory of pictures')
     add('--write-bag', metavar='DIR',
-        help='a bag of what the node publishes; with several recordings a directory of them')
-    add('--write-example', metavar='DIR', help='only write a recording of the demo scene')
+        help='write what the node would publish; for several recordings, a directory of bags')
+    add('--write-example', metavar='DIR',
+        help='only write an example recording, of the demo scene')
     many = parser.add_argument_group('many recordings')
     add = many.add_argument
-    add('--jobs', type=int, default=1, metavar='N', help='check N at a time')
-    add('--dask', metavar='ADDRESS', help='check on the Dask cluster of this scheduler')
+    add('--jobs', type=int, default=1, metavar='N', help='check N recordings at a time')
+    add('--dask', metavar='ADDRESS', help='check on the Dask cluster with this scheduler')
     return parser
 
 
-def _node(text):
+def _node(text: str) -> str:
     return '/' + text.strip('/')
 
 
-def _seconds(text):
+def _seconds(text: str) -> float:
     value = float(text)
     if not 0.0 <= value < float('inf'):
-        raise argparse.ArgumentTypeError(f'{text} is not a time in s')
+        raise argparse.ArgumentTypeError(f'{text} is not a number of seconds, 0 or more')
     return value
 
 
-def _period(text):
+def _period(text: str) -> float:
     value = float(text)
     if not 1e-3 <= value <= 1e6:
-        raise argparse.ArgumentTypeError(f'{text} is not from 0.001 to 1000000')
+        raise argparse.ArgumentTypeError(
+            f'{text} is not a number of seconds between 0.001 and 1000000')
     return value
 
 

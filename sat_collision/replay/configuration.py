@@ -14,14 +14,20 @@
 
 """Settings without ROS, from what the node takes: its parameter files and single values."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
 from itertools import chain
 import math
+from pathlib import Path
 import re
+from typing import Any
 
 from sat_collision.scene.parameters import declare_parameters, ParameterError, read_settings
+from sat_collision.scene.settings import Settings, Spec
 import yaml
 
-NODE = '/collision_monitor'
+NODE = '/footprint_monitor'
 
 _TOPIC = re.compile(r'(~/|/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*', re.ASCII)
 _TYPES = {bool: 'a bool', int: 'an integer', float: 'a double', str: 'a string',
@@ -36,26 +42,28 @@ _Loader.add_implicit_resolver(
     'tag:yaml.org,2002:float', re.compile(r'[-+]?[0-9]+[eE][-+]?[0-9]+$'), list('-+0123456789'))
 
 
-def parameters_of_file(path, node=NODE):
+def parameters_of_file(path: str | Path, node: str = NODE) -> dict[str, Any]:
     """
     Return the parameters that a ROS 2 parameter file has for a node, by their dotted names.
 
     Raises
     ------
     ParameterError
-        If the file is none.
+        If the file is not a parameter file.
 
     """
     try:
         with open(path, encoding='utf-8') as file:
             content = yaml.load(file, _Loader)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ParameterError(f'{path}: {error}') from error
+    except OSError as error:
+        raise ParameterError(f'cannot read {path}: {error.strerror}') from error
+    except (UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ParameterError(f'{path} is not a parameter file: {error}') from error
     if not isinstance(content, dict):
-        raise ParameterError(f'{path}: no parameter file: nodes by name are expected')
+        raise ParameterError(f'{path} is not a parameter file: it does not list nodes by name')
     found = dict(_sections(content, ''))
     if not found:
-        raise ParameterError(f"{path}: no parameter file: there is no 'ros__parameters'")
+        raise ParameterError(f"{path} is not a parameter file: it has no 'ros__parameters'")
     parameters = {}
     for name, values in found.items():
         if not isinstance(values, dict):
@@ -65,30 +73,30 @@ def parameters_of_file(path, node=NODE):
     return parameters
 
 
-def parameter_of_text(text):
+def parameter_of_text(text: str) -> tuple[str, Any]:
     """Return name and value of a parameter written as NAME:=VALUE, the value in YAML."""
     name, given, value = text.partition(':=')
     if not (given and name):
-        raise ParameterError(f"'{text}' is not NAME:=VALUE")
+        raise ParameterError(f"'{text}' does not have the form NAME:=VALUE")
     try:
         return name, yaml.load(value, _Loader)
     except yaml.YAMLError as error:
         raise ParameterError(f'{text}: {error}') from error
 
 
-def settings_of(parameters, node=NODE):
+def settings_of(parameters: Mapping[str, Any], node: str = NODE) -> Settings:
     """
     Return the Settings that parameters by dotted names make; what the node refuses is refused.
 
     Raises
     ------
     ParameterError
-        If a value has the wrong type or is out of place.
+        If a value has the wrong type or is not allowed.
 
     """
-    values = {}
+    values: dict[str, Any] = {}
 
-    def declare(name, default, spec):
+    def declare(name: str, default: Any, spec: Spec) -> Any:
         values[name] = _checked(name, parameters.get(name, default), default, spec)
         return values[name]
 
@@ -97,7 +105,7 @@ def settings_of(parameters, node=NODE):
                          lambda topic: _resolved(topic, node))
 
 
-def _sections(content, prefix):
+def _sections(content: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
     """Yield the name and parameters of every node, namespaces written out or nested."""
     for key, value in content.items():
         if key == 'ros__parameters':
@@ -106,22 +114,22 @@ def _sections(content, prefix):
             yield from _sections(value, f'{prefix}/{str(key).strip("/")}')
 
 
-def _matches(pattern, node):
+def _matches(pattern: str, node: str) -> bool:
     """Return whether a name with wildcards, * for one token and ** for any, is the node's."""
     expression = re.escape(pattern).replace(r'/\*\*', '(/[^/]+)*').replace(r'\*', '[^/]+')
     return re.fullmatch(expression, node) is not None
 
 
-def _flat(values, prefix=''):
+def _flat(values: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
     return dict(chain.from_iterable(
         _flat(value, f'{prefix}{key}.').items() if isinstance(value, dict)
         else [(f'{prefix}{key}', value)] for key, value in values.items()))
 
 
-def _checked(name, value, default, spec):
+def _checked(name: str, value: Any, default: Any, spec: Spec) -> Any:
     """Return a value that has the type of the default and is within limits, as the node would."""
     if value is None:
-        raise ParameterError(f"parameter '{name}' is given without a value")
+        raise ParameterError(f"parameter '{name}' has no value")
     wanted = type(default)
     if type(value) is not wanted or wanted is list and not all(
             isinstance(item, str) for item in value):
@@ -129,14 +137,15 @@ def _checked(name, value, default, spec):
     if spec.choices and value not in spec.choices:
         raise ParameterError(f"{name}: '{value}' is not one of {', '.join(spec.choices)}")
     if spec.limits and not (spec.limits[0] <= value <= spec.limits[1] and math.isfinite(value)):
-        raise ParameterError(f'{name}: {value} is not from {spec.limits[0]} to {spec.limits[1]}')
+        least, greatest = spec.limits
+        raise ParameterError(f'{name}: {value} is not between {least} and {greatest}')
     return value
 
 
-def _resolved(topic, node):
+def _resolved(topic: str, node: str) -> str:
     """Return the full name of a topic, given relative to a node, its namespace or to nothing."""
     if not _TOPIC.fullmatch(topic):
-        raise ValueError(f"'{topic}' is no name of a topic")
+        raise ValueError(f"'{topic}' is not a valid topic name")
     if topic.startswith('/'):
         return topic
     if topic.startswith('~'):

@@ -14,9 +14,12 @@
 
 """The embedded warehouse scene as a recording, to try the check on."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from rosbags.rosbag2 import StoragePlugin, Writer
 from sat_collision.demo import warehouse
 from sat_collision.messages.rosbags_interfaces import message_class, serialize, STORE
@@ -38,14 +41,14 @@ _PARAMETERS = """\
 """
 
 
-def write_example(path):
+def write_example(path: str | Path) -> None:
     """
     Write the scene as a bag of 16 s, with the parameters to check it in params.yaml beside it.
 
     Raises
     ------
     WriterError
-        If there is something at the path.
+        If the path exists.
 
     """
     path = Path(path)
@@ -67,7 +70,7 @@ def write_example(path):
     (path / 'params.yaml').write_text(parameters)
 
 
-def _message(outline, stamp):
+def _message(outline: NDArray[np.float64], stamp: int) -> bytes:
     message = message_class(_KIND)()
     message.header.frame_id = warehouse.FRAME
     message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)

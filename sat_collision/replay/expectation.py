@@ -14,11 +14,16 @@
 
 """What differs between a result and one stored before: a regression gate."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
 import json
 import math
 from pathlib import PurePath
+from typing import Any
 
 from sat_collision.replay.formats import as_dict, SCHEMA
+from sat_collision.replay.result import Result
 
 # Separations are rounded: another processor or NumPy may round otherwise.
 _TOLERANCE = 1e-9
@@ -27,10 +32,10 @@ _LEFT_OUT = {'bag', 'problems', 'notes', 'max_unknown'}
 
 
 class ExpectationError(ValueError):
-    """The file holds no result."""
+    """The file is not a result that --json wrote."""
 
 
-def differences(results, path):
+def differences(results: list[Result], path: str) -> list[str]:
     """
     Return lines that say what differs from a file that --json wrote.
 
@@ -40,21 +45,24 @@ def differences(results, path):
     Raises
     ------
     ExpectationError
-        If the file is no such file.
+        If the file is anything else.
 
     """
     try:
         with open(path, encoding='utf-8') as file:
             stored = json.load(file)
         if stored['schema'] != SCHEMA:
-            raise ExpectationError(f'{path}: its schema is {stored["schema"]}, not {SCHEMA}')
+            raise ExpectationError(
+                f'{path} has the schema {stored["schema"]}, this version needs {SCHEMA}')
         expected = _by_name(stored['bags'])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        if isinstance(error, ExpectationError):
-            raise
-        raise ExpectationError(f'{path}: no result of --json: {error}') from error
+    except ExpectationError:
+        raise
+    except OSError as error:
+        raise ExpectationError(f'cannot read {path}: {error.strerror}') from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise ExpectationError(f'{path} is not a result that --json wrote') from error
     found = _by_name(as_dict(results)['bags'])
-    lines = [f'{name}: not checked, but expected' for name in expected if name not in found]
+    lines = [f'{name}: expected, but not checked' for name in expected if name not in found]
     lines += [f'{name}: checked, but not expected' for name in found if name not in expected]
     for name in found:
         if name in expected:
@@ -62,9 +70,9 @@ def differences(results, path):
     return lines
 
 
-def _by_name(bags):
+def _by_name(bags: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
     """Return what is to be compared of each recording, by name."""
-    named = {}
+    named: dict[str, dict[str, Any]] = {}
     for bag in bags:
         name = PurePath(bag['bag']).name
         while name in named:
@@ -81,9 +89,9 @@ def _by_name(bags):
     return named
 
 
-def _numbered(intervals, *keys):
+def _numbered(intervals: Iterable[dict[str, Any]], *keys: str) -> dict[str, Any]:
     """Return intervals by what they are about and how often that has been before."""
-    named = {}
+    named: dict[str, Any] = {}
     for interval in intervals:
         about = ' - '.join(interval[key] for key in keys)
         count = 1
@@ -93,13 +101,13 @@ def _numbered(intervals, *keys):
     return named
 
 
-def _compared(where, expected, found):
+def _compared(where: str, expected: Any, found: Any) -> Iterator[str]:
     """Yield a line for each difference below a place in the result."""
     if isinstance(expected, dict) and isinstance(found, dict):
         for key in [*expected, *(key for key in found if key not in expected)]:
             below = f'{where}.{key}' if where else key
             if key not in found:
-                yield f'{below} is missing: {_short(expected[key])}'
+                yield f'{below} is missing, expected {_short(expected[key])}'
             elif key not in expected:
                 yield f'{below} is new: {_short(found[key])}'
             else:
@@ -108,12 +116,12 @@ def _compared(where, expected, found):
         yield f'{where} is {_short(found)}, expected {_short(expected)}'
 
 
-def _same(where, expected, found):
+def _same(where: str, expected: Any, found: Any) -> bool:
     if where.rpartition('.')[2] in _PLACES and isinstance(expected, float) and (
             isinstance(found, (int, float))):
         return math.isclose(expected, found, rel_tol=_TOLERANCE, abs_tol=_TOLERANCE)
-    return expected == found
+    return bool(expected == found)
 
 
-def _short(value):
+def _short(value: Any) -> str:
     return json.dumps(value)

@@ -14,32 +14,36 @@
 
 """Results for machines: JSON, CSV and JUnit XML; docs/replay.md has the JSON schema."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator
 import csv
 import dataclasses
 import json
+from typing import Any
 from xml.etree import ElementTree
 
 from sat_collision.replay.report import report, summary
-from sat_collision.replay.result import overall
+from sat_collision.replay.result import FootprintResult, overall, Result
 
 SCHEMA = 'sat_collision.replay/1'
 
 
-def as_dict(results):
+def as_dict(results: list[Result]) -> dict[str, Any]:
     """Return results as what --json writes."""
     verdict = overall(results)
     return {'schema': SCHEMA, 'verdict': verdict.words, 'exit_status': int(verdict),
             'summary': summary(results), 'bags': [_bag(result) for result in results]}
 
 
-def write_json(results, path):
+def write_json(results: list[Result], path: str) -> None:
     """Write results as JSON."""
     with open(path, 'w', encoding='utf-8') as file:
         json.dump(as_dict(results), file, indent=1, allow_nan=False)
         file.write('\n')
 
 
-def write_csv(results, path):
+def write_csv(results: list[Result], path: str) -> None:
     """Write one row for each contact and each unknown interval."""
     with open(path, 'w', encoding='utf-8', newline='') as file:
         writer = csv.writer(file)
@@ -58,7 +62,7 @@ def write_csv(results, path):
                     '; '.join(unknown.reasons)))
 
 
-def write_junit(results, path):
+def write_junit(results: list[Result], path: str) -> None:
     """Write a test suite for each recording: one case for it and one for each footprint."""
     suites = ElementTree.Element('testsuites', name='replay_check')
     for result in results:
@@ -79,7 +83,8 @@ def write_junit(results, path):
     ElementTree.ElementTree(suites).write(path, encoding='utf-8', xml_declaration=True)
 
 
-def _case(suite, bag, name, kind, faults):
+def _case(suite: ElementTree.Element, bag: str, name: str, kind: str,
+          faults: list[str]) -> str | None:
     """Add a test case and return how it failed, None if it did not."""
     case = ElementTree.SubElement(suite, 'testcase', classname=bag, name=name)
     if not faults:
@@ -88,20 +93,21 @@ def _case(suite, bag, name, kind, faults):
     return kind
 
 
-def _failures(footprint, result):
+def _failures(footprint: FootprintResult, result: Result) -> Iterator[str]:
     for contact in result.contacts:
         if contact.footprint == footprint.name:
             yield (f'in contact with {contact.obstacle} from '
-                   f'{(contact.first - result.start) / 1e9:.3f} s on for '
+                   f'{result.since(contact.first):.3f} s on for '
                    f'{(contact.last - contact.first) / 1e9:.3f} s, {contact.depth:.4f} m deep')
     if footprint.unknown > 1e9 * result.max_unknown or not footprint.ever_known:
         yield f'unknown for {footprint.unknown / 1e9:.3f} s'
 
 
-def _bag(result):
-    bag = {'bag': result.bag, 'verdict': result.verdict.words, 'duration': result.duration,
-           'messages': result.messages}
-    bag.update(dataclasses.asdict(dataclasses.replace(result, picture=None)))
+def _bag(result: Result) -> dict[str, Any]:
+    bag: dict[str, Any] = {
+        'bag': result.bag, 'verdict': result.verdict.words, 'duration': result.duration,
+        'messages': result.messages,
+        **dataclasses.asdict(dataclasses.replace(result, picture=None))}
     del bag['picture']
     for footprint, values in zip(result.footprints, bag['footprints']):
         values['coverage'] = footprint.coverage

@@ -14,12 +14,18 @@
 
 """A bag of what the node would have published: its own outputs, given a stand-in for the node."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from rosbags.rosbag2 import StoragePlugin, Writer
 from sat_collision.messages.interfaces import serialize, Time, type_name
 from sat_collision.messages.outputs import Outputs
 from sat_collision.messages.rosbags_interfaces import STORE
+from sat_collision.scene.scene import Scene
+from sat_collision.scene.settings import Settings
 
 _SECOND = 10**9
 
@@ -44,31 +50,31 @@ class BagOutputs:
 
     """
 
-    def __init__(self, path, node, settings, scene):
+    def __init__(self, path: str, node: str, settings: Settings, scene: Scene) -> None:
         Path(path).parent.mkdir(parents=True, exist_ok=True)
         self._writer = Writer(Path(path), version=9, storage_plugin=StoragePlugin.MCAP)
         self._writer.open()
         self._clock = _Clock()
         self._outputs = Outputs(_Node(node, self._writer, self._clock), settings, scene)
 
-    def change(self, names, now):
+    def change(self, names: Iterable[str], now: int) -> None:
         """Write what the node publishes at once when states change."""
         self._clock.time = now
         self._outputs.update(names)
         self._outputs.publish(names)
 
-    def publish(self, now):
+    def publish(self, now: int) -> None:
         """Write what the node publishes now and then: flags and states."""
         self._clock.time = now
         self._outputs.publish()
 
-    def publish_markers(self, now):
+    def publish_markers(self, now: int) -> None:
         """Write the markers."""
         self._clock.time = now
         self._outputs.markers_current = False
         self._outputs.publish_markers()
 
-    def close(self):
+    def close(self) -> None:
         """Finish the bag."""
         self._writer.close()
 
@@ -78,28 +84,28 @@ class _Clock:
 
     time = 0
 
-    def now(self):
+    def now(self) -> _Clock:
         return self
 
-    def to_msg(self):
+    def to_msg(self) -> Any:
         return Time(sec=self.time // _SECOND, nanosec=self.time % _SECOND)
 
 
 class _Node:
     """What Outputs asks of a node: a name, a clock, and publishers."""
 
-    def __init__(self, name, writer, clock):
+    def __init__(self, name: str, writer: Writer, clock: _Clock) -> None:
         self._name = name
         self._writer = writer
         self._clock = clock
 
-    def get_name(self):
+    def get_name(self) -> str:
         return self._name.rpartition('/')[2]
 
-    def get_clock(self):
+    def get_clock(self) -> _Clock:
         return self._clock
 
-    def create_publisher(self, kind, topic, _depth):
+    def create_publisher(self, kind: type, topic: str, _depth: int) -> _Topic:
         return _Topic(self._writer, topic.replace('~', self._name, 1), type_name(kind),
                       self._clock)
 
@@ -107,14 +113,14 @@ class _Node:
 class _Topic:
     """A topic of the bag, used as a publisher."""
 
-    def __init__(self, writer, name, kind, clock):
+    def __init__(self, writer: Writer, name: str, kind: str, clock: _Clock) -> None:
         self._writer = writer
         self._connection = writer.add_connection(name, kind, typestore=STORE)
         self._clock = clock
 
-    def get_subscription_count(self):
+    def get_subscription_count(self) -> int:
         return 1
 
-    def publish(self, message):
+    def publish(self, message: Any) -> None:
         data = message if isinstance(message, bytes) else serialize(message)
         self._writer.write(self._connection, self._clock.time, data)

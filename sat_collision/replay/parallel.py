@@ -14,26 +14,30 @@
 
 """Many recordings: on the processors of this machine, or on a Dask cluster."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
 from concurrent.futures import as_completed, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 import multiprocessing
 from pathlib import Path
 
+from sat_collision.replay.options import Options
 from sat_collision.replay.result import Result
-from sat_collision.replay.run import check
+from sat_collision.replay.run import check, OnProgress
 
 _ATTEMPTS = 3
 
 
-def check_one(path, options, progress=None):
+def check_one(path: str, options: Options, progress: OnProgress | None = None) -> Result:
     """Check a recording of several; what is written for it goes into a directory of its own."""
     if options.write_bag:
         options = replace(options, write_bag=str(Path(options.write_bag, Path(path).stem)))
     return check(path, options, progress)
 
 
-def check_here(paths, options, jobs):
+def check_here(paths: Iterable[str], options: Options, jobs: int) -> Iterator[Result]:
     """
     Yield the Result of each recording as soon as it is there, from processes of this machine.
 
@@ -62,11 +66,11 @@ def check_here(paths, options, jobs):
     pool.shutdown()
 
 
-def _pool(jobs):
+def _pool(jobs: int) -> ProcessPoolExecutor:
     return ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context('spawn'))
 
 
-def check_on_cluster(paths, options, address):
+def check_on_cluster(paths: Iterable[str], options: Options, address: str) -> Iterator[Result]:
     """
     Yield the Result of each recording as soon as it is there, from the workers of a Dask cluster.
 
@@ -90,7 +94,7 @@ def check_on_cluster(paths, options, address):
             yield _failed(path, options, error) if error else future.result()
 
 
-def _failed(path, options, error):
+def _failed(path: str, options: Options, error: BaseException) -> Result:
     result = Result(str(path), options.clock, options.max_unknown)
-    result.problems.append(f'{path}: could not be checked in {_ATTEMPTS} attempts: {error}')
+    result.problems.append(f'{path}: not checked, {_ATTEMPTS} attempts failed: {error}')
     return result

@@ -14,14 +14,20 @@
 
 """Recordings: what rosbags reads of a bag, and of a damaged one what is left."""
 
+from __future__ import annotations
+
 from collections import Counter
+from collections.abc import Collection, Iterator
 from pathlib import Path
 import re
-import shutil
 import tempfile
+from types import TracebackType
+from typing import Protocol, TypeAlias
 
 from rosbags.rosbag2 import Reader
-from sat_collision.replay.recovery import Damage, recovered, zstd
+from sat_collision.replay.recovery import Damage, recovered, unpack, WRONG_TYPES
+
+Message: TypeAlias = tuple[str, int, bytes]  # topic, time in ns, data
 
 _STORAGE = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 
@@ -48,32 +54,35 @@ class Recording:
 
     """
 
-    def __init__(self, path):
+    def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self.problems = []
-        self.topics = {}
-        self.counts = Counter()
-        self.start = self.end = None
-        self._parts = []
-        self._folder = None
+        self.problems: list[str] = []
+        self.topics: dict[str, str] = {}
+        self.counts: Counter[str] = Counter()
+        self.start: int | None = None
+        self.end: int | None = None
+        self._parts: list[_Part] = []
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
 
-    def __enter__(self):
+    def __enter__(self) -> Recording:
         if not self.path.exists():
-            self.problems.append(f'{self.path}: there is no such file or directory')
+            self.problems.append(f'{self.path}: no such file or directory')
         elif not self._open(self.path):
             for file in self._files():
                 plain = self._unpacked(file)
-                if not self._open(plain, shown=file):
+                if plain == self.path or not self._open(plain, shown=file):
                     self._add(_Recovered(plain, file, self.problems))
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 traceback: TracebackType | None) -> None:
         for part in self._parts:
             part.close()
         if self._folder:
             self._folder.cleanup()
 
-    def messages(self, topics, start=None, stop=None):
+    def messages(self, topics: Collection[str], start: int | None = None,
+                 stop: int | None = None) -> Iterator[Message]:
         """
         Yield (topic, time in ns, data) of some topics, from start on and before stop (ns).
 
@@ -82,7 +91,7 @@ class Recording:
         for part in self._parts:
             yield from part.messages(topics, start, stop)
 
-    def _open(self, path, shown=None):
+    def _open(self, path: Path, shown: Path | None = None) -> bool:
         """Open with rosbags; return whether that went well, and note the fault if not."""
         try:
             self._add(_Whole(path, shown or path, self.problems))
@@ -92,11 +101,11 @@ class Recording:
                 self.problems.append(problem)
             else:
                 self.problems.append(f'{path / "metadata.yaml"} is missing; '
-                                     'ros2 bag reindex makes it anew')
+                                     "'ros2 bag reindex' restores it")
             return False
         return True
 
-    def _add(self, part):
+    def _add(self, part: _Part) -> None:
         self._parts.append(part)
         self.topics = {**part.topics, **self.topics}
         self.counts += part.counts
@@ -104,87 +113,107 @@ class Recording:
         if times:
             self.start, self.end = min(times), max(times)
 
-    def _files(self):
+    def _files(self) -> list[Path]:
         """Return the storage files that are there, in the order in which they were written."""
         if not self.path.is_dir():
             return [self.path]
         files = [file for file in self.path.iterdir() if file.name.endswith(_STORAGE)]
         if not files:
-            self.problems.append(f'{self.path}: no storage file in it, .mcap or .db3')
+            self.problems.append(f'{self.path}: no .mcap or .db3 file in this directory')
         return sorted(files, key=lambda file: [int(part) if part.isdigit() else part
                                                for part in re.split(r'(\d+)', file.name)])
 
-    def _unpacked(self, file):
+    def _unpacked(self, file: Path) -> Path:
         """Return a storage file itself or, compressed as a whole, what it holds."""
         if file.suffix != '.zstd':
             return file
         self._folder = self._folder or tempfile.TemporaryDirectory(prefix='replay_check_')
         plain = Path(self._folder.name, file.stem)
         try:
-            with zstd.open(file, 'rb') as packed, plain.open('wb') as unpacked:
-                shutil.copyfileobj(packed, unpacked)
-        except (EOFError, zstd.ZstdError) as error:
-            self.problems.append(f'{file}: {_in_words(error)}')
+            unpack(file, plain)
+        except Damage as damage:
+            self.problems.append(f'{file}: {_in_words(damage)}')
         return plain
+
+
+class _Part(Protocol):
+    """What a recording is read from; the attributes are those of Recording."""
+
+    topics: dict[str, str]
+    counts: Counter[str]
+    start: int | None
+    end: int | None
+
+    def close(self) -> None:
+        ...
+
+    def messages(self, topics: Collection[str], start: int | None,
+                 stop: int | None) -> Iterator[Message]:
+        ...
 
 
 class _Whole:
     """What rosbags opens: a bag or a storage file."""
 
-    def __init__(self, path, shown, problems):
+    def __init__(self, path: Path, shown: Path, problems: list[str]) -> None:
         self._shown = shown
         self._problems = problems
         self._reader = Reader(path)
         self._reader.open()
         self.topics = {connection.topic: connection.msgtype
                        for connection in self._reader.connections}
-        self.counts = Counter()
+        self.counts: Counter[str] = Counter()
         for connection in self._reader.connections:
             self.counts[connection.topic] += connection.msgcount
         empty = not self._reader.message_count
         self.start = None if empty else self._reader.start_time
         self.end = None if empty else self._reader.end_time - 1
 
-    def close(self):
+    def close(self) -> None:
         self._reader.close()
 
-    def messages(self, topics, start, stop):
+    def messages(self, topics: Collection[str], start: int | None,
+                 stop: int | None) -> Iterator[Message]:
         connections = [connection for connection in self._reader.connections
                        if connection.topic in topics]
         if not connections:
             return
         try:
             for connection, time, data in self._reader.messages(connections, start, stop):
+                # SQLite's rows have no types, so damage may make anything of them.
+                if not (isinstance(time, int) and isinstance(data, bytes)):
+                    raise TypeError(WRONG_TYPES)
                 yield connection.topic, time, data
-        except GeneratorExit:
-            raise
         except Exception as error:  # as above
-            self._problems.append(f'{self._shown}: cannot be read to its end: {_in_words(error)}')
+            self._problems.append(
+                f'{self._shown}: could not be read to its end: {_in_words(error)}')
 
 
 class _Recovered:
     """A storage file that rosbags does not open."""
 
-    def __init__(self, path, shown, problems):
+    def __init__(self, path: Path, shown: Path, problems: list[str]) -> None:
         self._path = path
-        self.topics = {}
-        self.counts = Counter()
-        times = []
+        self.topics: dict[str, str] = {}
+        self.counts: Counter[str] = Counter()
+        self.start: int | None = None
+        self.end: int | None = None
         try:
             for topic, kind, time, _ in recovered(path):
                 self.topics[topic] = kind
                 self.counts[topic] += 1
-                times = [min(time, *times), max(time, *times)] if times else [time, time]
+                self.start = time if self.start is None else min(time, self.start)
+                self.end = time if self.end is None else max(time, self.end)
         except Damage as damage:
-            problems.append(f'{shown}: read up to the damage {damage}')
+            problems.append(f'{shown}: {damage}')
         except OSError as error:
             problems.append(f'{shown}: {_in_words(error)}')
-        self.start, self.end = times or (None, None)
 
-    def close(self):
+    def close(self) -> None:
         pass
 
-    def messages(self, topics, start, stop):
+    def messages(self, topics: Collection[str], start: int | None,
+                 stop: int | None) -> Iterator[Message]:
         try:
             for topic, _, time, data in recovered(self._path):
                 if topic in topics and (start is None or time >= start) and (
@@ -194,6 +223,6 @@ class _Recovered:
             return  # noted when the file was first read
 
 
-def _in_words(error):
+def _in_words(error: Exception) -> str:
     """Return what an exception says, or its kind if it says nothing."""
     return ' '.join(str(error).split()) or type(error).__name__

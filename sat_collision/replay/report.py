@@ -12,20 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Results for people: tables on a terminal, and how far a run has come."""
+"""Results for people: tables on a terminal."""
 
-import sys
-import time
+from __future__ import annotations
 
-from sat_collision.replay.result import overall, Verdict
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from sat_collision.replay.result import FootprintResult, overall, Result, Verdict
 
 _MOST_ROWS = 20
-_BAR = 30
-_PATIENCE = 1.0
-_REDRAW = 0.1
+_CLOCKS = {'receive': 'receive time', 'header': 'header stamps'}
 
 
-def report(result):
+def report(result: Result) -> list[str]:
     """Return the lines that tell what was found in one recording."""
     lines = [f'{result.bag}: {result.verdict.words.upper()}']
     lines += [f'  problem: {problem}' for problem in result.problems]
@@ -39,19 +39,19 @@ def report(result):
         [_footprint_row(footprint, result) for footprint in result.footprints], 'footprints')
     lines += _table(
         ('footprint', 'obstacle', 'first [s]', 'duration [s]', 'depth [m]', 'x [m]', 'y [m]'),
-        [(contact.footprint, contact.obstacle, _since(contact.first, result),
+        [(contact.footprint, contact.obstacle, f'{result.since(contact.first):.3f}',
           f'{(contact.last - contact.first) / 1e9:.3f}{"+" if contact.at_end else ""}',
           f'{contact.depth:.4g}', f'{contact.x:.3f}', f'{contact.y:.3f}')
          for contact in result.contacts], 'contacts')
     lines += _table(
         ('footprint', 'first [s]', 'duration [s]', 'reason'),
-        [(unknown.footprint, _since(unknown.first, result),
+        [(unknown.footprint, f'{result.since(unknown.first):.3f}',
           f'{(unknown.last - unknown.first) / 1e9:.3f}', '; '.join(unknown.reasons))
          for unknown in result.unknown], 'unknown')
     return lines
 
 
-def report_all(results):
+def report_all(results: list[Result]) -> list[str]:
     """Return the lines that sum several recordings up."""
     figures = summary(results)
     counts = ', '.join(f'{count} {word}' for word, count in figures['verdicts'].items())
@@ -67,7 +67,7 @@ def report_all(results):
     return lines
 
 
-def summary(results, most=5):
+def summary(results: list[Result], most: int = 5) -> dict[str, Any]:
     """Return the figures over several recordings, the least separations among them."""
     hours = sum(result.duration for result in results) / 3600
     contacts = sum(len(result.contacts) for result in results)
@@ -84,63 +84,29 @@ def summary(results, most=5):
                   for separation, bag, footprint, obstacle in sorted(leasts)[:most]]}
 
 
-class Progress:
-    """A bar on a terminal that appears when a run takes long, and vanishes after it."""
-
-    def __init__(self, stream=sys.stderr):
-        self._stream = stream
-        self._begun = time.monotonic()
-        self._next = self._begun + _PATIENCE if stream.isatty() else float('inf')
-        self._shown = False
-
-    def show(self, share):
-        now = time.monotonic()
-        if now < self._next:
-            return
-        self._next = now + _REDRAW
-        self._shown = True
-        bar = f'[{"#" * round(_BAR * share):{_BAR}}] {share:4.0%}'
-        if share:
-            bar += f'  {(now - self._begun) * (1.0 / share - 1.0):.0f} s left'
-        self._stream.write(f'\r\033[K{bar}')
-        self._stream.flush()
-
-    def clear(self):
-        if self._shown:
-            self._stream.write('\r\033[K')
-            self._stream.flush()
-
-
-_CLOCKS = {'receive': 'times of reception', 'header': 'header stamps'}
-
-
-def _counts(result):
+def _counts(result: Result) -> str:
     sources = ', '.join(f'{source.name} {source.received}' for source in result.sources)
     return f'{result.messages} messages ({sources})'
 
 
-def _rejections(result):
+def _rejections(result: Result) -> Iterator[str]:
     for source in result.sources:
         for reason, count in source.rejected.items():
-            yield f'  {source.name}: {count} messages rejected, {reason}'
-            yield f'    the first: {source.examples[reason]}'
+            yield f'  {source.name}: {count} messages rejected: {reason}'
+            yield f'    the first one: {source.examples[reason]}'
 
 
-def _footprint_row(footprint, result):
+def _footprint_row(footprint: FootprintResult, result: Result) -> tuple[str, ...]:
     seconds = [f'{getattr(footprint, state) / 1e9:.3f}'
                for state in ('clear', 'collision', 'unknown')]
     share = '' if footprint.coverage is None else f'{100 * footprint.coverage:.2f} %'
     least = footprint.least
     nearest = 'none known' if least is None else (
-        f'{least.separation:.4g} m from {least.obstacle} at {_since(least.time, result)} s')
-    return footprint.name + ('' if footprint.enabled else ' (off)'), share, *seconds, nearest
+        f'{least.separation:.4g} m from {least.obstacle} at {result.since(least.time):.3f} s')
+    return footprint.name + ('' if footprint.enabled else ' (disabled)'), share, *seconds, nearest
 
 
-def _since(instant, result):
-    return f'{(instant - result.start) / 1e9:.3f}'
-
-
-def _table(head, rows, title):
+def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]], title: str) -> list[str]:
     """Return the lines of a table, of which very many rows are cut off."""
     if not rows:
         return []
@@ -151,11 +117,11 @@ def _table(head, rows, title):
         f'{cell:>{width}}' if numeric else f'{cell:{width}}'
         for cell, width, numeric in zip(row, widths, right)).rstrip() for row in shown]
     if len(rows) > _MOST_ROWS:
-        lines.append(f'    and {len(rows) - _MOST_ROWS} more, see --json or --csv')
+        lines.append(f'    and {len(rows) - _MOST_ROWS} more; --json and --csv have all')
     return lines
 
 
-def _is_number(cell):
+def _is_number(cell: str) -> bool:
     try:
         float(cell.rstrip('+ %') or 0)
     except ValueError:

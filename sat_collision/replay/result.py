@@ -16,8 +16,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 import enum
+
+import numpy as np
+from numpy.typing import NDArray
 
 
 class Verdict(enum.IntEnum):
@@ -29,7 +33,7 @@ class Verdict(enum.IntEnum):
     BAD_INPUT = 3
 
     @property
-    def words(self):
+    def words(self) -> str:
         return self.name.lower().replace('_', ' ')
 
 
@@ -61,7 +65,7 @@ class Unknown:
     footprint: str
     first: int
     last: int
-    reasons: list
+    reasons: list[str]
 
 
 @dataclass
@@ -77,7 +81,12 @@ class Least:
 
 @dataclass
 class FootprintResult:
-    """How long (ns) a footprint was in each state, and its separation from the nearest body."""
+    """
+    How long (ns) a footprint was in each state, and how near the nearest obstacle was.
+
+    `separation` has samples (time, separation in m or None), thinned out to their least where
+    there are very many.
+    """
 
     name: str
     topic: str
@@ -87,10 +96,10 @@ class FootprintResult:
     unknown: int = 0
     ever_known: bool = False
     least: Least | None = None
-    separation: list = field(default_factory=list)
+    separation: list[tuple[int, float | None]] = field(default_factory=list)
 
     @property
-    def coverage(self):
+    def coverage(self) -> float | None:
         """The share of the time in which the state was known, None if no time passed."""
         known = self.clear + self.collision
         return known / (known + self.unknown) if known + self.unknown else None
@@ -103,8 +112,20 @@ class SourceResult:
     name: str
     topic: str
     received: int
-    rejected: dict
-    examples: dict
+    rejected: dict[str, int]
+    examples: dict[str, str]
+
+
+@dataclass
+class Picture:
+    """The outlines (n, 2) of all bodies by name, at the least separation of a pair (m)."""
+
+    separation: float
+    time: int
+    footprint: str
+    obstacle: str
+    footprints: dict[str, NDArray[np.float64]]
+    obstacles: dict[str, NDArray[np.float64]]
 
 
 @dataclass
@@ -121,31 +142,37 @@ class Result:
     max_unknown: float
     start: int | None = None
     end: int | None = None
-    footprints: list = field(default_factory=list)
-    sources: list = field(default_factory=list)
-    contacts: list = field(default_factory=list)
-    unknown: list = field(default_factory=list)
-    problems: list = field(default_factory=list)
-    notes: list = field(default_factory=list)
-    picture: dict | None = None
+    footprints: list[FootprintResult] = field(default_factory=list)
+    sources: list[SourceResult] = field(default_factory=list)
+    contacts: list[Contact] = field(default_factory=list)
+    unknown: list[Unknown] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    picture: Picture | None = None
 
     @property
-    def duration(self):
+    def duration(self) -> float:
         """The time checked, in s."""
-        return 0.0 if self.start is None else (self.end - self.start) / 1e9
+        if self.start is None or self.end is None:
+            return 0.0
+        return (self.end - self.start) / 1e9
+
+    def since(self, time: int) -> float:
+        """Return a time in s since the start."""
+        return 0.0 if self.start is None else (time - self.start) / 1e9
 
     @property
-    def messages(self):
+    def messages(self) -> int:
         return sum(source.received for source in self.sources)
 
     @property
-    def least(self):
+    def least(self) -> Least | None:
         """The least separation of any footprint, None if none was found."""
         found = [footprint.least for footprint in self.footprints if footprint.least]
         return min(found, key=lambda least: least.separation, default=None)
 
     @property
-    def verdict(self):
+    def verdict(self) -> Verdict:
         """The verdict: a proved contact counts whatever else is wrong."""
         if self.contacts:
             return Verdict.COLLISION
@@ -158,7 +185,7 @@ class Result:
         return Verdict.CLEAR
 
 
-def overall(results):
+def overall(results: Iterable[Result]) -> Verdict:
     """Return the verdict on several recordings: the gravest one."""
     gravity = (Verdict.CLEAR, Verdict.UNKNOWN, Verdict.BAD_INPUT, Verdict.COLLISION)
     return max((result.verdict for result in results), key=gravity.index,

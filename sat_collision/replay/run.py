@@ -16,76 +16,40 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
-import struct
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
 
 from rosbags.rosbag2 import WriterError
+from sat_collision.messages.cdr import header_stamp
 from sat_collision.monitor import Monitor
-from sat_collision.replay.configuration import NODE
-from sat_collision.replay.recording import Recording
+from sat_collision.replay.options import HEADER, Options, RECEIVE
+from sat_collision.replay.recording import Message, Recording
 from sat_collision.replay.result import Result, SourceResult
 from sat_collision.replay.timeline import Timeline
-from sat_collision.replay.topics import missing_topics, settings_for, wrong_types
+from sat_collision.replay.topics import all_sources, missing_topics, settings_for, wrong_types
 from sat_collision.scene.parameters import ParameterError
+from sat_collision.scene.settings import Settings
 
-RECEIVE = 'receive'
-HEADER = 'header'
+if TYPE_CHECKING:
+    from sat_collision.replay.outputs import BagOutputs
+
+OnProgress: TypeAlias = Callable[[float], None]
 
 _LONGEST_QUIET = 60 * 10**9
 _PROGRESS_EVERY = 5000
-_STAMP = struct.Struct('<4siI')
 _APART = 3600 * 10**9
 
 
-@dataclass(frozen=True)
-class Options:
-    """
-    How to check recordings; times in s.
-
-    Attributes
-    ----------
-    parameters : dict
-        Parameters of the node by dotted name.
-    footprints, obstacles : tuple of str
-        Topics, or NAME:=TOPIC.
-    node : str
-        Full name of the node.
-    clock : str
-        RECEIVE or HEADER: the time of a message is when it was received, or its stamp.
-    start, duration : float
-        What part to check, from the recording's beginning.
-    max_unknown : float
-        For how long in all a footprint may be unknown.
-    sample : float
-        How often to look what is nearest to the footprints.
-    picture : bool
-        Keep the bodies at the least separation.
-    write_bag : str or None
-        Where to write what the node would have published.
-
-    """
-
-    parameters: dict = field(default_factory=dict)
-    footprints: tuple = ()
-    obstacles: tuple = ()
-    node: str = NODE
-    clock: str = RECEIVE
-    start: float = 0.0
-    duration: float | None = None
-    max_unknown: float = 1.0
-    sample: float = 0.1
-    picture: bool = False
-    write_bag: str | None = None
-
-
-def check(path, options=Options(), progress=None):
+def check(path: str | Path, options: Options = Options(),
+          progress: OnProgress | None = None) -> Result:
     """
     Check a recording.
 
     Parameters
     ----------
-    path : str
+    path : str or Path
         A rosbag2 directory or storage file.
     options : Options
     progress : callable, optional
@@ -112,7 +76,7 @@ def check(path, options=Options(), progress=None):
 class _Timer:
     """Something that recurs in the recording's time."""
 
-    def __init__(self, period, action):
+    def __init__(self, period: float, action: Callable[[int], None]) -> None:
         self.period = max(round(period * 1e9), 1)
         self.action = action
         self.due = 0
@@ -121,7 +85,8 @@ class _Timer:
 class _Run:
     """One recording on its way through the scene."""
 
-    def __init__(self, recording, settings, options, result):
+    def __init__(self, recording: Recording, settings: Settings, options: Options,
+                 result: Result) -> None:
         self._recording = recording
         self._settings = settings
         self._options = options
@@ -130,50 +95,54 @@ class _Run:
         self._scene = self._monitor.scene
         self._timeline = Timeline(self._scene, settings, options.picture)
         self._timers = [_Timer(options.sample, self._timeline.sample)]
-        self._outputs = None
+        self._outputs: BagOutputs | None = None
         self._now = 0
         self._due = 0
-        self._examples = {}
+        self._examples: dict[str, dict[str, str]] = {}
 
-    def run(self, progress):
+    def run(self, progress: OnProgress | None) -> None:
+        """Check the recording and fill in the result."""
         result, recording, options = self._result, self._recording, self._options
         wrong = dict(wrong_types(self._settings, recording.topics))
         result.problems += [f'{recording.path}: {problem}' for problem in wrong.values()]
         if recording.topics or not recording.problems:
             result.notes += missing_topics(self._settings, recording.topics)
-        names = {}
-        for source in (*self._settings.footprints, *self._settings.obstacles):
+        names: dict[str, list[str]] = {}
+        for source in all_sources(self._settings):
             if source.name not in wrong:
                 names.setdefault(source.topic, []).append(source.name)
-        if recording.start is not None:
+        if recording.start is not None and recording.end is not None:
             start = recording.start + round(options.start * 1e9)
             stop = None
             if options.duration is not None:
                 stop = start + round(options.duration * 1e9)
             if start > recording.end or stop == start:
-                result.notes.append('nothing of the recording lies in the time asked for')
+                result.notes.append(
+                    'the recording has nothing in the time given by --start and --duration')
             else:
-                self._play(names, start, stop, progress)
+                end = recording.end if stop is None else min(stop, recording.end)
+                self._play(names, start, stop, end, progress)
         result.sources = [
             SourceResult(source.name, source.topic, self._monitor.received[source.name],
                          {reason: count for (name, reason), count in
                           sorted(self._monitor.rejected.items()) if name == source.name},
                          self._examples.get(source.name, {}))
-            for source in (*self._settings.footprints, *self._settings.obstacles)]
+            for source in all_sources(self._settings)]
         result.footprints = self._timeline.footprints
         result.contacts = self._timeline.contacts
         result.unknown = self._timeline.unknown
         result.picture = self._timeline.picture
 
-    def _play(self, names, start, stop, progress):
+    def _play(self, names: dict[str, list[str]], start: int, stop: int | None, end: int,
+              progress: OnProgress | None) -> None:
         by_header = self._options.clock == HEADER
         # What metadata.yaml says of the recording's bounds is not taken as a reason to drop any.
-        messages = self._recording.messages(names, start if self._options.start else None, stop)
-        messages = self._with_clocks_compared(messages)
+        messages = self._with_clocks_compared(
+            self._recording.messages(names, start if self._options.start else None, stop))
         if progress:
             messages = self._with_progress(messages, names, progress)
         if self._options.write_bag:
-            self._write_outputs(start)
+            self._write_outputs(self._options.write_bag)
         if not by_header:
             self._begin(start)
         now = self._now
@@ -182,7 +151,7 @@ class _Run:
         touching = timeline.touching
         for topic, time, data in messages:
             if by_header:
-                time = _stamp(data)
+                time = header_stamp(data)
                 if time and not now:
                     self._begin(time)
             if time > now:
@@ -201,9 +170,7 @@ class _Run:
                     timeline.deepen(now)
         if self._result.start is None:
             return
-        end = now
-        if not by_header:
-            end = max(now, self._recording.end if stop is None else min(stop, self._recording.end))
+        end = now if by_header else max(now, end)
         self._pass_until(end)
         for timer in self._timers:
             if timer.due <= end:
@@ -213,14 +180,13 @@ class _Run:
         if self._outputs:
             self._outputs.close()
 
-    def _write_outputs(self, start):
+    def _write_outputs(self, path: str) -> None:
         from sat_collision.replay.outputs import BagOutputs
-        self._outputs = BagOutputs(self._options.write_bag, self._options.node, self._settings,
-                                   self._scene)
+        self._outputs = BagOutputs(path, self._options.node, self._settings, self._scene)
         self._timers += [_Timer(1.0 / self._settings.publish_rate, self._outputs.publish),
                          _Timer(1.0 / self._settings.marker_rate, self._outputs.publish_markers)]
 
-    def _begin(self, start):
+    def _begin(self, start: int) -> None:
         """Let the time begin."""
         self._result.start = self._now = start
         self._scene.advance(start)
@@ -229,60 +195,49 @@ class _Run:
             timer.due = start
         self._due = start
 
-    def _change(self, changed, now):
+    def _change(self, changed: Iterable[str], now: int) -> None:
         self._timeline.change(changed, now)
         if self._outputs:
             self._outputs.change(changed, now)
 
-    def _pass_until(self, now):
+    def _pass_until(self, now: int) -> None:
         """Do all that is due before the messages of now: what time brings about, and timers."""
         while True:
             # A bound may lie in the past, but the scene's time must not go back.
             deadline = max(self._scene.deadline + 1, self._now)
             timer = min(self._timers, key=lambda timer: timer.due)
-            event = min(deadline, timer.due)
-            if event >= now and event != deadline or event > now:
-                break
-            if event == deadline:
-                self._now = deadline
-                self._scene.advance(deadline)
+            if deadline <= min(now, timer.due):
+                self._now = int(deadline)
+                self._scene.advance(self._now)
                 changed = self._scene.changes()
                 if changed:
-                    self._change(changed, deadline)
+                    self._change(changed, self._now)
                 continue
-            timer.action(event)
+            if timer.due >= now:
+                break
+            timer.action(timer.due)
             timer.due += timer.period
-            quiet = min(deadline, now) - timer.due
+            quiet = int(min(deadline, now)) - timer.due
             if quiet > _LONGEST_QUIET:
                 timer.due += quiet
         self._now = now
         self._due = timer.due
 
-    def _with_progress(self, messages, names, progress):
+    def _with_progress(self, messages: Iterable[Message], names: Iterable[str],
+                       progress: OnProgress) -> Iterator[Message]:
         total = sum(self._recording.counts[topic] for topic in names)
         for count, message in enumerate(messages):
             if count % _PROGRESS_EVERY == 0:
                 progress(min(count / max(total, 1), 1.0))
             yield message
 
-    def _with_clocks_compared(self, messages):
+    def _with_clocks_compared(self, messages: Iterator[Message]) -> Iterable[Message]:
         """Note clocks so far apart at the first message that one cannot be the robot's."""
         for topic, time, data in messages:
-            stamp = _stamp(data)
+            stamp = header_stamp(data)
             if self._options.clock == RECEIVE and stamp and abs(time - stamp) > _APART:
                 self._result.notes.append(
-                    f'the first header stamp is {abs(time - stamp) / 1e9:.0f} s away from the '
-                    'time of its reception, as in a recording of a simulation: --clock header '
-                    'goes by the stamps')
+                    f'the first header stamp is {abs(time - stamp) / 1e9:.0f} s from the receive '
+                    'time, as in recordings of simulations: try --clock header')
             return chain([(topic, time, data)], messages)
         return ()
-
-
-def _stamp(data):
-    """Return the header stamp of a message in ns, 0 where there is none."""
-    if len(data) < _STAMP.size:
-        return 0
-    encapsulation, seconds, nanoseconds = _STAMP.unpack_from(data)
-    if encapsulation != b'\0\1\0\0' or nanoseconds >= 10**9:
-        return 0
-    return seconds * 10**9 + nanoseconds

@@ -12,11 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The states of a scene in the course of time, put together to intervals."""
+"""The states of a scene over time, joined to intervals."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.query import separation
-from sat_collision.replay.result import Contact, FootprintResult, Least, Unknown
-from sat_collision.scene.footprints import Status
+from sat_collision.replay.result import Contact, FootprintResult, Least, Picture, Unknown
+from sat_collision.scene.footprints import State, Status
+from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.scene import Scene
+from sat_collision.scene.settings import Settings
 
 _MOST_SAMPLES = 4096
 
@@ -38,28 +46,28 @@ class Timeline:
         The Contact and Unknown intervals, in the order of their beginning.
     footprints : list of FootprintResult
     touching : dict
-        The open Contacts by footprint and Obstacle, only of footprints that have any.
-    picture : dict or None
-        Bodies at the least separation.
+        The open Contacts by footprint and ObstacleId, only of footprints that have any.
+    picture : Picture or None
+        The bodies at the least separation.
 
     """
 
-    def __init__(self, scene, settings, with_picture=False):
+    def __init__(self, scene: Scene, settings: Settings, with_picture: bool = False) -> None:
         self._scene = scene
         self._with_picture = with_picture
-        self.contacts = []
-        self.unknown = []
-        self.touching = {}
-        self.picture = None
+        self.contacts: list[Contact] = []
+        self.unknown: list[Unknown] = []
+        self.touching: dict[str, dict[ObstacleId, Contact]] = {}
+        self.picture: Picture | None = None
         self.footprints = [FootprintResult(footprint.name, footprint.topic, footprint.enabled)
                            for footprint in settings.footprints]
         self._results = {result.name: result for result in self.footprints}
         self._series = {result.name: _Series(result.separation) for result in self.footprints}
-        self._since = {}
-        self._open_unknown = {}
-        self._measured = {}
+        self._since: dict[str, tuple[int, Status]] = {}
+        self._open_unknown: dict[str, Unknown] = {}
+        self._measured: dict[tuple[str, ObstacleId], list[Polygon]] = {}
 
-    def change(self, names, now):
+    def change(self, names: Iterable[str], now: int) -> None:
         """Take the new states of footprints."""
         for name in names:
             state = self._scene.state(name)
@@ -70,7 +78,7 @@ class Timeline:
             self._follow_unknown(name, state, now)
             self._follow_contacts(name, state.contacts, now)
 
-    def deepen(self, now):
+    def deepen(self, now: int) -> None:
         """Measure the open contacts of bodies that have moved."""
         for name, contacts in self.touching.items():
             for obstacle, *bodies in self._scene.contacts(name):
@@ -78,14 +86,16 @@ class Timeline:
                 if contact is None or self._measured.get((name, obstacle)) == bodies:
                     continue
                 self._measured[name, obstacle] = bodies
-                depth = -separation(*bodies)
+                # Taken from 0.0 rather than negated, which would make -0.0 of touching.
+                depth = 0.0 - separation(*bodies)
                 if contact.deepest == 0 or depth > contact.depth:
-                    contact.depth = depth + 0.0
+                    contact.depth = depth
                     contact.deepest = now
                     contact.x, contact.y = _place(*bodies)
-                    self._note_least(name, -contact.depth, now, obstacle, contact.x, contact.y)
+                    self._note_least(name, Least(0.0 - depth, now, contact.obstacle,
+                                                 contact.x, contact.y))
 
-    def sample(self, now):
+    def sample(self, now: int) -> None:
         """Note how far each footprint is from what is nearest to it."""
         for name, series in self._series.items():
             found = None
@@ -94,9 +104,10 @@ class Timeline:
             series.add(now, found and found[1])
             if found:
                 obstacle, distance, (ax, ay), (bx, by) = found
-                self._note_least(name, distance, now, obstacle, (ax + bx) / 2, (ay + by) / 2)
+                self._note_least(name, Least(distance + 0.0, now, str(obstacle),
+                                             (ax + bx) / 2, (ay + by) / 2))
 
-    def finish(self, now):
+    def finish(self, now: int) -> None:
         """End all that is open."""
         for name in self._results:
             self._count_time(name, now)
@@ -109,14 +120,14 @@ class Timeline:
         # What came and went between two messages of one time was never the case for long.
         self.unknown = [unknown for unknown in self.unknown if unknown.last > unknown.first]
 
-    def _count_time(self, name, now):
+    def _count_time(self, name: str, now: int) -> None:
         if name in self._since:
             since, status = self._since[name]
             result = self._results[name]
             setattr(result, status.value, getattr(result, status.value) + now - since)
             self._since[name] = now, status
 
-    def _follow_unknown(self, name, state, now):
+    def _follow_unknown(self, name: str, state: State, now: int) -> None:
         reasons = list(state.reasons)
         unknown = self._open_unknown.get(name)
         if unknown and (state.status is not Status.UNKNOWN or unknown.reasons != reasons):
@@ -126,7 +137,7 @@ class Timeline:
             self._open_unknown[name] = Unknown(name, now, now, reasons)
             self.unknown.append(self._open_unknown[name])
 
-    def _follow_contacts(self, name, obstacles, now):
+    def _follow_contacts(self, name: str, obstacles: Iterable[ObstacleId], now: int) -> None:
         contacts = self.touching.get(name, {})
         for obstacle in [obstacle for obstacle in contacts if obstacle not in obstacles]:
             contacts.pop(obstacle).last = now
@@ -140,52 +151,49 @@ class Timeline:
         else:
             self.touching.pop(name, None)
 
-    def _note_least(self, name, distance, now, obstacle, x, y):
+    def _note_least(self, name: str, found: Least) -> None:
         result = self._results[name]
-        if result.least is None or distance < result.least.separation:
-            result.least = Least(distance + 0.0, now, str(obstacle), x, y)
+        if result.least is None or found.separation < result.least.separation:
+            result.least = found
             if self._with_picture and (self.picture is None
-                                       or distance < self.picture['separation']):
-                self.picture = self._picture(distance, now, name, obstacle)
-
-    def _picture(self, distance, now, name, obstacle):
-        return {'separation': distance, 'time': now, 'pair': [name, str(obstacle)],
-                'footprints': [(other, polygon.vertices)
-                               for other, polygon in self._scene.footprints],
-                'obstacles': [(str(other), polygon.vertices)
-                              for other, polygon in self._scene.obstacles]}
+                                       or found.separation < self.picture.separation):
+                self.picture = Picture(
+                    found.separation, found.time, name, found.obstacle,
+                    {other: polygon.vertices for other, polygon in self._scene.footprints},
+                    {str(other): polygon.vertices for other, polygon in self._scene.obstacles})
 
 
 class _Series:
     """
-    Separations [time in ns, metres or None] in a list that never grows beyond a fixed length.
+    Separations (time in ns, metres or None) in a list that never grows beyond a fixed length.
 
     Where it would, neighbours are merged to their least.
     """
 
-    def __init__(self, samples):
+    def __init__(self, samples: list[tuple[int, float | None]]) -> None:
         self._samples = samples
         self._merged = 1
         self._pending = 0
 
-    def add(self, time, value):
+    def add(self, time: int, value: float | None) -> None:
         samples = self._samples
         if self._pending:
-            samples[-1][1] = _least(samples[-1][1], value)
+            last, least = samples[-1]
+            samples[-1] = last, _least(least, value)
         else:
             if len(samples) == _MOST_SAMPLES:
-                samples[:] = [[a[0], _least(a[1], b[1])]
-                              for a, b in zip(samples[::2], samples[1::2])]
+                samples[:] = [(time_a, _least(a, b)) for (time_a, a), (_, b)
+                              in zip(samples[::2], samples[1::2])]
                 self._merged *= 2
-            samples.append([time, value])
+            samples.append((time, value))
         self._pending = (self._pending + 1) % self._merged
 
 
-def _place(a, b):
+def _place(body: Polygon, other: Polygon) -> tuple[float, float]:
     """Return the middle of where the bounds of two bodies in contact overlap."""
-    a, b = a.bounds, b.bounds
+    a, b = body.bounds, other.bounds
     return ((max(a[0], b[0]) + min(a[2], b[2])) / 2, (max(a[1], b[1]) + min(a[3], b[3])) / 2)
 
 
-def _least(a, b):
+def _least(a: float | None, b: float | None) -> float | None:
     return min((value for value in (a, b) if value is not None), default=None)

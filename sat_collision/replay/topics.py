@@ -12,20 +12,32 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which topics of a recording are footprints and which are obstacles, unless somebody says."""
+"""Which topics of a recording are footprints and which are obstacles, where nobody says."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import fields
 import re
+from typing import TypeAlias
 
 from sat_collision.replay.configuration import NODE, settings_of
 from sat_collision.scene.parameters import ParameterError
-from sat_collision.scene.settings import POLYGON, POLYGON_INSTANCE
+from sat_collision.scene.settings import (
+    FootprintSettings, ObstacleSettings, POLYGON, POLYGON_INSTANCE, Settings)
+
+Source: TypeAlias = FootprintSettings | ObstacleSettings
 
 _KINDS = {'geometry_msgs/msg/PolygonStamped': POLYGON,
           'geometry_msgs/msg/PolygonInstanceStamped': POLYGON_INSTANCE}
 _TYPES = {kind: name for name, kind in _KINDS.items()}
+_PARAMETERS = {field.name for field in fields(Settings)}
+_OPTIONS = {'footprints': '--footprint', 'obstacles': '--obstacles'}
 
 
-def settings_for(types, parameters, footprints=(), obstacles=(), node=NODE):
+def settings_for(types: Mapping[str, str], parameters: Mapping[str, object],
+                 footprints: Iterable[str] = (), obstacles: Iterable[str] = (),
+                 node: str = NODE) -> Settings:
     """
     Return the Settings to check a recording with.
 
@@ -51,64 +63,71 @@ def settings_for(types, parameters, footprints=(), obstacles=(), node=NODE):
         If the parameters make no sense or the topics are ambiguous; lists the candidates.
 
     """
-    parameters = dict(parameters)
+    default = settings_of({}, node)
+    defaults: dict[str, Source] = {'footprints': default.footprints[0],
+                                   'obstacles': default.obstacles[0]}
+    values = dict(parameters)
     for kind, topics in (('footprints', footprints), ('obstacles', obstacles)):
         if topics:
-            parameters.update(_named(kind, topics))
+            values.update(_named(kind, topics, defaults[kind].name))
     polygons = {topic: _KINDS[kind] for topic, kind in types.items() if kind in _KINDS}
-    default = settings_of({}, node)
-    wanted = {'footprints': default.footprints[0].topic, 'obstacles': default.obstacles[0].topic}
-    said = [kind for kind in wanted if _is_said(kind, parameters) or wanted[kind] in polygons]
-    settings = settings_of(parameters, node)
+    said = [kind for kind, source in defaults.items()
+            if kind in values or f'{source.name}.topic' in values or source.topic in polygons]
+    settings = settings_of(values, node)
     taken = {source.topic for kind in said for source in getattr(settings, kind)}
     free = {topic: kind for topic, kind in polygons.items() if topic not in taken}
-    for kind, topic in _detected(free, [kind for kind in wanted if kind not in said]).items():
-        parameters.update(_named(kind, [topic]))
-    for source in settings_of(parameters, node).obstacles:
+    for kind, topic in _detected(free, [kind for kind in defaults if kind not in said]).items():
+        values.update(_named(kind, [topic], defaults[kind].name))
+    for source in settings_of(values, node).obstacles:
         if source.topic in polygons:
-            parameters.setdefault(f'{source.name}.type', polygons[source.topic])
-    return settings_of(parameters, node)
+            values.setdefault(f'{source.name}.type', polygons[source.topic])
+    return settings_of(values, node)
 
 
-def wrong_types(settings, types):
+def all_sources(settings: Settings) -> tuple[Source, ...]:
+    """Return what the settings have a topic for: footprints and sources of obstacles."""
+    return *settings.footprints, *settings.obstacles
+
+
+def wrong_types(settings: Settings, types: Mapping[str, str]) -> Iterator[tuple[str, str]]:
     """Return (name, problem) of each source whose topic the recording has with another type."""
-    for source in (*settings.footprints, *settings.obstacles):
-        wanted = _TYPES[getattr(source, 'type', POLYGON)]
+    for source in all_sources(settings):
+        wanted = _TYPES[source.type if isinstance(source, ObstacleSettings) else POLYGON]
         found = types.get(source.topic, wanted)
         if found != wanted:
-            yield source.name, f'{source.name}: {source.topic} is of type {found}, not {wanted}'
+            yield source.name, f'{source.name}: {source.topic} has the type {found}, not {wanted}'
 
 
-def missing_topics(settings, types):
+def missing_topics(settings: Settings, types: Mapping[str, str]) -> list[str]:
     """Return a sentence for each source whose topic the recording does not have."""
     return [f'{source.name}: the recording has no topic {source.topic}'
-            for source in (*settings.footprints, *settings.obstacles)
+            for source in all_sources(settings)
             if source.enabled and source.topic not in types]
 
 
-def _is_said(kind, parameters):
-    """Return whether the parameters say anything of the topics of footprints or obstacles."""
-    return kind in parameters or f'{kind.removesuffix("s")}.topic' in parameters or (
-        f'{kind}.topic' in parameters)
+def _named(kind: str, topics: Iterable[str], default: str) -> dict[str, object]:
+    """
+    Return the parameters that name sources, given as TOPIC or NAME:=TOPIC.
 
-
-def _named(kind, topics):
-    """Return the parameters that name sources, given as TOPIC or NAME:=TOPIC."""
-    sources = {}
+    A topic called like a parameter of the node, which no source may be, has the default name.
+    """
+    sources: dict[str, str] = {}
     for text in topics:
         if ':=' in text:
             name, topic = text.split(':=', 1)
         else:
             name, topic = re.sub(r'\W+', '_', text.strip('/~'), flags=re.ASCII), text
+            if name in _PARAMETERS:
+                name = default
         if name in sources:
             raise ParameterError(f"the name '{name}' is used twice in {kind}")
         sources[name] = topic
     return {kind: list(sources), **{f'{name}.topic': topic for name, topic in sources.items()}}
 
 
-def _detected(polygons, kinds):
+def _detected(polygons: Mapping[str, str], kinds: list[str]) -> dict[str, str]:
     """Return the topic of each kind of which there is any."""
-    found = {}
+    found: dict[str, str] = {}
     certain = True
     if 'footprints' in kinds:
         plain = [topic for topic, kind in polygons.items() if kind == POLYGON]
@@ -122,8 +141,7 @@ def _detected(polygons, kinds):
         found.update(zip(['obstacles'], others))
     if not certain:
         listed = ', '.join(f'{topic} ({_TYPES[kind]})' for topic, kind in polygons.items())
-        missing = ' and '.join(f'--{kind.removesuffix("s") if kind == "footprints" else kind}'
-                               for kind in kinds)
-        raise ParameterError(f'which topics are footprints, which obstacles? Say {missing}, '
-                             f'of: {listed}')
+        options = ' and '.join(_OPTIONS[kind] for kind in kinds)
+        raise ParameterError('cannot tell which topics are footprints and which are obstacles: '
+                             f'choose with {options} from {listed}')
     return found

@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from sat_collision.scene.deadlines import Deadlines
-from sat_collision.scene.footprints import Evaluation, Footprint
+from sat_collision.scene.footprints import Evaluation, Footprint, Status
 
 
 class Evaluations:
@@ -43,6 +43,7 @@ class Evaluations:
         self._deadlines = deadlines
         self._reported = reported
         self._unreported: set[Footprint] = set()
+        self._in_collision: set[str] = set()
         self._faults: tuple[str, tuple[str, ...]] = '', ()
 
     def use_faults(self, monitor_fault: str, source_faults: tuple[str, ...]) -> None:
@@ -56,8 +57,20 @@ class Evaluations:
         for footprint in self._changed:
             footprint.evaluate(now, *self._faults, release_delay)
             self._deadlines.watch(footprint)
+            if footprint.status is Status.COLLISION:
+                self._in_collision.add(footprint.settings.name)
         self._unreported |= self._changed
         self._changed.clear()
+
+    def brief_contacts(self) -> list[str]:
+        """
+        Return the names of footprints that were in collision for a moment only.
+
+        That is, between two calls of `changes`, of which the later is still to come.
+        """
+        return [name for name in self._in_collision
+                if self._footprints[name].status is not Status.COLLISION
+                and self._reported[name][0] is not Status.COLLISION]
 
     def changes(self) -> list[str]:
         """Return the names of footprints whose state, age apart, changed since the last call."""
@@ -70,4 +83,5 @@ class Evaluations:
                 self._reported[name] = footprint.evaluation
                 changed.append(name)
         self._unreported.clear()
+        self._in_collision.clear()
         return changed

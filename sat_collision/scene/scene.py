@@ -212,6 +212,12 @@ class Scene:
             self._invalidate(footprint, f'was refused: {reason}')
         self._reevaluate_all()
 
+    def fall_behind(self, name: str, seconds: float) -> None:
+        """Take note of how old the messages of a footprint or source are before they are taken."""
+        source = self._sources.get(name)
+        if source is not None and source.fall_behind(seconds):
+            self._reevaluate_all()
+
     def advance(self, now: int) -> None:
         """
         Let time pass: obstacles are forgotten, footprints become stale, sources fall silent.
@@ -231,6 +237,10 @@ class Scene:
             changed = True
         if changed:
             self._reevaluate_all()
+
+    def brief_contacts(self) -> list[str]:
+        """Return the names of footprints whose collision came and went since `changes`."""
+        return self._evaluations.brief_contacts()
 
     def changes(self) -> list[str]:
         """Return the names of footprints whose state, age apart, changed since the last call."""

@@ -24,8 +24,6 @@ from sat_collision.geometry.polygon import MAX_VERTICES
 
 POLYGON = 'polygon'
 POLYGON_INSTANCE = 'polygon_instance'
-EVENTS = 'events'
-SINGLE_THREADED = 'single_threaded'
 
 # The sources there are unless others are named. They are not called like the lists that name them:
 # with 'obstacles.topic' beside 'obstacles' a parameter would be both a value and a prefix.
@@ -149,6 +147,7 @@ class Settings:
     marker_rate: float = field(default=10.0, metadata=_setting(
         'Hz; how often markers are published while somebody subscribes',
         live=True, limits=_RATES))
-    executor: str = field(default=EVENTS, metadata=_setting(
-        "rclpy's executor that the node runs in; events costs a fraction of the processor time",
-        choices=(EVENTS, SINGLE_THREADED)))
+    max_batch_delay: float = field(default=0.002, metadata=_setting(
+        's; where messages are many the node rests for so long between takes, which spares '
+        'processor time and delays an answer by no more; 0.0 for never',
+        live=True, limits=(0.0, 0.1)))

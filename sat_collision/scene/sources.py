@@ -20,8 +20,8 @@ from collections import Counter
 from typing import TypeAlias
 
 import numpy as np
-from sat_collision.geometry.layout import body_size, FINGERPRINT
-from sat_collision.geometry.polygon import PackedBody
+from sat_collision.geometry.layout import FINGERPRINT
+from sat_collision.geometry.polygon import PackedBody, size_of
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.deadlines import Deadlines, NEVER
 from sat_collision.scene.obstacle_sets import ObstacleSets
@@ -93,6 +93,7 @@ class Source:
             self.forget(obstacle)
         self._heard: int | None = None
         self._silent = False
+        self._is_behind = False
         self._sets.clear()
 
     def configure(self, settings: ObstacleSettings, now: int) -> None:
@@ -121,6 +122,15 @@ class Source:
         """Note that the source is silent, now that its deadline is past."""
         self._silent = True
         self._find_faults()
+
+    def fall_behind(self, seconds: float) -> bool:
+        """Take note of how old messages are before they are taken; tell if that is news."""
+        is_behind = seconds > self.settings.timeout > 0.0
+        changed = is_behind != self._is_behind
+        self._is_behind = is_behind
+        if changed:
+            self._find_faults()
+        return changed
 
     def heartbeat(self, stamp: int, now: int) -> str | None:
         """Take the message that the publisher lives and saw nothing; return a refusal or None."""
@@ -271,6 +281,9 @@ class Source:
         elif self._silent:
             faults.append(
                 f'has been silent for longer than its timeout of {self.settings.timeout:g} s')
+        if self._is_behind:
+            faults.append('sends more than can be checked: what it sent is older than its timeout '
+                          f'of {self.settings.timeout:g} s before it is looked at')
         faults += [f'sent what was refused: {reason}' for reason in sorted(+self._refusals)]
         name, topic = self.settings.name, self.settings.topic
         worded = tuple(f'obstacle source {name} on {topic} {fault}' for fault in faults
@@ -281,5 +294,4 @@ class Source:
 
 def _shape(body: PackedBody) -> bytes:
     """Return what is the same for equal bodies, and for no others."""
-    packed, count = body
-    return np.asarray(packed)[:body_size(packed, 0, count)].tobytes()
+    return np.asarray(body[0])[:size_of(body)].tobytes()

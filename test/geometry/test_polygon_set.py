@@ -13,36 +13,10 @@
 # limitations under the License.
 """A set of bodies answers like shapely while it grows, shrinks and is replaced in place."""
 
-import math
-
+from bodies import as_shapely, random_body
 import numpy as np
 import pytest
-from sat_collision import (
-    intersects, intersects_many, intersects_pairs, Polygon, PolygonSet, separation)
-
-shapely = pytest.importorskip('shapely')
-
-U_SHAPE = np.array([(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)], float)
-
-
-def random_body(rng):
-    """Return a box, triangle, segment, point or U on a coarse lattice, so that many touch."""
-    corner = rng.integers(0, 40, 2) / 2
-    kind = rng.integers(5)
-    if kind == 0:
-        points = corner + U_SHAPE
-    elif kind == 1:
-        points = corner + np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * rng.integers(1, 4)
-    else:
-        points = corner + rng.integers(-3, 4, (kind - 1, 2))
-    return Polygon(points)
-
-
-def as_shapely(polygon):
-    vertices = polygon.vertices
-    if len(vertices) > 2:
-        return shapely.Polygon(vertices)
-    return shapely.LineString(vertices) if len(vertices) == 2 else shapely.Point(vertices[0])
+from sat_collision import Polygon, PolygonError, PolygonSet
 
 
 def test_hits_follow_every_change_of_the_set():
@@ -91,83 +65,28 @@ def test_memory_stays_bounded_while_bodies_are_replaced():
     assert bodies.nbytes <= settled
 
 
-def test_pairs_are_row_by_row():
-    """The k-th answer is about the k-th body of both sets."""
-    rng = np.random.default_rng(3)
-    a = [random_body(rng) for _ in range(400)]
-    b = [random_body(rng) for _ in range(400)]
-    expected = [as_shapely(p).intersects(as_shapely(q)) for p, q in zip(a, b)]
-    answers = intersects_pairs(PolygonSet(a), PolygonSet(b))
-    assert answers.dtype == np.bool_ and answers.tolist() == expected
-    with pytest.raises(ValueError, match='399'):
-        intersects_pairs(PolygonSet(a), PolygonSet(b[1:]))
+def test_points_are_taken_for_bodies():
+    """Wherever a set takes a body it takes its points, and says what is wrong with them."""
+    near, far = np.array([(0, 0), (1, 0), (0, 1)]), [(8.0, 8.0), (9.0, 8.0), (8.0, 9.0)]
+    bodies = PolygonSet([near, Polygon(far), near.astype(np.float32)])
+    assert bodies.append(far) == 3
+    bodies.replace(2, [(0.5, 0.25)])
+    assert bodies.intersecting_rows(near).tolist() == [0, 2]
+    assert bodies.intersects([(9, 8)]).tolist() == [False, True, False, True]
+    assert bodies.rows_within([(1, 1)], 0.95).tolist() == [0, 2]
+    assert bodies.nearest([(8, 7)])[:2] == (1, 1.0)
+    with pytest.raises(PolygonError, match='vertex 1 is not finite'):
+        PolygonSet([near, [(0, 0), (0, float('nan'))]])
 
 
-def test_pairs_of_few_and_many_vertices_side_by_side():
-    """What is searched at once and what in step, over several batches and with rows freed."""
-    rng = np.random.default_rng(8)
-
-    def body(_):
-        if rng.random() < 0.2:
-            return random_body(rng)
-        angles = np.linspace(0, 2 * np.pi, rng.choice([3, 16, 17, 40, 129, 300]), endpoint=False)
-        return Polygon(rng.uniform(0, 20, 2) + rng.uniform(1, 8) * np.column_stack(
-            [np.cos(angles), np.sin(angles)]))
-
-    a, b = (list(map(body, range(700))) for _ in range(2))
-    expected = np.array([intersects(p, q) for p, q in zip(a, b)])
-    assert 200 < expected.sum() < 500
-    first, second = PolygonSet(a), PolygonSet(b)
-    np.testing.assert_array_equal(intersects_pairs(first, second), expected)
-    for rows, bodies in ((range(0, 700, 7), first), (range(5, 700, 11), second)):
-        for row in rows:
-            bodies.remove(row)
-            expected[row] = False
-    np.testing.assert_array_equal(intersects_pairs(first, second), expected)
-
-
-def test_many_takes_a_set_or_plain_points():
-    """The answer has one entry a body, in order."""
-    rng = np.random.default_rng(4)
-    others = [random_body(rng) for _ in range(300)]
-    footprint = Polygon([(5, 5), (15, 5), (15, 8), (5, 8)])
-    expected = [as_shapely(footprint).intersects(as_shapely(other)) for other in others]
-    assert 0 < sum(expected) < 300
-    assert intersects_many(footprint, PolygonSet(others)).tolist() == expected
-    assert intersects_many(footprint.vertices,
-                           [other.vertices for other in others]).tolist() == expected
-    assert intersects_many(footprint, []).shape == (0,)
-
-
-def test_nearest_and_within_a_margin():
-    """Over sets with holes: the least separation of all rows, and the rows up to a margin."""
-    rng = np.random.default_rng(5)
-    apart = set()
-    for _ in range(40):
-        bodies = PolygonSet()
-        others = {}
-        for _ in range(30):
-            other = random_body(rng)
-            others[bodies.append(other)] = other
-        for row in rng.choice(30, 12, replace=False).tolist():
-            bodies.remove(row)
-            del others[row]
-        footprint = Polygon(rng.uniform(0, 20, 2) + [(0, 0), (0.3, 0), (0, 0.3)])
-        expected = {row: separation(footprint, other) for row, other in others.items()}
-        row, least, on_row, on_footprint = bodies.nearest(footprint)
-        assert math.dist(on_row, on_footprint) == pytest.approx(abs(least), abs=1e-14)
-        assert least == pytest.approx(min(expected.values()), abs=1e-14)
-        assert expected[row] == pytest.approx(least, abs=1e-14)
-        for margin in (0.0, 0.75, 4.0):
-            assert bodies.within(footprint, margin).tolist() == sorted(
-                row for row, value in expected.items() if value <= margin)
-        apart.add(least > 0)
-    assert apart == {True, False}
-
-
-def test_margin_counts_the_distance_itself():
-    """A box a quarter of a metre away is within that margin, and not within less."""
-    bodies = PolygonSet([Polygon([(1.25, 0), (2, 0), (2, 1), (1.25, 1)])])
-    footprint = Polygon([(0, 0), (1, 0), (1, 1), (0, 1)])
-    assert bodies.within(footprint, 0.25).tolist() == [0]
-    assert bodies.within(footprint, np.nextafter(0.25, 0)).tolist() == []
+def test_unchanged_body_is_recognised():
+    """Placing the very same vertices again says so; one that differs by an ulp is another."""
+    body = Polygon([(0, 0), (4, 0), (4, 4), (2, 1)])
+    moved = Polygon([(0, 0), (4, 0), (4, 4), (2, np.nextafter(1, 2))])
+    bodies = PolygonSet([body])
+    others = PolygonSet([[(3, 1)], [(9, 9)]])
+    assert bodies.is_same(0, body.packed) and not bodies.is_same(0, moved.packed)
+    assert bodies.place(0, body.packed, others) is None
+    assert bodies.place(0, moved.packed, others) == [0]
+    assert bodies.polygon(0).vertices.tolist() == moved.vertices.tolist()
+    assert bodies.place(0, body.packed, others, 9.0) == [0, 1]

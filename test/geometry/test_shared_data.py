@@ -14,11 +14,9 @@
 
 """Every case of ../shared/data, taken from the suites of JTS, GEOS, CGAL and others."""
 
-from fractions import Fraction
 import json
 from pathlib import Path
 
-import numpy as np
 import oracle
 import pytest
 
@@ -67,23 +65,3 @@ def test_invalid_rings_are_refused_and_degenerate_ones_are_bodies():
         else:
             assert reasons == {'non-finite'}
             assert caught.value.reason is Reason.NOT_FINITE
-
-
-def test_decompositions_are_convex_and_exact():
-    """The parts are convex, use the polygon's own vertices and have exactly its area."""
-    for case in load('decomposition_polygons'):
-        points = np.array(case['polygon'], float)
-        polygon = Polygon(points, max_vertices=len(points))
-        own = set(map(tuple, points.tolist()))
-        for part in polygon.parts:
-            assert part.is_convex
-            assert set(map(tuple, part.vertices.tolist())) <= own
-        total = sum(area(part.vertices) for part in polygon.parts)
-        assert total == abs(area(points))
-        assert float(total) == pytest.approx(case['area'])
-
-
-def area(ring):
-    """Return the exact signed area of a ring."""
-    x, y = zip(*[map(Fraction, point) for point in np.asarray(ring).tolist()])
-    return sum(x[i - 1] * y[i] - x[i] * y[i - 1] for i in range(len(x))) / 2

@@ -36,6 +36,8 @@ from rclpy.serialization import serialize_message
 from sat_collision.messages.markers import Markers
 from sat_collision.node.footprint_monitor import FootprintMonitor
 
+INFO = {'publication_sequence_number': None}
+
 def compiled():
     return {(name, key): len(value.signatures)
             for name, module in sys.modules.items() if name.startswith('sat_collision')
@@ -51,27 +53,38 @@ polygons = [[], [(2, 2)], [(0, 0), (1, 1)], [(0, 0), (1, 1), (2, 2)], box(0, 0),
 for stamp in (0, time.time_ns(), time.time_ns() + 10**9):
     messages = [serialize_message(polygon_message(polygon, stamp)) for polygon in polygons]
     for footprint in messages:
-        node._receive('footprint', footprint)
+        node.receive('footprint', footprint, INFO, time.time_ns())
         for obstacle in messages:
-            node._receive('obstacle', obstacle)
+            node.receive('obstacle', obstacle, INFO, time.time_ns())
             Markers().message(node._scene)
         node._scene.nearest('footprint')
 node._scene.update(replace(node._scene.settings, margin=0.1))
-node._receive('footprint', messages[-3])
+node.receive('footprint', messages[-3], INFO, time.time_ns())
 assert compiled() == before
 """
 
 
-@pytest.fixture
-def launch(domain, executor, monkeypatch):
+# What `python -m sat_collision.node` does, in what the node can run in.
+PROGRAM = """
+import sys
+from sat_collision.node import loop
+from sat_collision.node.__main__ import main
+if {runner!r} == 'executor':
+    loop.is_supported = lambda: False
+sys.exit(main(sys.argv))
+"""
+
+
+@pytest.fixture(params=('loop', 'executor'))
+def launch(domain, request, monkeypatch):
     """Start the node's process with some arguments; its output goes to a pipe."""
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
     started = []
 
     def launch(*arguments, **options):
         started.append(subprocess.Popen(
-            [sys.executable, '-m', 'sat_collision.node', '--ros-args', '-p',
-             f'executor:={executor}', *arguments],
+            [sys.executable, '-c', PROGRAM.format(runner=request.param), '--ros-args',
+             *arguments],
             cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options))
         return started[-1]
 
@@ -112,7 +125,7 @@ def ended(process):
     return process.returncode, output
 
 
-@pytest.mark.parametrize('number', (signal.SIGINT, signal.SIGTERM))
+@pytest.mark.parametrize('number', (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
 def test_one_signal_ends_a_busy_node_cleanly(launch_ready, peer, number):
     """In the middle of messages, with a word, status 0 and no traceback."""
     process = launch_ready('-p', 'footprint.timeout:=0.0')

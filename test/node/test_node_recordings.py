@@ -23,7 +23,7 @@ import pytest
 from sat_collision.messages.cdr import decode
 
 BAGS = Path(__file__).resolve().parents[3] / 'shared' / 'data' / 'bags'
-STORAGE = {'events': 'mcap', 'single_threaded': 'sqlite3'}
+STORAGE = {'loop': 'mcap', 'executor': 'sqlite3'}
 
 rosbags = pytest.importorskip('rosbags.highlevel')
 
@@ -42,7 +42,7 @@ def recorded(bag):
 @pytest.mark.parametrize('name', (
     'autoware_ego_trajectory_boxes', 'commonroad_USA_Lanker-1_1_ego1247',
     'tysik_front_scan_polygons'))
-def test_contacts_after_each_stamp_are_exactly_those_of_the_recording(start, executor, name):
+def test_contacts_after_each_stamp_are_exactly_those_of_the_recording(start, runner, name):
     """
     After a stamp's last message the contacts are those computed with rational arithmetic.
 
@@ -55,7 +55,7 @@ def test_contacts_after_each_stamp_are_exactly_those_of_the_recording(start, exe
     counted = monitor.received
     sent = 0
     stamps = []
-    for (stamp, messages), frame in zip(recorded(BAGS / f'{name}_{STORAGE[executor]}'), expected):
+    for (stamp, messages), frame in zip(recorded(BAGS / f'{name}_{STORAGE[runner]}'), expected):
         stamps.append(stamp)
         monitor.set_clock(stamp)
         for topic, data in messages:
@@ -65,7 +65,7 @@ def test_contacts_after_each_stamp_are_exactly_those_of_the_recording(start, exe
         monitor.set_clock(stamp + SECOND // 1000)
         monitor.until(lambda: heard and to_ns(heard[-1].header.stamp) > stamp)
         assert frame['stamp_ns'] == stamp
-        assert monitor.contacts() == [f'obstacles/{index}' for index, _, _ in frame['hits']]
+        assert monitor.contacts() == [f'obstacle/{index}' for index, _, _ in frame['hits']]
         assert monitor.state() == ('collision' if frame['hits'] else 'clear'), values(
             monitor.status())['reason']
     assert stamps == [frame['stamp_ns'] for frame in expected]

@@ -64,7 +64,6 @@ def test_defaults_are_those_of_the_settings(declare):
     _, parameters = declare()
     assert parameters.settings == Settings((FootprintSettings('footprint', '/footprint'),),
                                            (ObstacleSettings('obstacle', '/obstacles'),))
-    assert parameters.settings.executor == 'events'
 
 
 def test_shipped_parameter_file_has_the_defaults(declare):
@@ -92,7 +91,7 @@ def test_every_setting_can_be_given(declare):
     wanted = Settings(footprints, obstacles, frame_id='odom', enabled=False,
                       unknown_is_collision=False, margin=0.1, resolution=0.01, release_delay=0.5,
                       max_vertices=16, publish_rate=20.0, marker_rate=5.0,
-                      executor='single_threaded')
+                      max_batch_delay=0.005)
     values = {'footprints': ['a', 'b'], 'obstacles': ['c', 'd']}
     for source in (*footprints, *obstacles):
         values.update({f'{source.name}.{key}': value
@@ -164,7 +163,7 @@ def test_every_parameter_is_described(declare):
 
 @pytest.mark.parametrize('values, words', [
     ({'obstacle.type': 'circle'}, 'circle.*polygon, polygon_instance'),
-    ({'executor': 'multi'}, 'multi.*events, single_threaded'),
+    ({'max_batch_delay': 1.0}, 'max_batch_delay'),
     ({'footprint.timeout': 'soon'}, 'footprint.timeout.*DOUBLE'),
     ({'footprint.timeout': 1}, 'footprint.timeout.*INTEGER.*DOUBLE'),
     ({'footprint.timeout': -1.0}, 'footprint.timeout'),
@@ -197,7 +196,7 @@ def test_senseless_values_at_start_end_in_one_line(declare, values, words):
     ('footprint.timeout', 3.0), ('obstacle.timeout', 0.0), ('obstacle.set_window', 0.1),
     ('obstacle.accumulate', True), ('obstacle.max_count', 5), ('release_delay', 1.0),
     ('unknown_is_collision', False), ('publish_rate', 1.0), ('marker_rate', 1.0),
-    ('margin', 0.5), ('resolution', 0.5),
+    ('margin', 0.5), ('resolution', 0.5), ('max_batch_delay', 0.0),
 ])
 def test_what_is_live_can_be_set_while_running(declare, name, value):
     """A change is told at once, with settings that have it and are otherwise the same."""
@@ -214,7 +213,7 @@ def test_what_is_live_can_be_set_while_running(declare, name, value):
 
 @pytest.mark.parametrize('name, value', [
     ('footprints', ['a']), ('obstacles', ['a']), ('footprint.topic', '/a'),
-    ('obstacle.type', 'polygon_instance'), ('executor', 'single_threaded'),
+    ('obstacle.type', 'polygon_instance'),
     ('frame_id', 'odom'), ('max_vertices', 5),
 ])
 def test_what_is_structural_cannot_be_set_while_running(declare, name, value):

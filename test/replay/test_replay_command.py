@@ -26,11 +26,11 @@ import sys
 from xml.etree import ElementTree
 
 import pytest
-from recordings import box, drive, START, write
+from recordings import box, drive, SOURCE, START, write
 from rosbags.rosbag2 import Reader
 from sat_collision.demo import warehouse
 from sat_collision.replay.command import main
-from sat_collision.replay.report import Progress
+from sat_collision.replay.progress import Progress
 
 DOCS = Path(__file__).resolve().parents[2] / 'docs'
 
@@ -91,9 +91,9 @@ def test_table_tells_what_was_found(bags, capsys):
     """Times since the beginning, depth and place of the contact, coverage, rejections."""
     main([bags['collision']])
     out = capsys.readouterr().out
-    assert 'COLLISION' in out and '202 messages (footprint 101, obstacles 101)' in out
-    assert re.search(r'footprint +100.00 % +9.000 +1.000 +0.000 +-0.25 m from obstacles/0', out)
-    assert re.search(r'footprint +obstacles/0 +4.000 +1.000 +0.25 +0.875 +0.500', out)
+    assert 'COLLISION' in out and f'202 messages (footprint 101, {SOURCE} 101)' in out
+    assert re.search(rf'footprint +100.00 % +9.000 +1.000 +0.000 +-0.25 m from {SOURCE}/0', out)
+    assert re.search(rf'footprint +{SOURCE}/0 +4.000 +1.000 +0.25 +0.875 +0.500', out)
     main([bags['unknown']])
     out = capsys.readouterr().out
     assert 'has not been heard yet' in out and 'no topic /obstacles' in out
@@ -109,7 +109,7 @@ def test_json_has_the_documented_schema(bags, tmp_path):
     assert [bag['verdict'] for bag in content['bags']] == ['clear', 'collision', 'unknown',
                                                            'bad input']
     contact, = content['bags'][1]['contacts']
-    assert contact == {'footprint': 'footprint', 'obstacle': 'obstacles/0',
+    assert contact == {'footprint': 'footprint', 'obstacle': f'{SOURCE}/0',
                        'first': START + 4 * 10**9, 'last': START + 5 * 10**9, 'depth': 0.25,
                        'deepest': START + 4 * 10**9, 'x': 0.875, 'y': 0.5, 'at_end': False}
     documented = (DOCS / 'replay.md').read_text()
@@ -143,7 +143,7 @@ def test_csv_and_junit(bags, tmp_path):
               for suite in root}
     assert counts == {bags['clear']: ('2', '0', '0'), bags['collision']: ('2', '0', '1'),
                       bags['unknown']: ('2', '0', '1'), bags['bad']: ('2', '1', '1')}
-    assert 'obstacles/0' in root.find('.//failure').get('message')
+    assert f'{SOURCE}/0' in root.find('.//failure').get('message')
 
 
 def test_gate_passes_what_is_as_stored_and_prints_what_is_not(bags, tmp_path, capsys):
@@ -157,11 +157,11 @@ def test_gate_passes_what_is_as_stored_and_prints_what_is_not(bags, tmp_path, ca
     capsys.readouterr()
     assert main([*again, '--expect', stored]) == 1
     out = capsys.readouterr().out
-    assert 'collision: contacts.footprint - obstacles/0 #1 is missing' in out
+    assert f'collision: contacts.footprint - {SOURCE}/0 #1 is missing' in out
     assert 'collision: verdict is "clear", expected "collision"' in out
     assert 'clear:' not in out.replace('is "clear"', '').replace(bags['clear'], '')
     assert main([bags['clear'], '--expect', stored]) == 1
-    assert 'not checked, but expected' in capsys.readouterr().out
+    assert 'expected, but not checked' in capsys.readouterr().out
     Path(stored).write_text('{"schema": "other"}')
     assert main([bags['clear'], '--expect', stored]) == 3
 

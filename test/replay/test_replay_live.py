@@ -23,10 +23,11 @@ from recordings import NAMES, needs_shared, SHARED
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 from sat_collision.messages.cdr import decode
-from sat_collision.replay.run import check, Options
+from sat_collision.replay.options import Options
+from sat_collision.replay.run import check
 
 SECOND = 10**9
-STORAGE = {'events': 'mcap', 'single_threaded': 'sqlite3'}
+STORAGE = {'loop': 'mcap', 'executor': 'sqlite3'}
 
 
 def recorded(bag):
@@ -59,21 +60,21 @@ def without_repetition(items):
 
 @needs_shared
 @pytest.mark.parametrize('name', NAMES)
-def test_live_node_and_replay_publish_the_same(start, executor, tmp_path, name):
+def test_live_node_and_replay_publish_the_same(start, runner, tmp_path, name):
     """
     The changes of state that the node publishes are those in the bag that replay writes.
 
     The recording is played in order, each message once the one before is counted; the clock is
     that of the header stamps. Every change within a stamp is compared too, not only the last.
     """
-    bag = SHARED / f'{name}_{STORAGE[executor]}'
+    bag = SHARED / f'{name}_{STORAGE[runner]}'
     monitor = start(use_sim_time=True, publish_rate=50.0)
     heard = monitor.listen('~/state', 10_000)
     flags = monitor.listen('~/collision', 10_000)
     sent = 0
     for stamp, messages in recorded(bag):
         monitor.set_clock(stamp)
-        wait(lambda: monitor.monitor._now() == stamp)
+        wait(lambda: monitor.monitor.present() == stamp)
         for topic, data in messages:
             monitor.publisher(topic).publish(data)
             sent += 1
@@ -87,9 +88,9 @@ def test_live_node_and_replay_publish_the_same(start, executor, tmp_path, name):
     with AnyReader([tmp_path / 'out']) as reader:
         for connection, _, data in reader.messages():
             message = reader.deserialize(data, connection.msgtype)
-            if connection.topic == '/collision_monitor/state':
+            if connection.topic == '/footprint_monitor/state':
                 states.append(said(message.status[0]))
-            elif connection.topic == '/collision_monitor/collision':
+            elif connection.topic == '/footprint_monitor/collision':
                 raised.append(message.data)
     replayed = without_repetition(states)
     first = next(k for k, state in enumerate(live) if state[0] != 'unknown')

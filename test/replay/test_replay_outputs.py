@@ -19,9 +19,10 @@ import sys
 import textwrap
 
 import pytest
-from recordings import box, drive, START, write
+from recordings import box, drive, SOURCE, START, write
 from rosbags.highlevel import AnyReader
-from sat_collision.replay.run import check, Options
+from sat_collision.replay.options import Options
+from sat_collision.replay.run import check
 
 SECOND = 10**9
 WITHOUT_ROS = """
@@ -56,24 +57,24 @@ def test_written_bag_has_the_flags_at_the_right_times(tmp_path):
     """Raised when the contact begins, lowered when it ends, repeated at publish_rate."""
     check(write(tmp_path / 'bag', drive()), Options(write_bag=str(tmp_path / 'out')))
     topics = written(tmp_path / 'out')
-    assert set(topics) == {f'/collision_monitor/{name}' for name in (
+    assert set(topics) == {f'/footprint_monitor/{name}' for name in (
         'collision', 'footprint/collision', 'state', 'markers')}
     for name in ('collision', 'footprint/collision'):
-        flags = [(time, flag.data) for time, flag in topics[f'/collision_monitor/{name}']]
+        flags = [(time, flag.data) for time, flag in topics[f'/footprint_monitor/{name}']]
         changes = [flags[0]] + [b for a, b in zip(flags, flags[1:]) if a[1] != b[1]]
         assert changes == [(0.0, True), (0.0, False), (4.0, True), (5.0, False)]
         assert len(flags) >= 100
-    for time, array in topics['/collision_monitor/state']:
+    for time, array in topics['/footprint_monitor/state']:
         status, = array.status
         values = {pair.key: pair.value for pair in status.values}
         stamp = array.header.stamp
         assert (stamp.sec * SECOND + stamp.nanosec - START) / SECOND == time
         if 4.05 < time < 4.95:
-            assert (status.level, values['obstacles in contact']) == (2, 'obstacles/0')
-    markers = topics['/collision_monitor/markers']
+            assert (status.level, values['obstacles in contact']) == (2, f'{SOURCE}/0')
+    markers = topics['/footprint_monitor/markers']
     assert len(markers) == 101
     assert {marker.ns for marker in dict(markers)[4.5].markers} >= {
-        'footprint/fill', 'obstacles/outline', 'contacts/pairs'}
+        'footprint/fill', f'{SOURCE}/outline', 'contacts/pairs'}
 
 
 def test_written_markers_follow_bodies_whose_state_stays(tmp_path):
@@ -82,7 +83,7 @@ def test_written_markers_follow_bodies_whose_state_stays(tmp_path):
         ('/footprint', k / 10, box(k / 4)), ('/obstacles', k / 10, box(50)))]
     check(write(tmp_path / 'bag', messages), Options(write_bag=str(tmp_path / 'out')))
     places = {}
-    for time, array in written(tmp_path / 'out')['/collision_monitor/markers']:
+    for time, array in written(tmp_path / 'out')['/footprint_monitor/markers']:
         for marker in array.markers:
             if marker.ns == 'footprint/outline':
                 places[time] = min(point.x for point in marker.points)
@@ -95,7 +96,8 @@ def test_written_bag_is_the_same_without_ros(tmp_path):
     bag = write(tmp_path / 'bag', drive(2.0, contact=(1.0, 1.5)))
     check(bag, Options(write_bag=str(tmp_path / 'ros')))
     out = run_without_ros("""
-        from sat_collision.replay.run import check, Options
+        from sat_collision.replay.options import Options
+        from sat_collision.replay.run import check
         result = check(sys.argv[1], Options(write_bag=sys.argv[2]))
         print(result.problems, len(result.contacts), 'rclpy' in sys.modules)
     """, str(bag), str(tmp_path / 'plain'))
@@ -122,8 +124,9 @@ def test_other_encodings_are_read_without_ros():
             point = message_class('geometry_msgs/msg/Point32')
             inner.points = [point(x=1.0, y=2.0), point(x=3.0)]
             data = bytes(STORE.serialize_cdr(message, kind, little_endian=False))
-            stamp, frame_id, points, identity = decode(data, instance)
-            print(stamp, frame_id, list(struct.iter_unpack('=fff', points)), identity)
+            stamp, frame_id, (buffer, at, count), identity = decode(data, instance)
+            points = list(struct.iter_unpack('=fff', buffer[at:at + 12 * count]))
+            print(stamp, frame_id, points, identity)
             for bad in (data[:-1], data + bytes(8), b'\\0\\3' + data[2:], data[:9]):
                 try:
                     decode(bad, instance)
@@ -140,6 +143,6 @@ def test_markers_of_points_and_silence_are_written(tmp_path):
     messages = [(topic, time, points) for time in (0.0, 3.0)
                 for topic, points in (('/footprint', box(0)), ('/obstacles', [(2.0, 0.5)]))]
     check(write(tmp_path / 'bag', messages), Options(write_bag=str(tmp_path / 'out')))
-    flags = written(tmp_path / 'out')['/collision_monitor/collision']
+    flags = written(tmp_path / 'out')['/footprint_monitor/collision']
     assert max(b[0] - a[0] for a, b in zip(flags, flags[1:])) <= 0.1001
     assert any(flag.data for time, flag in flags if time > 1.0)

@@ -23,8 +23,8 @@ import pytest
 from recordings import drive, NAMES, needs_shared, SHARED, write
 from sat_collision.replay import parallel
 from sat_collision.replay.command import main
+from sat_collision.replay.options import Options
 from sat_collision.replay.result import Verdict
-from sat_collision.replay.run import Options
 
 
 @pytest.fixture
@@ -76,7 +76,7 @@ def test_jobs_give_the_same_results(bags):
 @pytest.mark.parametrize('fault', (dies, fails))
 def test_recording_of_a_lost_process_is_tried_again(bags, tmp_path, monkeypatch, fault):
     """A worker that is killed, or fails, at its first attempt: no result is lost or doubled."""
-    monkeypatch.setattr(fleet, 'check_one', functools.partial(
+    monkeypatch.setattr(parallel, 'check_one', functools.partial(
         fault, marks=str(tmp_path), forever=False))
     results = list(parallel.check_here(bags, Options(), 2))
     assert sorted(result.bag for result in results) == bags
@@ -85,7 +85,7 @@ def test_recording_of_a_lost_process_is_tried_again(bags, tmp_path, monkeypatch,
 
 def test_recording_that_kills_every_process_is_given_up(bags, tmp_path, monkeypatch):
     """It is bad input after three attempts; all others are checked."""
-    monkeypatch.setattr(fleet, 'check_one', functools.partial(
+    monkeypatch.setattr(parallel, 'check_one', functools.partial(
         dies, marks=str(tmp_path), forever=True))
     results = {result.bag: result for result in parallel.check_here(bags, Options(), 2)}
     assert sorted(results) == bags
@@ -102,7 +102,7 @@ def test_cluster_gives_the_same_results(bags, cluster):
 @pytest.mark.parametrize('fault', (dies, fails))
 def test_recording_of_a_lost_worker_is_tried_again(bags, tmp_path, monkeypatch, cluster, fault):
     """A worker process that is killed, and one that raises."""
-    monkeypatch.setattr(fleet, 'check_one', functools.partial(
+    monkeypatch.setattr(parallel, 'check_one', functools.partial(
         fault, marks=str(tmp_path), forever=False))
     results = list(parallel.check_on_cluster(bags, Options(), cluster))
     assert sorted(result.bag for result in results) == bags

@@ -14,10 +14,16 @@
 
 """Recordings of every storage, whole and broken on purpose: what is read, and what is said."""
 
+import itertools
 import shutil
+import sqlite3
+import struct
+import zlib
 
+from builders import serialised
 import pytest
-from recordings import box, drive, POLYGON, write
+from recordings import box, drive, POLYGON, START, write
+from sat_collision.replay.recovery import Damage, recovered
 from sat_collision.replay.result import Verdict
 from sat_collision.replay.run import check
 
@@ -182,3 +188,87 @@ def test_topic_of_another_type_is_said(tmp_path):
     assert result.verdict is Verdict.BAD_INPUT
     assert any('std_msgs/msg/Bool' in problem and POLYGON in problem or 'which topics' in problem
                for problem in result.problems)
+
+
+def record(kind, content):
+    """Return an MCAP record; of a message kind is 5, of a chunk 6."""
+    return struct.pack('<BQ', kind, len(content)) + content
+
+
+def text(string):
+    return struct.pack('<I', len(string)) + string
+
+
+def channel(key, topic):
+    return record(4, struct.pack('<HH', key, 1) + text(topic) + text(b'cdr') + text(b''))
+
+
+def chunk(*records, compression=b''):
+    """Return a chunk with its checksum."""
+    content = b''.join(records)
+    return record(6, struct.pack('<QQQI', 0, 0, len(content), zlib.crc32(content))
+                  + text(compression) + struct.pack('<Q', len(content)) + content)
+
+
+def mcap(*parts):
+    """Return a file without an index, so that rosbags does not open it: ten chunks of a drive."""
+    head = record(3, struct.pack('<H', 1) + text(POLYGON.encode()) + text(b'') + text(b''))
+    return b'\x89MCAP0\r\n' + head + b''.join(parts) + record(15, bytes(4))
+
+
+def chunks_of_a_drive():
+    """Return ten chunks of ten messages each on two topics."""
+    topics = {'/footprint': 1, '/obstacles': 2}
+    messages = []
+    for topic, time, points in drive(contact=(0, 0))[:100]:
+        stamp = START + round(time * 1e9)
+        messages.append(record(5, struct.pack('<HIQQ', topics[topic], 0, stamp, stamp)
+                               + serialised(points, stamp)))
+    return [chunk(*messages[k:k + 10]) for k in range(0, 100, 10)]
+
+
+CHANNELS = channel(1, b'/footprint'), channel(2, b'/obstacles')
+DRIVE = chunks_of_a_drive()
+FLIPPED = DRIVE[3][:-20] + bytes([DRIVE[3][-20] ^ 64]) + DRIVE[3][-19:]
+
+
+@pytest.mark.parametrize('parts, count, words', [
+    ((*CHANNELS, *DRIVE), 100, None),
+    ((*CHANNELS, *DRIVE[:3], FLIPPED, *DRIVE[4:]), 90, 'checksum'),
+    ((*CHANNELS, *DRIVE[:3], chunk(b'junk', compression=b'zstd'), *DRIVE[3:]), 100, 'Zstandard'),
+    ((*CHANNELS, *DRIVE[:3], chunk(b'', compression=b'bzip2'), *DRIVE[3:]), 100, "'bzip2'"),
+    ((*CHANNELS, *DRIVE[:3], record(5, b'abc'), *DRIVE[3:]), 100, 'invalid message'),
+    ((*CHANNELS, *DRIVE[:3], record(5, bytes(30)), *DRIVE[3:]), 100, 'invalid message'),
+    ((CHANNELS[0], channel(2, b'/\xffbstacles'), *DRIVE), 50, 'invalid channel'),
+    ((CHANNELS[0], CHANNELS[1][:-14] + b'\xff' * 14, *DRIVE), 50, 'and in 50 more places'),
+    ((*CHANNELS, *DRIVE[:3], struct.pack('<BQ', 5, 2**63), *DRIVE[3:]), 30, 'announced'),
+    ((*CHANNELS, *DRIVE[:3], b'abc'), 30, 'announced'),
+], ids=('whole', 'checksum', 'zstd', 'compression', 'short message', 'no such channel',
+        'topic that is no text', 'texts longer than their record', 'endless record', 'cut off'))
+def test_damaged_part_of_a_file_is_left_out_and_said(tmp_path, parts, count, words):
+    """No message is made up of damaged bytes, nothing is raised, and the rest is read."""
+    file = tmp_path / 'a.mcap'
+    file.write_bytes(mcap(*parts))
+    result = check(file)
+    assert result.messages == count
+    assert result.contacts == [] and not any(source.rejected for source in result.sources)
+    damage = [problem for problem in result.problems if ': damaged ' in problem]
+    assert all(str(file) in problem for problem in result.problems)
+    assert words is None and not damage or len(damage) == 1 and words in damage[0]
+
+
+@pytest.mark.parametrize('value', (7, 'seven'))
+def test_row_of_another_type_ends_what_is_read(tmp_path, value):
+    """Damage may put any value into any column of SQLite: nothing is raised."""
+    file = storage_file(write(tmp_path / 'bag', drive(), 'sqlite3'))
+    connection = sqlite3.connect(file)
+    connection.execute('UPDATE messages SET data = ? WHERE id = 50', (value,))
+    connection.commit()
+    connection.close()
+    result = check(file)
+    assert result.messages == 49
+    assert any('wrong types' in problem for problem in result.problems)
+    messages = recovered(file)
+    assert len(list(itertools.islice(messages, 49))) == 49
+    with pytest.raises(Damage, match='wrong types'):
+        next(messages)

@@ -16,15 +16,15 @@
 
 import json
 
+from builders import SECOND, serialised
 import pytest
-from recordings import box, drive, INSTANCE, NAMES, needs_shared, polygon, SHARED, START, write
+from recordings import box, drive, INSTANCE, NAMES, needs_shared, SHARED, SOURCE, START, write
 from sat_collision.messages.cdr import decode
 from sat_collision.replay import run as replay
+from sat_collision.replay.options import HEADER, Options
 from sat_collision.replay.recording import Recording
 from sat_collision.replay.result import Verdict
-from sat_collision.replay.run import check, HEADER, Options
-
-SECOND = 10**9
+from sat_collision.replay.run import check
 
 
 def since(result, *times):
@@ -58,13 +58,13 @@ def test_contacts_after_each_stamp_are_exactly_those_of_the_recording(
 
     monkeypatch.setattr(replay, 'Monitor', Watched)
     result = check(SHARED / f'{name}_{storage}', Options(clock=clock))
-    assert seen == {frame['stamp_ns']: [f'obstacles/{index}' for index, _, _ in frame['hits']]
+    assert seen == {frame['stamp_ns']: [f'{SOURCE}/{index}' for index, _, _ in frame['hits']]
                     for frame in expected}
     assert result.problems == [] and result.verdict is Verdict.COLLISION
     for frame in expected:
         for index, _, kind in frame['hits']:
             contact, = (contact for contact in result.contacts
-                        if contact.obstacle == f'obstacles/{index}'
+                        if contact.obstacle == f'{SOURCE}/{index}'
                         and contact.first <= frame['stamp_ns'] + 99 <= contact.last + 99
                         and contact.first - 99 <= frame['stamp_ns'])
             assert (contact.depth > 0) or kind == 'touch'
@@ -127,8 +127,8 @@ def test_obstacle_is_forgotten_at_its_time(tmp_path):
         messages.append(('/footprint', k / 10, box(0)))
         stamp = START + k * SECOND // 10
         if k == 10:
-            messages.append(('/tracks', k / 10, polygon(box(0.5), stamp, identity=7)))
-        messages.append(('/tracks', k / 10, polygon(box(9), stamp, identity=8)))
+            messages.append(('/tracks', k / 10, serialised(box(0.5), stamp, instance=7)))
+        messages.append(('/tracks', k / 10, serialised(box(9), stamp, instance=8)))
     result = check(write(tmp_path / 'bag', messages, types={'/tracks': INSTANCE}))
     contact, = result.contacts
     assert contact.obstacle == 'tracks/7'
@@ -141,7 +141,7 @@ def test_footprint_that_comes_too_late_does_not_set_the_time_back(tmp_path):
     for k in range(40):
         late = START + (k - 50) * SECOND // 10
         messages += [('/robot', k / 10, box(0)), ('/obstacles', k / 10, box(0.5)),
-                     ('/late', k / 10, polygon(box(9), late))]
+                     ('/late', k / 10, serialised(box(9), late))]
     result = check(write(tmp_path / 'bag', messages), Options(
         footprints=('robot:=/robot', 'late:=/late'), obstacles=('/obstacles',)))
     contact, = result.contacts
@@ -158,18 +158,18 @@ def test_release_delay_comes_from_the_parameters(tmp_path):
 
 
 @pytest.mark.parametrize('data, reason', [
-    (polygon([(0, 0), (1, 1), (1, 0), (0, 1)], START + 2 * SECOND), 'self-intersecting'),
-    (polygon([(0, 0), (float('nan'), 1), (1, 0)], START + 2 * SECOND), 'not finite'),
-    (polygon(box(0), START + 2 * SECOND, 'odom'), 'other frame'),
-    (polygon(box(0), START + 2 * SECOND, ''), 'empty frame_id'),
-    (polygon(box(0), START + 2 * SECOND)[:-3], 'undecodable'),
+    (serialised([(0, 0), (1, 1), (1, 0), (0, 1)], START + 2 * SECOND), 'self-intersecting'),
+    (serialised([(0, 0), (float('nan'), 1), (1, 0)], START + 2 * SECOND), 'not finite'),
+    (serialised(box(0), START + 2 * SECOND, 'odom'), 'other frame'),
+    (serialised(box(0), START + 2 * SECOND, ''), 'empty frame_id'),
+    (serialised(box(0), START + 2 * SECOND)[:-3], 'undecodable'),
 ], ids=lambda value: value if isinstance(value, str) else 'polygon')
 def test_messages_are_rejected_as_live_and_counted(tmp_path, data, reason):
     """A bad obstacle makes the footprint unknown until the place in the set is taken again."""
     messages = standing(4.0)
     messages[40:42] = [('/footprint', 2.0, box(0)), ('/obstacles', 2.0, data)]
     result = check(write(tmp_path / 'bag', messages))
-    source = next(source for source in result.sources if source.name == 'obstacles')
+    source = next(source for source in result.sources if source.name == SOURCE)
     assert source.rejected == {reason: 1}
     assert '/obstacles' in source.examples[reason]
     assert any(reason in unknown.reasons[0] for unknown in result.unknown)
@@ -189,7 +189,7 @@ def test_part_of_a_recording(tmp_path):
 
 def test_recording_of_a_simulation_is_checked_by_its_stamps(tmp_path):
     """Stamps count from 0, receptions by the wall clock: all is too old, and the note says why."""
-    messages = [(topic, time, polygon(points, 100 * SECOND + round(time * SECOND)))
+    messages = [(topic, time, serialised(points, 100 * SECOND + round(time * SECOND)))
                 for topic, time, points in drive()]
     bag = write(tmp_path / 'bag', messages)
     result = check(bag)
@@ -202,7 +202,7 @@ def test_recording_of_a_simulation_is_checked_by_its_stamps(tmp_path):
 
 def test_stamps_that_jitter_between_topics_drop_nothing(tmp_path):
     """By header stamps, obstacles are 50 ms behind the footprint: the clock does not go back."""
-    messages = [(topic, time, polygon(points, START + round(
+    messages = [(topic, time, serialised(points, START + round(
         (time - (0.05 if topic == '/obstacles' else 0.0)) * SECOND)))
         for topic, time, points in drive()]
     result = check(write(tmp_path / 'bag', messages), Options(clock=HEADER))
@@ -221,7 +221,7 @@ def test_wild_gap_in_time_takes_no_time(tmp_path):
 def test_series_does_not_grow_with_the_recording(tmp_path):
     """An hour sampled every 10 ms; neighbours are merged to their least."""
     bag = write(tmp_path / 'bag', drive(3600.0, rate=1.0, contact=(1800.0, 1801.0)))
-    result = check(bag, Options(parameters={'footprint.timeout': 3.0, 'obstacles.timeout': 3.0},
+    result = check(bag, Options(parameters={'footprint.timeout': 3.0, f'{SOURCE}.timeout': 3.0},
                                 sample=0.01))
     samples = result.footprints[0].separation
     assert 1000 < len(samples) <= 4096

@@ -20,26 +20,26 @@ import pytest
 
 pytest.importorskip('rosbags')
 
-from recordings import INSTANCE, POLYGON  # noqa: E402
+from recordings import INSTANCE, POLYGON, SOURCE  # noqa: E402
 from sat_collision.replay.configuration import (  # noqa: E402
     parameter_of_text, parameters_of_file, settings_of)
 from sat_collision.replay.topics import settings_for  # noqa: E402
 from sat_collision.scene.parameters import ParameterError  # noqa: E402
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
-NODE = '/robot/collision_monitor'
+NODE = '/robot/footprint_monitor'
 FILES = {
     'all nodes': '/**:\n  ros__parameters:\n    footprint.timeout: 0.5\n',
     'nested': '/**:\n  ros__parameters:\n    footprint:\n      timeout: 0.5\n      topic: a\n',
     'by full name': f'{NODE}:\n  ros__parameters:\n    release_delay: 2.0\n',
-    'by nested namespace': ('robot:\n  collision_monitor:\n    ros__parameters:\n'
+    'by nested namespace': ('robot:\n  footprint_monitor:\n    ros__parameters:\n'
                             '      release_delay: 2.0\n'),
-    'wildcard namespace': '/*/collision_monitor:\n  ros__parameters:\n    release_delay: 2.0\n',
-    'deep wildcard': '/**/collision_monitor:\n  ros__parameters:\n    release_delay: 2.0\n',
+    'wildcard namespace': '/*/footprint_monitor:\n  ros__parameters:\n    release_delay: 2.0\n',
+    'deep wildcard': '/**/footprint_monitor:\n  ros__parameters:\n    release_delay: 2.0\n',
     'wildcard name': '/robot/*:\n  ros__parameters:\n    release_delay: 2.0\n',
     'one token only': '/*:\n  ros__parameters:\n    release_delay: 2.0\n',
     'another node': '/other:\n  ros__parameters:\n    release_delay: 2.0\n',
-    'name alone': 'collision_monitor:\n  ros__parameters:\n    release_delay: 2.0\n',
+    'name alone': 'footprint_monitor:\n  ros__parameters:\n    release_delay: 2.0\n',
     'later wins': ('/**:\n  ros__parameters:\n    release_delay: 2.0\n'
                    f'{NODE}:\n  ros__parameters:\n    release_delay: 3.0\n'),
     'sources': ('/**:\n  ros__parameters:\n    footprints: [a, b]\n    obstacles: [c]\n'
@@ -55,7 +55,7 @@ def node_settings(domain, *arguments):
     from sat_collision.node.parameters import Parameters
     context = rclpy.Context()
     context.init(domain_id=domain)
-    node = rclpy.create_node('collision_monitor', namespace='/robot', context=context,
+    node = rclpy.create_node('footprint_monitor', namespace='/robot', context=context,
                              cli_args=['--ros-args', *arguments])
     try:
         return Parameters(node).settings
@@ -75,7 +75,7 @@ def test_parameter_file_means_what_it_means_to_the_node(domain, tmp_path, conten
     assert settings == node_settings(domain, '--params-file', str(path))
 
 
-@pytest.mark.parametrize('name', ('collision_monitor.yaml', 'nav2.yaml'))
+@pytest.mark.parametrize('name', ('footprint_monitor.yaml', 'nav2.yaml'))
 def test_shipped_parameter_files_are_read(domain, name):
     """As the node reads them."""
     settings = settings_of(parameters_of_file(CONFIG / name, NODE), NODE)
@@ -83,8 +83,8 @@ def test_shipped_parameter_files_are_read(domain, name):
 
 
 @pytest.mark.parametrize('text', [
-    'obstacles.type:=circle', 'footprint.timeout:=soon', 'footprint.timeout:=1',
-    'footprint.timeout:=-1.0', 'footprint.timeout:=.nan', 'obstacles.max_count:=0',
+    f'{SOURCE}.type:=circle', 'footprint.timeout:=soon', 'footprint.timeout:=1',
+    'footprint.timeout:=-1.0', 'footprint.timeout:=.nan', f'{SOURCE}.max_count:=0',
     'publish_rate:=1000.0', 'footprints:=robot', 'footprints:=[left arm]', 'footprints:=[a, a]',
     'obstacles:=[footprint]', 'footprint.topic:=a b', "footprint.topic:=''", 'enabled:=1'])
 def test_what_the_node_refuses_is_refused(domain, text):
@@ -97,7 +97,7 @@ def test_what_the_node_refuses_is_refused(domain, text):
 
 
 @pytest.mark.parametrize('content, words', [
-    ('{:', 'params.yaml'), ('', 'no parameter file'), ('a: 1', "no 'ros__parameters'"),
+    ('{:', 'params.yaml'), ('', 'not a parameter file'), ('a: 1', "no 'ros__parameters'"),
     ('/**:\n  ros__parameters: 3\n', 'has no parameters'), (b'\xff\xfe\xfd', 'params.yaml')])
 def test_file_that_is_no_parameter_file_is_refused(tmp_path, content, words):
     """The message names it."""
@@ -154,5 +154,12 @@ def test_topics_can_be_said():
         ['/b'], [('/a', 'polygon')])
     with pytest.raises(ParameterError, match='used twice'):
         topics_of(types, footprints=('x:=/a', 'x:=/b'))
-    with pytest.raises(ParameterError, match='no name'):
+    with pytest.raises(ParameterError, match='name'):
         topics_of(types, footprints=(':=/a',))
+
+
+def test_topic_called_like_a_parameter_feeds_the_default_source():
+    """No source may be called like a parameter, such as the list of all sources."""
+    settings = settings_for({'/footprints': POLYGON, '/obstacles': POLYGON}, {},
+                            footprints=['/footprints'], obstacles=['/obstacles'])
+    assert [settings.footprints[0].name, settings.obstacles[0].name] == ['footprint', SOURCE]

@@ -212,13 +212,12 @@ def values(status):
 class RunningMonitor(Peer):
     """A monitor that runs in a thread of its own, seen from a peer."""
 
-    def __init__(self, domain, executor, arguments, parameters):
+    def __init__(self, domain, arguments, parameters):
         self._monitor_context = rclpy.Context()
         self._monitor_context.init(args=['--ros-args', *arguments], domain_id=domain)
         self.monitor = FootprintMonitor(
             context=self._monitor_context,
-            parameter_overrides=to_parameters({'executor': executor, **parameters}))
-        self._monitor_executor = self.monitor.create_executor()
+            parameter_overrides=to_parameters(parameters))
         self._stop = threading.Event()
         self._error = None
         self._thread = threading.Thread(target=self._run)
@@ -251,8 +250,7 @@ class RunningMonitor(Peer):
 
     def _run(self):
         try:
-            while not self._stop.is_set():
-                self._monitor_executor.spin_once(timeout_sec=0.1)
+            self.monitor.loop.run(self._stop.is_set)
         except Exception as error:
             self._error = error
 
@@ -266,8 +264,7 @@ class RunningMonitor(Peer):
     def close(self):
         self._stop.set()
         self._thread.join()
-        self._monitor_executor.remove_node(self.monitor)
-        self._monitor_executor.shutdown()
+        self.monitor.loop.close()
         self.monitor.destroy_node()
         self._monitor_context.shutdown()
         super().close()

@@ -11,10 +11,19 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""How far apart or how deep in each other convex bodies truly are, in rational arithmetic."""
+
+"""Areas, and how far apart or how deep in each other convex bodies truly are, in rationals."""
 
 from fractions import Fraction
 import math
+
+import numpy as np
+
+
+def twice_area(vertices):
+    """Return twice the signed area of a ring, exactly."""
+    points = [(Fraction(x), Fraction(y)) for x, y in np.asarray(vertices).tolist()]
+    return sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(points, points[1:] + points[:1]))
 
 
 def exact_distance(a, b):

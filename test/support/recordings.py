@@ -15,15 +15,15 @@
 """Recordings made for a test: polygons by topic and time, written by rosbags."""
 
 from pathlib import Path
-import struct
 
-import numpy as np
+from builders import serialised
 import pytest
 
 pytest.importorskip('rosbags')
 
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer  # noqa: E402
 from sat_collision.messages.rosbags_interfaces import STORE  # noqa: E402
+from sat_collision.replay.configuration import settings_of  # noqa: E402
 
 SHARED = Path(__file__).resolve().parents[3] / 'shared' / 'data' / 'bags'
 NAMES = ('autoware_ego_trajectory_boxes', 'commonroad_USA_Lanker-1_1_ego1247',
@@ -33,6 +33,8 @@ needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason='the recordings ar
 START = 1_700_000_000 * 10**9
 POLYGON = 'geometry_msgs/msg/PolygonStamped'
 INSTANCE = 'geometry_msgs/msg/PolygonInstanceStamped'
+# The source of obstacles that there is unless others are named.
+SOURCE = settings_of({}).obstacles[0].name
 
 
 def nanoseconds(time):
@@ -43,17 +45,6 @@ def nanoseconds(time):
 def box(x, y=0.0, size=1.0):
     """Return the corners of a square."""
     return [(x, y), (x + size, y), (x + size, y + size), (x, y + size)]
-
-
-def polygon(points, stamp, frame_id='map', identity=None):
-    """Return the bytes of a PolygonStamped, or of a PolygonInstanceStamped if it has an id."""
-    frame = frame_id.encode() + b'\0'
-    data = struct.pack('<4siII', b'\0\1\0\0', *divmod(stamp, 10**9), len(frame)) + frame
-    data += bytes(-len(data) % 4) + struct.pack('<I', len(points))
-    data += np.insert(np.array(points, '<f4').reshape(-1, 2), 2, 0.0, axis=1).tobytes()
-    if identity is not None:
-        data += bytes((4 - len(data)) % 8) + struct.pack('<q', identity)
-    return data
 
 
 def write(path, messages, storage='mcap', compression=None, types=None):
@@ -72,7 +63,7 @@ def write(path, messages, storage='mcap', compression=None, types=None):
                 kind = (types or {}).get(topic, POLYGON)
                 topics[topic] = writer.add_connection(topic, kind, typestore=STORE)
             stamp = nanoseconds(time)
-            data = content if isinstance(content, bytes) else polygon(content, stamp)
+            data = content if isinstance(content, bytes) else serialised(content, stamp)
             writer.write(topics[topic], stamp, data)
     return Path(path)
 

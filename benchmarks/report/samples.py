@@ -15,16 +15,28 @@
 """The pairs of bodies measured on: four kinds, n vertices each, with the exact answers."""
 
 import families
+from methods import RECTANGLES
 import numpy as np
 import oracle
 import shapes
 
 KINDS = 'clear', 'near', 'deep', 'hard'
-SIDES = 3, 4, 8, 16, 32, 64, 256, 1024
-RECTANGLES = 'rectangles'
+SIDES = 3, 4, 8, 16, 32, 64, 256
 HARD = (families.hair_gaps, families.far_offsets, families.slivers, families.vertex_on_vertex,
         families.vertex_on_edge, families.edge_on_edge, families.one_ulp, families.flat_arcs,
         families.float32_round_trip)
+
+# Of fewer pairs than this no time is given where the long run is summed up.
+FEWEST_TIMED = 1000
+# Families for bodies of many vertices, which are measured less often, and with how many.
+MANY = {'many_sided': (256, 1024)}
+
+
+def of_family(rng, family, count, sides):
+    """Return count pairs of a family, in equal shares of the numbers of vertices it is for."""
+    if family.__name__ in MANY:
+        sides, count = MANY[family.__name__], count // 25
+    return sum((chunked(family, rng, max(1, count // len(sides)), n) for n in sides), [])
 
 
 def sample(rng, shape, kind, count):

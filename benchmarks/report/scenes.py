@@ -1,0 +1,113 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The scenes that exactness is priced in: recordings, a docking, and racks in line.
+
+A scene is a list of frames, each a footprint and the obstacles it is compared with, as vertices.
+All coordinates are float32, as messages carry them.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import get_typestore, Stores
+
+RECORDINGS = Path(__file__).resolve().parents[3] / 'shared' / 'data' / 'bags'
+# How a recording is called on the page, by how its folder's name begins.
+NAMES = {'autoware': 'a vehicle among boxes (Autoware)',
+         'commonroad_USA': 'vehicles on a road (CommonROAD, NGSIM)',
+         'tysik': 'clusters of a laser scanner'}
+_DOCK = np.array([(0, -1), (0.5, -1), (0.5, 1), (0, 1), (0, 0.4), (0.3, 0.4), (0.3, -0.4),
+                  (0, -0.4)])
+_FOOTPRINT = np.array([(0, -0.3), (0, 0.3), (-0.8, 0.3), (-0.8, -0.3)])
+
+
+def scenes():
+    """Return the frames of each scene by name; recordings only where they are."""
+    found = {}
+    for start, name in NAMES.items():
+        for path in sorted(RECORDINGS.glob(f'{start}*_sqlite3')):
+            found[name] = recorded(path)
+    for name, scene in (('docking', docking), ('racks in line', racks)):
+        found[name] = scene(0.0)
+        found[f'{name}, turned by 30°'] = scene(np.pi / 6)
+    return found
+
+
+def recorded(path):
+    """Return the frames of a recording, footprint and obstacles of equal stamps, with z."""
+    footprints, obstacles = {}, {}
+    with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        for connection, _, data in reader.messages():
+            if connection.topic in ('/footprint', '/obstacles'):
+                message = reader.deserialize(data, connection.msgtype)
+                stamp = message.header.stamp.sec, message.header.stamp.nanosec
+                points = np.array([(point.x, point.y, point.z)
+                                   for point in message.polygon.points])
+                if connection.topic == '/footprint':
+                    footprints[stamp] = points
+                else:
+                    obstacles.setdefault(stamp, []).append(points)
+    return [(footprints[stamp], obstacles.get(stamp, [])) for stamp in sorted(footprints)]
+
+
+def docking(angle):
+    """
+    Return a robot that drives straight into a dock at 0.1 m/s, 20 frames a second, and stays.
+
+    The dock is a U that the robot's front fits, its sides 0.1 m off; a wall and boxes stand about.
+    The robot stays as long as it drove, its front against the ground of the dock.
+    """
+    place = _Place(angle, (12.0, 7.0))
+    about = [_box(x, y, 0.6, 0.6) for x in (-2.0, -1.0, 0.2) for y in (-3.0, -1.8, 1.8, 3.0)]
+    wall = _box(0.8, 0.0, 0.2, 8.0)
+    obstacles = [place(body) for body in (_DOCK, wall, *about)]
+    drive = np.arange(-1.5, 0.0, 0.005)
+    return [(place(_FOOTPRINT + (0.3 + x, 0.0)), obstacles)
+            for x in (*drive, *np.zeros(len(drive)))]
+
+
+def racks(angle):
+    """
+    Return a robot that drives along an aisle, its sides in line with the racks', and turns in.
+
+    Racks of 1.2 by 2.4 m stand edge to edge in two rows of 50 with gaps of one rack, as wide as
+    the robot; it drives 48 m flush with the racks' faces, and into each gap between two of them.
+    """
+    place = _Place(angle, (20.0, 10.0))
+    gaps = range(4, 50, 5)
+    obstacles = [place(_box(1.2 * k + 0.6, y, 1.2, 2.4)) for y in (-3.0, 3.0) for k in range(50)
+                 if k not in gaps]
+    along = [place(_box(x, -1.2, 1.2, 1.2)) for x in np.arange(6.0, 54.0, 0.05)]
+    into = [place(_box(1.2 * k + 0.6, y, 1.2, 1.2)) for k in gaps
+            for y in np.arange(-1.2, -3.0, -0.05)]
+    return [(body, obstacles) for body in (*along, *into)]
+
+
+class _Place:
+    """Turn and move bodies, and round them to float32."""
+
+    def __init__(self, angle, origin):
+        self._turn = np.array([(np.cos(angle), np.sin(angle)), (-np.sin(angle), np.cos(angle))])
+        self._origin = origin
+
+    def __call__(self, body):
+        return (body @ self._turn + self._origin).astype(np.float32).astype(float)
+
+
+def _box(x, y, length, width):
+    return np.array([(x - length / 2, y - width / 2), (x + length / 2, y - width / 2),
+                     (x + length / 2, y + width / 2), (x - length / 2, y + width / 2)])

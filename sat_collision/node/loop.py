@@ -1,0 +1,271 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The loop that runs the node: takes messages in batches, stays fair, ticks.
+
+It stands on what `rclpy.executors` itself stands on, the wait set and the handles of
+subscriptions, and leaves all that is no message of a footprint or obstacle to rclpy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+import time
+from typing import Any, NamedTuple, Protocol
+
+from rclpy.callback_groups import CallbackGroup
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+
+# The longest that the messages of one topic are taken for while others wait, in s.
+_BUDGET = 0.005
+# Where so many messages would come during a rest, a rest costs less than the wakes it spares.
+_WORTH_A_REST = 2.0
+
+
+def is_supported() -> bool:
+    """Tell whether this rclpy has the pieces that the loop stands on."""
+    wait_set = getattr(rclpy_implementation, 'WaitSet', None)
+    subscription = getattr(rclpy_implementation, 'Subscription', None)
+    return all(hasattr(wait_set, name) for name in (
+        'add_subscription', 'add_service', 'clear_entities', 'get_ready_entities', 'wait')
+    ) and hasattr(subscription, 'take_message')
+
+
+class Input(NamedTuple):
+    """A subscription of a footprint or source of obstacles, and the name of that."""
+
+    name: str
+    subscription: Subscription
+
+
+class Backlog(NamedTuple):
+    """How far behind the taking of a topic is: in seconds, and about how many messages."""
+
+    seconds: float
+    messages: int
+
+
+class Receiver(Protocol):
+    """What the loop calls."""
+
+    def receive(self, name: str, data: bytes, info: dict[str, Any], now: int) -> None:
+        """Take a message of a footprint or source, with rclpy's info on it, now in ns."""
+
+    def end_batch(self, messages: int, seconds: float) -> None:
+        """Publish what has changed, after so many messages that took so long."""
+
+    def note_backlog(self, name: str, backlog: Backlog | None) -> None:
+        """Take note of how far behind a topic is, None where it is not any more."""
+
+    def tick(self) -> float:
+        """Do what is due by time alone; return in how many s the next tick is due."""
+
+    def present(self) -> int:
+        """Return the present time in ns by the clock of the header stamps."""
+
+
+class Reserved(CallbackGroup):
+    """Keeps executors from what the loop takes itself."""
+
+    def can_execute(self, entity: Any) -> bool:
+        """Return False for a subscription; its events are an executor's."""
+        return not isinstance(entity, Subscription)
+
+    def beginning_execution(self, entity: Any) -> bool:
+        """Return False for a subscription."""
+        return self.can_execute(entity)
+
+    def ending_execution(self, entity: Any) -> None:
+        """Do nothing: what is executed excludes nothing else."""
+
+
+class Loop:
+    """
+    Runs a node in this thread.
+
+    In each turn it waits for messages, takes those of each topic in turn, footprints first, for
+    no longer than a budget, and has published once what has changed by all of them. Where
+    messages are many it rests between turns: fewer wakes, larger batches. What else the node has
+    is done by an executor of rclpy's when some of it is ready, and at each tick.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    inputs : sequence of Input
+        In the order in which they are taken; their callback group is a `Reserved` one.
+    receiver : Receiver
+    max_batch_delay : callable
+        Returns the longest rest, in s.
+
+    """
+
+    def __init__(self, node: Node, inputs: Sequence[Input], receiver: Receiver,
+                 max_batch_delay: Callable[[], float]) -> None:
+        self._node = node
+        self._receiver = receiver
+        self._max_batch_delay = max_batch_delay
+        self._topics = [_Topic(one, receiver) for one in inputs]
+        self._executor = SingleThreadedExecutor(context=node.context)
+        self._executor.add_node(node)
+        self._rest = 0.0
+        self._next_tick = 0.0
+        self._taken = 0
+        self._counted_since = time.monotonic()
+
+    def run(self, ended: Callable[[], bool]) -> None:
+        """Run until `ended` is true, which is looked at after each turn."""
+        while not ended():
+            with ExitStack() as held:
+                waiting = _Waiting(self._node, {topic.pointer for topic in self._topics}, held)
+                # What is waited for changes seldom, such as with use_sim_time.
+                while not ended() and waiting.is_current():
+                    while not self._turn(waiting) and not ended():
+                        pass
+
+    def close(self) -> None:
+        """End what belongs to the loop, once it runs no more."""
+        self._executor.remove_node(self._node)
+        self._executor.shutdown()
+
+    def _turn(self, waiting: _Waiting) -> bool:
+        """Wait, take and publish; tell whether it was time to tick."""
+        behind = any(topic.backlog for topic in self._topics)
+        left = self._next_tick - time.monotonic()
+        ready = waiting.wait(0.0 if behind else max(left, 0.0))
+        begun = time.perf_counter()
+        taken = sum(topic.take() for topic in self._topics
+                    if topic.backlog or topic.pointer in ready)
+        if taken:
+            self._taken += taken
+            self._receiver.end_batch(taken, time.perf_counter() - begun)
+        if waiting.do_others(ready):
+            self._executor.spin_once(0.0)
+        if time.monotonic() >= self._next_tick:
+            self._executor.spin_once(0.0)
+            self._next_tick = time.monotonic() + self._receiver.tick()
+            self._choose_rest()
+            return True
+        if self._rest and taken:
+            time.sleep(self._rest)
+        return False
+
+    def _choose_rest(self) -> None:
+        """Rest between turns where messages came often enough since this was last chosen."""
+        now = time.monotonic()
+        rate = self._taken / max(now - self._counted_since, 1e-9)
+        delay = self._max_batch_delay()
+        self._rest = delay if rate * delay >= _WORTH_A_REST else 0.0
+        self._taken = 0
+        self._counted_since = now
+
+
+class _Topic:
+    """One topic whose messages the loop takes."""
+
+    def __init__(self, one: Input, receiver: Receiver) -> None:
+        self.backlog: Backlog | None = None
+        self.pointer = one.subscription.handle.pointer
+        self._name = one.name
+        self._subscription = one.subscription
+        self._receiver = receiver
+        self._mark = 0, 0
+
+    def take(self) -> int:
+        """Take what has come, within the budget; return how many messages."""
+        take_message = self._subscription.handle.take_message
+        kind = self._subscription.msg_type
+        name, receive, now = self._name, self._receiver.receive, self._receiver.present()
+        end = time.monotonic() + _BUDGET
+        count = 0
+        info = None
+        while time.monotonic() < end:
+            taken = take_message(kind, True)
+            if taken is None:
+                info = None
+                break
+            data, info = taken
+            receive(name, data, info, now)
+            count += 1
+        if info is not None or self.backlog:
+            self.backlog = self._measured(info, count) if info else None
+            self._receiver.note_backlog(name, self.backlog)
+        return count
+
+    def _measured(self, info: dict[str, Any], count: int) -> Backlog:
+        """Return how far behind the message taken last is, by when it was received."""
+        received, number = info['received_timestamp'], info['publication_sequence_number'] or 0
+        seconds = max(time.time_ns() - received, 0) / 1e9
+        (received_before, number_before), self._mark = self._mark, (received, number)
+        period = (received - received_before) / 1e9
+        rate = (number - number_before) / period if 0.0 < period < 10.0 else 0.0
+        return Backlog(seconds, max(round(seconds * rate), 1))
+
+
+class _Waiting:
+    """
+    The subscriptions and services of a node, as they are now, to be waited for.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    taken_elsewhere : set of int
+        Pointers of the subscriptions whose messages the loop takes itself.
+    held : ExitStack
+        Keeps what is waited for until it is closed.
+
+    """
+
+    def __init__(self, node: Node, taken_elsewhere: set[int], held: ExitStack) -> None:
+        self._node = node
+        self._entities = [*node.subscriptions, *node.services]
+        held.enter_context(node.context.handle)
+        for one in self._entities:
+            held.enter_context(one.handle)
+        self._subscriptions = [one.handle for one in node.subscriptions]
+        self._services = [one.handle for one in node.services]
+        self._wait_set = rclpy_implementation.WaitSet(
+            len(self._subscriptions), 0, 0, 0, len(self._services), 0, node.context.handle)
+        self._service_ready = False
+        self._others = {one.handle.pointer: one for one in node.subscriptions
+                        if one.handle.pointer not in taken_elsewhere}
+
+    def is_current(self) -> bool:
+        """Tell whether the node still has just these."""
+        return self._entities == [*self._node.subscriptions, *self._node.services]
+
+    def wait(self, seconds: float) -> set[int]:
+        """Wait until something is ready; return the pointers of what is."""
+        wait_set = self._wait_set
+        wait_set.clear_entities()
+        for handle in self._subscriptions:
+            wait_set.add_subscription(handle)
+        for handle in self._services:
+            wait_set.add_service(handle)
+        wait_set.wait(int(seconds * 1e9))
+        self._service_ready = bool(wait_set.get_ready_entities('service'))
+        return set(wait_set.get_ready_entities('subscription'))
+
+    def do_others(self, ready: set[int]) -> bool:
+        """Take what else has come, such as /clock; tell whether a service is ready."""
+        for pointer in ready & self._others.keys():
+            other = self._others[pointer]
+            taken = other.handle.take_message(other.msg_type, other.raw)
+            if taken is not None:
+                other.callback(taken[0])
+        return self._service_ready

@@ -1,0 +1,52 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How far a run has come, shown on a terminal."""
+
+import sys
+import time
+from typing import TextIO
+
+_BAR = 30
+_PATIENCE = 1.0
+_REDRAW = 0.1
+
+
+class Progress:
+    """A bar on a terminal that appears when a run takes long, and vanishes after it."""
+
+    def __init__(self, stream: TextIO = sys.stderr) -> None:
+        self._stream = stream
+        self._begun = time.monotonic()
+        self._next = self._begun + _PATIENCE if stream.isatty() else float('inf')
+        self._shown = False
+
+    def show(self, share: float) -> None:
+        """Show that a share of the work is done."""
+        now = time.monotonic()
+        if now < self._next:
+            return
+        self._next = now + _REDRAW
+        self._shown = True
+        bar = f'[{"#" * round(_BAR * share):{_BAR}}] {share:4.0%}'
+        if share:
+            bar += f'  {(now - self._begun) * (1.0 / share - 1.0):.0f} s left'
+        self._stream.write(f'\r\033[K{bar}')
+        self._stream.flush()
+
+    def clear(self) -> None:
+        """Remove the bar."""
+        if self._shown:
+            self._stream.write('\r\033[K')
+            self._stream.flush()

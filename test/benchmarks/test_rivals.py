@@ -1,0 +1,233 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The rivals are what the report says of them: some exact, the others wrong on hard families."""
+
+from fractions import Fraction
+import json
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+import families
+import numpy as np
+import oracle
+import pytest
+import rationals
+
+from sat_collision import Polygon
+from sat_collision.geometry.jit import COMPILED, indexable
+
+ROOT = Path(__file__).resolve().parents[2]
+PATHS = [str(ROOT / place) for place in ('.', 'benchmarks/report', 'test/support')]
+sys.path += [PATHS[1]]
+
+import condition  # noqa: E402, I100
+import filters  # noqa: E402
+import methods  # noqa: E402
+import rivals  # noqa: E402
+import samples  # noqa: E402
+import scenes  # noqa: E402
+import shapes  # noqa: E402
+import stages  # noqa: E402
+
+EXACT = 'interval', 'filtered'
+INEXACT = 'traditional', 'binary', 'gjk', 'closest'
+HARD = 'hair_gaps', 'far_offsets', 'slivers', 'one_ulp', 'rectangles_on_edge', 'extreme_scales'
+
+
+def pairs_of(name, count, n):
+    return families.CONVEX[name](np.random.default_rng(5), count, n)
+
+
+def answers(method, pairs):
+    with np.errstate(all='ignore'):
+        return methods.run(method, methods.Pairs(pairs))[0]
+
+
+def all_answers(count, n):
+    """Return what each method answers on some pairs of each family, and the truth."""
+    found = {}
+    for name in families.CONVEX:
+        pairs = pairs_of(name, count, n)
+        found[name] = {'truth': oracle.intersects_pairs(pairs)[0].tolist(), **{
+            method: answers(method, pairs).tolist()
+            for method in methods.applicable()
+            if methods.METHODS[method].kernel and method != 'traditional_float32'}}
+    return found
+
+
+@pytest.mark.parametrize('n', [3, 4, 9, 24])
+@pytest.mark.parametrize('name', families.CONVEX)
+@pytest.mark.parametrize('method', EXACT)
+def test_filters_are_never_wrong(method, name, n):
+    pairs = pairs_of(name, 300, n)
+    np.testing.assert_array_equal(answers(method, pairs), oracle.intersects_pairs(pairs)[0])
+
+
+@pytest.mark.parametrize('exponent', [-1060, -700, 700, 1015])
+@pytest.mark.parametrize('method', EXACT)
+def test_filters_are_never_wrong_where_products_leave_the_range(method, exponent):
+    pairs = [(np.ldexp(a, exponent), np.ldexp(b, exponent))
+             for name in ('near', 'hair_gaps', 'points_and_segments')
+             for a, b in pairs_of(name, 60, 5)]
+    truth = [oracle.intersects(a, b) for a, b in pairs]
+    np.testing.assert_array_equal(answers(method, pairs), truth)
+
+
+@pytest.mark.parametrize('name', HARD)
+@pytest.mark.parametrize('method', INEXACT)
+def test_inexact_rivals_are_wrong_on_hard_pairs_and_right_on_near_ones(method, name):
+    hard, near = pairs_of(name, 500, 5), pairs_of('near', 500, 5)
+    assert (answers(method, hard) != oracle.intersects_pairs(hard)[0]).any()
+    assert (answers(method, near) == oracle.intersects_pairs(near)[0]).all()
+
+
+def test_plain_python_answers_as_compiled_code_does():
+    """The same pairs in a process where numba is switched off: equal answers, filters right."""
+    program = 'import json, test_rivals; print(json.dumps(test_rivals.all_answers(25, 9)))'
+    path = os.pathsep.join([*PATHS, str(ROOT / 'test' / 'benchmarks'), *sys.path])
+    result = subprocess.run(
+        [sys.executable, '-c', program], capture_output=True, text=True, check=True,
+        env={**os.environ, 'NUMBA_DISABLE_JIT': '1', 'PYTHONPATH': path})
+    plain = json.loads(result.stdout)
+    assert COMPILED and plain == all_answers(25, 9)
+    for found in plain.values():
+        assert all(found[method] == found['truth'] for method in EXACT)
+
+
+def test_hybrid_misses_no_collision_but_invents_some():
+    pairs = pairs_of('near', 1000, 16)
+    meet = oracle.intersects_pairs(pairs)[0]
+    hybrid, to_the_letter = (answers(method, pairs) for method in ('hybrid', 'published_b'))
+    assert hybrid[meet].all() and not to_the_letter[meet].all()
+    assert hybrid[~meet].any()
+
+
+def test_equation_5_as_printed_chooses_worse():
+    pairs = pairs_of('near', 1000, 16)
+    meet = oracle.intersects_pairs(pairs)[0]
+    printed, meant = (answers(method, pairs)[~meet].sum() for method in ('literal', 'published_a'))
+    assert printed > 2 * meant > 0
+
+
+@pytest.mark.parametrize('n', [3, 8, 9, 10, 33, 257])
+def test_binary_search_finds_the_support_vertex(n):
+    """Of bodies whose vertices are spread evenly, and of arcs with all vertices on one side."""
+    rng = np.random.default_rng(n)
+    arc = np.linspace(0, 1.5, n)
+    half = np.stack([np.cos(arc), np.sin(arc)], axis=1)
+    turned = [np.roll(half, k, axis=0) for k in range(0, n, max(1, n // 9))]
+    for body in (*shapes.convex(shapes.polygons(rng, 30, n)), *turned):
+        for axis in shapes.directions(rng, 30):
+            k = rivals.support(indexable(body), *axis.tolist())
+            assert body[k] @ axis >= (body @ axis).max() - 1e-14
+
+
+def test_gjk_takes_what_is_nearer_than_its_tolerance_for_touching():
+    square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+    turned = np.array([(0.0, 0.5), (1.0, -0.5), (2.0, 0.5), (1.0, 1.5)])
+    for gap, collides in ((1e-12, True), (1e-3, False)):
+        apart = turned + (0.5 + gap, 1.0 + gap)
+        assert not oracle.intersects(square, apart)
+        assert answers('gjk', [(square, apart)])[0] == collides
+
+
+@pytest.mark.parametrize('exponent', [0, -512, -514, -530, 500, 1000])
+def test_semi_static_filter_is_exact_near_a_line(exponent):
+    """Where the plain determinant has the wrong sign by rounding, underflow or overflow."""
+    rng = np.random.default_rng(2)
+    wrong = 0
+    b, c, share = rng.uniform(-1, 1, (2000, 2)), rng.uniform(-1, 1, (2000, 2)), rng.random(2000)
+    a = c + share[:, None] * (b - c)
+    for corners in np.ldexp(np.concatenate([a, b, c], axis=1), exponent).tolist():
+        exact = _determinant(*map(Fraction, corners))
+        with np.errstate(all='ignore'):
+            plain = _determinant(*corners)
+        assert filters.semi_static_orient(*corners) == (exact > 0) - (exact < 0)
+        wrong += ((plain > 0) - (plain < 0)) != ((exact > 0) - (exact < 0))
+    assert wrong > 100
+
+
+def _determinant(ax, ay, bx, by, cx, cy):
+    return (ax - cx) * (by - cy) - (ay - cy) * (bx - cx)
+
+
+@pytest.mark.parametrize('exponent', [0, -500, -530, 300])
+def test_intervals_hold_the_exact_values(exponent):
+    rng = np.random.default_rng(1)
+    for a, b, c, d in np.ldexp(rng.uniform(-1, 1, (2000, 4)), exponent).tolist():
+        x, y = filters._difference(a, b), filters._difference(c, d)
+        low, high = filters._product(*x, *y)
+        left, right = Fraction(a) - Fraction(b), Fraction(c) - Fraction(d)
+        assert x[0] <= left <= x[1] and y[0] <= right <= y[1]
+        assert low <= left * right <= high
+
+
+@pytest.mark.parametrize('name', ['near', 'hair_gaps', 'slivers', 'far_offsets', 'containment'])
+def test_gaps_are_those_of_rational_arithmetic(name):
+    for a, b in pairs_of(name, 12, 5):
+        meet = oracle.intersects(a, b)
+        measure = rationals.exact_depth if meet else rationals.exact_distance
+        largest = max(np.abs(body).max() for body in (a, b))
+        units = measure(Polygon(a), Polygon(b)) / Fraction(float(largest)) * 2**53
+        assert condition.gap_in_units(a, b, meet) == pytest.approx(float(units), rel=1e-12)
+
+
+def test_touching_bodies_have_no_gap():
+    square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+    for other in (square + (1.0, 0.0), square[:1], square[:2] + (0.25, 0.0)):
+        assert condition.bin_of(condition.gap_in_units(square, other, True)) == -1
+    assert condition.gap_in_units(square, square + (2.0**-50, 0.0), True) > 0
+
+
+def test_exact_stage_is_needed_just_where_bodies_touch():
+    square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+    others = [square + (3.0, 0.0), square + (0.5, 0.5), square + (1.0, 0.0)]
+    axes, exact = stages.tried([Polygon(square)] * 3, [Polygon(other) for other in others])
+    assert exact.tolist() == [False, False, True]
+    assert axes[0] == stages.BOX_AXES and (axes >= stages.BOX_AXES).all()
+
+
+@pytest.mark.parametrize('scene, angle', [(scenes.docking, 0.0), (scenes.racks, 0.0),
+                                          (scenes.racks, 0.5)])
+def test_scenes_have_contacts_and_clear_pairs(scene, angle):
+    """Built to touch: in line with the axes they do so exactly, and the exact stage decides."""
+    frames = scene(angle)[::40]
+    pairs = [(footprint, obstacle) for footprint, obstacles in frames for obstacle in obstacles]
+    meet = np.array([oracle.intersects(*pair) for pair in pairs])
+    assert 0 < meet.mean() < 0.5
+    _, exact = stages.tried(*([Polygon(pair[k]) for pair in pairs] for k in (0, 1)))
+    assert exact.any() or angle
+
+
+@pytest.mark.skipif(not scenes.RECORDINGS.is_dir(), reason='the recordings are not here')
+@pytest.mark.parametrize('start', scenes.NAMES)
+def test_recorded_scenes_have_the_contacts_they_are_known_to_have(start):
+    expected, = scenes.RECORDINGS.glob(f'{start}*_expected.json')
+    path, = scenes.RECORDINGS.glob(f'{start}*_sqlite3')
+    known = json.loads(expected.read_text())
+    meet = sum(oracle.intersects(footprint[:, :2], obstacle[:, :2])
+               for footprint, obstacles in scenes.recorded(path) for obstacle in obstacles)
+    assert meet == known['totals']['touch'] + known['totals']['overlap']
+
+
+@pytest.mark.parametrize('kind', samples.KINDS)
+@pytest.mark.parametrize('shape', [8, samples.RECTANGLES])
+def test_kinds_have_the_pairs_they_promise(kind, shape):
+    """Clear pairs are all apart, deep ones all meet, half of the others; improved is right."""
+    pairs, meet = samples.sample(np.random.default_rng(1), shape, kind, 40)
+    assert meet.sum() == {'clear': 0, 'deep': 40}.get(kind, 20)
+    assert (answers('improved', pairs) == meet).all()

@@ -1,0 +1,69 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Compiled kernels and plain Python give the same answers and the same numbers, bit by bit."""
+
+import json
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+import families
+import numpy as np
+from sat_collision import intersects, intersects_pairs, Polygon, PolygonSet, separation
+from sat_collision.geometry import sat_methods
+
+ROOT = Path(__file__).resolve().parents[2]
+ALL = {**families.CONVEX, **families.SIMPLE}
+PROGRAM = ('import json, sat_collision, test_jit as t; '
+           'print(json.dumps([sat_collision.KERNEL, t.library_answers()]))')
+
+
+def library_answers():
+    """Return answers, packed polygons and separations of some pairs of each family."""
+    answers = {}
+    for name, family in ALL.items():
+        rng = np.random.default_rng(7)
+        pairs = family(rng, 60, 9) + family(rng, 40, 24)
+        sets = [PolygonSet(pair[k] for pair in pairs) for k in (0, 1)]
+        answers[name] = intersects_pairs(*sets).tolist()
+        for p, q in family(rng, 20, 9):
+            packed = np.asarray(Polygon(p).packed[0])
+            answers[name] += [intersects(p, q), separation(p, q).hex(),
+                              packed.tobytes().hex(), *Polygon(q).centroid.tolist()]
+    for name, family in families.CONVEX.items():
+        for p, q in family(np.random.default_rng(8), 20, 9):
+            centres = sat_methods.centre_of_gravity(p), sat_methods.centre_of_gravity(q)
+            bounds = sat_methods.bounds(p), sat_methods.bounds(q)
+            answers[name] += [
+                *centres, sat_methods.traditional_axes(p, q),
+                sat_methods.boxed_axes(p, q, *bounds),
+                sat_methods.published_a_axes(p, q, *centres),
+                sat_methods.published_b_axes(p, q, *centres)]
+    return json.loads(json.dumps(answers))
+
+
+def test_compiled_and_plain_python_answer_alike():
+    """The same pairs in a process where numba is switched off."""
+    path = [str(ROOT), str(ROOT / 'test' / 'support'), str(Path(__file__).parent),
+            os.environ.get('PYTHONPATH', '')]
+    result = subprocess.run(
+        [sys.executable, '-c', PROGRAM], capture_output=True, text=True,
+        env={**os.environ, 'NUMBA_DISABLE_JIT': '1', 'PYTHONPATH': os.pathsep.join(path)})
+    assert result.returncode == 0, result.stderr
+    kernel, answers = json.loads(result.stdout)
+    assert kernel == 'plain Python'
+    for name, expected in library_answers().items():
+        assert answers[name] == expected, name

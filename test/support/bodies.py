@@ -1,0 +1,43 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Bodies of every kind on a coarse lattice, so that many touch, and the same for shapely."""
+
+import numpy as np
+import pytest
+from sat_collision import Polygon
+
+shapely = pytest.importorskip('shapely')
+
+U_SHAPE = np.array([(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)], float)
+
+
+def random_body(rng):
+    """Return a box, triangle, segment, point or U on a coarse lattice, so that many touch."""
+    corner = rng.integers(0, 40, 2) / 2
+    kind = rng.integers(5)
+    if kind == 0:
+        points = corner + U_SHAPE
+    elif kind == 1:
+        points = corner + np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * rng.integers(1, 4)
+    else:
+        points = corner + rng.integers(-3, 4, (kind - 1, 2))
+    return Polygon(points)
+
+
+def as_shapely(polygon):
+    vertices = polygon.vertices
+    if len(vertices) > 2:
+        return shapely.Polygon(vertices)
+    return shapely.LineString(vertices) if len(vertices) == 2 else shapely.Point(vertices[0])

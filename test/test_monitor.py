@@ -154,6 +154,15 @@ def test_limit_of_vertices_can_be_changed():
     assert status(monitor) == 'collision'
 
 
+def test_numbers_that_are_missing_are_counted_as_lost():
+    """By source; a publisher that begins again, or another one, has lost none by that."""
+    monitor = clear_monitor()
+    for name, number in (('lidar', 5), ('lidar', 6), ('lidar', 9), ('robot', 1), ('lidar', 3),
+                         ('lidar', 4), ('robot', 3), ('lidar', 4)):
+        assert monitor.receive(name, serialised(box(0)), NOW, number) is None
+    assert monitor.lost == {'lidar': 2, 'robot': 1}
+
+
 def test_damaged_messages_never_raise():
     """Random bytes are changed, inserted and cut in messages of every kind."""
     rng = random.Random(0)

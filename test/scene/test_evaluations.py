@@ -134,6 +134,32 @@ def test_state_that_came_and_went_is_no_change():
     assert stage.scene.changes() == []
 
 
+def test_collision_that_came_and_went_is_told_as_brief():
+    """Until the changes are told; one that stays, or was reported before, is none."""
+    stage = clear_stage()
+    stage.scene.changes()
+    stage.see(0.5)
+    assert stage.scene.brief_contacts() == []
+    stage.wait_until(0.1)
+    stage.burst(20, 30)
+    assert stage.scene.brief_contacts() == ['robot']
+    assert stage.scene.changes() == []
+    assert stage.scene.brief_contacts() == []
+    stage.robot(20.5)
+    stage.scene.changes()
+    stage.robot(0)
+    assert stage.scene.brief_contacts() == []
+
+
+def test_first_collision_may_be_brief():
+    """It came and went before anything was ever reported."""
+    stage = Stage()
+    stage.see(10)
+    stage.robot(10.5)
+    stage.robot()
+    assert stage.scene.brief_contacts() == ['robot']
+
+
 def test_time_alone_makes_no_change_until_something_is_due():
     """Ticks come all the time; the age grows, but no state changes by that."""
     stage = clear_stage()

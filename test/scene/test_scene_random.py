@@ -20,24 +20,22 @@ Hypothesis looks for a sequence of events after which the two differ, and shorte
 
 from collections import Counter
 from dataclasses import replace
-import math
 from operator import attrgetter
 
-from builders import SECOND, serialised
+from builders import SECOND
 import hypothesis
 from hypothesis import strategies as st
 from hypothesis.stateful import (
     initialize, invariant, rule, RuleBasedStateMachine, run_state_machine_as_test)
 import pytest
-from sat_collision.geometry.polygon import Polygon
-from sat_collision.monitor import Monitor
-from sat_collision.scene.scene import Scene
+from sat_collision.monitor import UNDECODABLE
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from sat_collision.scene.sources import OTHER_FRAME, TOO_MANY, TOO_OLD
 
 pytest.importorskip('shapely')
 
 from scene_model import enable, SceneModel  # noqa: E402
+from tellers import BAD_POINTS, ToldByMessages, ToldByPolygons  # noqa: E402
 
 MILLISECOND = SECOND // 1000
 START = 1000 * SECOND
@@ -48,8 +46,6 @@ SOURCES = {source.name: source for source in (
     ObstacleSettings('map', '/map', timeout=0.0, max_count=60),
     ObstacleSettings('kept', '/kept', timeout=0.7, accumulate=True, max_count=5),
     ObstacleSettings('tracks', '/tracks', timeout=0.5, type='polygon_instance', max_count=4))}
-BAD_POINTS = {'not finite': ((0, 0), (1, math.nan), (1, 1)),
-              'self-intersecting': ((5, 5), (6, 6), (6, 5), (5, 6))}
 
 # In units of 0.5 m, at sites 1.5 m apart: many touch, some lie in the notch of another, and many
 # have a gap of just a margin between them.
@@ -62,7 +58,6 @@ SHAPES = {'square': ((0, 0), (2, 0), (2, 2), (0, 2)),
 BODIES = {f'{shape} {column} {row}': tuple((x / 2 + 1.5 * column, y / 2 + 1.5 * row)
                                            for x, y in corners)
           for row in range(3) for column in range(4) for shape, corners in SHAPES.items()}
-SQUARE = BODIES['square 0 0']
 RING_OF = {frozenset(ring): ring for ring in BODIES.values()}
 
 # In milliseconds, timeouts among them to the nanosecond; None is for a stamp of 0.
@@ -70,58 +65,10 @@ ages = st.sampled_from((0, 0, 0, 1, 15, 20, 90, 500, 600, 700, 1000, 2000, -2000
 waits = st.sampled_from((1, 5, 30, 100, 500, 600))
 bodies = st.sampled_from(tuple(BODIES))
 margins = st.sampled_from((0.0, 0.0, 0.5, 0.75))
-flaws = st.sampled_from((OTHER_FRAME, 'undecodable', *BAD_POINTS))
+flaws = st.sampled_from((OTHER_FRAME, UNDECODABLE, *BAD_POINTS))
 footprints = st.sampled_from([footprint.name for footprint in FOOTPRINTS])
 instances = st.integers(0, 5)
 sources = st.runner().flatmap(lambda machine: st.sampled_from(machine.sources))
-
-
-class ToldByPolygons:
-    """A scene that is told of everything by polygons."""
-
-    def __init__(self, settings):
-        self.scene = Scene(settings)
-
-    def place(self, name, ring, stamp, now, instance, frame_id='map'):
-        body = Polygon(ring).packed
-        if name in SOURCES:
-            return self.scene.obstacle(name, body, frame_id, stamp, now, instance)
-        return self.scene.footprint(name, body, frame_id, stamp, now)
-
-    def refuse(self, name, reason, stamp, now, instance):
-        if reason == OTHER_FRAME:
-            return self.place(name, SQUARE, stamp, now, instance, 'cam')
-        if reason == 'undecodable':
-            stamp = instance = None
-        self.scene.refuse(name, reason, now, stamp, instance)
-        return None
-
-    def heartbeat(self, name, stamp, now):
-        return self.scene.obstacle(name, None, 'map', stamp, now)
-
-
-class ToldByMessages:
-    """A monitor that is told of the same by serialised messages."""
-
-    def __init__(self, settings):
-        self._monitor = Monitor(settings)
-        self.scene = self._monitor.scene
-
-    def place(self, name, ring, stamp, now, instance):
-        return self._receive(name, serialised(ring, stamp, 'map', instance), now)
-
-    def refuse(self, name, reason, stamp, now, instance):
-        data = serialised(BAD_POINTS.get(reason, SQUARE), stamp,
-                          'cam' if reason == OTHER_FRAME else 'map', instance)
-        return self._receive(name, data[:9] if reason == 'undecodable' else data, now)
-
-    def heartbeat(self, name, stamp, now):
-        instance = 0 if name == 'tracks' else None
-        return self._receive(name, serialised((), stamp, 'map', instance), now)
-
-    def _receive(self, name, data, now):
-        rejection = self._monitor.receive(name, data, now)
-        return rejection and rejection.reason
 
 
 class SceneMachine(RuleBasedStateMachine):
@@ -143,6 +90,7 @@ class SceneMachine(RuleBasedStateMachine):
         self.told = self.tell(self.model.settings)
         self.scene = self.told.scene
         self.reported = {}
+        self.in_collision = set()
         self.now = START
         self.scene.advance(self.now)
         if not unheard:
@@ -162,6 +110,11 @@ class SceneMachine(RuleBasedStateMachine):
     @rule(name=footprints, body=bodies, age=ages)
     def footprint(self, name, body, age):
         self._place(name, body, age)
+
+    @rule(name=footprints, path=st.lists(bodies, min_size=2, max_size=3))
+    def drive(self, name, path):
+        for body in path:
+            self._place(name, body, 0)
 
     @rule(name=footprints, flaw=flaws, age=ages)
     def bad_footprint(self, name, flaw, age):
@@ -185,6 +138,12 @@ class SceneMachine(RuleBasedStateMachine):
         stamp = self._stamp(age)
         told = self.told.heartbeat(name, stamp, self.now)
         assert told == self.model.heartbeat(name, stamp, self.now)
+        self._note_collisions()
+
+    @rule(name=footprints | sources, seconds=st.sampled_from((0.0, 0.5, 0.55, 10.0)))
+    def fall_behind(self, name, seconds):
+        self.scene.fall_behind(name, seconds)
+        self.model.fall_behind(name, seconds)
 
     @rule(name=footprints | sources)
     def disable(self, name):
@@ -207,6 +166,7 @@ class SceneMachine(RuleBasedStateMachine):
     def agree(self):
         self._obstacles_agree()
         self._states_agree()
+        self._brief_contacts_are_told()
         self._changes_are_told()
 
     def _obstacles_agree(self):
@@ -225,25 +185,42 @@ class SceneMachine(RuleBasedStateMachine):
             assert state.age == self.model.age(footprint.name, self.now)
             self.seen[status] += 1
 
+    def _brief_contacts_are_told(self):
+        brief = {name for name in self.in_collision
+                 if 'collision' not in (self.model.state(name, self.now)[0],
+                                        self.reported.get(name, ('unknown',))[0])}
+        assert set(self.scene.brief_contacts()) == brief
+        self.seen['brief'] += len(brief)
+
     def _changes_are_told(self):
         for name in self.scene.changes():
-            *state, _ = self.scene.state(name)
+            state = self._reportable(name)
             assert state != self.reported.get(name)
             self.reported[name] = state
         for footprint in FOOTPRINTS:
-            *state, _ = self.scene.state(footprint.name)
-            assert state == self.reported[footprint.name]
+            assert self._reportable(footprint.name) == self.reported[footprint.name]
+        self.in_collision.clear()
+        self._note_collisions()
+
+    def _reportable(self, name):
+        status, contacts, reasons, _ = self.scene.state(name)
+        return status.value, contacts, reasons
+
+    def _note_collisions(self):
+        self.in_collision |= {footprint.name for footprint in FOOTPRINTS
+                              if self.model.state(footprint.name, self.now)[0] == 'collision'}
 
     def _place(self, name, body, age, instance=None):
         message = BODIES[body], self._stamp(age), self.now, self._instance(name, instance)
         refusal = self.model.place(name, *message)
         assert self.told.place(name, *message) == refusal
         self.seen[refusal] += 1
+        self._note_collisions()
 
     def _refuse(self, name, flaw, age, instance=None):
         message = self._stamp(age), self.now, self._instance(name, instance)
         told = self.told.refuse(name, flaw, *message)
-        if flaw == 'undecodable':
+        if flaw == UNDECODABLE:
             message = None, self.now, None
         refusal = self.model.refuse(name, flaw, *message)
         assert flaw != OTHER_FRAME or told == refusal
@@ -252,6 +229,7 @@ class SceneMachine(RuleBasedStateMachine):
     def _use(self, settings):
         self.scene.update(settings)
         self.model.use(settings)
+        self._note_collisions()
 
     def _stamp(self, age):
         """Return the stamp of a message of some age in ms, 0 for None."""
@@ -287,3 +265,4 @@ def test_scene_agrees_with_a_model_that_recomputes_everything(machine):
         report_multiple_bugs=False, phases=(hypothesis.Phase.generate, hypothesis.Phase.shrink)))
     assert min(machine.seen[status] for status in ('clear', 'collision', 'unknown')) > 500
     assert min(machine.seen[refusal] for refusal in (OTHER_FRAME, TOO_MANY, TOO_OLD)) > 50
+    assert machine.seen['brief'] > 10

@@ -19,14 +19,13 @@ import math
 import random
 import struct
 
-from builders import serialised
+from builders import box, SECOND, serialised
 import pytest
 from sat_collision.monitor import Monitor
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from sat_collision.scene.sources import TOO_MANY
 
-SECOND = 10**9
 NOW = 1000 * SECOND
 SETTINGS = Settings(
     footprints=(FootprintSettings('robot', '/footprint'),),
@@ -34,11 +33,6 @@ SETTINGS = Settings(
                ObstacleSettings('tracks', '/tracks', type='polygon_instance', max_count=2)))
 BOW_TIE = [(5, 5), (6, 6), (6, 5), (5, 6)]
 CIRCLE = [(math.cos(k / 500), math.sin(k / 500)) for k in range(2000)]
-
-
-def box(x):
-    """Return the corners of a unit square."""
-    return [(x, 0), (x + 1, 0), (x + 1, 1), (x, 1)]
 
 
 def clear_monitor(settings=SETTINGS):
@@ -158,6 +152,15 @@ def test_limit_of_vertices_can_be_changed():
     monitor = clear_monitor(replace(SETTINGS, max_vertices=3000))
     assert monitor.receive('lidar', serialised(CIRCLE), NOW) is None
     assert status(monitor) == 'collision'
+
+
+def test_numbers_that_are_missing_are_counted_as_lost():
+    """By source; a publisher that begins again, or another one, has lost none by that."""
+    monitor = clear_monitor()
+    for name, number in (('lidar', 5), ('lidar', 6), ('lidar', 9), ('robot', 1), ('lidar', 3),
+                         ('lidar', 4), ('robot', 3), ('lidar', 4)):
+        assert monitor.receive(name, serialised(box(0)), NOW, number) is None
+    assert monitor.lost == {'lidar': 2, 'robot': 1}
 
 
 def test_damaged_messages_never_raise():

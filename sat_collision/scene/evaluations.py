@@ -70,7 +70,7 @@ class Evaluations:
         """
         return [name for name in self._in_collision
                 if self._footprints[name].status is not Status.COLLISION
-                and self._reported[name][0] is not Status.COLLISION]
+                and self._reported.get(name, (None,))[0] is not Status.COLLISION]
 
     def changes(self) -> list[str]:
         """Return the names of footprints whose state, age apart, changed since the last call."""

@@ -18,7 +18,8 @@ import struct
 import subprocess
 import sys
 
-from geometry_msgs.msg import Point32, PolygonInstanceStamped, PolygonStamped
+from builders import polygon_message, SECOND, serialised
+from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
@@ -26,37 +27,27 @@ import sat_collision.messages
 from sat_collision.messages.cdr import decode, header_stamp, MessageError
 
 TYPES = {False: PolygonStamped, True: PolygonInstanceStamped}
+POINTS = ((1, 2, 3), (-4, 0.1, 0), (1e30, -0.0, 5))
+STAMP = 7 * SECOND + 8
+ID = -9
 
 
-def message(instance, frame_id='map', points=((1, 2, 3), (-4, 0.1, 0), (1e30, -0.0, 5)), sec=7,
-            nanosec=8, identity=-9):
-    """Build a polygon message, an instance if so wished."""
-    built = TYPES[instance]()
-    built.header.frame_id = frame_id
-    built.header.stamp.sec = sec
-    built.header.stamp.nanosec = nanosec
-    polygon = built.polygon.polygon if instance else built.polygon
-    polygon.points = [Point32(x=float(x), y=float(y), z=float(z)) for x, y, z in points]
-    if instance:
-        built.polygon.id = identity
-    return built
+def sent(instance=False, frame_id='map'):
+    """Return what rclpy sends."""
+    return serialize_message(polygon_message(POINTS, STAMP, frame_id, ID if instance else None))
 
 
-def big_endian(frame_id, points, identity=None):
-    """Encode by hand what a big-endian publisher sends."""
-    text = frame_id.encode() + b'\0'
-    body = struct.pack('>iII', 7, 8, len(text)) + text
-    body += bytes(-len(body) % 4) + struct.pack('>I', len(points))
-    body += b''.join(struct.pack('>fff', *point) for point in points)
-    if identity is not None:
-        body += bytes(-len(body) % 8) + struct.pack('>q', identity)
-    return b'\0\0\0\0' + body
+def sent_with_nanoseconds(nanoseconds, seconds=7):
+    """Return what rclpy sends with so many nanoseconds in the stamp."""
+    message = polygon_message(POINTS, seconds * SECOND)
+    message.header.stamp.nanosec = nanoseconds
+    return serialize_message(message)
 
 
 def fields(message, instance):
     """Return a message's fields in the order of `decode`, points as tuples."""
     polygon = message.polygon.polygon if instance else message.polygon
-    return (message.header.stamp.sec * 10**9 + message.header.stamp.nanosec,
+    return (message.header.stamp.sec * SECOND + message.header.stamp.nanosec,
             message.header.frame_id, [(p.x, p.y, p.z) for p in polygon.points],
             message.polygon.id if instance else None)
 
@@ -68,29 +59,33 @@ def decoded(data, instance):
             identity)
 
 
-@pytest.mark.parametrize('instance', (False, True))
+@pytest.mark.parametrize('instance', (None, ID))
 @pytest.mark.parametrize('length', range(10))
 @pytest.mark.parametrize('count', range(4))
 def test_every_alignment_reads_as_rclpy_wrote_it(instance, length, count):
     """The frame_id's length moves the points and, with their number, the id's padding."""
-    original = message(instance, 'frame_name'[:length], [(k, 0.5 * k, -k) for k in range(count)])
-    assert decoded(serialize_message(original), instance) == fields(original, instance)
+    frame_id = 'frame_name'[:length]
+    points = [(k, 0.5 * k, -k) for k in range(count)]
+    message = polygon_message(points, STAMP, frame_id, instance)
+    data = serialize_message(message)
+    assert decoded(data, instance is not None) == (STAMP, frame_id, points, instance)
+    written = serialised(points, STAMP, frame_id, instance)
+    assert len(written) == len(data) and deserialize_message(written, type(message)) == message
 
 
-@pytest.mark.parametrize('instance', (False, True))
+@pytest.mark.parametrize('instance', (None, 2**63 - 1))
 def test_extreme_fields_survive(instance):
     """Time before 1970, the largest id, a frame name that is not ASCII, NaN and infinity."""
-    original = message(instance, 'größe', [(np.inf, -np.inf, np.nan)], -1, 999_999_999, 2**63 - 1)
-    stamp, frame_id, points, identity = decoded(serialize_message(original), instance)
-    assert (stamp, frame_id) == (-1, 'größe')
+    original = polygon_message([(np.inf, -np.inf, np.nan)], -1, 'größe', instance)
+    stamp, frame_id, points, identity = decoded(serialize_message(original), instance is not None)
+    assert (stamp, frame_id, identity) == (-1, 'größe', instance)
     np.testing.assert_array_equal(points, [(np.inf, -np.inf, np.nan)])
-    assert identity == (2**63 - 1 if instance else None)
 
 
 @pytest.mark.parametrize('instance', (False, True))
 def test_every_truncation_is_refused(instance):
     """No prefix of a message is a message."""
-    data = serialize_message(message(instance))
+    data = sent(instance)
     for size in range(len(data)):
         with pytest.raises(MessageError):
             decode(data[:size], instance)
@@ -99,7 +94,7 @@ def test_every_truncation_is_refused(instance):
 @pytest.mark.parametrize('instance', (False, True))
 def test_left_over_bytes_are_refused(instance):
     """Bytes behind the end: perhaps another type's message, certainly not this one."""
-    data = serialize_message(message(instance))
+    data = sent(instance)
     for size in (1, 3, 4, 8, 12):
         with pytest.raises(MessageError, match='bytes where the contents need'):
             decode(data + bytes(size), instance)
@@ -109,7 +104,7 @@ def test_left_over_bytes_are_refused(instance):
 @pytest.mark.parametrize('instance', (False, True))
 def test_false_point_count_is_refused(instance, count):
     """Where rclpy reads no points at all, which on an obstacle topic means 'nothing there'."""
-    data = bytearray(serialize_message(message(instance)))
+    data = bytearray(sent(instance))
     struct.pack_into('<I', data, 20, count)
     with pytest.raises(MessageError):
         decode(bytes(data), instance)
@@ -118,21 +113,21 @@ def test_false_point_count_is_refused(instance, count):
 @pytest.mark.parametrize('text', (b'mapx', b'm\xffp\0'), ids=('no NUL', 'not UTF-8'))
 def test_broken_frame_id_is_refused(text):
     """What is no string is not taken for one."""
-    data = serialize_message(message(False))
+    data = sent()
     with pytest.raises(MessageError):
         decode(data[:16] + text + data[20:], False)
 
 
 def test_frame_id_ends_at_its_first_nul():
     """So it does for every typed subscriber."""
-    data = serialize_message(message(False))
+    data = sent()
     _, frame_id, _, _ = decode(data[:16] + b'm\0p\0' + data[20:], False)
     assert frame_id == 'm'
 
 
 def test_broken_frame_id_of_same_encoded_size_is_refused():
     """Where rclpy replaces a byte by three, the length alone could not tell."""
-    data = serialize_message(message(False, 'abcd'))
+    data = sent(frame_id='abcd')
     with pytest.raises(MessageError, match='UTF-8'):
         decode(data[:16] + b'abc\xff\0' + data[21:], False)
 
@@ -140,7 +135,7 @@ def test_broken_frame_id_of_same_encoded_size_is_refused():
 @pytest.mark.parametrize('length', (0, 2**31, 2**32 - 1))
 def test_false_text_length_is_refused(length):
     """A length that leaves the message, or that leaves no room for the NUL."""
-    data = bytearray(serialize_message(message(False)))
+    data = bytearray(sent())
     struct.pack_into('<I', data, 12, length)
     with pytest.raises(MessageError):
         decode(bytes(data), False)
@@ -149,15 +144,15 @@ def test_false_text_length_is_refused(length):
 def test_nanoseconds_beyond_a_second_are_refused():
     """Such a stamp is no time."""
     with pytest.raises(MessageError, match='nanoseconds'):
-        decode(serialize_message(message(False, nanosec=10**9)), False)
+        decode(sent_with_nanoseconds(SECOND), False)
 
 
 @pytest.mark.parametrize('identity', (None, -5))
 def test_big_endian_goes_through_rclpy(identity):
     """The other byte order is legal, if rare."""
     points = [(1.0, 2.0, 3.0), (4.0, 5.0, 6.0)]
-    assert decoded(big_endian('odom', points, identity), identity is not None) == (
-        7 * 10**9 + 8, 'odom', points, identity)
+    data = serialised(points, STAMP, 'odom', identity, order='>')
+    assert decoded(data, identity is not None) == (STAMP, 'odom', points, identity)
 
 
 @pytest.mark.parametrize('data', (b'', b'\0', b'\xff\xff\0\0', b'\0\1\0\0', b'no CDR at all'))
@@ -172,7 +167,7 @@ def test_foreign_bytes_are_refused(data):
 def test_damaged_bytes_never_read_as_something_else(instance):
     """Where a damaged message is accepted, rclpy reads the same from it."""
     random = np.random.default_rng(5)
-    data = serialize_message(message(instance))
+    data = sent(instance)
     accepted = 0
     for _ in range(3000):
         damaged = bytearray(data)
@@ -194,20 +189,20 @@ def test_foreign_encoding_without_any_library_is_refused(monkeypatch):
     monkeypatch.setitem(sys.modules, 'sat_collision.messages.interfaces', None)
     monkeypatch.delattr(sat_collision.messages, 'interfaces', raising=False)
     with pytest.raises(MessageError, match='only rclpy or rosbags'):
-        decode(big_endian('odom', []), False)
+        decode(serialised([], order='>'), False)
 
 
-@pytest.mark.parametrize('sec, nanosec', [(7, 8), (-1, 999_999_999), (0, 0), (5, 10**9)])
+@pytest.mark.parametrize('sec, nanosec', [(7, 8), (-1, 999_999_999), (0, 0), (5, SECOND)])
 def test_stamp_alone_is_that_of_the_message(sec, nanosec):
     """What sorts messages by their stamps reads no more; a senseless one counts as none."""
-    data = serialize_message(message(False, sec=sec, nanosec=nanosec))
-    assert header_stamp(data) == (sec * 10**9 + nanosec if nanosec < 10**9 else 0)
-    assert header_stamp(data[:11]) == header_stamp(big_endian('map', [])) == 0
+    data = sent_with_nanoseconds(nanosec, sec)
+    assert header_stamp(data) == (sec * SECOND + nanosec if nanosec < SECOND else 0)
+    assert header_stamp(data[:11]) == header_stamp(serialised([], order='>')) == 0
 
 
 def test_plain_message_needs_no_ros():
     """Decoding in place imports no ROS package."""
-    data = serialize_message(message(True))
+    data = sent(instance=True)
     program = ('import sys; from sat_collision.messages.cdr import decode; '
                f'assert decode({data!r}, True)[-1] == -9; '
                'assert not {"rclpy", "geometry_msgs"} & set(sys.modules)')

@@ -14,7 +14,7 @@
 
 """Markers of real scenes: what is drawn, in which colour, and that nothing stale stays."""
 
-from harness import box
+from builders import box, SECOND
 import numpy as np
 import pytest
 from sat_collision import Polygon
@@ -24,7 +24,6 @@ from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Se
 import shapely
 from visualization_msgs.msg import Marker
 
-SECOND = 10**9
 U_SHAPE = [(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]
 GREEN, RED, GREY = 'green', 'red', 'grey'
 

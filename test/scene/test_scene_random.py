@@ -13,271 +13,256 @@
 # limitations under the License.
 
 """
-Random message sequences: the scene against a model that is simple and recomputes everything.
+Random events: the scene against a model that is simple and recomputes everything.
 
-The model follows the rules of identity and age to the letter, looks through all bodies whenever it
-is asked, and leaves geometry to shapely.
+Hypothesis looks for a sequence of events after which the two differ, and shortens it.
 """
 
+from collections import Counter
 from dataclasses import replace
-import math
-import random
-from typing import NamedTuple
+from operator import attrgetter
 
-from builders import serialised
+from builders import SECOND
+import hypothesis
+from hypothesis import strategies as st
+from hypothesis.stateful import (
+    initialize, invariant, rule, RuleBasedStateMachine, run_state_machine_as_test)
 import pytest
-from sat_collision.geometry.polygon import Polygon
-from sat_collision.monitor import Monitor
-from sat_collision.scene.scene import Scene
+from sat_collision.monitor import UNDECODABLE
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from sat_collision.scene.sources import OTHER_FRAME, TOO_MANY, TOO_OLD
 
-shapely = pytest.importorskip('shapely')
+pytest.importorskip('shapely')
 
-MILLISECOND = 1_000_000
-SECOND = 1000 * MILLISECOND
-FRAMES = {'other': 'cam'}
-SETTINGS = Settings(
-    footprints=(FootprintSettings('robot', '/footprint', timeout=1.0),
-                FootprintSettings('cart', '/cart', timeout=0.0)),
-    obstacles=(ObstacleSettings('sets', '/sets', timeout=0.6, max_count=6),
-               ObstacleSettings('map', '/map', timeout=0.0, max_count=60),
-               ObstacleSettings('kept', '/kept', timeout=0.7, accumulate=True, max_count=9),
-               ObstacleSettings('tracks', '/tracks', timeout=0.5, type='polygon_instance',
-                                max_count=5)),
-    frame_id='map')
+from scene_model import enable, SceneModel  # noqa: E402
+from tellers import BAD_POINTS, ToldByMessages, ToldByPolygons  # noqa: E402
 
+MILLISECOND = SECOND // 1000
+START = 1000 * SECOND
+FOOTPRINTS = (FootprintSettings('robot', '/footprint', timeout=1.0),
+              FootprintSettings('cart', '/cart', timeout=0.0))
+SOURCES = {source.name: source for source in (
+    ObstacleSettings('sets', '/sets', timeout=0.6, max_count=6),
+    ObstacleSettings('map', '/map', timeout=0.0, max_count=60),
+    ObstacleSettings('kept', '/kept', timeout=0.7, accumulate=True, max_count=5),
+    ObstacleSettings('tracks', '/tracks', timeout=0.5, type='polygon_instance', max_count=4))}
 
-class Seen(NamedTuple):
-    """What a message left behind: its ring of points, or None if it was refused."""
+# In units of 0.5 m, at sites 1.5 m apart: many touch, some lie in the notch of another, and many
+# have a gap of just a margin between them.
+SHAPES = {'square': ((0, 0), (2, 0), (2, 2), (0, 2)),
+          'triangle': ((0, 0), (2, 0), (0, 2)),
+          'bar': ((0, 0), (3, 0), (3, 1), (0, 1)),
+          'hook': ((0, 0), (3, 0), (3, 1), (1, 1), (1, 3), (0, 3)),
+          'segment': ((2, 2), (3, 3)),
+          'point': ((2, 2),)}
+BODIES = {f'{shape} {column} {row}': tuple((x / 2 + 1.5 * column, y / 2 + 1.5 * row)
+                                           for x, y in corners)
+          for row in range(3) for column in range(4) for shape, corners in SHAPES.items()}
+RING_OF = {frozenset(ring): ring for ring in BODIES.values()}
 
-    ring: tuple | None
-    time: int
-
-
-class SourceModel:
-    """One source of obstacles: what it holds by key, as of the last look."""
-
-    def __init__(self, settings):
-        self.settings = settings
-        self.timeout = round(settings.timeout * SECOND)
-        self.held = {}
-        self.heard = None
-        self.set_start = None
-        self.count = 0
-        self.set_rings = {}
-
-    def is_past(self, time, now):
-        return self.timeout > 0 and now - time > self.timeout
-
-    def look(self, now):
-        self.held = {key: seen for key, seen in self.held.items()
-                     if not self.is_past(seen.time, now)}
-        return self.held
-
-    def in_trouble(self, now):
-        return (self.heard is None or self.is_past(self.heard, now)
-                or any(seen.ring is None for seen in self.look(now).values()))
-
-    def take(self, kind, ring, stamp, now, instance):
-        """Take a message that is good, refused, or a heartbeat; its stamp may be unknown."""
-        time = min(stamp, now) if stamp else now
-        if self.is_past(time, now):
-            return
-        self.look(now)
-        self.heard = max(time, self.heard or time)
-        in_sets = not (self.settings.accumulate or self.settings.type == 'polygon_instance'
-                       or stamp == 0)
-        if in_sets and stamp is not None:
-            self.begin_set_if_due(stamp)
-        if kind == 'heartbeat':
-            return
-        if kind == 'good':
-            self.held.pop('unplaced', None)
-        else:
-            ring = None
-        if in_sets:
-            key = self.set_rings.get(ring)
-            if key is None:
-                key = min(self.count, self.settings.max_count)
-                self.count = key + 1
-                if ring:
-                    self.set_rings[ring] = key
-            too_many = key == self.settings.max_count
-        else:
-            key = instance if self.settings.type == 'polygon_instance' else ring
-            key = 'unplaced' if key is None else key
-            known = self.held.keys() - {'unplaced', 'excess'}
-            too_many = (key not in known and key != 'unplaced'
-                        and len(known) >= self.settings.max_count)
-            key = 'excess' if too_many else key
-        ring = None if too_many else ring
-        last = self.held.get(key)
-        if last and (ring is None or ring == last.ring):
-            time = max(time, last.time)
-        self.held[key] = Seen(ring, time)
-
-    def begin_set_if_due(self, stamp):
-        if self.set_start is not None:
-            behind = self.set_start - stamp
-            if abs(behind) <= round(self.settings.set_window * SECOND):
-                return
-            if 0 < behind < self.timeout:
-                return
-        self.held = {key: seen for key, seen in self.held.items()
-                     if not isinstance(key, int) or key < self.count}
-        self.set_start, self.count, self.set_rings = stamp, 0, {}
+# In milliseconds, timeouts among them to the nanosecond; None is for a stamp of 0.
+ages = st.sampled_from((0, 0, 0, 1, 15, 20, 90, 500, 600, 700, 1000, 2000, -2000, None))
+waits = st.sampled_from((1, 5, 30, 100, 500, 600))
+bodies = st.sampled_from(tuple(BODIES))
+margins = st.sampled_from((0.0, 0.0, 0.5, 0.75))
+flaws = st.sampled_from((OTHER_FRAME, UNDECODABLE, *BAD_POINTS))
+footprints = st.sampled_from([footprint.name for footprint in FOOTPRINTS])
+instances = st.integers(0, 5)
+sources = st.runner().flatmap(lambda machine: st.sampled_from(machine.sources))
 
 
-class Model:
-    """The whole scene: each footprint is a Seen, or None."""
+class SceneMachine(RuleBasedStateMachine):
+    """
+    A scene and its model, told of the same events.
 
-    def __init__(self, settings):
-        self.settings = settings
-        self.footprints = {footprint.name: None for footprint in settings.footprints}
-        self.sources = {source.name: SourceModel(source) for source in settings.obstacles}
+    `seen` counts the statuses and the refusals on which the two agreed.
+    """
 
-    def enable(self, name, enabled):
-        """Return the settings with one source enabled or not; forget it if not."""
-        self.settings = replace(self.settings, obstacles=tuple(
-            replace(source, enabled=enabled) if source.name == name else source
-            for source in self.settings.obstacles))
-        self.sources = {source.name: SourceModel(source) if source.name == name and not enabled
-                        else self.sources[source.name] for source in self.settings.obstacles}
-        return self.settings
+    tell: type
+    seen = Counter()
 
-    def obstacles(self, now):
-        """Return the rings of all obstacles, as a sorted list."""
-        return sorted(seen.ring for source in self.sources.values()
-                      for seen in source.look(now).values() if seen.ring)
+    @initialize(names=st.lists(st.sampled_from(tuple(SOURCES)), min_size=1, unique=True),
+                margin=margins, unheard=st.booleans())
+    def begin(self, names, margin, unheard):
+        self.sources = names
+        self.model = SceneModel(Settings(
+            FOOTPRINTS, tuple(map(SOURCES.get, names)), frame_id='map', margin=margin))
+        self.told = self.tell(self.model.settings)
+        self.scene = self.told.scene
+        self.reported = {}
+        self.in_collision = set()
+        self.now = START
+        self.scene.advance(self.now)
+        if not unheard:
+            self.all_are_heard()
 
-    def finding(self, name, now):
-        """Return the status in a word and the rings in contact, sorted."""
-        settings, = (settings for settings in self.settings.footprints if settings.name == name)
-        footprint = self.footprints[name]
-        if footprint is None or 0 < settings.timeout * SECOND < now - footprint.time:
-            return 'unknown', []
-        body = shapely.Polygon(footprint.ring)
-        contacts = [ring for ring in self.obstacles(now)
-                    if shapely.intersects(body, shapely.Polygon(ring))]
-        if contacts:
-            return 'collision', contacts
-        enabled = [self.sources[settings.name] for settings in self.settings.obstacles
-                   if settings.enabled]
-        if not enabled or any(source.in_trouble(now) for source in enabled):
-            return 'unknown', []
-        return 'clear', []
+    @rule(milliseconds=waits)
+    def wait(self, milliseconds):
+        self.now += milliseconds * MILLISECOND
+        self.scene.advance(self.now)
+
+    @rule()
+    def step_back(self):
+        self.now -= 3 * SECOND
+        self.scene.advance(self.now)
+        self.model.forget_all()
+
+    @rule(name=footprints, body=bodies, age=ages)
+    def footprint(self, name, body, age):
+        self._place(name, body, age)
+
+    @rule(name=footprints, path=st.lists(bodies, min_size=2, max_size=3))
+    def drive(self, name, path):
+        for body in path:
+            self._place(name, body, 0)
+
+    @rule(name=footprints, flaw=flaws, age=ages)
+    def bad_footprint(self, name, flaw, age):
+        self._refuse(name, flaw, age)
+
+    @rule(name=sources, body=bodies, age=ages, instance=instances)
+    def obstacle(self, name, body, age, instance):
+        self._place(name, body, age, instance)
+
+    @rule(name=sources, flaw=flaws, age=ages, instance=instances)
+    def bad_obstacle(self, name, flaw, age, instance):
+        self._refuse(name, flaw, age, instance)
+
+    @rule(name=sources, together=st.lists(bodies, min_size=2, max_size=4))
+    def obstacles(self, name, together):
+        for instance, body in enumerate(together):
+            self._place(name, body, 0, instance)
+
+    @rule(name=sources, age=ages)
+    def heartbeat(self, name, age):
+        stamp = self._stamp(age)
+        told = self.told.heartbeat(name, stamp, self.now)
+        assert told == self.model.heartbeat(name, stamp, self.now)
+        self._note_collisions()
+
+    @rule(name=footprints | sources, seconds=st.sampled_from((0.0, 0.5, 0.55, 10.0)))
+    def fall_behind(self, name, seconds):
+        self.scene.fall_behind(name, seconds)
+        self.model.fall_behind(name, seconds)
+
+    @rule(name=footprints | sources)
+    def disable(self, name):
+        self._use(enable(self.model.settings, name, False))
+
+    @rule()
+    def all_are_heard(self):
+        for name in (*map(attrgetter('name'), FOOTPRINTS), *self.sources):
+            self._use(enable(self.model.settings, name, True))
+        for footprint in FOOTPRINTS:
+            self._place(footprint.name, 'square 0 0', 0)
+        for name in self.sources:
+            self.heartbeat(name, 0)
+
+    @rule(margin=margins)
+    def use_margin(self, margin):
+        self._use(replace(self.model.settings, margin=margin))
+
+    @invariant()
+    def agree(self):
+        self._obstacles_agree()
+        self._states_agree()
+        self._brief_contacts_are_told()
+        self._changes_are_told()
+
+    def _obstacles_agree(self):
+        obstacles = {key_of(*obstacle): ring_of(obstacle[1]) for obstacle in self.scene.obstacles}
+        assert obstacles == self.model.obstacles(self.now)
+
+    def _states_agree(self):
+        keys = {obstacle: key_of(obstacle, polygon)
+                for obstacle, polygon in self.scene.obstacles}
+        for footprint in FOOTPRINTS:
+            state = self.scene.state(footprint.name)
+            status, contacts, reasons = self.model.state(footprint.name, self.now)
+            assert (state.status.value, list(state.reasons)) == (status, reasons)
+            assert {keys[obstacle] for obstacle in state.contacts} == contacts
+            assert list(state.contacts) == sorted(state.contacts)
+            assert state.age == self.model.age(footprint.name, self.now)
+            self.seen[status] += 1
+
+    def _brief_contacts_are_told(self):
+        brief = {name for name in self.in_collision
+                 if 'collision' not in (self.model.state(name, self.now)[0],
+                                        self.reported.get(name, ('unknown',))[0])}
+        assert set(self.scene.brief_contacts()) == brief
+        self.seen['brief'] += len(brief)
+
+    def _changes_are_told(self):
+        for name in self.scene.changes():
+            state = self._reportable(name)
+            assert state != self.reported.get(name)
+            self.reported[name] = state
+        for footprint in FOOTPRINTS:
+            assert self._reportable(footprint.name) == self.reported[footprint.name]
+        self.in_collision.clear()
+        self._note_collisions()
+
+    def _reportable(self, name):
+        status, contacts, reasons, _ = self.scene.state(name)
+        return status.value, contacts, reasons
+
+    def _note_collisions(self):
+        self.in_collision |= {footprint.name for footprint in FOOTPRINTS
+                              if self.model.state(footprint.name, self.now)[0] == 'collision'}
+
+    def _place(self, name, body, age, instance=None):
+        message = BODIES[body], self._stamp(age), self.now, self._instance(name, instance)
+        refusal = self.model.place(name, *message)
+        assert self.told.place(name, *message) == refusal
+        self.seen[refusal] += 1
+        self._note_collisions()
+
+    def _refuse(self, name, flaw, age, instance=None):
+        message = self._stamp(age), self.now, self._instance(name, instance)
+        told = self.told.refuse(name, flaw, *message)
+        if flaw == UNDECODABLE:
+            message = None, self.now, None
+        refusal = self.model.refuse(name, flaw, *message)
+        assert flaw != OTHER_FRAME or told == refusal
+        self.seen[refusal] += 1
+
+    def _use(self, settings):
+        self.scene.update(settings)
+        self.model.use(settings)
+        self._note_collisions()
+
+    def _stamp(self, age):
+        """Return the stamp of a message of some age in ms, 0 for None."""
+        return 0 if age is None else self.now - age * MILLISECOND
+
+    def _instance(self, name, instance):
+        return instance if name == 'tracks' else None
 
 
-def rings(rng, count):
-    """Return triangles, rectangles and L-shapes on a half-metre grid, where many touch."""
-    shapes = ([(0, 0), (2, 0), (0, 2)], [(0, 0), (3, 0), (3, 1), (0, 1)],
-              [(0, 0), (3, 0), (3, 1), (1, 1), (1, 3), (0, 3)])
-    made = {tuple((x / 2 + dx, y / 2 + dy) for x, y in rng.choice(shapes))
-            for dx, dy in ((rng.randrange(24) / 2, rng.randrange(24) / 2) for _ in range(count))}
-    return sorted(made)
+class PolygonMachine(SceneMachine):
+    tell = ToldByPolygons
 
 
-class Polygons:
-    """Tells a scene of polygons."""
-
-    def __init__(self):
-        self.scene = Scene(SETTINGS)
-
-    def footprint(self, name, ring, kind, stamp, now):
-        if kind == 'good':
-            self.scene.footprint(name, Polygon(ring).packed, 'map', stamp, now)
-        else:
-            self.scene.refuse(name, 'not finite', now, stamp)
-
-    def obstacle(self, name, ring, kind, stamp, now, instance):
-        if kind == 'undecodable':
-            self.scene.refuse(name, kind, now)
-        elif kind == 'refused':
-            self.scene.refuse(name, kind, now, stamp, instance)
-        else:
-            self.scene.obstacle(name, Polygon(ring).packed if kind != 'heartbeat' else None,
-                                FRAMES.get(kind, 'map'), stamp, now, instance)
+class MessageMachine(SceneMachine):
+    tell = ToldByMessages
 
 
-class Messages:
-    """Tells a monitor of the same by messages, most of which change little."""
-
-    def __init__(self):
-        self.monitor = Monitor(SETTINGS)
-        self.scene = self.monitor.scene
-
-    def footprint(self, name, ring, kind, stamp, now):
-        self.obstacle(name, ring, kind, stamp, now, None)
-
-    def obstacle(self, name, ring, kind, stamp, now, instance):
-        ring = {'refused': ((math.nan, 0),), 'heartbeat': ()}.get(kind, ring)
-        data = serialised(ring, stamp, FRAMES.get(kind, 'map'), instance)
-        self.monitor.receive(name, data[:9] if kind == 'undecodable' else data, now)
+def key_of(obstacle, polygon):
+    """Return source and key of an obstacle as the model has them: its number or its ring."""
+    return obstacle.source, obstacle.key if obstacle.key >= 0 else ring_of(polygon)
 
 
-@pytest.mark.parametrize('way', (Polygons, Messages))
-@pytest.mark.parametrize('seed', range(20))
-def test_scene_agrees_with_a_model_that_recomputes_everything(seed, way):
+def ring_of(polygon):
+    return RING_OF[frozenset(map(tuple, polygon.vertices.tolist()))]
+
+
+@pytest.mark.parametrize('machine', (PolygonMachine, MessageMachine))
+def test_scene_agrees_with_a_model_that_recomputes_everything(machine):
     """Sources of every kind, messages of every kind, in any order, with stamps that jump about."""
-    rng = random.Random(seed)
-    pool = rings(rng, 40)
-    ring_of = {tuple(map(tuple, Polygon(ring).vertices.tolist())): ring for ring in pool}
-    told, model = way(), Model(SETTINGS)
-    scene = told.scene
-    now = 1000 * SECOND
-    scene.advance(now)
-    states = {}
-    seen = set()
-    for _ in range(1500):
-        now += rng.choice((0, 1, 5, 30, 100)) * MILLISECOND
-        stamp = now - rng.choice((0, 0, 0, 1, 15, 90, 400, 650, -2000)) * MILLISECOND
-        stamp = rng.choice((stamp,) * 9 + (0,))
-        ring = rng.choice(pool)
-        event = rng.random()
-        if event < 0.003:
-            now -= 3 * SECOND
-            scene.advance(now)
-            model = Model(model.settings)
-        elif event < 0.01:
-            name = rng.choice(SETTINGS.obstacles).name
-            scene.advance(now)
-            scene.update(model.enable(name, rng.random() < 0.7))
-        elif event < 0.2:
-            scene.advance(now)
-        elif event < 0.3:
-            name = rng.choice(SETTINGS.footprints).name
-            kind = 'refused' if rng.random() < 0.1 else 'good'
-            told.footprint(name, ring, kind, stamp, now)
-            time = min(stamp, now) if stamp else now
-            model.footprints[name] = Seen(ring, time) if kind == 'good' else None
-        elif event < 0.5:
-            for ring in rng.sample(pool, 3):
-                take_obstacle(told, model, model.settings.obstacles[0], ring, 'good', now, now)
-        else:
-            kind = rng.choice(('good',) * 20 + ('refused', 'other', 'heartbeat', 'undecodable'))
-            source = rng.choice(model.settings.obstacles)
-            instance = rng.randrange(7) if source.type == 'polygon_instance' else None
-            take_obstacle(told, model, source, ring, kind, stamp, now, instance)
-        scene.advance(now)
-        where = {obstacle: ring_of[tuple(map(tuple, polygon.vertices.tolist()))]
-                 for obstacle, polygon in scene.obstacles}
-        assert sorted(where.values()) == model.obstacles(now)
-        for name in scene.changes():
-            states[name] = scene.state(name)
-        for name in model.footprints:
-            state = scene.state(name)
-            assert states[name][:3] == state[:3]
-            contacts = sorted(where[obstacle] for obstacle in state.contacts)
-            assert (state.status.value, contacts) == model.finding(name, now)
-            seen.add(state.status.value)
-    assert seen == {'clear', 'collision', 'unknown'}
-
-
-def take_obstacle(told, model, source, ring, kind, stamp, now, instance=None):
-    """Give one message of some kind of some source to scene and model."""
-    told.obstacle(source.name, ring, kind, stamp, now, instance)
-    if source.enabled:
-        if kind == 'undecodable':
-            stamp = instance = None
-        kind = kind if kind in ('good', 'heartbeat') else 'refused'
-        model.sources[source.name].take(kind, ring, stamp, now, instance)
+    machine.seen.clear()
+    run_state_machine_as_test(machine, settings=hypothesis.settings(
+        max_examples=300, stateful_step_count=70, derandomize=True, database=None, deadline=None,
+        report_multiple_bugs=False, phases=(hypothesis.Phase.generate, hypothesis.Phase.shrink)))
+    assert min(machine.seen[status] for status in ('clear', 'collision', 'unknown')) > 500
+    assert min(machine.seen[refusal] for refusal in (OTHER_FRAME, TOO_MANY, TOO_OLD)) > 50
+    assert machine.seen['brief'] > 10

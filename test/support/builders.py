@@ -12,19 +12,43 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Serialised messages, as publishers send them."""
+"""Polygon messages: the bytes that publishers send, written without ROS, and ROS's own objects."""
 
 import struct
 
 SECOND = 10**9
 
 
-def serialised(points, stamp=1000 * SECOND, frame_id='map', instance=None):
-    """Write a polygon message as a little-endian publisher does."""
+def box(x, y=0.0, width=1.0, height=1.0):
+    """Return the corners of a box with its lower left one at (x, y)."""
+    return [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
+
+
+def serialised(points, stamp=1000 * SECOND, frame_id='map', instance=None, order='<'):
+    """
+    Write a PolygonStamped, or a PolygonInstanceStamped if there is an id.
+
+    Points are (x, y) or (x, y, z), the stamp is in ns, and '>' is the order of a big-endian
+    publisher.
+    """
     text = frame_id.encode() + b'\0'
-    body = struct.pack('<iII', *divmod(stamp, SECOND), len(text)) + text
-    body += bytes(-len(body) % 4) + struct.pack('<I', len(points))
-    body += b''.join(struct.pack('<fff', x, y, 0) for x, y in points)
+    body = struct.pack(order + 'iII', *divmod(stamp, SECOND), len(text)) + text
+    body += bytes(-len(body) % 4) + struct.pack(order + 'I', len(points))
+    body += b''.join(struct.pack(order + 'fff', x, y, *(z or (0.0,))) for x, y, *z in points)
     if instance is not None:
-        body += bytes(-len(body) % 8) + struct.pack('<q', instance)
-    return b'\0\1\0\0' + body
+        body += bytes(-len(body) % 8) + struct.pack(order + 'q', instance)
+    return {'<': b'\0\1\0\0', '>': b'\0\0\0\0'}[order] + body
+
+
+def polygon_message(points, stamp=1000 * SECOND, frame_id='map', instance=None):
+    """Build the message that `serialised` writes."""
+    from geometry_msgs.msg import Point32, PolygonInstanceStamped, PolygonStamped
+    message = PolygonStamped() if instance is None else PolygonInstanceStamped()
+    message.header.frame_id = frame_id
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, SECOND)
+    polygon = message.polygon
+    if instance is not None:
+        polygon.id = instance
+        polygon = polygon.polygon
+    polygon.points = [Point32(**dict(zip('xyz', map(float, point)))) for point in points]
+    return message

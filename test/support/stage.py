@@ -14,11 +14,26 @@
 
 """A scene in which bodies are unit squares on a line and times are seconds, for short tests."""
 
+from dataclasses import replace
+
+import pytest
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 
 START = 1000.0
+ROBOT = FootprintSettings('robot', '/footprint')
+CART = FootprintSettings('cart', '/cart/footprint')
+PATIENT_ROBOT = replace(ROBOT, timeout=0.0)
+LIDAR = ObstacleSettings('lidar', '/polygons')
+PATIENT_LIDAR = replace(LIDAR, timeout=0.0)
+INSTANCES = replace(LIDAR, type='polygon_instance')
+ACCUMULATED = replace(LIDAR, accumulate=True)
+EVERY_KIND = pytest.mark.parametrize('settings', [LIDAR, INSTANCES, ACCUMULATED],
+                                     ids=['sets', 'instances', 'accumulate'])
+TOO_OLD = 'footprint robot on /footprint is older than its timeout of 1 s'
+UNHEARD = 'footprint robot on /footprint has not been heard yet'
+UNHEARD_LIDAR = 'obstacle source lidar on /polygons has not been heard yet'
 
 
 def nanoseconds(seconds):
@@ -38,9 +53,8 @@ class Stage:
     silent after 2 s.
     """
 
-    def __init__(self, *sources, footprints=(FootprintSettings('robot', '/footprint'),),
-                 start=START, **settings):
-        sources = sources or (ObstacleSettings('lidar', '/polygons'),)
+    def __init__(self, *sources, footprints=(ROBOT,), start=START, **settings):
+        sources = sources or (LIDAR,)
         self.settings = Settings(tuple(footprints), sources, **settings)
         self.scene = Scene(self.settings)
         self.start = start
@@ -90,3 +104,24 @@ class Stage:
     def held(self):
         """The places of all obstacles by key."""
         return {obstacle.key: polygon.bounds[0] for obstacle, polygon in self.scene.obstacles}
+
+
+def clear_stage(*sources, **settings):
+    """Return a stage with a footprint at 0 and an obstacle far from it."""
+    stage = Stage(*sources, **settings)
+    stage.robot()
+    stage.see(10)
+    assert stage.status() == 'clear'
+    return stage
+
+
+def with_robot(*sources):
+    """Return a stage with a footprint that stands at 0 and never ages."""
+    stage = Stage(*sources, footprints=[PATIENT_ROBOT])
+    stage.robot()
+    return stage
+
+
+def findings(stage):
+    """Return the status in a word, and the reasons."""
+    return stage.status(), stage.state().reasons

@@ -15,8 +15,63 @@
 """Sets: which polygon of a PolygonStamped topic is which obstacle, and how long it stays."""
 
 import pytest
+from sat_collision.geometry.layout import FINGERPRINT
+from sat_collision.geometry.polygon import Polygon
+from sat_collision.scene.obstacle_sets import ObstacleSets
 from sat_collision.scene.settings import ObstacleSettings
 from stage import Stage
+
+
+@pytest.fixture
+def sets():
+    """Return sets of three places, with a window of 10 and a timeout of 100."""
+    sets = ObstacleSets()
+    sets.window, sets.timeout, sets.most = 10, 100, 3
+    return sets
+
+
+def test_places_left_over_are_told_when_the_next_set_begins(sets):
+    """Sets of three, one, none and none."""
+    sets.join(1000)
+    assert [sets.next_place() for _ in range(3)] == [0, 1, 2]
+    assert list(sets.join(1020)) == []
+    assert sets.next_place() == 0
+    assert list(sets.join(1040)) == [1, 2]
+    assert list(sets.join(1060)) == [0]
+    assert sets.start == 1060
+
+
+def test_late_stamps_join_and_those_of_another_clock_do_not(sets):
+    """A stamp is late if it is before the set by less than the timeout."""
+    sets.join(1000)
+    for stamp in (1010, 990, 901):
+        sets.join(stamp)
+        assert sets.start == 1000
+    sets.join(900)
+    assert sets.start == 900
+
+
+def test_place_beyond_the_last_is_shared(sets):
+    """What comes to it is not known again."""
+    sets.join(1000)
+    assert [sets.next_place(fingerprint) for fingerprint in (0.1, 0.2, 0.3, 0.4, 0.5)] == [
+        0, 1, 2, 3, 3]
+    assert [sets.place_of_equal(fingerprint) for fingerprint in (0.1, 0.3, 0.4, 0.5)] == [
+        0, 2, None, None]
+
+
+def test_equal_fingerprints_share_a_place_within_a_set_only(sets):
+    """And not after all was forgotten."""
+    sets.join(1000)
+    sets.next_place()
+    sets.next_place(0.5)
+    assert sets.place_of_equal(0.5) == 1
+    sets.join(1020)
+    assert sets.place_of_equal(0.5) is None
+    assert sets.next_place(0.5) == 0
+    sets.clear()
+    assert sets.start is None and sets.place_of_equal(0.5) is None
+    assert list(sets.join(1020)) == []
 
 
 def test_messages_with_a_copied_stamp_are_different_obstacles():
@@ -125,6 +180,20 @@ def test_same_polygon_again_in_one_set_refreshes_it():
     stage = Stage()
     stage.burst(10, 20, 10, 20, 30)
     assert stage.held == {0: 10, 1: 20, 2: 30}
+
+
+def test_different_polygons_with_one_fingerprint_are_different_obstacles():
+    """Two hooks of different strength; in the next set they have changed places."""
+    hooks = [Polygon([(0, 0), (3, 0), (3, y), (1, y), (1, 3), (0, 3)]) for y in (1, 2)]
+    assert len({float(hook.packed[0][FINGERPRINT]) for hook in hooks}) == 1
+    stage = Stage()
+    for time, order in ((0.0, hooks), (0.1, hooks[::-1])):
+        stage.wait_until(time)
+        for hook in order:
+            stage.scene.obstacle('lidar', hook.packed, 'map', stage.now, stage.now)
+        assert [(name.key, polygon.vertices.tolist())
+                for name, polygon in stage.scene.obstacles] == [
+            (key, hook.vertices.tolist()) for key, hook in enumerate(order)]
 
 
 def test_refreshed_obstacle_lives_from_the_later_stamp():

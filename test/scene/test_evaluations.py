@@ -1,0 +1,171 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Which states are told as changed, and which footprints are evaluated for that."""
+
+import pytest
+from sat_collision.scene.deadlines import Deadlines
+from sat_collision.scene.evaluations import Evaluations
+from sat_collision.scene.footprints import Footprint
+from stage import CART, clear_stage, ROBOT, Stage
+
+SECOND = 10**9
+
+
+@pytest.fixture
+def changed():
+    """Return the set of footprints for which something has changed."""
+    return set()
+
+
+@pytest.fixture
+def footprints(changed):
+    """Return two footprints by name, good since 0, with nothing found of them yet."""
+    footprints = {settings.name: Footprint(settings, changed) for settings in (ROBOT, CART)}
+    for footprint in footprints.values():
+        footprint.time = 0
+    changed.update(footprints.values())
+    return footprints
+
+
+@pytest.fixture
+def deadlines():
+    """Return what looks after deadlines, of nothing yet."""
+    return Deadlines()
+
+
+@pytest.fixture
+def evaluations(footprints, changed, deadlines):
+    """Return what evaluates the two, with nothing reported yet."""
+    return Evaluations(footprints, changed, deadlines, {})
+
+
+def test_only_footprints_that_changed_are_evaluated(footprints, changed, evaluations):
+    """The other keeps what was found before, though by now it is stale."""
+    evaluations.evaluate(now=0, release_delay=0)
+    assert not changed
+    assert evaluations.changes() == ['robot', 'cart']
+    changed.add(footprints['cart'])
+    evaluations.evaluate(now=2 * SECOND, release_delay=0)
+    assert [footprint.status.value for footprint in footprints.values()] == ['clear', 'unknown']
+    assert evaluations.changes() == ['cart']
+
+
+def test_other_faults_concern_all_footprints(footprints, changed, evaluations):
+    """The same again concern none."""
+    evaluations.evaluate(now=0, release_delay=0)
+    evaluations.use_faults('', ('the lidar is silent',))
+    assert changed == set(footprints.values())
+    evaluations.evaluate(now=0, release_delay=0)
+    assert [footprint.evaluation[2] for footprint in footprints.values()] == [
+        ('the lidar is silent',)] * 2
+    evaluations.use_faults('', ('the lidar is silent',))
+    assert not changed
+
+
+def test_changes_are_told_once_and_in_the_order_of_the_settings(footprints, changed, evaluations):
+    """However many evaluations lie between two reports."""
+    evaluations.evaluate(now=0, release_delay=0)
+    assert evaluations.changes() == ['robot', 'cart']
+    for name in ('cart', 'robot'):
+        footprints[name].fault = 'was refused: not finite'
+        changed.add(footprints[name])
+        evaluations.evaluate(now=0, release_delay=0)
+    assert evaluations.changes() == ['robot', 'cart']
+    assert evaluations.changes() == []
+
+
+def test_evaluated_footprints_are_watched(footprints, changed, evaluations, deadlines):
+    """They become stale without anything else happening."""
+    evaluations.evaluate(now=0, release_delay=0)
+    for footprint in deadlines.missed(SECOND):
+        footprint.expire()
+    assert not changed
+    for footprint in deadlines.missed(SECOND + 1):
+        footprint.expire()
+    assert changed == set(footprints.values())
+
+
+def test_changes_name_every_footprint_once_at_first():
+    """The first call tells what is to be published at the start."""
+    stage = Stage(footprints=[ROBOT, CART])
+    assert stage.scene.changes() == ['robot', 'cart']
+    assert stage.scene.changes() == []
+
+
+def test_changes_name_those_whose_state_differs():
+    """Contacts and reasons count as well as the status; what stays the same does not."""
+    stage = Stage(footprints=[ROBOT, CART])
+    stage.robot()
+    stage.robot(5, name='cart')
+    stage.see(20)
+    stage.scene.changes()
+    stage.see(0.5)
+    assert stage.scene.changes() == ['robot']
+    stage.see(0.4)
+    assert stage.scene.changes() == ['robot']
+    stage.see(30)
+    stage.robot(0.1)
+    assert stage.scene.changes() == []
+    stage.refuse()
+    assert stage.scene.changes() == ['robot', 'cart']
+    stage.refuse()
+    assert stage.scene.changes() == []
+
+
+def test_state_that_came_and_went_is_no_change():
+    """Only what is so at the time of the call is compared."""
+    stage = clear_stage()
+    stage.scene.changes()
+    stage.see(0.5)
+    stage.wait_until(0.1)
+    stage.burst(20, 30)
+    assert stage.scene.changes() == []
+
+
+def test_collision_that_came_and_went_is_told_as_brief():
+    """Until the changes are told; one that stays, or was reported before, is none."""
+    stage = clear_stage()
+    stage.scene.changes()
+    stage.see(0.5)
+    assert stage.scene.brief_contacts() == []
+    stage.wait_until(0.1)
+    stage.burst(20, 30)
+    assert stage.scene.brief_contacts() == ['robot']
+    assert stage.scene.changes() == []
+    assert stage.scene.brief_contacts() == []
+    stage.robot(20.5)
+    stage.scene.changes()
+    stage.robot(0)
+    assert stage.scene.brief_contacts() == []
+
+
+def test_first_collision_may_be_brief():
+    """It came and went before anything was ever reported."""
+    stage = Stage()
+    stage.see(10)
+    stage.robot(10.5)
+    stage.robot()
+    assert stage.scene.brief_contacts() == ['robot']
+
+
+def test_time_alone_makes_no_change_until_something_is_due():
+    """Ticks come all the time; the age grows, but no state changes by that."""
+    stage = clear_stage()
+    stage.scene.changes()
+    for hundredth in range(100):
+        stage.wait_until(hundredth / 100)
+        assert stage.scene.changes() == []
+    stage.wait_until(1.01)
+    assert stage.scene.changes() == ['robot']

@@ -1,0 +1,191 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""One footprint: its age, its refusals, and how long it must be clear to be reported so."""
+
+from dataclasses import replace
+
+import pytest
+from stage import clear_stage, PATIENT_LIDAR, PATIENT_ROBOT, ROBOT, Stage, TOO_OLD, UNHEARD
+
+
+def test_footprint_goes_stale_by_its_stamp():
+    """The localisation hangs: the footprint was 0.4 s old when it came."""
+    stage = clear_stage(PATIENT_LIDAR)
+    stage.robot(stamp=-0.4)
+    stage.wait_until(0.6)
+    assert stage.status() == 'clear'
+    stage.wait_until(0.601)
+    assert stage.status() == 'unknown'
+    assert stage.state().reasons == (TOO_OLD,)
+    assert stage.state().age == pytest.approx(1.001)
+    stage.robot()
+    assert stage.status() == 'clear'
+
+
+def test_stale_footprint_in_contact_is_unknown():
+    """Where the robot is now is not known, so neither is its contact; it stays drawn."""
+    stage = Stage(PATIENT_LIDAR)
+    stage.robot()
+    stage.see(0.5)
+    stage.wait_until(1.001)
+    state = stage.state()
+    assert (state.status.value, state.contacts, state.reasons) == ('unknown', (), (TOO_OLD,))
+    assert [name for name, _ in stage.scene.footprints] == ['robot']
+
+
+def test_footprint_that_arrives_stale_is_stale_at_once():
+    """The latest message wins even if it is too old: an older place is no better."""
+    stage = clear_stage()
+    stage.robot(stamp=-1.001)
+    assert stage.status() == 'unknown'
+    assert stage.state().reasons == (TOO_OLD,)
+
+
+def test_latest_arrival_wins_even_with_an_earlier_stamp():
+    """Two footprints overtake each other on the way; the earlier stamp goes stale earlier."""
+    stage = clear_stage(PATIENT_LIDAR)
+    stage.wait_until(0.5)
+    stage.robot(20)
+    stage.robot(10.5, stamp=0.1)
+    assert stage.status() == 'collision'
+    stage.wait_until(1.101)
+    assert stage.status() == 'unknown'
+
+
+def test_footprint_from_the_future_lives_no_longer():
+    """Its publisher's clock is an hour ahead."""
+    stage = clear_stage(PATIENT_LIDAR)
+    stage.robot(stamp=3600.0)
+    assert stage.state().age == 0.0
+    stage.wait_until(1.001)
+    assert stage.status() == 'unknown'
+
+
+def test_footprint_without_a_stamp_counts_from_its_arrival():
+    """Stamp 0 means that the publisher set none."""
+    stage = clear_stage(PATIENT_LIDAR)
+    stage.robot(stamp='none')
+    stage.wait_until(1.0)
+    assert stage.status() == 'clear'
+    stage.wait_until(1.001)
+    assert stage.status() == 'unknown'
+
+
+def test_footprint_with_timeout_0_never_goes_stale():
+    """A body that is bolted down sends its footprint once."""
+    stage = clear_stage(PATIENT_LIDAR, footprints=[PATIENT_ROBOT])
+    stage.wait_until(1e6)
+    assert stage.status() == 'clear'
+
+
+def test_refused_footprint_is_unknown_until_a_good_one():
+    """One message with a NaN: the last good place is not trusted any more."""
+    stage = Stage()
+    stage.robot()
+    stage.see(0.5)
+    stage.refuse('not finite', name='robot')
+    state = stage.state()
+    assert (state.status.value, state.contacts, state.age) == ('unknown', (), None)
+    assert state.reasons == ('footprint robot on /footprint was refused: not finite',)
+    assert stage.scene.footprints == []
+    stage.robot()
+    assert stage.status() == 'collision'
+
+
+def test_disabled_footprint_is_unknown_and_ignored():
+    """A gripper's footprint is switched off, and on again."""
+    stage = clear_stage()
+    settings = stage.settings
+    stage.scene.update(replace(settings, footprints=(replace(ROBOT, enabled=False),)))
+    assert stage.robot() is None
+    stage.refuse(name='robot')
+    assert stage.state().reasons == ('footprint robot is disabled',)
+    stage.scene.update(settings)
+    assert stage.state().reasons == (UNHEARD,)
+    stage.robot()
+    assert stage.status() == 'clear'
+
+
+def test_release_waits_until_clear_without_interruption():
+    """The flag does not fall while a contact flickers."""
+    stage = clear_stage(PATIENT_LIDAR, footprints=[PATIENT_ROBOT], release_delay=0.0)
+    stage.scene.update(replace(stage.settings, release_delay=0.5))
+    stage.see(0.5)
+    assert stage.status() == 'collision'
+    for time, x in ((0.1, 5), (0.5, 0.5), (0.6, 5)):
+        stage.wait_until(time)
+        stage.see(x)
+        assert stage.status() == 'collision'
+    assert stage.state().contacts == ()
+    assert stage.state().reasons == ('clear for less than release_delay, 0.5 s',)
+    stage.scene.changes()
+    stage.wait_until(1.099)
+    assert (stage.status(), stage.scene.changes()) == ('collision', [])
+    stage.wait_until(1.1)
+    assert (stage.status(), stage.scene.changes()) == ('clear', ['robot'])
+    assert stage.state().reasons == ()
+
+
+def test_interruption_counts_even_if_nobody_looked():
+    """A contact that came and went between two looks starts the delay again."""
+    stage = Stage(PATIENT_LIDAR, footprints=[PATIENT_ROBOT], release_delay=0.5)
+    stage.robot()
+    stage.see(5)
+    stage.wait_until(0.3)
+    stage.see(0.5)
+    stage.wait_until(0.4)
+    stage.see(6)
+    stage.wait_until(0.8)
+    assert stage.status() == 'collision'
+    stage.wait_until(0.9)
+    assert stage.status() == 'clear'
+
+
+def test_release_from_unknown_waits_too_and_keeps_its_status():
+    """A sensor that drops out again and again does not make the flag flicker."""
+    stage = Stage(PATIENT_LIDAR, footprints=[PATIENT_ROBOT], release_delay=0.5)
+    stage.robot()
+    stage.see(5)
+    assert stage.status() == 'unknown'
+    assert stage.state().reasons == ('clear for less than release_delay, 0.5 s',)
+    stage.wait_until(0.5)
+    assert stage.status() == 'clear'
+
+
+def test_settings_of_a_footprint_changed_while_running():
+    """Its timeout and the release delay count from the moment at which they are changed."""
+    stage = clear_stage(PATIENT_LIDAR)
+    stage.wait_until(1.5)
+    assert stage.status() == 'unknown'
+    patient = replace(stage.settings, footprints=(PATIENT_ROBOT,), release_delay=5.0)
+    stage.scene.update(patient)
+    assert stage.state().reasons == ('clear for less than release_delay, 5 s',)
+    stage.scene.update(replace(patient, release_delay=0.0))
+    assert stage.status() == 'clear'
+    stage.scene.update(stage.settings)
+    assert stage.state().reasons == (TOO_OLD,)
+
+
+def test_rise_is_never_delayed():
+    """Whatever the release delay, a contact is told at once, and so is doubt."""
+    stage = Stage(footprints=[PATIENT_ROBOT], release_delay=0.5)
+    stage.robot()
+    stage.see(5)
+    stage.wait_until(1.0)
+    assert stage.status() == 'clear'
+    stage.see(0.5)
+    assert stage.status() == 'collision'
+    stage.refuse(name='robot')
+    assert stage.status() == 'unknown'

@@ -1,0 +1,109 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The frame of the scene: who chooses it, and what becomes of bodies in another."""
+
+from dataclasses import replace
+
+from stage import CART, clear_stage, EVERY_KIND, ROBOT, Stage
+
+
+def test_frame_of_the_first_footprint_is_that_of_the_scene():
+    """No frame_id is configured."""
+    stage = Stage()
+    assert stage.scene.frame_id == ''
+    stage.robot(frame='odom')
+    assert stage.scene.frame_id == 'odom'
+    assert stage.see(0.5, frame='map') == 'other frame'
+    assert stage.status() == 'unknown'
+    assert stage.state().reasons == (
+        'obstacle source lidar on /polygons sent what was refused: other frame',)
+    stage.wait_until(0.1)
+    stage.see(0.5, frame='odom')
+    assert stage.status() == 'collision'
+
+
+@EVERY_KIND
+def test_obstacles_that_came_before_the_frame_was_known(settings):
+    """The first obstacles come before the first footprint, some of them in another frame."""
+    stage = Stage(settings)
+    stage.see(0.5, frame='odom', instance=1)
+    stage.see(9.5, frame='map', instance=2)
+    stage.robot(frame='odom')
+    assert list(stage.held.values()) == [0.5]
+    assert stage.status() == 'collision'
+    assert stage.state().reasons == (
+        'obstacle source lidar on /polygons sent what was refused: other frame',)
+    stage.wait_until(0.1)
+    stage.see(0.5, frame='odom', instance=1)
+    stage.see(8.5, frame='odom', instance=2)
+    assert stage.status() == 'collision'
+    assert stage.state().reasons == ()
+
+
+def test_refusal_before_the_frame_was_known_keeps_its_reason():
+    """What was not finite is not in another frame as well."""
+    stage = Stage()
+    stage.refuse('not finite')
+    stage.robot()
+    assert stage.state().reasons == (
+        'obstacle source lidar on /polygons sent what was refused: not finite',)
+
+
+def test_configured_frame_holds_from_the_start():
+    """With frame_id set, neither the first footprint nor the first obstacle decides."""
+    stage = Stage(frame_id='map')
+    assert stage.see(0.5, frame='odom') == 'other frame'
+    assert stage.robot(frame='odom') == 'other frame'
+    assert stage.state().reasons == (
+        "footprint robot on /footprint is not in the frame 'map'",
+        'obstacle source lidar on /polygons sent what was refused: other frame')
+    stage.wait_until(0.1)
+    stage.see(0.5)
+    stage.robot()
+    assert stage.status() == 'collision'
+
+
+def test_second_footprint_in_another_frame_is_unknown():
+    """The first one decides; it is not disturbed by the other."""
+    stage = Stage(footprints=[ROBOT, CART])
+    stage.see(10)
+    stage.robot()
+    assert stage.robot(10, name='cart', frame='odom') == 'other frame'
+    assert (stage.status('robot'), stage.status('cart')) == ('clear', 'unknown')
+
+
+def test_footprint_that_changes_its_frame_is_unknown():
+    """Its last place in the right frame is not kept."""
+    stage = clear_stage()
+    stage.robot(frame='odom')
+    assert stage.status() == 'unknown'
+    assert stage.scene.footprints == []
+
+
+def test_step_back_in_time_lets_the_frame_be_chosen_anew():
+    """The next recording may be in another frame."""
+    stage = clear_stage()
+    stage.wait_until(-1.0)
+    stage.robot(frame='odom')
+    stage.see(10, frame='odom')
+    assert stage.status() == 'clear'
+
+
+def test_refused_footprint_does_not_choose_the_frame():
+    """Only a good footprint does, and no disabled one."""
+    stage = Stage(footprints=[replace(CART, enabled=False), ROBOT])
+    stage.refuse(name='robot')
+    stage.robot(name='cart', frame='odom')
+    assert stage.scene.frame_id == ''

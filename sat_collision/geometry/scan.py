@@ -71,15 +71,17 @@ def write_row(rows, row, body, count):
 
     """
     rows = Rows(*rows)
+    packed = borrowed(rows.packed)
+    body = borrowed(body)
     size = body_size(Packed(body, 0, count))
     start = rows.spans[0, row]
     if size > rows.spans[2, row]:
         return NO_ROOM
     same = rows.spans[1, row] == count
     for k in range(size):
-        if same and rows.packed[start + k] != body[k]:
+        if same and packed[start + k] != body[k]:
             same = False
-        rows.packed[start + k] = body[k]
+        packed[start + k] = body[k]
     if same:
         return UNCHANGED
     rows.spans[1, row] = count

@@ -120,15 +120,23 @@ def errors(pairs):
         yield float(abs(Fraction(value) - exact) / ulp)
 
 
-@pytest.mark.parametrize('n', [3, 5, 20])
+@pytest.mark.parametrize('n', [4, 20])
 @pytest.mark.parametrize('name', families.CONVEX)
 def test_every_family_is_accurate_to_8_ulp(name, n):
-    assert max(errors(families.CONVEX[name](np.random.default_rng(3), 40, n))) <= 8
+    assert max(errors(families.CONVEX[name](np.random.default_rng(3), 25, n))) <= 8
 
 
 @pytest.mark.parametrize('name', ['tiny_edges', 'mixed_exponents', 'level_arcs'])
 def test_edges_that_underflow_and_arcs_that_are_all_but_flat(name):
     assert max(errors(families.EXTREME[name](np.random.default_rng(4), 60, 12))) <= 8
+
+
+@pytest.mark.parametrize('exponent', [-1000, -400, 400, 1015])
+def test_accuracy_is_the_same_at_every_scale(exponent):
+    """Where squares of coordinates underflow or overflow."""
+    for name in ('near', 'containment', 'hair_gaps'):
+        pairs = families.CONVEX[name](np.random.default_rng(4), 15, 7)
+        assert max(errors([np.ldexp(pair, exponent) for pair in pairs])) <= 8
 
 
 def nearly_flat_pairs(rng, count):
@@ -151,7 +159,7 @@ def test_nearly_flat_edges():
     """Where a step of the search gains less than is seen, it goes on until the end is proved."""
     flat = [(0, 0), (.5, -1), (1, .9e-8), (1e-5, .89e-8)]
     assert separation(flat, [(0, 1)]) == pytest.approx(0.99999999115, rel=1e-15)
-    assert max(errors(nearly_flat_pairs(np.random.default_rng(5), 500))) <= 8
+    assert max(errors(nearly_flat_pairs(np.random.default_rng(5), 300))) <= 8
 
 
 def test_trying_all_edges_gives_the_same():

@@ -14,6 +14,7 @@
 
 """Make packed polygons, see `layout`, of received points."""
 
+from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.jit import float32_values, kernel, scratch
 from sat_collision.geometry.layout import ENTRY_BITS, entry_step, FINGERPRINT, HEADER, table_size
 from sat_collision.geometry.plane import centroid, length
@@ -54,6 +55,7 @@ def pack(points, packed, most):
         Where the vertices start in the array.
 
     """
+    require_nearest(len(points))
     ring = scratch(len(points))
     verdict, count, i, j = clean(points, ring, most)
     first = 0

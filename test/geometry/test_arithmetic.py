@@ -112,7 +112,7 @@ def run(program, **environment):
 
 
 @pytest.mark.parametrize('plain', ['0', '1'])
-@pytest.mark.parametrize('mode', MODES)
+@pytest.mark.parametrize('mode', ['flush to zero', 'down'])
 def test_import_is_refused(mode, plain):
     program = (f'import ctypes\nmode = {MODES[mode]}\n'
                'libm, env = ctypes.CDLL("libm.so.6"), ctypes.create_string_buffer(32)\n'

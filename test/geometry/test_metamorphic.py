@@ -17,8 +17,9 @@ import metamorphic
 import numpy as np
 import pytest
 from sat_collision import intersects_pairs
+from sat_collision.geometry.jit import COMPILED
 
-COUNT = 10000
+COUNT = 10000 if COMPILED else 300
 
 
 @pytest.mark.parametrize('n', [5, 19])

@@ -89,7 +89,7 @@ def main():
 
 def _shares(pairs):
     """Return (family, n, count): equal shares for the families, less for `MANY`; by 1 / n."""
-    named = [*families.CONVEX.values(), *families.SIMPLE.values()]
+    named = [*families.CONVEX.values(), *families.EXTREME.values(), *families.SIMPLE.values()]
     shares = []
     for family in named:
         share, sides = pairs // len(named), SIDES

@@ -17,21 +17,31 @@ How far apart two bodies are, or how deep they overlap.
 
 Between convex bodies apart, the point of their Minkowski difference Q - P nearest to the origin is
 sought with its support vertices (E. G. Gilbert, D. W. Johnson, S. S. Keerthi, "A fast procedure
-for computing the distance between complex objects in three-dimensional space", 1988). Where they
-overlap, the depth is the least over the edges of both of how far the other body reaches beyond
-the edge. Values are rounded, to a few ulp of the coordinates; signs are exact.
+for computing the distance between complex objects in three-dimensional space", 1988). For any
+unit axis u the distance is at least the least w . u of the difference: the search stops when that
+is within TOLERANCE of the distance found, and where it does not get there all pairs of edges are
+tried. Where bodies overlap, the depth is the least over the edges of both of how far the other
+body reaches beyond the edge.
+
+Values are rounded, to less than 8 ulp of the largest coordinate; signs are exact. Rings begin with
+their least vertex, and the bodies are put in order before: each start vertex and either order of
+the bodies gives the same bits.
 """
 
 import math
 
+from sat_collision.geometry.edges import height, to_segment
 from sat_collision.geometry.intersection import convex_meet, interiors_apart
 from sat_collision.geometry.jit import kernel
-from sat_collision.geometry.layout import convex_part, first_vertex, Packed
-from sat_collision.geometry.plane import length
+from sat_collision.geometry.layout import body_size, convex_part, first_vertex, Packed
+from sat_collision.geometry.plane import length, unit
 from sat_collision.geometry.separating_axis import support
 
-_LEAST = 5e-324
+# How far, in parts of the largest coordinate, the distance may be from its lower bound: 4 u.
+TOLERANCE = 2.0 ** -51
+# Where the depth, in parts of the largest coordinate, may be nothing but rounding.
 _DOUBTFUL = 1e-12
+_LEAST = 5e-324
 
 
 @kernel
@@ -43,6 +53,28 @@ def measure_arrays(p, n, q, m):
 @kernel
 def measure(p, q):
     """Return separation and closest points x, y, x, y of two packed polygons, convex or not."""
+    if _goes_first(q, p):
+        value, bx, by, ax, ay = _measure_parts(q, p)
+    else:
+        value, ax, ay, bx, by = _measure_parts(p, q)
+    return value, ax, ay, bx, by
+
+
+@kernel
+def _goes_first(p, q):
+    """Tell whether the numbers of P come before those of Q in lexicographic order."""
+    size = body_size(p)
+    other_size = body_size(q)
+    for k in range(min(size, other_size)):
+        a = p.array[p.start + k]
+        b = q.array[q.start + k]
+        if a != b:
+            return a < b
+    return size < other_size
+
+
+@kernel
+def _measure_parts(p, q):
     least = math.inf
     found = (0.0, 0.0, 0.0, 0.0)
     meeting = False
@@ -65,17 +97,39 @@ def measure(p, q):
 
 
 @kernel
+def _reach(p, q):
+    """Return the greatest magnitude of a coordinate."""
+    a = p.array
+    b = q.array
+    i = p.start
+    j = q.start
+    return max(max(max(-a[i + 2], a[i + 4]), max(-a[i + 3], a[i + 5])),
+               max(max(-b[j + 2], b[j + 4]), max(-b[j + 3], b[j + 5])))
+
+
+@kernel
 def _furthest(p, ux, uy):
-    """Return where the vertex of P furthest along u stands."""
-    i = support(p, ux, uy)
-    if i >= 0:
-        return i
+    """Return where the vertex of P furthest along u stands, but for what rounding hides."""
     v = p.array
     first = first_vertex(p)
-    i = first
-    for k in range(first, first + 2 * p.n, 2):
-        if v[k] * ux + v[k + 1] * uy > v[i] * ux + v[i + 1] * uy:
-            i = k
+    last = first + 2 * p.n - 2
+    i = support(p, ux, uy)
+    if i < 0:
+        i = first
+        for k in range(first, last + 2, 2):
+            if (v[k] - v[i]) * ux + (v[k + 1] - v[i + 1]) * uy > 0.0:
+                i = k
+    # Steps that rise for all that can be seen, if not for certain.
+    for _ in range(p.n):
+        k = i + 2 if i < last else first
+        if not (v[k] - v[i]) * ux + (v[k + 1] - v[i + 1]) * uy > 0.0:
+            break
+        i = k
+    for _ in range(p.n):
+        k = i - 2 if i > first else last
+        if not (v[k] - v[i]) * ux + (v[k + 1] - v[i + 1]) * uy > 0.0:
+            break
+        i = k
     return i
 
 
@@ -93,55 +147,88 @@ def _distance(p, q):
     uy = w[q.start + 1] - v[p.start + 1]
     pa = pb = _furthest(p, ux, uy)
     qa = qb = _furthest(q, -ux, -uy)
-    distance, share, ux, uy = _nearest_of_segment(v, w, pa, qa, pb, qb)
+    near, ux, uy = _nearest_of_segment(v, w, pa, qa, pb, qb)
+    enough = TOLERANCE * _reach(p, q)
     for _ in range(p.n + q.n):
         pw = _furthest(p, ux, uy)
         qw = _furthest(q, -ux, -uy)
-        to_a = _nearest_of_segment(v, w, pa, qa, pw, qw)
-        to_b = _nearest_of_segment(v, w, pw, qw, pb, qb)
-        if min(to_a[0], to_b[0]) >= distance:
-            break
-        if to_a[0] <= to_b[0]:
+        least = (w[qw] - v[pw]) * ux + (w[qw + 1] - v[pw + 1]) * uy
+        if max(least, 0.0) >= near - enough:
+            value, points = _of_edges(p, q, pa, pb, qa, qb)
+            # Below zero the axis tells nothing, but no distance is.
+            if least >= near - enough or value <= enough:
+                return value, points
+        to_a, ax, ay = _nearest_of_segment(v, w, pa, qa, pw, qw)
+        to_b, bx, by = _nearest_of_segment(v, w, pw, qw, pb, qb)
+        if to_a <= to_b:
+            near, ux, uy = to_a, ax, ay
             pb = pw
             qb = qw
-            distance, share, ux, uy = to_a
         else:
+            near, ux, uy = to_b, bx, by
             pa = pw
             qa = qw
-            distance, share, ux, uy = to_b
-    return max(distance, _LEAST), (
-        v[pa] + share * (v[pb] - v[pa]), v[pa + 1] + share * (v[pb + 1] - v[pa + 1]),
-        w[qa] + share * (w[qb] - w[qa]), w[qa + 1] + share * (w[qb + 1] - w[qa + 1]))
+    return _of_all_edges(p, q)
 
 
 @kernel
 def _nearest_of_segment(p, q, pa, qa, pb, qb):
     """
-    Return how near a segment of the Minkowski difference comes to the origin.
+    Return how near a segment of the Minkowski difference comes to the origin, and its direction.
 
-    It runs from q[qa] - p[pa] to q[qb] - p[pb]. Returned are the distance, the nearest point's
-    share of the way, and a direction from the origin to it.
+    It runs from q[qa] - p[pa] to q[qb] - p[pb]. The direction is that of its nearest point, as a
+    unit vector.
     """
     ax = q[qa] - p[pa]
     ay = q[qa + 1] - p[pa + 1]
-    ex = (q[qb] - p[pb]) - ax
-    ey = (q[qb + 1] - p[pb + 1]) - ay
-    size = length(ex, ey)
-    if size == 0.0:
-        return length(ax, ay), 0.0, ax, ay
-    ex /= size
-    ey /= size
-    along = -(ax * ex + ay * ey)
-    if along <= 0.0:
-        return length(ax, ay), 0.0, ax, ay
-    if along >= size:
-        bx = q[qb] - p[pb]
-        by = q[qb + 1] - p[pb + 1]
-        return length(bx, by), 1.0, bx, by
-    height = ax * ey - ay * ex
-    if height < 0.0:
-        return -height, along / size, -ey, ex
-    return height, along / size, ey, -ex
+    bx = q[qb] - p[pb]
+    by = q[qb + 1] - p[pb + 1]
+    ex, ey = unit(bx - ax, by - ay)
+    if not ax * ex + ay * ey < 0.0:
+        ux, uy = unit(ax, ay)
+        return length(ax, ay), ux, uy
+    if not bx * ex + by * ey > 0.0:
+        ux, uy = unit(bx, by)
+        return length(bx, by), ux, uy
+    above = ax * ey - ay * ex
+    if above < 0.0:
+        return -above, -ey, ex
+    return above, ey, -ex
+
+
+@kernel
+def _of_all_edges(p, q):
+    """Return distance and closest points by trying all pairs of edges."""
+    first = first_vertex(p)
+    other_first = first_vertex(q)
+    best, points = _of_edges(p, q, first, first, other_first, other_first)
+    for i in range(p.n):
+        a = first + 2 * i
+        b = first + 2 * (i + 1 if i + 1 < p.n else 0)
+        for j in range(q.n):
+            c = other_first + 2 * j
+            d = other_first + 2 * (j + 1 if j + 1 < q.n else 0)
+            value, found = _of_edges(p, q, a, b, c, d)
+            if value < best:
+                best, points = value, found
+    return best, points
+
+
+@kernel
+def _of_edges(p, q, a, b, c, d):
+    """Return distance and closest points of the segments from a to b of P and from c to d of Q."""
+    v = p.array
+    w = q.array
+    best = (math.inf, 0.0, 0.0, 0.0, 0.0)
+    for k in (c, d):
+        value, x, y = to_segment(v, a, b, w[k], w[k + 1])
+        if value < best[0]:
+            best = (value, x, y, w[k], w[k + 1])
+    for k in (a, b):
+        value, x, y = to_segment(w, c, d, v[k], v[k + 1])
+        if value < best[0]:
+            best = (value, v[k], v[k + 1], x, y)
+    return max(best[0], _LEAST), best[1:]
 
 
 @kernel
@@ -149,12 +236,10 @@ def _penetration(p, q):
     """Return minus the depth, or 0 if they only touch, and the points that realise it."""
     depth, x, y, ux, uy = _least_reach(p, q)
     other_depth, other_x, other_y, vx, vy = _least_reach(q, p)
-    size = max(max(abs(p.array[p.start + 2]), abs(p.array[p.start + 4])),
-               max(abs(p.array[p.start + 3]), abs(p.array[p.start + 5])))
     flipped = other_depth < depth
     if flipped:
         depth, x, y, ux, uy = other_depth, other_x, other_y, vx, vy
-    if depth == math.inf or (depth <= _DOUBTFUL * size and interiors_apart(p, q)):
+    if depth == math.inf or (depth <= _DOUBTFUL * _reach(p, q) and interiors_apart(p, q)):
         return 0.0, (x, y, x, y)
     depth = max(depth, _LEAST)
     if flipped:
@@ -177,13 +262,9 @@ def _least_reach(p, q):
     for i in range(p.n if p.n > 1 else 0):
         a = first + 2 * i
         b = first + 2 * (i + 1 if i + 1 < p.n else 0)
-        ex = v[b] - v[a]
-        ey = v[b + 1] - v[a + 1]
-        size = length(ex, ey)
-        ux = ey / size
-        uy = -ex / size
-        j = _furthest(q, -ux, -uy)
-        depth = (v[a] - w[j]) * ux + (v[a + 1] - w[j + 1]) * uy
+        ex, ey = unit(v[b] - v[a], v[b + 1] - v[a + 1])
+        j = _furthest(q, -ey, ex)
+        depth = height(v, a, b, w[j], w[j + 1])
         if depth < best[0]:
-            best = (depth, w[j], w[j + 1], ux, uy)
+            best = (depth, w[j], w[j + 1], ey, -ex)
     return best

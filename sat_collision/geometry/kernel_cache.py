@@ -38,6 +38,11 @@ def cache_problem() -> str | None:
     return _problems[0] if _problems else None
 
 
+def is_kept(kernel: Any) -> bool:
+    """Tell whether anything compiled of a numba kernel can be loaded from disk."""
+    return isinstance(kernel._cache, _KernelCache) and kernel._cache.is_filled()
+
+
 def keep_compiled(kernel: Any) -> None:
     """Load what is compiled of a numba kernel from disk, and save it there."""
     try:
@@ -67,6 +72,13 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
         locator = self._impl.locator
         self._cache_file = _CheckedFile(self.cache_path, self._impl.filename_base,
                                         (_SOURCES, locator.get_source_stamp()))
+
+    def is_filled(self) -> bool:
+        """Tell whether there is anything to load."""
+        try:
+            return bool(self._cache_file._load_index())
+        except Exception:  # reading damaged files may raise anything
+            return False
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return what was compiled for a signature, None if there is nothing of use."""

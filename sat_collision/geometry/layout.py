@@ -107,6 +107,12 @@ def table_place(start, sector):
 
 
 @inlined
+def entry_step(count):
+    """Return how many vertices one step of a table entry stands for, so that 13 bits suffice."""
+    return 1 + (count >> ENTRY_BITS)
+
+
+@inlined
 def near_support(p, sector):
     """
     Return where in the array a vertex near the support along the axes of a sector stands.
@@ -115,7 +121,7 @@ def near_support(p, sector):
     """
     entries = int(p.array[table_place(p.start, sector)])
     entry = (entries >> (ENTRY_BITS * (sector & 3))) & ENTRY_MASK
-    return first_vertex(p) + 2 * entry
+    return first_vertex(p) + 2 * entry * entry_step(p.n)
 
 
 @kernel

@@ -15,14 +15,16 @@
 """Make packed polygons, see `layout`, of received points."""
 
 from sat_collision.geometry.jit import float32_values, kernel, scratch
-from sat_collision.geometry.layout import ENTRY_BITS, ENTRY_MASK, FINGERPRINT, HEADER, table_size
+from sat_collision.geometry.layout import ENTRY_BITS, entry_step, FINGERPRINT, HEADER, table_size
 from sat_collision.geometry.plane import centroid, length
 from sat_collision.geometry.predicates import orient
 from sat_collision.geometry.ring import clean, CONVEX, NON_CONVEX
 
-# The disc's radius is shortened by more than the rounding in it and in comparing it, and is zero
-# where its square might underflow.
+# The disc's radius is shortened by more than the rounding in it and in comparing it: 2^-45 of the
+# radius and the extent, where at most 16 u, u = 2^-53, is lost to rounding and, with an edge times
+# the extent above 2^-1000, 2^-70 to underflow. It is zero where its square might underflow.
 _SHORTER = 2.0 ** -45
+_LEAST_PRODUCT = 2.0 ** -1000
 _LEAST_RADIUS = 1e-140
 
 _INFINITY = float('inf')
@@ -126,24 +128,29 @@ def _write_inner_disc(ring, count, packed):
     Write the centroid (paper section 2.2) where it is proved to lie in the polygon.
 
     That makes it a point to reason with, not only a direction. Of slivers, segments and points,
-    where rounding may put it outside, the vertex that stands there already serves instead.
+    where rounding may put it outside, the vertex that stands there already serves instead. The
+    disc around it touches the nearest edge; there is none where a height overflows or underflows.
     """
     if count < 3:
         return
     x, y = centroid(ring, count)
+    extent = (packed[4] - packed[2]) + (packed[5] - packed[3])
     radius = _INFINITY
+    certain = True
     for i in range(count):
         k = i + 1 if i + 1 < count else 0
         if orient(ring[2 * i], ring[2 * i + 1], ring[2 * k], ring[2 * k + 1], x, y) < 0:
             return
         ex = ring[2 * k] - ring[2 * i]
         ey = ring[2 * k + 1] - ring[2 * i + 1]
-        radius = min(radius, (ex * (y - ring[2 * i + 1]) - ey * (x - ring[2 * i]))
-                     / length(ex, ey))
+        size = length(ex, ey)
+        height = (ex * (y - ring[2 * i + 1]) - ey * (x - ring[2 * i])) / size
+        certain = certain and height < _INFINITY and _LEAST_PRODUCT < size * extent
+        radius = min(radius, height)
     packed[0] = x
     packed[1] = y
-    radius -= _SHORTER * (radius + (packed[4] - packed[2]) + (packed[5] - packed[3]))
-    if _LEAST_RADIUS < radius < _INFINITY:
+    radius -= _SHORTER * (radius + extent)
+    if certain and _LEAST_RADIUS < radius:
         packed[6] = radius
 
 
@@ -172,5 +179,5 @@ def _write_table(ring, count, packed):
             i = k
         if sector % 4 == 0:
             packed[HEADER + sector // 4] = 0.0
-        entry = min(i, ENTRY_MASK)
+        entry = i // entry_step(count)
         packed[HEADER + sector // 4] += float(entry << (ENTRY_BITS * (sector % 4)))

@@ -23,14 +23,28 @@ _LARGE = 2.0 ** 300
 _SMALL = 2.0 ** -300
 _MOST_SHIFT = 1000
 
+_INFINITY = float('inf')
+
 
 @kernel
 def length(x, y):
     """Return the length of a vector, to one ulp (`math.hypot` differs between libraries)."""
-    scale = _scale(max(abs(x), abs(y)))
+    scale = scale_to_one(max(abs(x), abs(y)))
     x *= scale
     y *= scale
     return math.sqrt(x * x + y * y) / scale
+
+
+@kernel
+def unit(x, y):
+    """Return a vector's direction as a vector of length one, to a few ulp; of none the same."""
+    scale = scale_to_one(max(abs(x), abs(y)))
+    x *= scale
+    y *= scale
+    size = math.sqrt(x * x + y * y)
+    if size == 0.0:
+        return x, y
+    return x / size, y / size
 
 
 @kernel
@@ -49,7 +63,7 @@ def centroid(ring, count):
     largest = 0.0
     for k in range(2 * count):
         largest = max(largest, abs(ring[k]))
-    scale = _scale(largest)
+    scale = scale_to_one(largest)
     x0 = ring[0] * scale
     y0 = ring[1] * scale
     area = 0.0
@@ -73,9 +87,9 @@ def centroid(ring, count):
 
 
 @kernel
-def _scale(largest):
-    """Return a power of two that brings a magnitude, and what is a little less, to where 1 is."""
-    if _SMALL < largest < _LARGE or largest == 0.0:
+def scale_to_one(largest):
+    """Return a power of two that brings a magnitude to where products are safe; 1 where it is."""
+    if _SMALL < largest < _LARGE or largest in (0.0, _INFINITY):
         return 1.0
     _, exponent = math.frexp(largest)
     return math.ldexp(1.0, max(-_MOST_SHIFT, min(_MOST_SHIFT, -exponent)))

@@ -67,8 +67,8 @@ class Polygon:
     An immutable simple polygon, segment or point: a closed set in the plane.
 
     Repeated vertices, the closing vertex and collinear ones are dropped, clockwise order is
-    reversed. Points that all lie on one line become a segment, equal points a single point; both
-    are legal bodies.
+    reversed, and the vertex with the least x, of several the least y, goes first. Points that all
+    lie on one line become a segment, equal points a single point; both are legal bodies.
 
     Parameters
     ----------
@@ -216,6 +216,8 @@ def as_polygon(body: Polygon | ArrayLike) -> Polygon:
 
 def _coordinates(points: ArrayLike) -> NDArray[np.float64]:
     """Return x and y of received points, (n, 2)."""
+    if np.ma.isMaskedArray(points):
+        raise PolygonError(Reason.WRONG_SHAPE, 'a masked array: fill what is masked, or drop it')
     try:
         array = np.asarray(points, dtype=None if hasattr(points, 'dtype') else np.float64)
         if array.size == 0 and array.ndim <= 2:
@@ -224,6 +226,9 @@ def _coordinates(points: ArrayLike) -> NDArray[np.float64]:
             raise PolygonError(Reason.WRONG_SHAPE,
                                f'points of shape {array.shape}, expected (n, 2) or (n, 3)')
         return array.astype(np.float64)[:, :2]
+    except OverflowError as error:
+        raise PolygonError(Reason.NOT_FINITE,
+                           f'a coordinate is beyond the largest double: {error}') from error
     except (TypeError, ValueError) as error:
         if isinstance(error, PolygonError):
             raise

@@ -99,8 +99,8 @@ def _orient_adaptive(ax, ay, bx, by, cx, cy):
     bcy = by - cy
     largest = max(max(abs(acx), abs(bcx)), max(abs(acy), abs(bcy)))
     if (largest < _LARGEST_SPLIT
-            and _difference_error(ax, cx, acx) == 0.0 and _difference_error(bx, cx, bcx) == 0.0
-            and _difference_error(ay, cy, acy) == 0.0 and _difference_error(by, cy, bcy) == 0.0):
+            and difference_error(ax, cx, acx) == 0.0 and difference_error(bx, cx, bcx) == 0.0
+            and difference_error(ay, cy, acy) == 0.0 and difference_error(by, cy, bcy) == 0.0):
         left = acx * bcy
         right = acy * bcx
         if ((abs(left) > _SMALLEST_PRODUCT or acx == 0.0 or bcy == 0.0)
@@ -108,13 +108,13 @@ def _orient_adaptive(ax, ay, bx, by, cx, cy):
             # Rounding is monotone, so heads that differ decide; equal heads leave it to the tails.
             difference = left - right
             if difference == 0.0:
-                difference = _product_error(acx, bcy, left) - _product_error(acy, bcx, right)
+                difference = product_error(acx, bcy, left) - product_error(acy, bcx, right)
             return (difference > 0.0) - (difference < 0.0)
     return _orient_exact(ax, ay, bx, by, cx, cy)
 
 
 @kernel
-def _difference_error(a, b, difference):
+def difference_error(a, b, difference):
     """Return a - b - difference exactly, difference being the rounded a - b (Knuth)."""
     b_virtual = a - difference
     a_virtual = difference + b_virtual
@@ -122,7 +122,7 @@ def _difference_error(a, b, difference):
 
 
 @kernel
-def _product_error(a, b, product):
+def product_error(a, b, product):
     """Return a b - product exactly, product being the rounded a b (Dekker, Veltkamp)."""
     c = _SPLITTER * a
     a_high = c - (c - a)

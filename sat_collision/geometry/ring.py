@@ -35,7 +35,8 @@ def clean(points, ring, most):
     Turn points into a clean counter-clockwise ring.
 
     Repeated points, the closing point and collinear vertices are dropped, clockwise order is
-    reversed. Points that all lie on one line become a segment, equal points one vertex.
+    reversed, and the lexicographically least vertex goes first: equal polygons have equal rings.
+    Points that all lie on one line become a segment, equal points one vertex.
 
     Parameters
     ----------
@@ -80,22 +81,23 @@ def _classify(points, ring):
     lexicographically smaller than both neighbours turns once around: it is convex, and therefore
     simple. What is not convex is NON_CONVEX here and has still to be checked for crossings.
     """
-    walk, count = _drop_repeated(points)
+    walk, count, least = _drop_repeated(points)
     if count < 0:
         return NOT_FINITE, 0, False, -1 - count
-    if count <= 2:
-        for i in range(2 * count):
-            ring[i] = walk[i]
-        return CONVEX, count, False, -1
+    if count == 1:
+        ring[0] = walk[0]
+        ring[1] = walk[1]
+        return CONVEX, 1, False, -1
     kept = 0
     left = 0
     minima = 0
     spike = -1
-    lowest = 0
-    lowest_turn = 0
-    before_x = walk[2 * count - 2]
-    before_y = walk[2 * count - 1]
-    for i in range(count):
+    turn_at_least = 0
+    before = least - 1 if least > 0 else count - 1
+    before_x = walk[2 * before]
+    before_y = walk[2 * before + 1]
+    for k in range(count):
+        i = least + k if least + k < count else least + k - count
         x = walk[2 * i]
         y = walk[2 * i + 1]
         after = i + 1 if i + 1 < count else 0
@@ -108,10 +110,8 @@ def _classify(points, ring):
             spike = i
         if rises_from and not rises_to:
             minima += 1
-            low_x = walk[2 * lowest]
-            if minima == 1 or x < low_x or (x == low_x and y < walk[2 * lowest + 1]):
-                lowest = i
-                lowest_turn = turn
+        if k == 0:
+            turn_at_least = turn
         if turn != 0:
             ring[2 * kept] = x
             ring[2 * kept + 1] = y
@@ -127,28 +127,35 @@ def _classify(points, ring):
         ring[1] = walk[2 * spike + 1]
         return SPIKE, 1, False, 0
     convex = minima == 1 and (left == kept or left == 0)
-    return (CONVEX if convex else NON_CONVEX), kept, lowest_turn < 0, -1
+    return (CONVEX if convex else NON_CONVEX), kept, turn_at_least < 0, -1
 
 
 @kernel
 def _drop_repeated(points):
-    """Return the points without consecutive repetitions and how many, or -1 - i: i not finite."""
+    """
+    Return the points without consecutive repetitions.
+
+    With them how many there are, or -1 - i: i is not finite; and which is lexicographically least.
+    """
     received = len(points) // 2
     walk = scratch(2 * received)
     count = 0
+    least = 0
     for i in range(received):
         # Adding zero turns -0.0 into 0.0, so that equal vertices have equal bytes.
         x = points[2 * i] + 0.0
         y = points[2 * i + 1] + 0.0
         if x - x != 0.0 or y - y != 0.0:
-            return walk, -1 - i
+            return walk, -1 - i, 0
         if count == 0 or x != walk[2 * count - 2] or y != walk[2 * count - 1]:
             walk[2 * count] = x
             walk[2 * count + 1] = y
+            if x < walk[2 * least] or (x == walk[2 * least] and y < walk[2 * least + 1]):
+                least = count
             count += 1
     while count > 1 and walk[0] == walk[2 * count - 2] and walk[1] == walk[2 * count - 1]:
         count -= 1
-    return walk, count
+    return walk, count, least
 
 
 @kernel

@@ -46,15 +46,17 @@ def write_row(set_array, row, body, count):
 
     """
     rows = rows_of(borrowed(set_array))
+    packed = rows.packed
+    body = borrowed(body)
     size = body_size(Packed(body, 0, count))
     start = rows.start[row]
     if size > rows.space[row]:
         return NO_ROOM
     same = rows.n[row] == count
     for k in range(size):
-        if same and rows.packed[start + k] != body[k]:
+        if same and packed[start + k] != body[k]:
             same = False
-        rows.packed[start + k] = body[k]
+        packed[start + k] = body[k]
     if same:
         return UNCHANGED
     rows.n[row] = count

@@ -42,10 +42,12 @@ OPEN = 2
 # A sum of two products of rounded differences has an error of at most (4 u + O(u^2)) times the
 # sum of the products' magnitudes, u = 2^-53; twice that is taken.
 PRODUCT_BOUND = 8.0 * 2.0 ** -53
-# What the support vertices of both polygons may fall short of the true ones, see `support`, and
-# what up to 2^19 edges may hide in underflow.
+# What the support vertices of both polygons may fall short of the true ones together, see
+# `support`: 2 * 25 u, and the rounding in computing this.
 SUPPORT_BOUND = 64.0 * 2.0 ** -53
-SUPPORT_UNDERFLOW = 2.0 ** -1040
+# From here on UNDERFLOW_BOUND is less than 2^-7 u of a sum of products, see `_is_level`.
+_LEAST_LEVEL = 2.0 ** -1000
+_INFINITY = float('inf')
 
 MOST_QUERIES = 48
 
@@ -185,11 +187,8 @@ def support(p, ux, uy):
     Return where the vertex of P furthest along u stands, or -1 where that is not certain.
 
     What it may fall short by is bounded in terms of M = |ux| max|x| + |uy| max|y|, u = 2^-53. Of a
-    few vertices all are projected, each with an error of 2 u M. On many the boundary is climbed
-    until no neighbour is seen to be further. One of the two edges there must be seen to fall for
-    certain: then the edges whose rise could not be told are part of the arc around the summit
-    that is perpendicular to u but for rounding. Each rises by less than 12 u (|ux dx| + |uy dy|),
-    and all together, inside a box of sides 2 max|x| and 2 max|y|, by less than 24 u M.
+    few vertices all are projected, each with an error of 2 u M. On many the boundary is climbed,
+    see `hill_climb`, which falls short by less than 25 u M.
     """
     if p.n <= SCAN_LIMIT:
         v = p.array
@@ -207,25 +206,56 @@ def support(p, ux, uy):
 
 @inlined
 def hill_climb(p, i, ux, uy):
-    """Climb from the vertex at i to the one furthest along u, see `support`."""
+    """
+    Climb from the vertex at i to the one furthest along u; -1 where that is not certain.
+
+    Steps are taken that rise for certain. Where neither neighbour does, each of the two edges
+    falls for certain or is level, see `_is_level`: running to the left of u, as edges near the
+    summit do and those near the bottom do not, and perpendicular to u but for rounding. If both
+    fall this is the summit. From a level edge on to the summit the boundary turns towards the
+    perpendicular, so each edge's rise is a smaller share of |ux dx| + |uy dy| than that edge's,
+    which is less than 12.5 u, u = 2^-53: together less than 25 u (|ux| max|x| + |uy| max|y|),
+    as a box of sides 2 max|x| and 2 max|y| holds them all.
+    """
     v = p.array
     first = first_vertex(p)
     last = first + 2 * p.n - 2
+    summit = i
     ahead = i + 2 if i < last else first
     behind = i - 2 if i > first else last
     rise_ahead = _rise(v, i, ahead, ux, uy)
     rise_behind = _rise(v, i, behind, ux, uy)
-    summit = i if rise_ahead < 0 or rise_behind < 0 else -1
     while rise_ahead > 0:
         summit = ahead
         ahead = summit + 2 if summit < last else first
         rise_ahead = _rise(v, summit, ahead, ux, uy)
-        rise_behind = 0
+        rise_behind = -1
     while rise_behind > 0:
         summit = behind
         behind = summit - 2 if summit > first else last
         rise_behind = _rise(v, summit, behind, ux, uy)
+        rise_ahead = -1
+    if ((rise_ahead == 0 and not _is_level(v, summit, ahead, ux, uy))
+            or (rise_behind == 0 and not _is_level(v, behind, summit, ux, uy))):
+        return -1
     return summit
+
+
+@inlined
+def _is_level(v, i, k, ux, uy):
+    """
+    Tell whether an edge whose rise is not certain is perpendicular to u, and runs to its left.
+
+    That it is perpendicular, but for 12.5 u (|ux dx| + |uy dy|), follows from `_rise` where its
+    products are far from underflow and overflow; or else is plain where both are exactly zero.
+    Then both products of the cross product have the same sign, and not both underflow.
+    """
+    dx = v[k] - v[i]
+    dy = v[k + 1] - v[i + 1]
+    size = abs(dx * ux) + abs(dy * uy)
+    return ((_LEAST_LEVEL < size < _INFINITY or (ux == 0.0 and dy == 0.0)
+             or (uy == 0.0 and dx == 0.0))
+            and ux * dy - uy * dx > 0.0)
 
 
 @inlined
@@ -246,7 +276,7 @@ def _gap(wx, wy, search):
     gap = along_x + along_y
     bound = (PRODUCT_BOUND * (abs(along_x) + abs(along_y))
              + SUPPORT_BOUND * (abs(search.ux) * search.reach_x + abs(search.uy) * search.reach_y)
-             + SUPPORT_UNDERFLOW)
+             + UNDERFLOW_BOUND)
     # Strict, so that overflow (infinity > infinity) and NaN prove nothing.
     return int(gap > bound) - int(-gap > bound)
 

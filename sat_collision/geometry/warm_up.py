@@ -16,19 +16,27 @@ Kernels compiled, or loaded, before they are needed, so that no message has to w
 
 Compiling takes seconds where nothing is kept from an earlier process, see `kernel_cache`. Two
 processes may share the work, as what one has compiled the other finds on disk: while one prepares
-contacts, ``python -m sat_collision.geometry.warm_up`` prepares all the others.
+contacts, ``python -m sat_collision.geometry.warm_up`` prepares all the others, packing first,
+and says so.
 """
 
 import numpy as np
-from sat_collision.geometry.jit import indexable
+from sat_collision.geometry import kernel_cache
+from sat_collision.geometry.jit import COMPILED, indexable
 from sat_collision.geometry.layout import packed_size
 from sat_collision.geometry.packing import pack_convex
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.polygon_set import PolygonSet
 from sat_collision.geometry.query import closest_points, intersects, intersects_pairs
+from sat_collision.geometry.scan import nearest_row
 
 _TRIANGLE = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
 _NOTCHED = [(0, 0), (4, 0), (4, 4), (2, 1)]
+
+
+def is_prepared() -> bool:
+    """Tell whether an earlier process has left the kernels compiled; without numba they are."""
+    return not COMPILED or kernel_cache.is_kept(nearest_row)
 
 
 def prepare_packing() -> None:
@@ -57,9 +65,11 @@ def prepare_rest() -> None:
     bodies.nearest(body)
     intersects(body, body)
     closest_points(body, body)
+    body.centroid
     intersects_pairs(bodies, bodies)
 
 
 if __name__ == '__main__':
     prepare_packing()
+    print('packing', flush=True)
     prepare_rest()

@@ -16,29 +16,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import replace
+from collections.abc import Callable
 from functools import partial
-from itertools import product
 import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import Point32, PolygonInstanceStamped, PolygonStamped
+from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 from rclpy.clock import JumpThreshold, TimeJump
 from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from rclpy.serialization import serialize_message
-from sat_collision.geometry.jit import COMPILED, KERNEL
-from sat_collision.geometry.polygon import Polygon
-from sat_collision.geometry.query import closest_points
+from sat_collision.geometry.jit import KERNEL
 from sat_collision.messages.outputs import Outputs
 from sat_collision.monitor import Monitor, Rejection
 from sat_collision.node import loop
 from sat_collision.node.fallback import ExecutorLoop
 from sat_collision.node.health import Health
+from sat_collision.node.kernels import Kernels
 from sat_collision.node.parameters import Parameters
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
@@ -55,15 +51,6 @@ _FOOTPRINT_DEPTH = 1
 _OBSTACLES_DEPTH = 1000
 _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
                 QoSPolicyKind.DURABILITY)
-
-
-def _serialised(outline: Iterable[tuple[float, float]], second: int) -> bytes:
-    message = PolygonStamped()
-    message.header.stamp.sec = second
-    message.header.frame_id = 'map'
-    message.polygon.points = [Point32(x=x, y=y) for x, y in outline]
-    data: bytes = serialize_message(message)
-    return data
 
 
 class _Every:
@@ -107,7 +94,7 @@ class FootprintMonitor(Node):
         super().__init__(NAME, **options)
         parameters = Parameters(self)
         settings = parameters.settings
-        self._warm_up()
+        self._kernels = Kernels(self.get_logger())
         self._choose_clock()
         self._clock_changes = self.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=None, on_clock_change=True),
@@ -136,27 +123,6 @@ class FootprintMonitor(Node):
                                       'using the single-threaded executor, which costs more')
             self.loop = ExecutorLoop(self, self)
         parameters.on_change(self._configure)
-
-    def _warm_up(self) -> None:
-        """Run every kernel once, so that no message waits for a compilation."""
-        if COMPILED:
-            self.get_logger().info(f'preparing kernels ({KERNEL}); '
-                                   'the first start after an installation compiles them')
-        start = time.monotonic()
-        settings = Settings((FootprintSettings('footprint', ''),),
-                            (ObstacleSettings('obstacle', ''),))
-        monitor = Monitor(settings)
-        square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
-        notched = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (1.0, 0.5), (0.0, 2.0)]
-        for second, margin in enumerate((0.0, 0.0, 0.5), 1):
-            monitor.scene.update(replace(settings, margin=margin))
-            # The polygon that comes twice is found to be the same.
-            for name, outline in product(('footprint', 'obstacle'), (square, notched, notched)):
-                monitor.receive(name, _serialised(outline, second), second * 10**9)
-            monitor.scene.nearest('footprint')
-        for part in Polygon(notched).parts:
-            closest_points(square, part)
-        self.get_logger().info(f'kernels ({KERNEL}) ready after {time.monotonic() - start:.1f} s')
 
     def _subscribe(self, source: FootprintSettings | ObstacleSettings, kind: type,
                    depth: int) -> loop.Input:
@@ -213,6 +179,7 @@ class FootprintMonitor(Node):
 
     def tick(self) -> float:
         """Do what is due without a message; return in how many s the next tick is due."""
+        self._kernels.load_rest()
         self._scene.advance(self.present())
         self._publish_changes()
         now = time.monotonic()
@@ -248,10 +215,15 @@ class FootprintMonitor(Node):
             'it offers, or change the publisher')
 
     def _publish_changes(self) -> None:
-        brief = self._scene.brief_contacts()
+        brief = self._scene.evaluations.brief_contacts()
         if brief:
             self._outputs.publish_rise(brief)
         changed = self._scene.changes()
         if changed:
             self._outputs.update(changed)
             self._outputs.publish(changed)
+
+    def destroy_node(self) -> None:
+        """End what belongs to the node, too."""
+        self._kernels.close()
+        super().destroy_node()

@@ -23,7 +23,7 @@ from sat_collision.geometry.polygon_set import Point
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.deadlines import Deadlines
 from sat_collision.scene.evaluations import Evaluations
-from sat_collision.scene.footprints import Evaluation, Footprint, State, Status
+from sat_collision.scene.footprints import Evaluation, Footprint, State
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from sat_collision.scene.sources import OTHER_FRAME, Source
@@ -63,6 +63,7 @@ class Scene:
     frame_id : str
         The frame of all bodies: that of the settings, else of the first good footprint; empty
         until there is one.
+    evaluations : Evaluations
 
     """
 
@@ -82,8 +83,8 @@ class Scene:
                          for source in self.settings.obstacles}
         self._footprints = {footprint.name: Footprint(footprint, self._contacts.changed)
                             for footprint in self.settings.footprints}
-        self._evaluations = Evaluations(self._footprints, self._contacts.changed,
-                                        self._deadlines, self._reported)
+        self.evaluations = Evaluations(self._footprints, self._contacts.changed,
+                                       self._deadlines, self._reported)
         for footprint in self._footprints.values():
             self._invalidate(footprint, _UNHEARD)
 
@@ -195,13 +196,7 @@ class Scene:
         """
         Take note of a message of a footprint or source that gave no polygon.
 
-        Parameters
-        ----------
-        reason : str
-            What is wrong with it, without figures.
-        stamp, instance : int, optional
-            None where they could not be read.
-
+        The reason has no figures; stamp and instance are None where they could not be read.
         """
         self.advance(now)
         footprint = self._footprints.get(name)
@@ -238,18 +233,9 @@ class Scene:
         if changed:
             self._reevaluate_all()
 
-    def brief_contacts(self) -> list[str]:
-        """Return the names of footprints whose collision came and went since `changes`."""
-        return self._evaluations.brief_contacts()
-
     def changes(self) -> list[str]:
         """Return the names of footprints whose state, age apart, changed since the last call."""
-        return self._evaluations.changes()
-
-    def status(self, name: str) -> Status:
-        """Return the Status of a footprint."""
-        status, _, _ = self._footprints[name].evaluation
-        return status
+        return self.evaluations.changes()
 
     def state(self, name: str) -> State:
         """Return the State of a footprint at the time that was passed last."""
@@ -307,8 +293,8 @@ class Scene:
                                                   for source in self._sources.values()))
         if not any(source.enabled for source in self.settings.obstacles):
             source_faults = _NO_SOURCE,
-        self._evaluations.use_faults(monitor_fault, source_faults)
+        self.evaluations.use_faults(monitor_fault, source_faults)
         self._evaluate()
 
     def _evaluate(self) -> None:
-        self._evaluations.evaluate(self._now, self._release_delay)
+        self.evaluations.evaluate(self._now, self._release_delay)

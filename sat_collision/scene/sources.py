@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TypeAlias
 
 import numpy as np
 from sat_collision.geometry.layout import FINGERPRINT
@@ -25,15 +24,12 @@ from sat_collision.geometry.polygon import PackedBody, size_of
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.deadlines import Deadlines, NEVER
 from sat_collision.scene.obstacle_sets import ObstacleSets
-from sat_collision.scene.obstacles import Obstacle
+from sat_collision.scene.obstacles import Key, Obstacle
 from sat_collision.scene.settings import ObstacleSettings, POLYGON_INSTANCE
 
 OTHER_FRAME = 'other frame'
 TOO_MANY = 'too many obstacles'
 TOO_OLD = 'too old'
-
-# A place in a set or an id; a shape; or the name of a place that is none.
-Key: TypeAlias = 'int | bytes | str'
 
 # Keys of what a source holds beside its obstacles: a refused message that has no place of its
 # own, and whatever came when the source was full.

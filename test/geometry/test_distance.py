@@ -11,12 +11,20 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
 """Separation and closest points against rational arithmetic, and in agreement with intersects."""
 
+from fractions import Fraction
+import math
+
+import families
 import numpy as np
 import pytest
 from rationals import exact_depth, exact_distance
 from sat_collision import closest_points, intersects, Polygon, separation
+from sat_collision.geometry.distance import _of_all_edges
+from sat_collision.geometry.layout import Packed
+import shapes
 
 ULP = 2.0 ** -52
 
@@ -100,3 +108,89 @@ def test_sign_agrees_with_intersects_where_rounding_cannot_tell():
         assert apart is not intersects(a, b)
         seen.add(apart)
     assert seen == {True, False}
+
+
+def errors(pairs):
+    """Return how far separations are from the exact ones, in ulp of the largest coordinate."""
+    for a, b in pairs:
+        p, q = Polygon(a), Polygon(b)
+        value = separation(p, q)
+        exact = -exact_depth(p, q) if intersects(p, q) else exact_distance(p, q)
+        ulp = Fraction(math.ulp(max(abs(p.vertices).max(), abs(q.vertices).max())))
+        yield float(abs(Fraction(value) - exact) / ulp)
+
+
+@pytest.mark.parametrize('n', [4, 20])
+@pytest.mark.parametrize('name', families.CONVEX)
+def test_every_family_is_accurate_to_8_ulp(name, n):
+    assert max(errors(families.CONVEX[name](np.random.default_rng(3), 25, n))) <= 8
+
+
+@pytest.mark.parametrize('name', ['tiny_edges', 'mixed_exponents', 'level_arcs'])
+def test_edges_that_underflow_and_arcs_that_are_all_but_flat(name):
+    assert max(errors(families.EXTREME[name](np.random.default_rng(4), 60, 12))) <= 8
+
+
+@pytest.mark.parametrize('exponent', [-1000, -400, 400, 1015])
+def test_accuracy_is_the_same_at_every_scale(exponent):
+    """Where squares of coordinates underflow or overflow."""
+    for name in ('near', 'containment', 'hair_gaps'):
+        pairs = families.CONVEX[name](np.random.default_rng(4), 15, 7)
+        assert max(errors([np.ldexp(pair, exponent) for pair in pairs])) <= 8
+
+
+def nearly_flat_pairs(rng, count):
+    """Return bodies with edges of all lengths and at angles of all sizes, facing each other."""
+    pairs = []
+    for _ in range(count):
+        steps = 10.0 ** rng.uniform(-9, 0, (2, 4))
+        bodies = []
+        for x, turn in zip(steps, 10.0 ** rng.uniform(-12, -1, (2, 4))):
+            slope = np.cumsum(turn) - rng.uniform(0, turn.sum())
+            arc = np.cumsum(np.stack([x, x * slope], axis=1), axis=0)
+            bodies.append(np.concatenate([[[0, 0]], arc, [[rng.uniform(0, 1), 1.0]]]))
+        a, b = bodies
+        b = rng.normal(0, 1e-4, 2) - b - [0, 10.0 ** rng.uniform(-6, 0)]
+        pairs.append((shapes.hull(a), shapes.hull(b[:rng.choice([1, 2, 6])])))
+    return pairs
+
+
+def test_nearly_flat_edges():
+    """Where a step of the search gains less than is seen, it goes on until the end is proved."""
+    flat = [(0, 0), (.5, -1), (1, .9e-8), (1e-5, .89e-8)]
+    assert separation(flat, [(0, 1)]) == pytest.approx(0.99999999115, rel=1e-15)
+    assert max(errors(nearly_flat_pairs(np.random.default_rng(5), 300))) <= 8
+
+
+def test_trying_all_edges_gives_the_same():
+    """As is done where the search proves nothing, which is seldom or never."""
+    for a, b in nearly_flat_pairs(np.random.default_rng(6), 100):
+        if not intersects(a, b):
+            p, q = (Packed(body.packed[0], 0, body.packed[1]) for body in (Polygon(a), Polygon(b)))
+            assert _of_all_edges(p, q)[0] == pytest.approx(separation(a, b), abs=8 * ULP)
+
+
+@pytest.mark.parametrize('name', ['vertex_on_vertex', 'edge_on_edge', 'rectangles_on_edge', 'near',
+                                  'one_ulp', 'flat_arcs', 'points_and_segments', 'notched',
+                                  'interlocked_combs'])
+def test_every_start_and_either_order_give_the_same_bits(name):
+    """Of convex bodies and others, apart, touching or overlapping; touching is 0."""
+    family = {**families.CONVEX, **families.SIMPLE}[name]
+    for a, b in family(np.random.default_rng(8), 100, 8):
+        value = separation(a, b)
+        points = np.array(closest_points(a, b))
+        assert (value > 0) is not intersects(a, b)
+        for start in range(1, len(a)):
+            assert separation(np.roll(a, start, axis=0), np.roll(b, 1, axis=0)) == value
+        assert separation(b, a) == separation(b[::-1], a[::-1]) == value
+        np.testing.assert_array_equal(closest_points(b, a), points[::-1])
+
+
+def test_touching_bodies_are_0_apart():
+    """Whichever is the larger, or farther from the origin."""
+    rng = np.random.default_rng(9)
+    for a, b in families.edge_on_edge(rng, 200, 5) + families.vertex_on_edge(rng, 200, 5):
+        for scale in (1e-8, 1.0, 1e8):
+            a, b = np.ldexp(a, int(np.log2(scale))), np.ldexp(b, int(np.log2(scale)))
+            if intersects(a, b) and exact_depth(Polygon(a), Polygon(b)) == 0:
+                assert separation(a, b) == separation(b, a) == 0.0

@@ -18,9 +18,10 @@ from fractions import Fraction
 
 import families
 import numpy as np
+import oracle
 import pytest
 from rationals import twice_area
-from sat_collision import Polygon
+from sat_collision import intersects, Polygon
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.layout import (
     BOUNDS, FINGERPRINT, HEADER, near_support, Packed, packed_size, table_sector)
@@ -28,15 +29,18 @@ from sat_collision.geometry.packing import pack_convex
 import shapes
 
 
+CONVEX = {**families.CONVEX, **families.EXTREME}
+
+
 def disc(polygon):
     packed = np.asarray(polygon.packed[0])
     return packed[0], packed[1], packed[6]
 
 
-@pytest.mark.parametrize('name', families.CONVEX)
+@pytest.mark.parametrize('name', CONVEX)
 def test_the_disc_is_inside(name):
     """Its centre is at least the radius away from the line of every edge, in rationals."""
-    for pair in families.CONVEX[name](np.random.default_rng(1), 60, 7):
+    for pair in CONVEX[name](np.random.default_rng(1), 60, 7):
         for polygon in map(Polygon, pair):
             x, y, radius = map(Fraction, disc(polygon))
             ring = [(Fraction(a), Fraction(b)) for a, b in polygon.vertices.tolist()]
@@ -44,6 +48,24 @@ def test_the_disc_is_inside(name):
                 turn = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
                 square = (bx - ax) ** 2 + (by - ay) ** 2
                 assert turn >= 0 and turn ** 2 >= radius ** 2 * square
+
+
+def test_there_is_no_disc_where_a_height_overflows():
+    """The height over the long edge is not known: no collision follows from the other two."""
+    triangle = Polygon([(0, 0), (1e155, 1e155), (-1e150, 1e150)])
+    assert disc(triangle)[2] == 0.0
+    rng = np.random.default_rng(6)
+    for point in rng.normal(size=(500, 2)) * 10.0 ** rng.uniform(149, 156, (500, 1)):
+        body = point + np.array([(0, 0), (1e152, 0), (0, 1e152)])
+        assert intersects(triangle, body) == oracle.intersects(triangle.vertices, body)
+
+
+def test_a_centre_near_the_largest_double():
+    """The centroid is finite, and inside, where sums of coordinates are not."""
+    polygon = Polygon([(1.2e308, 1.2e308), (1.7e308, 1.2e308), (1.7e308, 1.7e308)])
+    assert disc(polygon)[:2] == pytest.approx(polygon.centroid)
+    assert polygon.centroid == pytest.approx([1.7e308 - 5e307 / 3, 1.2e308 + 5e307 / 3])
+    assert intersects(polygon, polygon.centroid[None])
 
 
 def test_the_disc_of_a_full_body_is_worth_having():

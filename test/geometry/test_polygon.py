@@ -67,6 +67,13 @@ def test_wrong_shape_is_refused(points):
     assert reason(points)[0] is Reason.WRONG_SHAPE
 
 
+def test_what_no_double_holds_is_refused():
+    """Neither an OverflowError nor a guess at what stands behind a mask."""
+    assert reason([(10 ** 400, 0)])[0] is Reason.NOT_FINITE
+    kind, message = reason(np.ma.array(SQUARE, mask=[(False, True)] * 4))
+    assert kind is Reason.WRONG_SHAPE and 'masked' in message
+
+
 @pytest.mark.parametrize('value', [float('nan'), float('inf'), -float('inf')])
 def test_vertex_that_is_not_finite_is_named(value):
     """The message tells which of the received vertices it is."""

@@ -72,6 +72,19 @@ def test_what_is_cleaned(points, vertices):
         assert twice_area(polygon.vertices) == 8
 
 
+@pytest.mark.parametrize('ring', [
+    SQUARE, [(0, 0), (4, 0), (4, 4), (2, 1)], [(1, 1), (0, 3), (0, 2)], [(2, 1), (0, 0)]],
+    ids=['square', 'notched', 'two leftmost', 'segment'])
+def test_the_least_vertex_goes_first(ring):
+    """Whatever the start and the order, the packed polygon is the same to the last bit."""
+    expected = np.asarray(Polygon(ring).packed[0]).tolist()
+    assert Polygon(ring).vertices[0].tolist() == list(min(ring))
+    for start in range(len(ring)):
+        for step in (1, -1):
+            again = Polygon(np.roll(np.array(ring, float), start, axis=0)[::step])
+            assert np.asarray(again.packed[0]).tolist() == expected
+
+
 def test_collinear_points_become_the_whole_segment():
     """The ends of a segment are the extreme points, wherever they stand in the message."""
     assert Polygon([(1, 1), (3, 3), (0, 0), (2, 2)]).vertices.tolist() == [[0, 0], [3, 3]]

@@ -139,16 +139,16 @@ def test_collision_that_came_and_went_is_told_as_brief():
     stage = clear_stage()
     stage.scene.changes()
     stage.see(0.5)
-    assert stage.scene.brief_contacts() == []
+    assert stage.scene.evaluations.brief_contacts() == []
     stage.wait_until(0.1)
     stage.burst(20, 30)
-    assert stage.scene.brief_contacts() == ['robot']
+    assert stage.scene.evaluations.brief_contacts() == ['robot']
     assert stage.scene.changes() == []
-    assert stage.scene.brief_contacts() == []
+    assert stage.scene.evaluations.brief_contacts() == []
     stage.robot(20.5)
     stage.scene.changes()
     stage.robot(0)
-    assert stage.scene.brief_contacts() == []
+    assert stage.scene.evaluations.brief_contacts() == []
 
 
 def test_first_collision_may_be_brief():
@@ -157,7 +157,7 @@ def test_first_collision_may_be_brief():
     stage.see(10)
     stage.robot(10.5)
     stage.robot()
-    assert stage.scene.brief_contacts() == ['robot']
+    assert stage.scene.evaluations.brief_contacts() == ['robot']
 
 
 def test_time_alone_makes_no_change_until_something_is_due():

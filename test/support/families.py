@@ -17,7 +17,8 @@ The hard families: named generators of pairs of bodies on which collision tests 
 
 Each takes (rng, count, n) and returns a list of count pairs of (k, 2) float64 arrays; k is n but
 where the family fixes its shapes or rounding took a vertex.  `CONVEX` bodies are exactly strictly
-convex and counter-clockwise as float64 coordinates; `SIMPLE` ones are simple, mostly not convex.
+convex and counter-clockwise as float64 coordinates, and so are `EXTREME` ones, whose numbers
+overflow and underflow; `SIMPLE` ones are simple, mostly not convex.
 No family states its answers: rounding makes the cases hard, and the oracle tells the truth.
 """
 
@@ -214,10 +215,74 @@ def interlocked_combs(rng, count, n):
             for slack in slacks]
 
 
+def tiny_edges(rng, count, n):
+    """Return bodies with an edge at the origin that underflows, and points near their boundary."""
+    pairs = []
+    for _ in range(count):
+        few = n // 4
+        angle = np.sort(np.concatenate([rng.uniform(0, 10.0 ** rng.uniform(-3, -0.5), few),
+                                        rng.uniform(0, 2 * np.pi, n - 2 - few)]))
+        ring = np.stack([np.sin(angle), 1 - np.cos(angle)], axis=1) * rng.uniform(0.5, 4, 2)
+        scale, tiny = [(1.0, 10.0 ** rng.uniform(-323, -300)), (2.0**-500, 2.0**-560)][
+            rng.integers(2)]
+        ring = _quarter_turned(rng, np.concatenate([[[0, 0], [tiny, 0]], ring * scale]))
+        pairs.append((shapes.hull(ring), _near_boundary(rng, ring)))
+    return pairs
+
+
+def mixed_exponents(rng, count, n):
+    """Return bodies with edges from the smallest doubles to 1, at and near the origin."""
+    pairs = []
+    for _ in range(count):
+        bodies = []
+        for _ in range(2):
+            angle = np.sort(rng.uniform(0, 3.5, n - 1))
+            length = 2.0 ** -np.sort(rng.integers(0, 1075, n - 1))[::-1]
+            edges = np.stack([np.cos(angle), np.sin(angle)], axis=1) * length[:, None]
+            ring = np.concatenate([[[0, 0]], np.cumsum(edges, axis=0)])
+            bodies.append(_quarter_turned(rng, ring))
+        a, b = bodies
+        other = [b, -a, b + 2.0 ** -rng.integers(0, 1075), _near_boundary(rng, a)][
+            rng.integers(4)]
+        pairs.append((shapes.hull(a), shapes.hull(other)))
+    return pairs
+
+
+def wide_spans(rng, count, n):
+    """Return other families' bodies scaled until products and even differences overflow."""
+    kinds = near, hair_gaps, vertex_on_edge, containment, points_and_segments
+    pairs = sum((kind(rng, count // 6, n) for kind in kinds), [])
+    rings = shapes.convex(shapes.polygons(rng, count - len(pairs), n))
+    pairs += [(ring, _near_boundary(rng, ring)) for ring in rings]
+    scaled = []
+    for a, b in pairs:
+        largest = max(abs(a).max(), abs(b).max(), 2.0**-60)
+        exponent = int(rng.integers(500, 1024) - np.frexp(largest)[1])
+        scaled.append((np.ldexp(a, exponent), np.ldexp(b, exponent)))
+    return scaled
+
+
+def level_arcs(rng, count, n):
+    """Return bodies that touch, nearly, with arcs whose edges rise less than rounding in all."""
+    pairs = []
+    for _ in range(count):
+        x = np.arange(n - 1.0) - rng.integers(0, n)
+        ring = np.stack([x, x**2 * 2.0 ** -rng.integers(44, 62)], axis=1)
+        ring = np.concatenate([ring, [[x.mean().round(), 2.0 ** rng.integers(0, 9)]]])
+        i, k = rng.integers(0, n - 1, 2)
+        other = ring[i] + ring[k] - ring + [0, rng.integers(-3, 4) * 2.0 ** -rng.integers(44, 60)]
+        turn, move = rng.integers(4), rng.integers(-2, 3, 2) * 2.0 ** rng.integers(-30, 9)
+        a, b = (_turn_by_quarters(body, turn) + move for body in (ring, other))
+        pairs.append((shapes.hull(a), shapes.hull(b)))
+    return pairs
+
+
 CONVEX = {family.__name__: family for family in (
     random_pairs, near, hair_gaps, many_sided, far_offsets, slivers, vertex_on_vertex,
     vertex_on_edge, edge_on_edge, one_ulp, rectangles_on_edge, collinear_edges, flat_arcs,
     containment, float32_round_trip, points_and_segments, extreme_scales)}
+EXTREME = {family.__name__: family for family in (
+    tiny_edges, mixed_exponents, wide_spans, level_arcs)}
 SIMPLE = {family.__name__: family for family in (notched, interlocked_combs)}
 
 
@@ -278,6 +343,25 @@ def _on_lattice(rng, a, b):
     step = rng.integers(-1, 2, (len(a), 1, 2)) * (rng.random((len(a), 1, 1)) < 0.5)
     scale = np.ldexp(1.0, rng.integers(-60, 61, (len(a), 1, 1)))
     return _pairs(a * scale, (b + step) * scale)
+
+
+def _quarter_turned(rng, ring):
+    return _turn_by_quarters(ring, rng.integers(4))
+
+
+def _turn_by_quarters(ring, quarters):
+    for _ in range(quarters):
+        ring = ring[:, ::-1] * [-1, 1]
+    return ring
+
+
+def _near_boundary(rng, ring):
+    """Return a point, seldom a segment, that is close to an edge or a vertex, on either side."""
+    k = rng.integers(len(ring))
+    along, inwards = rng.choice([-1, 1], 2) * 10.0 ** rng.uniform(-6, -0.3, 2)
+    point = ring[k] + abs(along) * (ring[k - 1] - ring[k])
+    point = point + inwards * (ring.mean(axis=0) - point)
+    return np.array([point, ring[k - 2]] if rng.random() < 0.2 else [point])
 
 
 def _slack(rng):

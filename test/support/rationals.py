@@ -39,9 +39,11 @@ def exact_depth(a, b):
     for p, q in ((a, b), (b, a)):
         for start, end in _edges(p):
             ex, ey = end[0] - start[0], end[1] - start[1]
+            if ex == ey == 0:
+                continue
             reach = max(ex * (v[1] - start[1]) - ey * (v[0] - start[0]) for v, _ in _edges(q))
             reaches.append(reach * abs(reach) / (ex * ex + ey * ey))
-    return _square_root(min(reaches))
+    return _square_root(min(reaches)) if reaches else Fraction(0)
 
 
 def _edges(polygon):
@@ -59,5 +61,5 @@ def _square_to_edge(vertex, start, end):
 
 def _square_root(square):
     """Return the root of a rational, correct to far more digits than a double has."""
-    scale = 10 ** 60
+    scale = 2 ** (200 + abs(square.denominator.bit_length() - square.numerator.bit_length()))
     return Fraction(math.isqrt(square.numerator * scale ** 2 // square.denominator), scale)

@@ -1,0 +1,114 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What plain doubles prove is true, and a support vertex falls short by no more than is said."""
+
+from fractions import Fraction
+
+import families
+import numpy as np
+import oracle
+import pytest
+from sat_collision import intersects, Polygon
+from sat_collision.geometry.layout import Packed
+from sat_collision.geometry.separating_axis import (
+    boxes_apart, find_separating_axis, MEET, SEPARATE, support, UNCERTAIN)
+
+CONVEX = {**families.CONVEX, **families.EXTREME}
+UNIT = Fraction(1, 2 ** 53)
+
+
+def packed(polygon):
+    return Packed(polygon.packed[0], 0, polygon.packed[1])
+
+
+@pytest.mark.parametrize('n', [4, 24])
+@pytest.mark.parametrize('name', CONVEX)
+def test_what_is_proved_is_true(name, n):
+    pairs = CONVEX[name](np.random.default_rng(1), 200, n)
+    truth, _ = oracle.intersects_pairs(pairs)
+    for (a, b), meet in zip(pairs, truth):
+        p, q = packed(Polygon(a)), packed(Polygon(b))
+        if boxes_apart(p, q):
+            assert not meet
+        else:
+            assert find_separating_axis(p, q)[0] in (UNCERTAIN, MEET if meet else SEPARATE)
+
+
+def test_most_pairs_take_few_axes():
+    """Random pairs within 0.1 of touching are decided by plain doubles, by three axes or so."""
+    for n in (4, 16, 64):
+        pairs = families.near(np.random.default_rng(2), 300, n)
+        found = [find_separating_axis(packed(Polygon(a)), packed(Polygon(b))) for a, b in pairs]
+        assert UNCERTAIN not in [verdict for verdict, _, _, _ in found]
+        assert np.mean([queries for _, _, _, queries in found]) < 4
+
+
+def axes(rng, vertices):
+    """Return axes drawn at random, along the coordinates, and across edges but for an ulp."""
+    found = [*rng.normal(size=(4, 2)), (0.0, 1.0), (-1.0, 0.0), (0.0, -2.0 ** -500)]
+    for i in rng.integers(0, len(vertices), 6):
+        with np.errstate(over='ignore'):
+            edge = vertices[i] - vertices[i - 1]
+        for axis in (edge[::-1] * [1, -1], edge[::-1] * [-1, 1]):
+            found += [axis, np.nextafter(axis, rng.choice([-1, 1], 2) * np.inf), axis * 2.0**-60]
+    found = np.asarray(found, float)
+    return found[np.isfinite(found).all(axis=1) & found.any(axis=1)].tolist()
+
+
+@pytest.mark.parametrize('n', [9, 24, 90])
+@pytest.mark.parametrize('name', ['near', 'far_offsets', 'flat_arcs', *families.EXTREME])
+def test_support_falls_short_by_no_more_than_is_said(name, n):
+    """In rationals: 4 u M of few vertices, 25 u M of many; u M as in `support`."""
+    rng = np.random.default_rng(3)
+    certain = 0
+    for pair in CONVEX[name](rng, 12, n):
+        polygon = Polygon(pair[0])
+        vertices = polygon.vertices
+        exact = [(Fraction(x), Fraction(y)) for x, y in vertices.tolist()]
+        largest = [max(abs(v[k]) for v in exact) for k in (0, 1)]
+        for ux, uy in axes(rng, vertices) if len(vertices) > 2 else []:
+            place = support(packed(polygon), ux, uy)
+            if place < 0:
+                continue
+            certain += 1
+            ux, uy = Fraction(ux), Fraction(uy)
+            along = [x * ux + y * uy for x, y in exact]
+            i = (place - len(polygon.packed[0])) // 2
+            reach = abs(ux) * largest[0] + abs(uy) * largest[1]
+            # A reach that overflows proves nothing in the search.
+            if reach < 2 ** 1023:
+                bound = (4 if len(vertices) <= 16 else 25) * UNIT * reach
+                assert max(along) - along[i] <= bound + Fraction(2) ** -1070
+    assert certain > 50
+
+
+def test_the_bottom_is_not_taken_for_the_summit():
+    """Edges that underflow hide on which side of the boundary the climb has begun."""
+    pairs = families.tiny_edges(np.random.default_rng(4), 2000, 24)
+    wrong = [intersects(a, b) != oracle.intersects(a, b) for a, b in pairs]
+    assert not any(wrong)
+
+
+@pytest.mark.parametrize('count', [8192, 8224, 20000])
+def test_more_vertices_than_a_table_entry_has_numbers(count):
+    """Most of them on a short arc, and points within and beyond the last ones and the first."""
+    angle = np.concatenate([np.linspace(3.2, 3.3, count - 32), np.linspace(3.3, 9.4, 33)[1:]])
+    polygon = Polygon(20.0 * np.column_stack([np.cos(angle), np.sin(angle)]), max_vertices=20000)
+    vertices = polygon.vertices
+    assert len(vertices) > 0.9 * count
+    for i in (0, 1, len(vertices) // 2, len(vertices) - 40, *range(-34, 0)):
+        edge = (vertices[i] + vertices[i - 1]) / 2
+        assert intersects(polygon, [edge * (1 - 1e-9)])
+        assert not intersects(polygon, [edge * (1 + 1e-9)])

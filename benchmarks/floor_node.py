@@ -70,9 +70,14 @@ class Floor(Node):
 
     present = staticmethod(time.time_ns)
 
-    def receive(self, name, data, info, now):
-        """Take a message, for the loop."""
-        (self._answer if name == 'footprint' else self._count)(data)
+    def receive(self, name, messages, now):
+        """Take messages, for the loop."""
+        take = self._answer if name == 'footprint' else self._count
+        count = 0
+        for data, _ in messages:
+            take(data)
+            count += 1
+        return count
 
     def end_batch(self, messages, seconds):
         """Do nothing."""

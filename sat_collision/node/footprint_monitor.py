@@ -194,11 +194,12 @@ class FootprintMonitor(Node):
         if clock.ros_time_is_active:
             self.present = lambda: int(clock.now().nanoseconds)
 
-    def receive(self, name: str, data: bytes, info: dict[str, Any], now: int) -> None:
-        """Take a message, as `Monitor.receive` does; info is rclpy's on it."""
-        rejection = self._monitor.receive(name, data, now, info['publication_sequence_number'])
-        if rejection:
+    def receive(self, name: str, messages: Iterable[tuple[bytes, int | None]], now: int) -> int:
+        """Take messages as `Monitor.receive_batch` does; return how many there were."""
+        before = self._monitor.received[name]
+        for rejection in self._monitor.receive_batch(name, messages, now):
             self._log(rejection)
+        return self._monitor.received[name] - before
 
     def end_batch(self, messages: int, seconds: float) -> None:
         """Publish what has changed, after so many messages that took so long."""
@@ -209,7 +210,7 @@ class FootprintMonitor(Node):
     def note_backlog(self, name: str, backlog: loop.Backlog | None) -> None:
         """Take note of how far behind a topic is, None where it is not any more."""
         self._health.note_backlog(name, backlog)
-        self._scene.fall_behind(name, backlog.seconds if backlog else 0.0)
+        self._monitor.note_backlog(name, backlog.seconds if backlog else None)
 
     def tick(self) -> float:
         """Do what is due without a message; return in how many s the next tick is due."""
@@ -227,7 +228,7 @@ class FootprintMonitor(Node):
 
     def _receive_alone(self, name: str, data: bytes, info: dict[str, Any]) -> None:
         start = time.perf_counter()
-        self.receive(name, data, info, self.present())
+        self.receive(name, [(data, info['publication_sequence_number'])], self.present())
         self.end_batch(1, time.perf_counter() - start)
 
     def _log(self, rejection: Rejection) -> None:
@@ -249,9 +250,10 @@ class FootprintMonitor(Node):
 
     def _publish_changes(self) -> None:
         brief = self._scene.brief_contacts()
-        if brief:
-            self._outputs.publish_rise(brief)
         changed = self._scene.changes()
         if changed:
             self._outputs.update(changed)
-            self._outputs.publish(changed)
+        if brief:
+            self._outputs.publish_rise(brief)
+        if brief or changed:
+            self._outputs.publish({*brief, *changed})

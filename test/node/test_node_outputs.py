@@ -16,7 +16,6 @@
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import box, Peer, values
-import pytest
 from rclpy.parameter_client import AsyncParameterClient
 from sat_collision import KERNEL
 from sat_collision.messages.markers import Markers
@@ -160,7 +159,6 @@ def test_parameters_are_described_to_users(start):
     timeout, kind = monitor.until(future.done) and future.result().descriptors
     assert 'forgotten' in timeout.description and timeout.floating_point_range[0].from_value == 0
     assert kind.read_only and 'polygon_instance' in kind.additional_constraints
-
 
 
 def test_peer_that_only_listens(start, domain):

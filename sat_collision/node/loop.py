@@ -228,11 +228,12 @@ class _Topic:
                 break
 
     def _backlog(self, count: int) -> Backlog:
-        """Return how far behind the last message is, and how many came since at their rate."""
+        """Return how far behind the last message is, and how many wait, going by their rate."""
         assert self._first is not None
         first, last = (info['received_timestamp'] for info in (self._first, self._last))
         behind = max(time.time_ns() - last, 0)
-        return Backlog(behind / 1e9, 1 + round(behind * (count - 1) / max(last - first, 1)))
+        waiting = 1 + round(behind * (count - 1) / max(last - first, 1))
+        return Backlog(behind / 1e9, min(waiting, self._subscription.qos_profile.depth))
 
 
 class _Waiting:

@@ -89,7 +89,7 @@ class Source:
             self.forget(obstacle)
         self._heard: int | None = None
         self._silent = False
-        self._is_behind = False
+        self._overwhelmed = False
         self._sets.clear()
 
     def configure(self, settings: ObstacleSettings, now: int) -> None:
@@ -119,14 +119,10 @@ class Source:
         self._silent = True
         self._find_faults()
 
-    def fall_behind(self, seconds: float) -> bool:
-        """Take note of how old messages are before they are taken; tell if that is news."""
-        is_behind = seconds > self.settings.timeout > 0.0
-        changed = is_behind != self._is_behind
-        self._is_behind = is_behind
-        if changed:
-            self._find_faults()
-        return changed
+    def overwhelm(self, overwhelmed: bool) -> None:
+        """Take note of whether the source sends more than can be checked."""
+        self._overwhelmed = overwhelmed
+        self._find_faults()
 
     def heartbeat(self, stamp: int, now: int) -> str | None:
         """Take the message that the publisher lives and saw nothing; return a refusal or None."""
@@ -277,9 +273,8 @@ class Source:
         elif self._silent:
             faults.append(
                 f'has been silent for longer than its timeout of {self.settings.timeout:g} s')
-        if self._is_behind:
-            faults.append('sends more than can be checked: what it sent is older than its timeout '
-                          f'of {self.settings.timeout:g} s before it is looked at')
+        if self._overwhelmed:
+            faults.append('sends more than can be checked: messages come too late or are lost')
         faults += [f'sent what was refused: {reason}' for reason in sorted(+self._refusals)]
         name, topic = self.settings.name, self.settings.topic
         worded = tuple(f'obstacle source {name} on {topic} {fault}' for fault in faults

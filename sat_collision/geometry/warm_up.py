@@ -29,6 +29,7 @@ from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.polygon_set import PolygonSet
 from sat_collision.geometry.query import closest_points, intersects, intersects_pairs
 from sat_collision.geometry.scan import nearest_row
+from sat_collision.geometry.sweep import time_of_contact
 
 _TRIANGLE = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
 _NOTCHED = [(0, 0), (4, 0), (4, 4), (2, 1)]
@@ -56,7 +57,7 @@ def prepare_contacts() -> None:
 
 
 def prepare_rest() -> None:
-    """Have ready what need not precede the first flag: convex parts, separation, pairs."""
+    """Have ready what need not precede the first flag: convex parts, separation, pairs, sweeps."""
     body = Polygon(_NOTCHED)
     bodies = PolygonSet([body])
     bodies.place(0, body.packed, PolygonSet(), 1.0)
@@ -67,6 +68,7 @@ def prepare_rest() -> None:
     closest_points(body, body)
     body.centroid
     intersects_pairs(bodies, bodies)
+    time_of_contact(_NOTCHED, _NOTCHED, [(0, 4)], [(2, 3)])
 
 
 if __name__ == '__main__':

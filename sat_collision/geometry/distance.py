@@ -34,7 +34,7 @@ from sat_collision.geometry.edges import height, to_segment
 from sat_collision.geometry.intersection import convex_meet, interiors_apart
 from sat_collision.geometry.jit import kernel
 from sat_collision.geometry.layout import body_size, convex_part, first_vertex, Packed
-from sat_collision.geometry.plane import length, unit
+from sat_collision.geometry.plane import nearest_of_segment, unit
 from sat_collision.geometry.separating_axis import support
 
 # How far, in parts of the largest coordinate, the distance may be from its lower bound: 4 u.
@@ -147,7 +147,7 @@ def _distance(p, q):
     uy = w[q.start + 1] - v[p.start + 1]
     pa = pb = _furthest(p, ux, uy)
     qa = qb = _furthest(q, -ux, -uy)
-    near, ux, uy = _nearest_of_segment(v, w, pa, qa, pb, qb)
+    near, ux, uy = _near_segment(v, w, pa, qa, pb, qb)
     enough = TOLERANCE * _reach(p, q)
     for _ in range(p.n + q.n):
         pw = _furthest(p, ux, uy)
@@ -158,8 +158,8 @@ def _distance(p, q):
             # Below zero the axis tells nothing, but no distance is.
             if least >= near - enough or value <= enough:
                 return value, points
-        to_a, ax, ay = _nearest_of_segment(v, w, pa, qa, pw, qw)
-        to_b, bx, by = _nearest_of_segment(v, w, pw, qw, pb, qb)
+        to_a, ax, ay = _near_segment(v, w, pa, qa, pw, qw)
+        to_b, bx, by = _near_segment(v, w, pw, qw, pb, qb)
         if to_a <= to_b:
             near, ux, uy = to_a, ax, ay
             pb = pw
@@ -172,28 +172,10 @@ def _distance(p, q):
 
 
 @kernel
-def _nearest_of_segment(p, q, pa, qa, pb, qb):
-    """
-    Return how near a segment of the Minkowski difference comes to the origin, and its direction.
-
-    It runs from q[qa] - p[pa] to q[qb] - p[pb]. The direction is that of its nearest point, as a
-    unit vector.
-    """
-    ax = q[qa] - p[pa]
-    ay = q[qa + 1] - p[pa + 1]
-    bx = q[qb] - p[pb]
-    by = q[qb + 1] - p[pb + 1]
-    ex, ey = unit(bx - ax, by - ay)
-    if not ax * ex + ay * ey < 0.0:
-        ux, uy = unit(ax, ay)
-        return length(ax, ay), ux, uy
-    if not bx * ex + by * ey > 0.0:
-        ux, uy = unit(bx, by)
-        return length(bx, by), ux, uy
-    above = ax * ey - ay * ex
-    if above < 0.0:
-        return -above, -ey, ex
-    return above, ey, -ex
+def _near_segment(p, q, pa, qa, pb, qb):
+    """Return `nearest_of_segment` of the one from q[qa] - p[pa] to q[qb] - p[pb]."""
+    return nearest_of_segment(q[qa] - p[pa], q[qa + 1] - p[pa + 1],
+                              q[qb] - p[pb], q[qb + 1] - p[pb + 1])
 
 
 @kernel

@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test docs bench report accuracy clean
+.PHONY: demo test docs bench report accuracy adversary clean
 
 demo: $(VENV)/demo.stamp
 	$(BIN)/python -m sat_collision.demo
@@ -28,6 +28,11 @@ PAIRS ?= 20000000
 accuracy: $(VENV)/bench.stamp
 	$(BIN)/python benchmarks/accuracy.py --pairs $(PAIRS) --json docs/report/accuracy.json
 	$(BIN)/python benchmarks/report --written
+
+# The search for inputs that break the proofs of docs/exactness.md: make adversary EVALUATIONS=1e6
+EVALUATIONS ?= 1e7
+adversary: $(VENV)/test.stamp
+	PYTHONPATH=.:test/support $(BIN)/python test/geometry/adversary.py --evaluations $(EVALUATIONS)
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)

@@ -13,6 +13,7 @@
 # limitations under the License.
 """Exact collision checks between robot footprints and obstacles, for ROS 2."""
 
+from sat_collision.geometry.arithmetic import require_proved
 from sat_collision.geometry.jit import KERNEL
 from sat_collision.geometry.polygon import Polygon, PolygonError, Reason
 from sat_collision.geometry.polygon_set import PolygonSet
@@ -33,3 +34,5 @@ __all__ = [
     'separation',
     'time_of_contact',
 ]
+
+require_proved()

@@ -23,6 +23,7 @@ step, and what one reads next comes while the others are at work.
 
 from typing import Any, NamedTuple
 
+from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.intersection import bodies_meet, meet_near
 from sat_collision.geometry.jit import (
     borrowed, inlined, kernel, prefetch, scratch, scratch_integers, unchecked_view)
@@ -80,6 +81,7 @@ def decide_rows(set_array, other_array, answers):
         Receives MEET or SEPARATE.
 
     """
+    require_nearest(len(answers))
     pairs = Pairs(rows_of(borrowed(set_array)), rows_of(borrowed(other_array)), answers,
                   scratch(_STATE * _BATCH), scratch_integers(2 * _BATCH), scratch_integers(_BATCH))
     # Batch by batch, so that what has to be decided exactly is still in the cache.

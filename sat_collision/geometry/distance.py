@@ -30,6 +30,7 @@ the bodies gives the same bits.
 
 import math
 
+from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.edges import height, to_segment
 from sat_collision.geometry.intersection import convex_meet, interiors_apart
 from sat_collision.geometry.jit import kernel
@@ -47,6 +48,7 @@ _LEAST = 5e-324
 @kernel
 def measure_arrays(p, n, q, m):
     """Return the same as `measure` of bodies that an array each holds, with counts n and m."""
+    require_nearest(n)
     return measure(Packed(p, 0, n), Packed(q, 0, m))
 
 

@@ -16,6 +16,7 @@
 
 from typing import Any, NamedTuple
 
+from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.jit import inlined, kernel, unchecked_view
 from sat_collision.geometry.layout import convex_part, first_vertex, Packed
 from sat_collision.geometry.predicates import orient, segments_meet
@@ -44,6 +45,7 @@ class Ring(NamedTuple):
 @kernel
 def arrays_meet(p, n, q, m):
     """Tell the same as `bodies_meet` of bodies that an array each holds, with counts n and m."""
+    require_nearest(n)
     return bodies_meet(Packed(p, 0, n), Packed(q, 0, m))
 
 

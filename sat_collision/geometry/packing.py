@@ -14,17 +14,18 @@
 
 """Make packed polygons, see `layout`, of received points."""
 
+from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.jit import float32_values, kernel, scratch
 from sat_collision.geometry.layout import ENTRY_BITS, entry_step, FINGERPRINT, HEADER, table_size
 from sat_collision.geometry.plane import centroid, length
 from sat_collision.geometry.predicates import orient
 from sat_collision.geometry.ring import clean, CONVEX, NON_CONVEX
 
-# The disc's radius is shortened by more than the rounding in it and in comparing it: 2^-45 of the
-# radius and the extent, where at most 16 u, u = 2^-53, is lost to rounding and, with an edge times
-# the extent above 2^-1000, 2^-70 to underflow. It is zero where its square might underflow.
+# The disc's radius is shortened by 2^-45 of the radius and the extent, which is more than all
+# rounding takes; there is none where an edge or the radius is so short that underflow might take
+# more. See docs/exactness.md, lemma 8.
 _SHORTER = 2.0 ** -45
-_LEAST_PRODUCT = 2.0 ** -1000
+_LEAST_EDGE = 2.0 ** -500
 _LEAST_RADIUS = 1e-140
 
 _INFINITY = float('inf')
@@ -54,6 +55,7 @@ def pack(points, packed, most):
         Where the vertices start in the array.
 
     """
+    require_nearest(len(points))
     ring = scratch(len(points))
     verdict, count, i, j = clean(points, ring, most)
     first = 0
@@ -129,7 +131,7 @@ def _write_inner_disc(ring, count, packed):
 
     That makes it a point to reason with, not only a direction. Of slivers, segments and points,
     where rounding may put it outside, the vertex that stands there already serves instead. The
-    disc around it touches the nearest edge; there is none where a height overflows or underflows.
+    disc around it touches the nearest edge, but for `_SHORTER`.
     """
     if count < 3:
         return
@@ -145,7 +147,7 @@ def _write_inner_disc(ring, count, packed):
         ey = ring[2 * k + 1] - ring[2 * i + 1]
         size = length(ex, ey)
         height = (ex * (y - ring[2 * i + 1]) - ey * (x - ring[2 * i])) / size
-        certain = certain and height < _INFINITY and _LEAST_PRODUCT < size * extent
+        certain = certain and height < _INFINITY and _LEAST_EDGE < size
         radius = min(radius, height)
     packed[0] = x
     packed[1] = y

@@ -33,6 +33,7 @@ import math
 
 import numpy as np
 
+from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.jit import kernel
 
 # Shewchuk's ccwerrboundA, (3 + 16 u) u with u = 2^-53, for the rounding of two differences, two
@@ -68,6 +69,7 @@ def orientation(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> i
         collinear. Exact for the doubles given.
 
     """
+    require_nearest(0)
     return int(orient(float(a[0]), float(a[1]), float(b[0]), float(b[1]),
                       float(c[0]), float(c[1])))
 

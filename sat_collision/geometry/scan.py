@@ -21,6 +21,7 @@ A set is given as its array, see `rows`, and a body as a packed polygon and its 
 import math
 
 import numpy as np
+from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.distance import measure
 from sat_collision.geometry.intersection import bodies_meet, filtered_verdict
 from sat_collision.geometry.jit import borrowed, COMPILED, kernel
@@ -45,6 +46,7 @@ def write_row(set_array, row, body, count):
         it, else 0.
 
     """
+    require_nearest(row)
     rows = rows_of(borrowed(set_array))
     packed = rows.packed
     body = borrowed(body)
@@ -84,6 +86,7 @@ def write_and_measure(set_array, row, body, count, others, margin):
 @kernel
 def is_same(set_array, row, body, count):
     """Tell whether the body of a row is this one, number by number."""
+    require_nearest(row)
     rows = rows_of(borrowed(set_array))
     size = body_size(Packed(body, 0, count))
     start = rows.start[row]
@@ -98,6 +101,7 @@ def is_same(set_array, row, body, count):
 @kernel
 def intersecting_rows(set_array, body, count):
     """Write the rows that share a point with a body into found, ascending; return how many."""
+    require_nearest(count)
     rows = rows_of(borrowed(set_array))
     found = rows.found
     candidates = _candidates(rows, body, count)
@@ -158,6 +162,7 @@ else:
 @kernel
 def rows_within(set_array, body, count, margin):
     """Write the rows no further than margin from a body, ascending; return how many there are."""
+    require_nearest(count)
     rows = rows_of(borrowed(set_array))
     # Boxes are compared with a little more, since their gap is rounded as the separation is.
     reach = margin * (1.0 + 1e-9)
@@ -183,6 +188,7 @@ def nearest_row(set_array, body, count, skipped):
         As `distance.measure` has them: points of the row's body, and of the other.
 
     """
+    require_nearest(count)
     rows = rows_of(borrowed(set_array))
     # The body with the nearest box goes first, so that its separation spares most others.
     best = -1

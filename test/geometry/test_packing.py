@@ -60,6 +60,15 @@ def test_there_is_no_disc_where_a_height_overflows():
         assert intersects(triangle, body) == oracle.intersects(triangle.vertices, body)
 
 
+def test_there_is_no_disc_where_the_length_of_an_edge_is_not_known():
+    """Of an edge of a few of the smallest doubles it is rounded to one of them, or to two."""
+    tiny = 2.0 ** -1074
+    polygon = Polygon([(-2.0**80, -2.0**80), (0, 0), (tiny, tiny * 2), (2.0**79, 2.0**81),
+                       (-2.0**80, 2.0**80)])
+    assert len(polygon.vertices) == 5 and polygon.is_convex
+    assert disc(polygon)[2] == 0.0
+
+
 def test_a_centre_near_the_largest_double():
     """The centroid is finite, and inside, where sums of coordinates are not."""
     polygon = Polygon([(1.2e308, 1.2e308), (1.7e308, 1.2e308), (1.7e308, 1.7e308)])

@@ -30,7 +30,7 @@ def exact_distance(a, b):
     """Return the distance of bodies apart: the least of a vertex and an edge, by rationals."""
     least = min(_square_to_edge(vertex, *edge)
                 for p, q in ((a, b), (b, a)) for vertex, _ in _edges(p) for edge in _edges(q))
-    return _square_root(least)
+    return square_root(least)
 
 
 def exact_depth(a, b):
@@ -43,7 +43,7 @@ def exact_depth(a, b):
                 continue
             reach = max(ex * (v[1] - start[1]) - ey * (v[0] - start[0]) for v, _ in _edges(q))
             reaches.append(reach * abs(reach) / (ex * ex + ey * ey))
-    return _square_root(min(reaches)) if reaches else Fraction(0)
+    return square_root(min(reaches)) if reaches else Fraction(0)
 
 
 def _edges(polygon):
@@ -59,7 +59,7 @@ def _square_to_edge(vertex, start, end):
     return (wx - share * ex) ** 2 + (wy - share * ey) ** 2
 
 
-def _square_root(square):
+def square_root(square):
     """Return the root of a rational, correct to far more digits than a double has."""
     scale = 2 ** (200 + abs(square.denominator.bit_length() - square.numerator.bit_length()))
     return Fraction(math.isqrt(square.numerator * scale ** 2 // square.denominator), scale)

@@ -1,0 +1,170 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+A search for inputs on which the filters err more than their bounds allow: `make adversary`.
+
+From starts at the edge of a filter, where its value is about zero, one or two numbers at a time
+are changed by a power of two of ulps, and a change is kept that does not lessen the error in
+parts of the bound. The largest are confirmed in rationals. Then pairs of polygons are steered to
+the filters' edges, see `steering`, and bodies changed in ways that change no answer, see
+`metamorphic`.
+"""
+
+import argparse
+import time
+
+import filters
+import metamorphic
+import numpy as np
+from sat_collision.geometry.jit import kernel
+import steering
+
+STEPS = 2000
+# So many starts, those that lead furthest, take half of all evaluations, and are confirmed.
+CONFIRMED = 20
+
+
+def starts_of(rng, which, count):
+    """Return inputs (count, size) with values near zero."""
+    x = rng.uniform(-1, 1, (count, filters.SIZES[which])) * 2.0 ** rng.integers(
+        -3, 4, (count, filters.SIZES[which]))
+    share = rng.uniform(-2, 2, count) * 2.0 ** rng.integers(-3, 4, count)
+    if which == filters.ORIENTATION:
+        x[:, 4:] = x[:, :2] + share[:, None] * (x[:, 2:4] - x[:, :2])
+    elif which == filters.TURN:
+        x[:, 5] = x[:, 4] - share * (x[:, 0] - x[:, 1])
+        x[:, 7] = x[:, 6] - share * (x[:, 2] - x[:, 3])
+    elif which == filters.RISE:
+        x[:, 4] = share * (x[:, 1] - x[:, 3])
+        x[:, 5] = share * (x[:, 2] - x[:, 0])
+    elif which in (filters.SCAN, filters.GAP):
+        places = rng.uniform(-1, 1, (count, x.shape[1] // 2 - 1))
+        x[:, 2::2] = x[:, 2:3] - places * x[:, 1:2]
+        x[:, 3::2] = x[:, 3:4] + places * x[:, 0:1]
+    elif which == filters.CLIMB:
+        x = _nearly_level(rng, count)
+    else:
+        angle = np.sort(rng.uniform(0, 2 * np.pi, (count, 4)), axis=1)
+        ring = np.stack([np.cos(angle), np.sin(angle)], axis=2)
+        ring *= rng.uniform(0.01, 1, (count, 1, 2))
+        ring += rng.uniform(-1, 1, (count, 1, 2)) * (rng.random((count, 1, 1)) < 0.5)
+        x = ring.reshape(count, 8)
+    return x
+
+
+def _nearly_level(rng, count):
+    """Return an axis, and a convex polygon with two edges across it, but for some ulps."""
+    x = np.empty((count, 12))
+    width, height = rng.uniform(0.5, 2, (2, count))
+    x[:, 2:] = np.stack([width, -height, width * 0.1, -height * 0.1, -width, height,
+                         -width, -height * 0.9, width * 0.9, -height], axis=1)
+    bulge = 10.0 ** rng.uniform(-16, -13, count)
+    x[:, 4] += bulge * height
+    x[:, 5] += bulge * width
+    tilt = rng.uniform(-30, 30, count) * filters.UNIT
+    x[:, 0] = height * (1 - tilt)
+    x[:, 1] = width * (1 + tilt)
+    return x
+
+
+@kernel
+def score(which, x, share):
+    """Return error over a share of the bound, less where the value is beyond twice the bound."""
+    value, bound, error, wrong = filters.evaluate(which, x)
+    bound *= share
+    if not 0.0 < bound < np.inf:
+        return 0.0, wrong
+    return abs(error) / bound * min(1.0, 2.0 * bound / max(abs(value), bound)), wrong
+
+
+@kernel
+def climb(which, x, steps, share, random):
+    """Change an input in place, step by step; return its score and how many were wrong."""
+    bits = x.view(np.int64)
+    best, wrong = score(which, x, share)
+    mistakes = int(wrong)
+    kept = x.copy()
+    for _ in range(steps):
+        for _ in range(random.integers(1, 3)):
+            k = random.integers(0, len(x))
+            move = 1 << random.integers(0, 50)
+            bits[k] += move if random.random() < 0.5 else -move
+        usual = True
+        for k in range(len(x)):
+            usual = usual and 1e-30 < abs(x[k]) < 1e30
+        found = 0.0
+        if usual:
+            found, wrong = score(which, x, share)
+            mistakes += wrong
+        if usual and found >= best:
+            best = found
+            kept[:] = x
+        else:
+            x[:] = kept
+    return best, mistakes
+
+
+def largest(which, evaluations, seed=1, share=1.0):
+    """
+    Return the largest error of a filter in parts of its bound that so many evaluations find.
+
+    Parameters
+    ----------
+    which : int
+        A filter of `filters`.
+    evaluations, seed : int
+    share : float, optional
+        Of the bound, which is taken instead of it: to see whether the search finds that wrong.
+
+    Returns
+    -------
+    ratio : float
+        Confirmed in rationals.
+    mistakes : int
+        Inputs on which the filter itself decided wrongly.
+
+    """
+    rng = np.random.default_rng(seed)
+    starts = starts_of(rng, which, max(evaluations // 2 // STEPS, CONFIRMED))
+    found = [climb(which, x, evaluations // 2 // len(starts), share, rng) for x in starts]
+    best = starts[np.argsort([ratio for ratio, _ in found])[-CONFIRMED:]]
+    found += [climb(which, x, evaluations // 2 // CONFIRMED, share, rng) for x in best]
+    return (max(filters.exact(which, x, share) for x in best),
+            sum(mistakes for _, mistakes in found))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
+    parser.add_argument('--evaluations', type=lambda text: int(float(text)), default=10**7,
+                        help='of each filter (default: 1e7)')
+    parser.add_argument('--pairs', type=lambda text: int(float(text)), default=10**5,
+                        help='of each change that changes no answer (default: 1e5)')
+    parser.add_argument('--seed', type=int, default=1)
+    arguments = parser.parse_args()
+    failures = 0
+    print('| filter | bound | largest error / bound | wrong | evaluations | s |\n'
+          '|---|---|---|---|---|---|')
+    for which, name in enumerate(filters.NAMES):
+        begun = time.monotonic()
+        ratio, mistakes = largest(which, arguments.evaluations, arguments.seed)
+        failures += mistakes + (ratio > 1.0)
+        print(f'| {name} | {filters.BOUNDS[which]} | {ratio:.4f} | {mistakes} | '
+              f'{arguments.evaluations:.0e} | {time.monotonic() - begun:.0f} |', flush=True)
+    failures += steering.report(arguments.evaluations, arguments.seed)
+    failures += metamorphic.report(arguments.pairs, arguments.seed)
+    return int(failures > 0)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

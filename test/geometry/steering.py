@@ -1,0 +1,235 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Pairs of polygons steered, in steps of ulps, to where a filter all but decides, or just does.
+
+What the search in plain doubles then says is compared with the exact stage each time, and where a
+climb ends with the oracle's integers.
+"""
+
+import families
+from filters import along, cross, difference
+import numpy as np
+import oracle
+from sat_collision.geometry.intersection import convex_meet, meet_near
+from sat_collision.geometry.jit import kernel
+from sat_collision.geometry.layout import first_vertex, Packed, packed_size
+from sat_collision.geometry.packing import pack
+from sat_collision.geometry.predicates import ORIENTATION_BOUND
+from sat_collision.geometry.ring import CONVEX
+from sat_collision.geometry.separating_axis import (
+    boxes_apart, find_separating_axis, first_axis, MEET, OPEN, PRODUCT_BOUND, refine, support,
+    SUPPORT_BOUND, UNCERTAIN)
+import shapes
+
+GAP, TURN, RISE, DISC, ORIENTATION = range(5)
+NAMES = 'gap', 'turn', 'rise', 'disc', 'orientation'
+# Vertices of both bodies: few are scanned, many climbed.
+COUNTS = (3, 3), (4, 6), (4, 20), (20, 20)
+STEPS = 20000
+_LARGEST_STEP = 46
+# So many ends of climbs go to the integers, of each filter and count.
+ASKED = 300
+
+
+@kernel
+def _nearness(value, bound):
+    """Return 1 where the magnitude of a value is a bound, less where it is more or less."""
+    size = abs(value)
+    if not (0.0 < size < np.inf and 0.0 < bound < np.inf):
+        return 0.0
+    return min(size, bound) / max(size, bound)
+
+
+@kernel
+def _to_orientation(p, q):
+    """Return how near any vertex of Q is to the edge of the orientation filter, for edges of P."""
+    nearest = 0.0
+    first = first_vertex(p)
+    other = first_vertex(q)
+    v = p.array
+    w = q.array
+    for i in range(p.n):
+        a = first + 2 * i
+        b = first + 2 * ((i + 1) % p.n)
+        for c in range(other, other + 2 * q.n, 2):
+            value, size, _ = cross(difference(v[a], w[c]), difference(v[a + 1], w[c + 1]),
+                                   difference(v[b], w[c]), difference(v[b + 1], w[c + 1]))
+            nearest = max(nearest, _nearness(value, ORIENTATION_BOUND * size))
+    return nearest
+
+
+@kernel
+def _to_rise(p, ux, uy):
+    """Return how near any edge's rise along u is to its bound."""
+    nearest = 0.0
+    first = first_vertex(p)
+    v = p.array
+    for i in range(p.n):
+        a = first + 2 * i
+        b = first + 2 * ((i + 1) % p.n)
+        value, size, _ = along(difference(v[b], v[a]), difference(v[b + 1], v[a + 1]), ux, uy)
+        nearest = max(nearest, _nearness(value, PRODUCT_BOUND * size))
+    return nearest
+
+
+@kernel
+def nearness(which, p, q):
+    """Return how near a filter is to its edge at any step of the search; 1 is there."""
+    if which == ORIENTATION:
+        return max(_to_orientation(p, q), _to_orientation(q, p))
+    verdict, search = first_axis(p, q)
+    if which == DISC:
+        inner = p.array[6] + q.array[6]
+        return _nearness(search.ux * search.ux + search.uy * search.uy, inner * inner)
+    nearest = 0.0
+    for _ in range(8):
+        if verdict != OPEN:
+            break
+        ux = search.ux
+        uy = search.uy
+        i = support(p, ux, uy)
+        j = support(q, -ux, -uy)
+        if which == RISE:
+            nearest = max(nearest, _to_rise(p, ux, uy), _to_rise(q, ux, uy))
+        elif i >= 0 and j >= 0:
+            wx = difference(q.array[j], p.array[i])
+            wy = difference(q.array[j + 1], p.array[i + 1])
+            if which == GAP:
+                value, size, _ = along(wx, wy, ux, uy)
+                bound = PRODUCT_BOUND * size + SUPPORT_BOUND * (
+                    abs(ux) * search.reach_x + abs(uy) * search.reach_y)
+                nearest = max(nearest, _nearness(value, bound))
+            else:
+                for bx, by in ((search.ax, search.ay), (search.bx, search.by)):
+                    value, size, _ = cross((bx, 0.0), (by, 0.0), wx, wy)
+                    nearest = max(nearest, _nearness(value, PRODUCT_BOUND * size))
+        verdict, search = refine(p.array, i, q.array, j, search)
+    return nearest
+
+
+@kernel
+def _pack_both(x, n, p, q):
+    """Pack the bodies that x holds; tell whether both are strictly convex and keep their count."""
+    verdict, count, _, _, _ = pack(x[:2 * n], p, n)
+    if verdict != CONVEX or count != n:
+        return False
+    m = len(x) // 2 - n
+    verdict, count, _, _, _ = pack(x[2 * n:], q, m)
+    return verdict == CONVEX and count == m
+
+
+@kernel
+def steer(which, x, n, steps, random):
+    """
+    Change two bodies in place, n vertices and the others, to get a filter to its edge.
+
+    Returns how near that is, how many verdicts on the way were proved, and how many wrong.
+    """
+    m = len(x) // 2 - n
+    a = np.empty(packed_size(n))
+    b = np.empty(packed_size(m))
+    bits = x.view(np.int64)
+    best = 0.0
+    kept = x.copy()
+    proved = 0
+    wrong = 0
+    # Steps are about as large as the last one that led nearer, and ever smaller.
+    exponent = _LARGEST_STEP
+    power = exponent
+    for step in range(steps):
+        if step > 0:
+            k = random.integers(0, len(x))
+            power = min(max(exponent + random.integers(-3, 4), 0), _LARGEST_STEP)
+            move = random.integers(1, 4) << power
+            bits[k] += move if random.random() < 0.5 else -move
+        found = -1.0
+        if _pack_both(x, n, a, b):
+            p = Packed(a, 0, n)
+            q = Packed(b, 0, m)
+            found = 0.0
+            if not boxes_apart(p, q):
+                found = nearness(which, p, q)
+                verdict, _, _, _ = find_separating_axis(p, q)
+                if verdict != UNCERTAIN:
+                    proved += 1
+                    exact = meet_near(p, q, first_vertex(p), first_vertex(q))
+                    wrong += (verdict == MEET) != exact
+        if found > best:
+            exponent = power
+        elif random.random() < 0.03:
+            exponent = exponent - 1 if exponent > 0 else _LARGEST_STEP
+        if found >= best:
+            best = found
+            kept[:] = x
+        else:
+            x[:] = kept
+    return best, proved, wrong
+
+
+@kernel
+def decide(x, n):
+    """Return the answer for the bodies that x holds."""
+    m = len(x) // 2 - n
+    a = np.empty(packed_size(n))
+    b = np.empty(packed_size(m))
+    _pack_both(x, n, a, b)
+    return convex_meet(Packed(a, 0, n), Packed(b, 0, m))
+
+
+def starts_of(rng, count, n, m):
+    """Return near pairs of n and m vertices, some of them far from the origin."""
+    a = shapes.polygons(rng, count, n)
+    b = shapes.polygons(rng, count, m)
+    gap = np.where(rng.random(count) < 0.5, families._hairs(rng, count), rng.normal(0, 0.1, count))
+    a, b = families._placed_arrays(rng, count, n, gap, a, b)
+    offset = (rng.normal(size=(count, 1, 2))
+              * rng.choice([0.0, 1.0, 1e3, 1e6], (count, 1, 1)))
+    return np.concatenate([a + offset, b + offset], axis=1).reshape(count, -1)
+
+
+def at_the_edge(which, n, m, evaluations, seed=1):
+    """
+    Steer pairs of n and m vertices to a filter's edge.
+
+    Returns
+    -------
+    nearness : float
+        Their median, of 1.
+    proved, wrong : int
+        How many verdicts the filters proved, and how many of them, or of the answers at the ends,
+        were wrong.
+
+    """
+    rng = np.random.default_rng(seed)
+    starts = starts_of(rng, max(evaluations // STEPS, 1), n, m)
+    found = np.array([steer(which, x, n, min(STEPS, evaluations), rng) for x in starts])
+    ends = starts[np.argsort(-found[:, 0])[:ASKED]]
+    wrong = sum(decide(x, n) != oracle.intersects(x[:2 * n].reshape(-1, 2),
+                                                  x[2 * n:].reshape(-1, 2)) for x in ends)
+    return np.median(found[:, 0]), int(found[:, 1].sum()), int(found[:, 2].sum() + wrong)
+
+
+def report(evaluations, seed):
+    """Print a row for each filter; return how many answers were wrong."""
+    print('\n| pairs steered to the edge of | nearness, of 1 | proved | wrong | evaluations |\n'
+          '|---|---|---|---|---|')
+    total = 0
+    for which, name in enumerate(NAMES):
+        rows = [at_the_edge(which, n, m, evaluations // len(COUNTS), seed) for n, m in COUNTS]
+        nearness, proved, wrong = np.array(rows).T
+        total += int(wrong.sum())
+        print(f'| {name} | {nearness.mean():.4f} | {proved.sum():.0f} | {wrong.sum():.0f} | '
+              f'{evaluations:.0e} |', flush=True)
+    return total

@@ -1,0 +1,71 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""A short run of the search for inputs that break a filter; the long one is `make adversary`."""
+
+import adversary
+import filters
+import numpy as np
+import pytest
+from sat_collision.geometry.jit import COMPILED
+import steering
+
+pytestmark = pytest.mark.skipif(not COMPILED, reason='the search needs compiled kernels')
+
+EVALUATIONS = 100000
+# How much of each bound would be too little: the search finds errors beyond it. In brackets what
+# the lemma proves.
+TOO_LITTLE = {
+    filters.ORIENTATION: 0.5,  # (1)
+    filters.TURN: 0.2,         # (3/8)
+    filters.RISE: 0.15,        # (1/4)
+    filters.SCAN: 0.5,         # (1)
+    filters.GAP: 0.05,         # (3/20)
+    filters.CLIMB: 0.4,        # (4/5)
+    filters.DISC: 0.002,       # (1/64)
+}
+
+
+@pytest.mark.parametrize('which', TOO_LITTLE, ids=filters.NAMES)
+def test_no_error_exceeds_its_bound(which):
+    ratio, mistakes = adversary.largest(which, EVALUATIONS)
+    assert 0.0 < ratio <= 1.0 and mistakes == 0
+
+
+@pytest.mark.parametrize('which', TOO_LITTLE, ids=filters.NAMES)
+def test_a_bound_that_is_too_small_is_found_out(which):
+    ratio, _ = adversary.largest(which, EVALUATIONS, share=TOO_LITTLE[which])
+    assert ratio > 1.0
+
+
+@pytest.mark.parametrize('which', range(len(filters.NAMES)), ids=filters.NAMES)
+def test_the_compiled_error_is_the_rational_one(which):
+    """Where the value is near zero, to a thousandth."""
+    rng = np.random.default_rng(3)
+    compared = 0
+    for x in adversary.starts_of(rng, which, 100):
+        adversary.climb(which, x, 10, 1.0, rng)
+        exact = filters.exact(which, x)
+        if exact > 0.0:
+            compared += 1
+            assert adversary.score(which, x, 1.0)[0] == pytest.approx(exact, rel=1e-3)
+    assert compared >= 10
+
+
+@pytest.mark.parametrize('n, m', steering.COUNTS)
+@pytest.mark.parametrize('which', range(len(steering.NAMES)), ids=steering.NAMES)
+def test_pairs_at_the_edge_of_a_filter(which, n, m):
+    """Every verdict on the way is the exact stage's, every answer at the end the oracle's."""
+    nearness, proved, wrong = steering.at_the_edge(which, n, m, EVALUATIONS // 2)
+    assert wrong == 0 and proved > 0
+    assert nearness > 0.1 or n + m > 10

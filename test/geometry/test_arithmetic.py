@@ -1,0 +1,159 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Where a thread does not round as the proofs assume nothing is answered, and the reason said."""
+
+import contextlib
+import ctypes
+import os
+from pathlib import Path
+import platform
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from sat_collision import (
+    closest_points, intersects, intersects_many, intersects_pairs, Polygon, PolygonSet, separation)
+from sat_collision.geometry import arithmetic
+from sat_collision.geometry.jit import COMPILED
+from sat_collision.geometry.predicates import orient, orientation
+from sat_collision.geometry.scan import is_same
+
+ROOT = Path(__file__).resolve().parents[2]
+if not (platform.machine() == 'x86_64' and platform.libc_ver()[0] == 'glibc'):
+    pytest.skip('the modes are set as glibc and x86-64 do', allow_module_level=True)
+
+LIBM = ctypes.CDLL('libm.so.6')
+# Bits of MXCSR, which ends glibc's fenv_t.
+MODES = {'flush to zero': 0x8000, 'denormals are zero': 0x0040, 'down': 0x2000, 'up': 0x4000,
+         'towards zero': 0x6000}
+FLUSHING = 'flush to zero', 'denormals are zero'
+
+
+@contextlib.contextmanager
+def rounding(mode):
+    """Set how this thread rounds."""
+    usual, changed = ctypes.create_string_buffer(32), ctypes.create_string_buffer(32)
+    LIBM.fegetenv(usual)
+    word = int.from_bytes(usual.raw[28:], sys.byteorder) | MODES[mode]
+    changed.raw = usual.raw[:28] + word.to_bytes(4, sys.byteorder)
+    LIBM.fesetenv(changed)
+    try:
+        yield
+    finally:
+        LIBM.fesetenv(usual)
+
+
+def message(mode):
+    return 'flushes' if mode in FLUSHING else 'does not round to nearest'
+
+
+BOX = np.array([(0, 0), (1, 0), (1, 1), (0, 1.0)])
+POLYGON, OTHER = Polygon(BOX), Polygon(BOX + 0.5)
+SET = PolygonSet([POLYGON, OTHER])
+QUESTIONS = {
+    'Polygon': lambda: Polygon(BOX),
+    'from_float32': lambda: Polygon.from_float32(np.zeros(9, np.float32).tobytes(), 0, 3),
+    'intersects': lambda: intersects(POLYGON, OTHER),
+    'intersects_many': lambda: intersects_many(POLYGON, SET),
+    'intersects_pairs': lambda: intersects_pairs(SET, SET),
+    'separation': lambda: separation(POLYGON, OTHER),
+    'closest_points': lambda: closest_points(POLYGON, OTHER),
+    'orientation': lambda: orientation(*BOX[:3]),
+    'intersecting_rows': lambda: SET.intersecting_rows(POLYGON),
+    'rows_within': lambda: SET.rows_within(POLYGON, 1.0),
+    'nearest': lambda: SET.nearest(POLYGON),
+    'place': lambda: SET.place(0, POLYGON.packed, SET),
+    'place with a margin': lambda: SET.place(0, POLYGON.packed, SET, 1.0),
+    'is_same': lambda: is_same(SET._array, 0, *POLYGON.packed),
+}
+
+
+@pytest.mark.parametrize('mode', MODES)
+@pytest.mark.parametrize('question', QUESTIONS)
+def test_no_answer_in_another_mode(question, mode):
+    """Of whatever is asked, though the bodies were made before; and again once it is reset."""
+    QUESTIONS[question]()
+    with rounding(mode), pytest.raises(FloatingPointError, match=message(mode)):
+        QUESTIONS[question]()
+    QUESTIONS[question]()
+
+
+@pytest.mark.parametrize('mode, points', [
+    ('flush to zero', (1.5 * 2.0**-1022, 0, 0, 1, 2.0**-1022, 0)),
+    ('denormals are zero', (0, 0, 1, 0, 0, 2.0**-1074)),
+])
+def test_answers_would_be_wrong(mode, points):
+    """Of three points that are not in line the kernel itself would say that they are."""
+    points = tuple(map(float, points))
+    assert orient(*points) == 1
+    with rounding(mode):
+        assert orient(*points) == 0
+
+
+def run(program, **environment):
+    """Run a program that can use this module in a new process, and return what it says."""
+    path = [str(ROOT), str(ROOT / 'test' / 'support'), str(Path(__file__).parent),
+            os.environ.get('PYTHONPATH', '')]
+    return subprocess.run([sys.executable, '-c', program], capture_output=True, text=True,
+                          env={**os.environ, 'PYTHONPATH': os.pathsep.join(path), **environment})
+
+
+@pytest.mark.parametrize('plain', ['0', '1'])
+@pytest.mark.parametrize('mode', ['flush to zero', 'down'])
+def test_import_is_refused(mode, plain):
+    program = (f'import ctypes\nmode = {MODES[mode]}\n'
+               'libm, env = ctypes.CDLL("libm.so.6"), ctypes.create_string_buffer(32)\n'
+               'libm.fegetenv(env)\n'
+               'env[28:] = (int.from_bytes(env[28:], "little") | mode).to_bytes(4, "little")\n'
+               'libm.fesetenv(env)\n'
+               'import sat_collision')
+    result = run(program, NUMBA_DISABLE_JIT=plain)
+    assert result.returncode == 1
+    assert 'FloatingPointError: floating point' in result.stderr
+    assert message(mode) in result.stderr
+
+
+@pytest.mark.parametrize('machine, plain', [('x86_64', '0'), ('other', '0'), ('x86_64', '1')])
+def test_a_library_that_sets_the_mode_when_it_is_loaded(tmp_path, machine, plain):
+    """As one linked with -ffast-math does: noticed on every machine, compiled and in Python."""
+    if not shutil.which('gcc'):
+        pytest.skip('needs gcc')
+    source, library = tmp_path / 'fast.c', tmp_path / 'fast.so'
+    source.write_text('')
+    subprocess.run(['gcc', '-shared', '-fPIC', '-ffast-math', source, '-o', library], check=True)
+    result = run(f'import ctypes, platform\nplatform.machine = lambda: {machine!r}\n'
+                 'from sat_collision.geometry.predicates import orientation\n'
+                 f'ctypes.CDLL({str(library)!r})\n'
+                 'if 2.0**-1060 * float("0.5") == 0.0:\n'
+                 '    orientation((0, 0), (1, 0), (0, 1))\n'
+                 'else:\n    print("not set")',
+                 NUMBA_DISABLE_JIT=plain, NUMBA_CACHE_DIR=str(tmp_path))
+    if 'not set' in result.stdout:
+        pytest.skip('this compiler links nothing that sets it')
+    assert 'FloatingPointError: floating point flushes' in result.stderr
+
+
+@pytest.mark.skipif(not COMPILED, reason='nothing is compiled here')
+def test_fused_multiply_add_is_noticed(monkeypatch):
+    """The same source, compiled with leave to contract."""
+    import numba
+    if 'fma' not in Path('/proc/cpuinfo').read_text():
+        pytest.skip('this processor has no fused multiply-add')
+    fused = numba.njit(fastmath={'contract'})(arithmetic.problem.py_func)
+    arithmetic.require_proved()
+    monkeypatch.setattr(arithmetic, 'problem', fused)
+    with pytest.raises(FloatingPointError, match='fused'):
+        arithmetic.require_proved()

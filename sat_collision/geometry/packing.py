@@ -23,7 +23,7 @@ from sat_collision.geometry.ring import clean, CONVEX, NON_CONVEX
 
 # The disc's radius is shortened by 2^-45 of the radius and the extent, which is more than all
 # rounding takes; there is none where an edge or the radius is so short that underflow might take
-# more. See docs/exactness.md, lemma 8.
+# more. See docs/exactness.md, lemma 10.
 _SHORTER = 2.0 ** -45
 _LEAST_EDGE = 2.0 ** -500
 _LEAST_RADIUS = 1e-140

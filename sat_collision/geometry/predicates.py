@@ -24,6 +24,8 @@ B. where the coordinate differences carry no rounding error, the two products co
    as head and tail (error-free transformation, Dekker 1971);
 C. the six products of the expanded determinant summed in a fixed-point accumulator as wide as the
    whole exponent range (Kulisch), which is exact, and free of overflow and underflow.
+
+That each is right is proved in docs/exactness.md, lemmas 1 to 3.
 """
 
 from __future__ import annotations
@@ -36,9 +38,8 @@ import numpy as np
 from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.jit import kernel
 
-# Shewchuk's ccwerrboundA, (3 + 16 u) u with u = 2^-53, for the rounding of two differences, two
-# products and their difference. The absolute term covers products that underflow: each loses at
-# most 2^-1075.
+# Shewchuk's ccwerrboundA, (3 + 16 u) u with u = 2^-53; the absolute term covers products that
+# underflow. See docs/exactness.md, lemma 1.
 ORIENTATION_BOUND = (3.0 + 16.0 * 2.0 ** -53) * 2.0 ** -53
 UNDERFLOW_BOUND = 2.0 ** -1060
 
@@ -166,7 +167,7 @@ def _accumulate(total, x, y, sign):
     x0, x1, x2, x3, start_x = _limbs(abs(x))
     y0, y1, y2, y3, start_y = _limbs(abs(y))
     start = start_x + start_y
-    # A column gathers at most 4 products of 48 bits from each of 6 calls: it fits in 63 bits.
+    # No column overflows, see docs/exactness.md, lemma 3.
     total[start] += sign * (x0 * y0)
     total[start + 1] += sign * (x0 * y1 + x1 * y0)
     total[start + 2] += sign * (x0 * y2 + x1 * y1 + x2 * y0)

@@ -77,9 +77,9 @@ def _classify(points, ring):
     """
     Write the clean ring; return verdict, vertex count, clockwise and place.
 
-    A closed walk that only turns left, or only right, and has just one vertex that is
-    lexicographically smaller than both neighbours turns once around: it is convex, and therefore
-    simple. What is not convex is NON_CONVEX here and has still to be checked for crossings.
+    It is convex just when it only turns left, or only right, and has just one vertex that is
+    lexicographically smaller than both neighbours (docs/exactness.md, lemma 12). What is not is
+    NON_CONVEX here and has still to be checked for crossings.
     """
     walk, count, least = _drop_repeated(points)
     if count < 0:

@@ -24,7 +24,8 @@ of axes still possible: trying it instead needs fewer axes. So on, until an axis
 three w hold the origin in their triangle: a common point.
 
 Each sign is taken from plain doubles when it exceeds a forward error bound. Where one does not
-(touching, collinear, hair-thin gaps) the search says so, and `intersection` decides exactly.
+(touching, collinear, hair-thin gaps) the search says so, and `intersection` decides exactly. The
+bounds and verdicts are proved in docs/exactness.md, lemmas 4 to 10.
 """
 
 from typing import NamedTuple
@@ -39,13 +40,11 @@ UNCERTAIN = 0
 MEET = 1
 OPEN = 2
 
-# A sum of two products of rounded differences has an error of at most (4 u + O(u^2)) times the
-# sum of the products' magnitudes, u = 2^-53; twice that is taken.
+# Of the sum of the products' magnitudes; lemmas 4 and 5.
 PRODUCT_BOUND = 8.0 * 2.0 ** -53
-# What the support vertices of both polygons may fall short of the true ones together, see
-# `support`: 2 * 25 u, and the rounding in computing this.
+# What the support vertices of both polygons may fall short of the true ones together; lemma 8.
 SUPPORT_BOUND = 64.0 * 2.0 ** -53
-# From here on UNDERFLOW_BOUND is less than 2^-7 u of a sum of products, see `_is_level`.
+# From here on underflow does not matter to whether an edge is level; lemma 7.
 _LEAST_LEVEL = 2.0 ** -1000
 _INFINITY = float('inf')
 
@@ -186,9 +185,9 @@ def support(p, ux, uy):
     """
     Return where the vertex of P furthest along u stands, or -1 where that is not certain.
 
-    What it may fall short by is bounded in terms of M = |ux| max|x| + |uy| max|y|, u = 2^-53. Of a
-    few vertices all are projected, each with an error of 2 u M. On many the boundary is climbed,
-    see `hill_climb`, which falls short by less than 25 u M.
+    Of a few vertices all are projected, on many the boundary is climbed, see `hill_climb`. What it
+    may fall short by is less than half of what SUPPORT_BOUND allows, see docs/exactness.md,
+    lemmas 6 and 7.
     """
     if p.n <= SCAN_LIMIT:
         v = p.array
@@ -209,13 +208,9 @@ def hill_climb(p, i, ux, uy):
     """
     Climb from the vertex at i to the one furthest along u; -1 where that is not certain.
 
-    Steps are taken that rise for certain. Where neither neighbour does, each of the two edges
-    falls for certain or is level, see `_is_level`: running to the left of u, as edges near the
-    summit do and those near the bottom do not, and perpendicular to u but for rounding. If both
-    fall this is the summit. From a level edge on to the summit the boundary turns towards the
-    perpendicular, so each edge's rise is a smaller share of |ux dx| + |uy dy| than that edge's,
-    which is less than 12.5 u, u = 2^-53: together less than 25 u (|ux| max|x| + |uy| max|y|),
-    as a box of sides 2 max|x| and 2 max|y| holds them all.
+    Steps are taken that rise for certain. Where neither neighbour does, each of the two edges has
+    to fall for certain or to be level, see `_is_level`; then this is the summit, or too little
+    below it to matter, by docs/exactness.md, lemma 7.
     """
     v = p.array
     first = first_vertex(p)
@@ -246,9 +241,9 @@ def _is_level(v, i, k, ux, uy):
     """
     Tell whether an edge whose rise is not certain is perpendicular to u, and runs to its left.
 
-    That it is perpendicular, but for 12.5 u (|ux dx| + |uy dy|), follows from `_rise` where its
-    products are far from underflow and overflow; or else is plain where both are exactly zero.
-    Then both products of the cross product have the same sign, and not both underflow.
+    Perpendicular but for rounding, which cannot be told where underflow or overflow hides the
+    rise; to its left as edges near the summit run, and those near the bottom do not. See
+    docs/exactness.md, lemma 7.
     """
     dx = v[k] - v[i]
     dy = v[k + 1] - v[i + 1]

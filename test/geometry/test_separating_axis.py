@@ -70,7 +70,7 @@ def axes(rng, vertices):
 @pytest.mark.parametrize('n', [9, 24, 90])
 @pytest.mark.parametrize('name', ['near', 'far_offsets', 'flat_arcs', *families.EXTREME])
 def test_support_falls_short_by_no_more_than_is_said(name, n):
-    """In rationals: 4 u M of few vertices, 25 u M of many; u M as in `support`."""
+    """In rationals: 4 u M of few vertices, 25 u M of many, see docs/exactness.md."""
     rng = np.random.default_rng(3)
     certain = 0
     for pair in CONVEX[name](rng, 12, n):

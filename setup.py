@@ -27,6 +27,7 @@ extras = {
         'hypothesis',
         'mypy',
         'pytest',
+        'pytest-xdist',
         'pyyaml',
         'rosbags',
         'shapely>=2',

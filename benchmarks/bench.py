@@ -71,7 +71,7 @@ def measure(seed, quick, only):
     parts = {
         'kernel': lambda: kernel.measure(*((2_000, 3) if quick else (20_000, 7)), seed),
         'scene': lambda: scene.measure(seed, 5 if quick else 25),
-        'node': lambda: node.measure(seconds, 1 if quick else 7),
+        'node': lambda: node.measure(seconds, 1 if quick else 3),
         'startup': lambda: startup.measure(1 if quick else 5),
         'profile': lambda: profiling.measure(seconds)}
     figures = {'seed': seed, 'machine': machine.describe(*PACKAGES)}

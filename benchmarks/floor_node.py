@@ -33,7 +33,7 @@ from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from sat_collision.node import loop
-from sat_collision.node.signals import interrupt_on_signals, Signalled
+from sat_collision.node.signals import end_on_signals, Signalled
 from std_msgs.msg import Bool
 
 _SIGN_OF_FIRST_X = 27
@@ -70,9 +70,14 @@ class Floor(Node):
 
     present = staticmethod(time.time_ns)
 
-    def receive(self, name, data, info, now):
-        """Take a message, for the loop."""
-        (self._answer if name == 'footprint' else self._count)(data)
+    def receive(self, name, messages, now):
+        """Take messages, for the loop."""
+        take = self._answer if name == 'footprint' else self._count
+        count = 0
+        for data, _ in messages:
+            take(data)
+            count += 1
+        return count
 
     def end_batch(self, messages, seconds):
         """Do nothing."""
@@ -94,7 +99,7 @@ class Floor(Node):
 
 
 def main():
-    interrupt_on_signals()
+    end_on_signals()
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     in_loop = '--loop' in sys.argv
     node = Floor(in_loop)

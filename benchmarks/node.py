@@ -42,7 +42,7 @@ NODES = {'monitor': ['-m', 'sat_collision.node'],
          'rival': [str(HERE / 'rival_node.py')]}
 OBSTACLES = 10, 100, 1000
 VERTICES = 4, 32
-RATES = 10_000, 20_000, 30_000
+RATES = 10_000, 20_000, 30_000, 60_000
 _DISCOVERY = """<?xml version="1.0" encoding="UTF-8"?>
 <dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"><profiles>
   <participant profile_name="prompt" is_default_profile="true"><rtps><builtin><discovery_config>
@@ -152,7 +152,7 @@ def plot(figures, path):
     figure, axes = pyplot.subplots(1, 2, figsize=(9.6, 3.8), layout='constrained')
     loads = [one for one in figures['loads'] if one['vertices'] == VERTICES[0]]
     sizes = [one['obstacles'] for one in loads]
-    for kind, style in zip(NODES, ('o-', 's--', '^:')):
+    for kind, style in zip(NODES, ('o-', 's--', 'd-.', '^:')):
         axes[0].loglog(sizes, [one[kind]['cpu_us'] for one in loads], style, label=kind)
         axes[1].loglog(sizes, [one[kind]['p99_ms'] for one in loads], style, label=kind)
     axes[0].set(xlabel='obstacles at 10 Hz', ylabel='processor time a message [µs]')

@@ -30,7 +30,7 @@ import node
 STORED = Path(__file__).parents[1] / 'docs' / 'benchmarks' / 'profile.json'
 OBSTACLES = 1000
 _SHOWN = 12
-_EXECUTOR = 'spin_once'
+_WAITING = 'wait', 'sleep'
 
 
 def measure(seconds):
@@ -43,11 +43,11 @@ def measure(seconds):
             node.load('monitor', OBSTACLES, 4, seconds)
         functions = pstats.Stats(str(path)).stats
     messages = sum(value[0] for (file, _, name), value in functions.items()
-                   if name == '_receive' and file.endswith('node.py'))
+                   if name == '_take' and file.endswith('monitor.py'))
     own = [{'function': _title(*key), 'calls': value[1] / messages,
             'own_us': 1e6 * value[2] / messages}
            for key, value in functions.items()
-           if _EXECUTOR not in key[2] and value[1] > messages // 2]
+           if not key[2].endswith(_WAITING) and value[1] > messages // 2]
     return {'cpu_us': cost['cpu_us'], 'obstacles': OBSTACLES,
             'profiled_us': sum(row['own_us'] for row in own),
             'functions': sorted(own, key=lambda row: -row['own_us'])[:_SHOWN]}

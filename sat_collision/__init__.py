@@ -19,6 +19,7 @@ from sat_collision.geometry.polygon import Polygon, PolygonError, Reason
 from sat_collision.geometry.polygon_set import PolygonSet
 from sat_collision.geometry.query import (
     closest_points, intersects, intersects_many, intersects_pairs, separation)
+from sat_collision.geometry.sweep import time_of_contact
 
 __all__ = [
     'KERNEL',
@@ -31,6 +32,7 @@ __all__ = [
     'intersects_many',
     'intersects_pairs',
     'separation',
+    'time_of_contact',
 ]
 
 require_proved()

@@ -16,7 +16,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ from sat_collision.geometry.layout import packed_size
 from sat_collision.geometry.packing import pack_convex
 from sat_collision.geometry.polygon import PackedBody, Polygon, PolygonError, Reason
 from sat_collision.messages.cdr import decode, MessageError, Points
+from sat_collision.messages.losses import Losses
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
@@ -102,13 +104,14 @@ class Monitor:
         self.received: Counter[str] = Counter()
         self.rejected: Counter[tuple[str, str]] = Counter()
         self.lost: Counter[str] = Counter()
-        self._numbers: dict[str, int] = {}
+        self._losses: defaultdict[str, Losses] = defaultdict(Losses)
+        self._overwhelmed: set[str] = set()
+        self._lost_when_behind: dict[str, int] = {}
         self._with_ids = {source.name for source in settings.obstacles
                           if source.type == POLYGON_INSTANCE}
         self._packer = _Packer(settings.max_vertices)
 
-    def receive(self, name: str, data: bytes, now: int,
-                number: int | None = None) -> Rejection | None:
+    def receive(self, name: str, data: bytes, now: int) -> Rejection | None:
         """
         Take a message; one for what is disabled is ignored.
 
@@ -120,8 +123,6 @@ class Monitor:
             The serialised PolygonStamped or PolygonInstanceStamped.
         now : int
             Present time in ns, by the clock of the header stamps.
-        number : int, optional
-            Which message of its publisher it is, where the middleware tells.
 
         Returns
         -------
@@ -129,16 +130,64 @@ class Monitor:
 
         """
         self.received[name] += 1
-        if number is not None:
-            # Another publisher, or one that began again, counts from a number of its own.
-            missing = number - self._numbers.get(name, number) - 1
-            if missing > 0:
-                self.lost[name] += missing
-            self._numbers[name] = number
-        scene = self.scene
-        settings = scene.settings_of(name)
-        if not settings.enabled:
-            return None
+        settings = self.scene.settings_of(name)
+        return self._take(settings, data, now) if settings.enabled else None
+
+    def receive_batch(self, name: str, messages: Iterable[tuple[bytes, int | None]],
+                      now: int) -> list[Rejection]:
+        """
+        Take messages as `receive` does, and count those that are missing among them.
+
+        Parameters
+        ----------
+        name : str
+        messages : iterable of tuple
+            The serialised message, and which one of its publisher it is, where that is known.
+        now : int
+
+        Returns
+        -------
+        list of Rejection
+
+        """
+        rejections = []
+        settings = self.scene.settings_of(name)
+        missing = self._losses[name].missing
+        received = lost = 0
+        for data, number in messages:
+            received += 1
+            if number is not None:
+                lost += missing(number)
+            if settings.enabled and (rejection := self._take(settings, data, now)):
+                rejections.append(rejection)
+        self.received[name] += received
+        if lost:
+            self.lost[name] += lost
+        return rejections
+
+    def note_backlog(self, name: str, seconds: float | None) -> None:
+        """
+        Take note of how old messages are before they are taken, None where none is waiting.
+
+        A source that is behind by more than its timeout, or goes on losing messages while it is
+        behind, cannot be trusted until it has caught up.
+        """
+        settings = self.scene.settings_of(name)
+        if isinstance(settings, FootprintSettings):
+            return
+        lost, lost_before = self.lost[name], self._lost_when_behind.pop(name, self.lost[name])
+        if seconds is not None:
+            self._lost_when_behind[name] = lost
+            if lost > lost_before or seconds > settings.timeout > 0.0:
+                self._overwhelmed.add(name)
+        if name in self._overwhelmed:
+            self.scene.overwhelm(name, seconds is not None)
+            if seconds is None:
+                self._overwhelmed.remove(name)
+
+    def _take(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
+              now: int) -> Rejection | None:
+        scene, name = self.scene, settings.name
         stamp = instance = None
         try:
             stamp, frame_id, points, instance = decode(data, name in self._with_ids)

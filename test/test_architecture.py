@@ -139,4 +139,4 @@ def test_example_of_the_readme_gives_what_it_says():
             checked += 1
         else:
             exec(code, known)
-    assert checked == 3
+    assert checked == 4

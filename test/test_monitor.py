@@ -159,7 +159,7 @@ def test_numbers_that_are_missing_are_counted_as_lost():
     monitor = clear_monitor()
     for name, number in (('lidar', 5), ('lidar', 6), ('lidar', 9), ('robot', 1), ('lidar', 3),
                          ('lidar', 4), ('robot', 3), ('lidar', 4)):
-        assert monitor.receive(name, serialised(box(0)), NOW, number) is None
+        assert monitor.receive_batch(name, [(serialised(box(0)), number)], NOW) == []
     assert monitor.lost == {'lidar': 2, 'robot': 1}
 
 

@@ -31,11 +31,11 @@ the bodies gives the same bits.
 import math
 
 from sat_collision.geometry.arithmetic import require_nearest
+from sat_collision.geometry.edges import height, to_segment
 from sat_collision.geometry.intersection import convex_meet, interiors_apart
 from sat_collision.geometry.jit import kernel
 from sat_collision.geometry.layout import body_size, convex_part, first_vertex, Packed
-from sat_collision.geometry.plane import length, scale_to_one, unit
-from sat_collision.geometry.predicates import difference_error, product_error
+from sat_collision.geometry.plane import nearest_of_segment, unit
 from sat_collision.geometry.separating_axis import support
 
 # How far, in parts of the largest coordinate, the distance may be from its lower bound: 4 u.
@@ -149,7 +149,7 @@ def _distance(p, q):
     uy = w[q.start + 1] - v[p.start + 1]
     pa = pb = _furthest(p, ux, uy)
     qa = qb = _furthest(q, -ux, -uy)
-    near, ux, uy = _nearest_of_segment(v, w, pa, qa, pb, qb)
+    near, ux, uy = _near_segment(v, w, pa, qa, pb, qb)
     enough = TOLERANCE * _reach(p, q)
     for _ in range(p.n + q.n):
         pw = _furthest(p, ux, uy)
@@ -160,8 +160,8 @@ def _distance(p, q):
             # Below zero the axis tells nothing, but no distance is.
             if least >= near - enough or value <= enough:
                 return value, points
-        to_a, ax, ay = _nearest_of_segment(v, w, pa, qa, pw, qw)
-        to_b, bx, by = _nearest_of_segment(v, w, pw, qw, pb, qb)
+        to_a, ax, ay = _near_segment(v, w, pa, qa, pw, qw)
+        to_b, bx, by = _near_segment(v, w, pw, qw, pb, qb)
         if to_a <= to_b:
             near, ux, uy = to_a, ax, ay
             pb = pw
@@ -174,28 +174,10 @@ def _distance(p, q):
 
 
 @kernel
-def _nearest_of_segment(p, q, pa, qa, pb, qb):
-    """
-    Return how near a segment of the Minkowski difference comes to the origin, and its direction.
-
-    It runs from q[qa] - p[pa] to q[qb] - p[pb]. The direction is that of its nearest point, as a
-    unit vector.
-    """
-    ax = q[qa] - p[pa]
-    ay = q[qa + 1] - p[pa + 1]
-    bx = q[qb] - p[pb]
-    by = q[qb + 1] - p[pb + 1]
-    ex, ey = unit(bx - ax, by - ay)
-    if not ax * ex + ay * ey < 0.0:
-        ux, uy = unit(ax, ay)
-        return length(ax, ay), ux, uy
-    if not bx * ex + by * ey > 0.0:
-        ux, uy = unit(bx, by)
-        return length(bx, by), ux, uy
-    height = ax * ey - ay * ex
-    if height < 0.0:
-        return -height, -ey, ex
-    return height, ey, -ex
+def _near_segment(p, q, pa, qa, pb, qb):
+    """Return `nearest_of_segment` of the one from q[qa] - p[pa] to q[qb] - p[pb]."""
+    return nearest_of_segment(q[qa] - p[pa], q[qa + 1] - p[pa + 1],
+                              q[qb] - p[pb], q[qb + 1] - p[pb + 1])
 
 
 @kernel
@@ -223,60 +205,14 @@ def _of_edges(p, q, a, b, c, d):
     w = q.array
     best = (math.inf, 0.0, 0.0, 0.0, 0.0)
     for k in (c, d):
-        value, x, y = _to_segment(v, a, b, w[k], w[k + 1])
+        value, x, y = to_segment(v, a, b, w[k], w[k + 1])
         if value < best[0]:
             best = (value, x, y, w[k], w[k + 1])
     for k in (a, b):
-        value, x, y = _to_segment(w, c, d, v[k], v[k + 1])
+        value, x, y = to_segment(w, c, d, v[k], v[k + 1])
         if value < best[0]:
             best = (value, v[k], v[k + 1], x, y)
     return max(best[0], _LEAST), best[1:]
-
-
-@kernel
-def _to_segment(v, a, b, x, y):
-    """Return the distance of a point from the segment between two vertices, and its foot there."""
-    ex, ey = unit(v[b] - v[a], v[b + 1] - v[a + 1])
-    along = (x - v[a]) * ex + (y - v[a + 1]) * ey
-    if not along > 0.0:
-        return length(x - v[a], y - v[a + 1]), v[a], v[a + 1]
-    beyond = (x - v[b]) * ex + (y - v[b + 1]) * ey
-    if not beyond < 0.0:
-        return length(x - v[b], y - v[b + 1]), v[b], v[b + 1]
-    share = along / (along - beyond)
-    return (abs(_height(v, a, b, x, y)),
-            v[a] + share * (v[b] - v[a]), v[a + 1] + share * (v[b + 1] - v[a + 1]))
-
-
-@kernel
-def _height(v, a, b, x, y):
-    """Return how far a point is to the left of the line from one vertex to another."""
-    near = a if abs(x - v[a]) + abs(y - v[a + 1]) < abs(x - v[b]) + abs(y - v[b + 1]) else b
-    ex, ex_error = _difference(v[b], v[a])
-    ey, ey_error = _difference(v[b + 1], v[a + 1])
-    dx, dx_error = _difference(x, v[near])
-    dy, dy_error = _difference(y, v[near + 1])
-    edge_scale = scale_to_one(max(abs(ex), abs(ey)))
-    scale = scale_to_one(max(abs(dx), abs(dy)))
-    ex *= edge_scale
-    ey *= edge_scale
-    dx *= scale
-    dy *= scale
-    left = ex * dy
-    right = ey * dx
-    turn, error = _difference(left, right)
-    # What rounding took from the products and the differences before, but for its square.
-    error += (product_error(ex, dy, left) - product_error(ey, dx, right)
-              + (ex * (dy_error * scale) + (ex_error * edge_scale) * dy)
-              - (ey * (dx_error * scale) + (ey_error * edge_scale) * dx))
-    return (turn + error) / length(ex, ey) / scale
-
-
-@kernel
-def _difference(a, b):
-    """Return a - b rounded, and what is lost by it."""
-    difference = a - b
-    return difference, difference_error(a, b, difference)
 
 
 @kernel
@@ -312,7 +248,7 @@ def _least_reach(p, q):
         b = first + 2 * (i + 1 if i + 1 < p.n else 0)
         ex, ey = unit(v[b] - v[a], v[b + 1] - v[a + 1])
         j = _furthest(q, -ey, ex)
-        depth = _height(v, a, b, w[j], w[j + 1])
+        depth = height(v, a, b, w[j], w[j + 1])
         if depth < best[0]:
             best = (depth, w[j], w[j + 1], ey, -ex)
     return best

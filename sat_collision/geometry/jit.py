@@ -32,7 +32,8 @@ try:
     from llvmlite import ir
     import numba
     import numba.extending
-    from sat_collision.geometry.kernel_cache import cache_problem, keep_compiled
+    from sat_collision.geometry.kernel_cache import cache_problem as cache_problem
+    from sat_collision.geometry.kernel_cache import keep_compiled
 except ImportError:
     numba = None
 

@@ -69,6 +69,10 @@ def pack(points, packed, most):
             _write_inner_disc(ring, count, packed)
             _write_table(ring, count, packed)
         packed[FINGERPRINT] = _fingerprint(packed)
+        if verdict == NON_CONVEX:
+            # Bounds and one vertex are the same for many bodies with notches.
+            for k in range(2 * count):
+                packed[FINGERPRINT] = 0.7 * packed[FINGERPRINT] + ring[k]
     for k in range(2 * count):
         packed[first + k] = ring[k]
     return verdict, count, i, j, first

@@ -48,6 +48,22 @@ def unit(x, y):
 
 
 @kernel
+def nearest_of_segment(ax, ay, bx, by):
+    """Return how near a segment a b comes to the origin, and its nearest point's direction."""
+    ex, ey = unit(bx - ax, by - ay)
+    if not ax * ex + ay * ey < 0.0:
+        ux, uy = unit(ax, ay)
+        return length(ax, ay), ux, uy
+    if not bx * ex + by * ey > 0.0:
+        ux, uy = unit(bx, by)
+        return length(bx, by), ux, uy
+    height = ax * ey - ay * ex
+    if height < 0.0:
+        return -height, -ey, ex
+    return height, ey, -ex
+
+
+@kernel
 def centroid(ring, count):
     """
     Return the centre of gravity (x, y) of a polygon, of a segment its middle (paper section 2.2).

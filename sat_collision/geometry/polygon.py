@@ -95,7 +95,7 @@ class Polygon:
     packed: PackedBody
 
     def __init__(self, points: ArrayLike, max_vertices: int = MAX_VERTICES) -> None:
-        self._pack(_coordinates(points), max_vertices)
+        self._pack(coordinates(points), max_vertices)
 
     @classmethod
     def from_float32(cls, data: bytes, start: int, count: int,
@@ -214,8 +214,8 @@ def as_polygon(body: Polygon | ArrayLike) -> Polygon:
     return body if isinstance(body, Polygon) else Polygon(body)
 
 
-def _coordinates(points: ArrayLike) -> NDArray[np.float64]:
-    """Return x and y of received points, (n, 2)."""
+def coordinates(points: ArrayLike) -> NDArray[np.float64]:
+    """Return x and y of received points, (n, 2); raise `PolygonError` if there are none."""
     if np.ma.isMaskedArray(points):
         raise PolygonError(Reason.WRONG_SHAPE, 'a masked array: fill what is masked, or drop it')
     try:

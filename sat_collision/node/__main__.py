@@ -24,21 +24,13 @@ import rclpy
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 from sat_collision.node.footprint_monitor import FootprintMonitor, NAME
-from sat_collision.node.signals import ignore_signals, interrupt_on_signals, Signalled
+from sat_collision.node.signals import end_on_signals, Signalled
 from sat_collision.scene.parameters import ParameterError
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node until SIGINT, SIGTERM or SIGHUP and return the exit status."""
-    interrupt_on_signals()
-    try:
-        return _run(args)
-    except KeyboardInterrupt:
-        ignore_signals()
-        return 0
-
-
-def _run(args: Sequence[str] | None) -> int:
+    end_on_signals()
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # what rcl raises for an unreadable parameter file

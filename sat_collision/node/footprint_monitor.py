@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 import time
 from typing import Any
@@ -28,7 +28,7 @@ from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEve
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from sat_collision.geometry.jit import KERNEL
+from sat_collision.geometry.jit import cache_problem, KERNEL
 from sat_collision.messages.outputs import Outputs
 from sat_collision.monitor import Monitor, Rejection
 from sat_collision.node import loop
@@ -103,7 +103,7 @@ class FootprintMonitor(Node):
         self._scene = self._monitor.scene
         self._outputs = Outputs(self, settings, self._scene)
         self._health = Health(self.get_name(), self.get_fully_qualified_name(),
-                              {'kernel': KERNEL})
+                              {'kernel': KERNEL, 'kept kernels': cache_problem() or 'in order'})
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._logged: dict[tuple[str, str], float] = {}
         in_loop = loop.is_supported()
@@ -160,11 +160,12 @@ class FootprintMonitor(Node):
         if clock.ros_time_is_active:
             self.present = lambda: int(clock.now().nanoseconds)
 
-    def receive(self, name: str, data: bytes, info: dict[str, Any], now: int) -> None:
-        """Take a message, as `Monitor.receive` does; info is rclpy's on it."""
-        rejection = self._monitor.receive(name, data, now, info['publication_sequence_number'])
-        if rejection:
+    def receive(self, name: str, messages: Iterable[tuple[bytes, int | None]], now: int) -> int:
+        """Take messages as `Monitor.receive_batch` does; return how many there were."""
+        before = self._monitor.received[name]
+        for rejection in self._monitor.receive_batch(name, messages, now):
             self._log(rejection)
+        return self._monitor.received[name] - before
 
     def end_batch(self, messages: int, seconds: float) -> None:
         """Publish what has changed, after so many messages that took so long."""
@@ -175,7 +176,7 @@ class FootprintMonitor(Node):
     def note_backlog(self, name: str, backlog: loop.Backlog | None) -> None:
         """Take note of how far behind a topic is, None where it is not any more."""
         self._health.note_backlog(name, backlog)
-        self._scene.fall_behind(name, backlog.seconds if backlog else 0.0)
+        self._monitor.note_backlog(name, backlog.seconds if backlog else None)
 
     def tick(self) -> float:
         """Do what is due without a message; return in how many s the next tick is due."""
@@ -194,7 +195,7 @@ class FootprintMonitor(Node):
 
     def _receive_alone(self, name: str, data: bytes, info: dict[str, Any]) -> None:
         start = time.perf_counter()
-        self.receive(name, data, info, self.present())
+        self.receive(name, [(data, info['publication_sequence_number'])], self.present())
         self.end_batch(1, time.perf_counter() - start)
 
     def _log(self, rejection: Rejection) -> None:
@@ -216,12 +217,13 @@ class FootprintMonitor(Node):
 
     def _publish_changes(self) -> None:
         brief = self._scene.evaluations.brief_contacts()
-        if brief:
-            self._outputs.publish_rise(brief)
         changed = self._scene.changes()
         if changed:
             self._outputs.update(changed)
-            self._outputs.publish(changed)
+        if brief:
+            self._outputs.publish_rise(brief)
+        if brief or changed:
+            self._outputs.publish({*brief, *changed})
 
     def destroy_node(self) -> None:
         """End what belongs to the node, too."""

@@ -25,6 +25,9 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from sat_collision.monitor import Monitor
 from sat_collision.node.loop import Backlog
 
+# What is behind by less, in s, is a burst that is just being taken.
+_NOTEWORTHY = 0.1
+
 
 class Health:
     """
@@ -102,7 +105,8 @@ class Health:
         if lost > self._lost:
             problems.append(f'messages lost: {lost - self._lost}')
         problems += [f'{name} is behind by {backlog.seconds:.3f} s'
-                     for name, backlog in self._backlogs.items()]
+                     for name, backlog in self._backlogs.items()
+                     if backlog.seconds > _NOTEWORTHY]
         self._status.level = DiagnosticStatus.WARN if problems else DiagnosticStatus.OK
         self._status.message = '; '.join(problems) or 'running'
         self._received = monitor.received.copy()

@@ -22,7 +22,7 @@ import time
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from sat_collision.geometry import warm_up
-from sat_collision.geometry.jit import KERNEL
+from sat_collision.geometry.jit import cache_problem, KERNEL
 
 
 class Kernels:
@@ -48,7 +48,8 @@ class Kernels:
             logger.info(f'preparing kernels ({KERNEL}); '
                         'the first start after an installation compiles them')
             self._other = subprocess.Popen([sys.executable, '-m', warm_up.__name__],
-                                           stdout=subprocess.PIPE, text=True)
+                                           stdout=subprocess.PIPE,
+                                           stderr=subprocess.DEVNULL, text=True)
         warm_up.prepare_contacts()
         if self._other and self._other.stdout:
             self._other.stdout.readline()
@@ -59,15 +60,18 @@ class Kernels:
     def load_rest(self) -> None:
         """Load what the second process has compiled, once it is done; called at each tick."""
         if self._other and self._other.poll() is not None:
-            self._other = None
+            self.close()
             self._finish()
 
     def close(self) -> None:
-        """End the second process."""
+        """End the second process, if it has not ended yet."""
         if self._other:
             self._other.terminate()
-            self._other.wait()
+            self._other.communicate()
+            self._other = None
 
     def _finish(self) -> None:
         warm_up.prepare_rest()
         self._logger.info(f'kernels ({KERNEL}) ready after {time.monotonic() - self._begun:.1f} s')
+        if problem := cache_problem():
+            self._logger.warning(problem)

@@ -21,7 +21,7 @@ subscriptions, and leaves all that is no message of a footprint or obstacle to r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 import time
 from typing import Any, NamedTuple, Protocol
@@ -32,10 +32,13 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
-# The longest that the messages of one topic are taken for while others wait, in s.
-_BUDGET = 0.005
+# The longest that messages are taken for before all else has its turn, shared evenly among the
+# topics, in s. A message that has been begun is finished.
+_LONGEST_TURN = 0.01
 # Where so many messages would come during a rest, a rest costs less than the wakes it spares.
 _WORTH_A_REST = 2.0
+# How often is looked at what is not waited for, such as that a publisher does not fit, in s.
+_OTHERS_PERIOD = 0.5
 
 
 def is_supported() -> bool:
@@ -64,8 +67,20 @@ class Backlog(NamedTuple):
 class Receiver(Protocol):
     """What the loop calls."""
 
-    def receive(self, name: str, data: bytes, info: dict[str, Any], now: int) -> None:
-        """Take a message of a footprint or source, with rclpy's info on it, now in ns."""
+    def receive(self, name: str, messages: Iterable[tuple[bytes, int | None]], now: int) -> int:
+        """
+        Take all messages of a footprint or source and return how many there were.
+
+        Parameters
+        ----------
+        name : str
+        messages : iterable of tuple
+            The serialised message, and which one of its publisher it is, where that is known.
+            Each is taken from the middleware when it is asked for.
+        now : int
+            Present time in ns.
+
+        """
 
     def end_batch(self, messages: int, seconds: float) -> None:
         """Publish what has changed, after so many messages that took so long."""
@@ -102,7 +117,7 @@ class Loop:
     In each turn it waits for messages, takes those of each topic in turn, footprints first, for
     no longer than a budget, and has published once what has changed by all of them. Where
     messages are many it rests between turns: fewer wakes, larger batches. What else the node has
-    is done by an executor of rclpy's when some of it is ready, and at each tick.
+    is done by an executor of rclpy's, when a service is called and now and then.
 
     Parameters
     ----------
@@ -121,10 +136,12 @@ class Loop:
         self._receiver = receiver
         self._max_batch_delay = max_batch_delay
         self._topics = [_Topic(one, receiver) for one in inputs]
+        self._budget = _LONGEST_TURN / len(inputs)
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
         self._rest = 0.0
         self._next_tick = 0.0
+        self._next_others = 0.0
         self._taken = 0
         self._counted_since = time.monotonic()
 
@@ -135,39 +152,38 @@ class Loop:
                 waiting = _Waiting(self._node, {topic.pointer for topic in self._topics}, held)
                 # What is waited for changes seldom, such as with use_sim_time.
                 while not ended() and waiting.is_current():
-                    while not self._turn(waiting) and not ended():
-                        pass
+                    self._turn(waiting)
 
     def close(self) -> None:
         """End what belongs to the loop, once it runs no more."""
         self._executor.remove_node(self._node)
         self._executor.shutdown()
 
-    def _turn(self, waiting: _Waiting) -> bool:
-        """Wait, take and publish; tell whether it was time to tick."""
-        behind = any(topic.backlog for topic in self._topics)
-        left = self._next_tick - time.monotonic()
-        ready = waiting.wait(0.0 if behind else max(left, 0.0))
+    def _turn(self, waiting: _Waiting) -> None:
+        """Wait, take and publish; do what else is due; rest."""
+        behind = any(topic.is_behind for topic in self._topics)
+        ready = waiting.wait(0.0 if behind else self._until_tick())
         begun = time.perf_counter()
-        taken = sum(topic.take() for topic in self._topics
-                    if topic.backlog or topic.pointer in ready)
+        taken = sum(topic.take(self._budget) for topic in self._topics
+                    if topic.is_behind or topic.pointer in ready)
         if taken:
             self._taken += taken
             self._receiver.end_batch(taken, time.perf_counter() - begun)
-        if waiting.do_others(ready):
-            self._executor.spin_once(0.0)
-        if time.monotonic() >= self._next_tick:
-            self._executor.spin_once(0.0)
-            self._next_tick = time.monotonic() + self._receiver.tick()
-            self._choose_rest()
-            return True
-        if self._rest and taken:
-            time.sleep(self._rest)
-        return False
-
-    def _choose_rest(self) -> None:
-        """Rest between turns where messages came often enough since this was last chosen."""
         now = time.monotonic()
+        if waiting.do_others(ready) or now >= self._next_others:
+            self._executor.spin_once(0.0)
+            self._next_others = now + _OTHERS_PERIOD
+        if now >= self._next_tick:
+            self._next_tick = now + self._receiver.tick()
+            self._choose_rest(now)
+        if self._rest and taken and not any(topic.is_behind for topic in self._topics):
+            time.sleep(min(self._rest, self._until_tick()))
+
+    def _until_tick(self) -> float:
+        return max(self._next_tick - time.monotonic(), 0.0)
+
+    def _choose_rest(self, now: float) -> None:
+        """Rest between turns where messages came often enough since this was last chosen."""
         rate = self._taken / max(now - self._counted_since, 1e-9)
         delay = self._max_batch_delay()
         self._rest = delay if rate * delay >= _WORTH_A_REST else 0.0
@@ -179,42 +195,45 @@ class _Topic:
     """One topic whose messages the loop takes."""
 
     def __init__(self, one: Input, receiver: Receiver) -> None:
-        self.backlog: Backlog | None = None
+        self.is_behind = False
         self.pointer = one.subscription.handle.pointer
         self._name = one.name
         self._subscription = one.subscription
         self._receiver = receiver
-        self._mark = 0, 0
 
-    def take(self) -> int:
-        """Take what has come, within the budget; return how many messages."""
-        take_message = self._subscription.handle.take_message
-        kind = self._subscription.msg_type
-        name, receive, now = self._name, self._receiver.receive, self._receiver.present()
-        end = time.monotonic() + _BUDGET
-        count = 0
-        info = None
-        while time.monotonic() < end:
-            taken = take_message(kind, True)
-            if taken is None:
-                info = None
-                break
-            data, info = taken
-            receive(name, data, info, now)
-            count += 1
-        if info is not None or self.backlog:
-            self.backlog = self._measured(info, count) if info else None
-            self._receiver.note_backlog(name, self.backlog)
+    def take(self, budget: float) -> int:
+        """Have what has come received, for so many s at most; return how many messages."""
+        was_behind = self.is_behind
+        self._first: dict[str, Any] | None = None
+        count = self._receiver.receive(
+            self._name, self._messages(time.monotonic() + budget), self._receiver.present())
+        if self.is_behind:
+            self._receiver.note_backlog(self._name, self._backlog(count))
+        elif was_behind:
+            self._receiver.note_backlog(self._name, None)
         return count
 
-    def _measured(self, info: dict[str, Any], count: int) -> Backlog:
-        """Return how far behind the message taken last is, by when it was received."""
-        received, number = info['received_timestamp'], info['publication_sequence_number'] or 0
-        seconds = max(time.time_ns() - received, 0) / 1e9
-        (received_before, number_before), self._mark = self._mark, (received, number)
-        period = (received - received_before) / 1e9
-        rate = (number - number_before) / period if 0.0 < period < 10.0 else 0.0
-        return Backlog(seconds, max(round(seconds * rate), 1))
+    def _messages(self, end: float) -> Iterator[tuple[bytes, int | None]]:
+        """Take message by message until there is none or time has come to an end."""
+        take_message = self._subscription.handle.take_message
+        kind = self._subscription.msg_type
+        self.is_behind = False
+        while (taken := take_message(kind, True)) is not None:
+            data, self._last = taken
+            if self._first is None:
+                self._first = self._last
+            yield data, self._last['publication_sequence_number']
+            if time.monotonic() >= end:
+                self.is_behind = True
+                break
+
+    def _backlog(self, count: int) -> Backlog:
+        """Return how far behind the last message is, and how many wait, going by their rate."""
+        assert self._first is not None
+        first, last = (info['received_timestamp'] for info in (self._first, self._last))
+        behind = max(time.time_ns() - last, 0)
+        waiting = 1 + round(behind * (count - 1) / max(last - first, 1))
+        return Backlog(behind / 1e9, min(waiting, self._subscription.qos_profile.depth))
 
 
 class _Waiting:

@@ -16,16 +16,22 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from types import FrameType
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-def interrupt_on_signals() -> None:
-    """Have the signals raise KeyboardInterrupt: a long start-up can be broken off."""
+def end_on_signals() -> None:
+    """
+    Have the signals end the process at once, with status 0, while there is nothing to lose yet.
+
+    An exception instead could come up in a destructor or in a callback from compiled code, which
+    would swallow it, or leave ROS half made for the interpreter to take apart.
+    """
     for number in _SIGNALS:
-        signal.signal(number, signal.default_int_handler)
+        signal.signal(number, lambda number, frame: os._exit(0))
 
 
 def ignore_signals() -> None:

@@ -17,53 +17,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, Generic, TYPE_CHECKING, TypeVar
+from typing import Any, Generic, TypeVar
 
-from sat_collision.geometry.polygon import PackedBody, Polygon
+from sat_collision.geometry.polygon import PackedBody
 from sat_collision.geometry.polygon_set import Point, PolygonSet
+from sat_collision.scene.bodies import Body
+from sat_collision.scene.footprints import Footprint
+from sat_collision.scene.obstacles import Obstacle
 
-if TYPE_CHECKING:
-    from sat_collision.scene.footprints import Footprint
-    from sat_collision.scene.obstacles import Obstacle
-
-
-_Kind = TypeVar('_Kind', bound='Body[Any]')
-_Other = TypeVar('_Other', bound='Body[Any]')
-
-
-class Body(Generic[_Other]):
-    """
-    What can be placed: a footprint or an obstacle.
-
-    Attributes
-    ----------
-    row : int or None
-        Its row among the placed bodies of its kind, None while it is nowhere.
-    contacts : set of Body
-        The bodies of the other kind that share a point with it.
-    placed : PolygonSet or None
-        The placed bodies of its kind.
-
-    """
-
-    __slots__ = ('row', 'contacts', 'placed', '_polygon')
-
-    def __init__(self) -> None:
-        self.row: int | None = None
-        self.contacts: set[_Other] = set()
-        self.placed: PolygonSet | None = None
-        self._polygon: Polygon | None = None
-
-    @property
-    def polygon(self) -> Polygon | None:
-        """Where the body is, None if nowhere; the same Polygon while it stays there."""
-        if self._polygon is None and self.placed is not None and self.row is not None:
-            self._polygon = self.placed.polygon(self.row)
-        return self._polygon
-
-    def moved(self) -> None:
-        """Take note that it is somewhere else now."""
-        self._polygon = None
+_Kind = TypeVar('_Kind', bound=Body[Any])
+_Other = TypeVar('_Other', bound=Body[Any])
 
 
 class Contacts:
@@ -192,7 +155,7 @@ class _Placed(Generic[_Kind]):
         return [self.bodies[row] for row in rows]
 
 
-def update_contacts(body: Body[_Other], others: Iterable[_Other]) -> set[_Other]:
+def update_contacts(body: Body[Any], others: Iterable[_Other]) -> set[_Other]:
     """Let a body meet these others and no more; return those for which this is a change."""
     gained_or_lost = body.contacts.symmetric_difference(others)
     for other in gained_or_lost:

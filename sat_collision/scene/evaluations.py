@@ -16,8 +16,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from itertools import chain
+
 from sat_collision.scene.deadlines import Deadlines
 from sat_collision.scene.footprints import Evaluation, Footprint, Status
+from sat_collision.scene.settings import Settings
+from sat_collision.scene.sources import Source
+
+_DISABLED = 'checking is disabled'
+_NO_CLOCK = 'no clock yet: the time reads 0, as with use_sim_time before the first /clock'
+_NO_SOURCE = 'no obstacle source is enabled'
 
 
 class Evaluations:
@@ -46,8 +55,13 @@ class Evaluations:
         self._in_collision: set[str] = set()
         self._faults: tuple[str, tuple[str, ...]] = '', ()
 
-    def use_faults(self, monitor_fault: str, source_faults: tuple[str, ...]) -> None:
-        """Have all footprints evaluated anew if these are others, see `Footprint.evaluate`."""
+    def find_faults(self, settings: Settings, now: int, sources: Iterable[Source]) -> None:
+        """Find out what is common to all footprints; have all evaluated anew if it is new."""
+        monitor_fault = '' if settings.enabled and now else (
+            _NO_CLOCK if settings.enabled else _DISABLED)
+        source_faults = tuple(chain.from_iterable(source.faults for source in sources))
+        if not any(source.enabled for source in settings.obstacles):
+            source_faults = _NO_SOURCE,
         if (monitor_fault, source_faults) != self._faults:
             self._faults = monitor_fault, source_faults
             self._changed.update(self._footprints.values())
@@ -66,11 +80,12 @@ class Evaluations:
         """
         Return the names of footprints that were in collision for a moment only.
 
-        That is, between two calls of `changes`, of which the later is still to come.
+        That is, since the last call of `changes`, and not when it was called.
         """
         return [name for name in self._in_collision
                 if self._footprints[name].status is not Status.COLLISION
-                and self._reported.get(name, (None,))[0] is not Status.COLLISION]
+                and (name not in self._reported
+                     or self._reported[name][0] is not Status.COLLISION)]
 
     def changes(self) -> list[str]:
         """Return the names of footprints whose state, age apart, changed since the last call."""

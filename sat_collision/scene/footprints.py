@@ -20,9 +20,9 @@ import enum
 from operator import attrgetter
 from typing import NamedTuple, TypeAlias
 
-from sat_collision.scene.contacts import Body
+from sat_collision.scene.bodies import Body
 from sat_collision.scene.deadlines import NEVER
-from sat_collision.scene.obstacles import Obstacle, ObstacleId  # noqa: F401, one in quotes
+from sat_collision.scene.obstacles import Obstacle, ObstacleId
 from sat_collision.scene.settings import FootprintSettings
 
 _NAME = attrgetter('name')
@@ -63,7 +63,7 @@ class State(NamedTuple):
 Evaluation: TypeAlias = tuple[Status, tuple[ObstacleId, ...], tuple[str, ...]]
 
 
-class Footprint(Body['Obstacle']):
+class Footprint(Body[Obstacle]):
     """
     One footprint: where it is, since when, and the status reported for it. Times are in ns.
 

@@ -16,14 +16,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, TYPE_CHECKING
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
-from sat_collision.scene.contacts import Body
+from sat_collision.scene.bodies import Body
 from sat_collision.scene.deadlines import NEVER
+from sat_collision.scene.settings import ObstacleSettings
 
-if TYPE_CHECKING:
-    from sat_collision.scene.footprints import Footprint  # noqa: F401, in quotes
-    from sat_collision.scene.sources import Key, Source
+# A place in a set or an id; a shape; or the name of a place that is none.
+Key: TypeAlias = 'int | bytes | str'
 
 
 class ObstacleId(NamedTuple):
@@ -47,13 +47,23 @@ class ObstacleId(NamedTuple):
         return f'{self.source}/{self.key}'
 
 
-class Obstacle(Body['Footprint']):
+class Owner(Protocol):
+    """What an obstacle asks of its source."""
+
+    settings: ObstacleSettings
+    timeout: float
+
+    def forget(self, obstacle: Obstacle) -> None:
+        """Drop an obstacle."""
+
+
+class Obstacle(Body[Body[Any]]):
     """
     An obstacle of a source; or, if `refused` says why, the place of one that was refused.
 
     Attributes
     ----------
-    source : Source
+    source : Owner
     key : Key
         What the source knows it by.
     name : ObstacleId
@@ -67,7 +77,7 @@ class Obstacle(Body['Footprint']):
 
     __slots__ = ('source', 'key', 'name', 'time', 'frame_id', 'refused', 'watched')
 
-    def __init__(self, source: Source, key: Key, number: int, time: int) -> None:
+    def __init__(self, source: Owner, key: Key, number: int, time: int) -> None:
         super().__init__()
         self.source = source
         self.key = key

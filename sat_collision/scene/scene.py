@@ -16,8 +16,6 @@
 
 from __future__ import annotations
 
-from itertools import chain
-
 from sat_collision.geometry.polygon import PackedBody, Polygon
 from sat_collision.geometry.polygon_set import Point
 from sat_collision.scene.contacts import Contacts
@@ -28,9 +26,6 @@ from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from sat_collision.scene.sources import OTHER_FRAME, Source
 
-_DISABLED = 'checking is disabled'
-_NO_CLOCK = 'no clock yet: the time reads 0, as with use_sim_time before the first /clock'
-_NO_SOURCE = 'no obstacle source is enabled'
 _UNHEARD = 'has not been heard yet'
 
 
@@ -207,11 +202,10 @@ class Scene:
             self._invalidate(footprint, f'was refused: {reason}')
         self._reevaluate_all()
 
-    def fall_behind(self, name: str, seconds: float) -> None:
-        """Take note of how old the messages of a footprint or source are before they are taken."""
-        source = self._sources.get(name)
-        if source is not None and source.fall_behind(seconds):
-            self._reevaluate_all()
+    def overwhelm(self, name: str, overwhelmed: bool) -> None:
+        """Take note of whether a source sends more than can be checked."""
+        self._sources[name].overwhelm(overwhelmed)
+        self._reevaluate_all()
 
     def advance(self, now: int) -> None:
         """
@@ -287,13 +281,7 @@ class Scene:
 
     def _reevaluate_all(self) -> None:
         """Evaluate the footprints for which something has changed: all, if a common fault has."""
-        monitor_fault = '' if self.settings.enabled and self._now else (
-            _NO_CLOCK if self.settings.enabled else _DISABLED)
-        source_faults = tuple(chain.from_iterable(source.faults
-                                                  for source in self._sources.values()))
-        if not any(source.enabled for source in self.settings.obstacles):
-            source_faults = _NO_SOURCE,
-        self.evaluations.use_faults(monitor_fault, source_faults)
+        self.evaluations.find_faults(self.settings, self._now, self._sources.values())
         self._evaluate()
 
     def _evaluate(self) -> None:

@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TypeAlias
 
 import numpy as np
 from sat_collision.geometry.layout import FINGERPRINT
@@ -25,15 +24,12 @@ from sat_collision.geometry.polygon import PackedBody, size_of
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.deadlines import Deadlines, NEVER
 from sat_collision.scene.obstacle_sets import ObstacleSets
-from sat_collision.scene.obstacles import Obstacle
+from sat_collision.scene.obstacles import Key, Obstacle
 from sat_collision.scene.settings import ObstacleSettings, POLYGON_INSTANCE
 
 OTHER_FRAME = 'other frame'
 TOO_MANY = 'too many obstacles'
 TOO_OLD = 'too old'
-
-# A place in a set or an id; a shape; or the name of a place that is none.
-Key: TypeAlias = 'int | bytes | str'
 
 # Keys of what a source holds beside its obstacles: a refused message that has no place of its
 # own, and whatever came when the source was full.
@@ -93,7 +89,7 @@ class Source:
             self.forget(obstacle)
         self._heard: int | None = None
         self._silent = False
-        self._is_behind = False
+        self._overwhelmed = False
         self._sets.clear()
 
     def configure(self, settings: ObstacleSettings, now: int) -> None:
@@ -123,14 +119,10 @@ class Source:
         self._silent = True
         self._find_faults()
 
-    def fall_behind(self, seconds: float) -> bool:
-        """Take note of how old messages are before they are taken; tell if that is news."""
-        is_behind = seconds > self.settings.timeout > 0.0
-        changed = is_behind != self._is_behind
-        self._is_behind = is_behind
-        if changed:
-            self._find_faults()
-        return changed
+    def overwhelm(self, overwhelmed: bool) -> None:
+        """Take note of whether the source sends more than can be checked."""
+        self._overwhelmed = overwhelmed
+        self._find_faults()
 
     def heartbeat(self, stamp: int, now: int) -> str | None:
         """Take the message that the publisher lives and saw nothing; return a refusal or None."""
@@ -281,9 +273,8 @@ class Source:
         elif self._silent:
             faults.append(
                 f'has been silent for longer than its timeout of {self.settings.timeout:g} s')
-        if self._is_behind:
-            faults.append('sends more than can be checked: what it sent is older than its timeout '
-                          f'of {self.settings.timeout:g} s before it is looked at')
+        if self._overwhelmed:
+            faults.append('sends more than can be checked: messages come too late or are lost')
         faults += [f'sent what was refused: {reason}' for reason in sorted(+self._refusals)]
         name, topic = self.settings.name, self.settings.topic
         worded = tuple(f'obstacle source {name} on {topic} {fault}' for fault in faults

@@ -25,7 +25,8 @@ import sys
 import numpy as np
 import pytest
 from sat_collision import (
-    closest_points, intersects, intersects_many, intersects_pairs, Polygon, PolygonSet, separation)
+    closest_points, intersects, intersects_many, intersects_pairs, Polygon, PolygonSet, separation,
+    time_of_contact)
 from sat_collision.geometry import arithmetic
 from sat_collision.geometry.jit import COMPILED
 from sat_collision.geometry.predicates import orient, orientation
@@ -71,6 +72,7 @@ QUESTIONS = {
     'intersects_pairs': lambda: intersects_pairs(SET, SET),
     'separation': lambda: separation(POLYGON, OTHER),
     'closest_points': lambda: closest_points(POLYGON, OTHER),
+    'time_of_contact': lambda: time_of_contact(BOX, BOX, BOX + 2.0, BOX),
     'orientation': lambda: orientation(*BOX[:3]),
     'intersecting_rows': lambda: SET.intersecting_rows(POLYGON),
     'rows_within': lambda: SET.rows_within(POLYGON, 1.0),

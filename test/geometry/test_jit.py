@@ -22,7 +22,8 @@ import sys
 
 import families
 import numpy as np
-from sat_collision import intersects, intersects_pairs, Polygon, PolygonSet, separation
+from sat_collision import (
+    intersects, intersects_pairs, Polygon, PolygonSet, separation, time_of_contact)
 from sat_collision.geometry import sat_methods
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -32,7 +33,7 @@ PROGRAM = ('import json, sat_collision, test_jit as t; '
 
 
 def library_answers():
-    """Return answers, packed polygons and separations of some pairs of each family."""
+    """Return answers, packed polygons, separations and times of some pairs of each family."""
     answers = {}
     for name, family in ALL.items():
         rng = np.random.default_rng(7)
@@ -42,7 +43,8 @@ def library_answers():
         for p, q in family(rng, 20, 9):
             packed = np.asarray(Polygon(p).packed[0])
             answers[name] += [intersects(p, q), separation(p, q).hex(),
-                              packed.tobytes().hex(), *Polygon(q).centroid.tolist()]
+                              packed.tobytes().hex(), *Polygon(q).centroid.tolist(),
+                              time_of_contact(p + 2 * np.ptp(q), p, q * [1, 0.75], q)]
     for name, family in families.CONVEX.items():
         for p, q in family(np.random.default_rng(8), 20, 9):
             centres = sat_methods.centre_of_gravity(p), sat_methods.centre_of_gravity(q)

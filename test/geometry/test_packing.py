@@ -129,3 +129,11 @@ def test_equal_polygons_have_equal_fingerprints_and_others_not():
     assert prints == [np.asarray(Polygon(ring).packed[0])[FINGERPRINT] for ring in rings]
     assert len(set(prints)) == len(rings)
     assert HEADER > FINGERPRINT
+
+
+def test_bodies_with_other_notches_have_other_fingerprints():
+    """Two L-shapes with the same bounds and first vertex are different obstacles of one set."""
+    shapes = [Polygon([(0, 0), (3, 0), (3, 3), (x, 3), (x, 1), (0, 1)]) for x in (1, 2)]
+    first, second = (shape.packed[0][FINGERPRINT] for shape in shapes)
+    assert first != second
+    assert first == Polygon(shapes[0].vertices).packed[0][FINGERPRINT]

@@ -36,7 +36,8 @@ from rclpy.serialization import serialize_message
 from sat_collision.messages.markers import Markers
 from sat_collision.node.footprint_monitor import FootprintMonitor
 
-INFO = {'publication_sequence_number': None}
+def receive(name, data):
+    assert node.receive(name, [(data, None)], time.time_ns()) == 1
 
 def compiled():
     return {(name, key): len(value.signatures)
@@ -53,13 +54,13 @@ polygons = [[], [(2, 2)], [(0, 0), (1, 1)], [(0, 0), (1, 1), (2, 2)], box(0, 0),
 for stamp in (0, time.time_ns(), time.time_ns() + 10**9):
     messages = [serialize_message(polygon_message(polygon, stamp)) for polygon in polygons]
     for footprint in messages:
-        node.receive('footprint', footprint, INFO, time.time_ns())
+        receive('footprint', footprint)
         for obstacle in messages:
-            node.receive('obstacle', obstacle, INFO, time.time_ns())
+            receive('obstacle', obstacle)
             Markers().message(node._scene)
         node._scene.nearest('footprint')
 node._scene.update(replace(node._scene.settings, margin=0.1))
-node.receive('footprint', messages[-3], INFO, time.time_ns())
+receive('footprint', messages[-3])
 assert compiled() == before
 """
 

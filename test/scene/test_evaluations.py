@@ -15,10 +15,13 @@
 """Which states are told as changed, and which footprints are evaluated for that."""
 
 import pytest
+from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.deadlines import Deadlines
 from sat_collision.scene.evaluations import Evaluations
 from sat_collision.scene.footprints import Footprint
-from stage import CART, clear_stage, ROBOT, Stage
+from sat_collision.scene.settings import Settings
+from sat_collision.scene.sources import Source
+from stage import CART, clear_stage, LIDAR, ROBOT, Stage
 
 SECOND = 10**9
 
@@ -64,13 +67,14 @@ def test_only_footprints_that_changed_are_evaluated(footprints, changed, evaluat
 
 def test_other_faults_concern_all_footprints(footprints, changed, evaluations):
     """The same again concern none."""
+    settings = Settings((ROBOT, CART), (LIDAR,))
+    lidar = Source(LIDAR, Contacts(), Deadlines())
     evaluations.evaluate(now=0, release_delay=0)
-    evaluations.use_faults('', ('the lidar is silent',))
+    evaluations.find_faults(settings, SECOND, [lidar])
     assert changed == set(footprints.values())
     evaluations.evaluate(now=0, release_delay=0)
-    assert [footprint.evaluation[2] for footprint in footprints.values()] == [
-        ('the lidar is silent',)] * 2
-    evaluations.use_faults('', ('the lidar is silent',))
+    assert [footprint.evaluation[2] for footprint in footprints.values()] == [lidar.faults] * 2
+    evaluations.find_faults(settings, 2 * SECOND, [lidar])
     assert not changed
 
 

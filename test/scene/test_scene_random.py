@@ -42,10 +42,10 @@ START = 1000 * SECOND
 FOOTPRINTS = (FootprintSettings('robot', '/footprint', timeout=1.0),
               FootprintSettings('cart', '/cart', timeout=0.0))
 SOURCES = {source.name: source for source in (
-    ObstacleSettings('sets', '/sets', timeout=0.6, max_count=6),
+    ObstacleSettings('sets', '/sets', timeout=0.6, max_count=5),
     ObstacleSettings('map', '/map', timeout=0.0, max_count=60),
-    ObstacleSettings('kept', '/kept', timeout=0.7, accumulate=True, max_count=5),
-    ObstacleSettings('tracks', '/tracks', timeout=0.5, type='polygon_instance', max_count=4))}
+    ObstacleSettings('kept', '/kept', timeout=0.7, accumulate=True, max_count=3),
+    ObstacleSettings('tracks', '/tracks', timeout=0.5, type='polygon_instance', max_count=3))}
 
 # In units of 0.5 m, at sites 1.5 m apart: many touch, some lie in the notch of another, and many
 # have a gap of just a margin between them.
@@ -61,13 +61,13 @@ BODIES = {f'{shape} {column} {row}': tuple((x / 2 + 1.5 * column, y / 2 + 1.5 * 
 RING_OF = {frozenset(ring): ring for ring in BODIES.values()}
 
 # In milliseconds, timeouts among them to the nanosecond; None is for a stamp of 0.
-ages = st.sampled_from((0, 0, 0, 1, 15, 20, 90, 500, 600, 700, 1000, 2000, -2000, None))
-waits = st.sampled_from((1, 5, 30, 100, 500, 600))
+ages = st.sampled_from((0, 0, 0, 20, 90, 500, 600, 700, 1000, -2000, None))
+waits = st.sampled_from((1, 30, 500, 600))
 bodies = st.sampled_from(tuple(BODIES))
 margins = st.sampled_from((0.0, 0.0, 0.5, 0.75))
 flaws = st.sampled_from((OTHER_FRAME, UNDECODABLE, *BAD_POINTS))
 footprints = st.sampled_from([footprint.name for footprint in FOOTPRINTS])
-instances = st.integers(0, 5)
+instances = st.integers(0, 4)
 sources = st.runner().flatmap(lambda machine: st.sampled_from(machine.sources))
 
 
@@ -128,10 +128,11 @@ class SceneMachine(RuleBasedStateMachine):
     def bad_obstacle(self, name, flaw, age, instance):
         self._refuse(name, flaw, age, instance)
 
-    @rule(name=sources, together=st.lists(bodies, min_size=2, max_size=4))
-    def obstacles(self, name, together):
-        for instance, body in enumerate(together):
-            self._place(name, body, 0, instance)
+    @rule(name=sources, together=st.lists(bodies, min_size=2, max_size=4), age=ages,
+          first=instances)
+    def obstacles(self, name, together, age, first):
+        for instance, body in enumerate(together, first):
+            self._place(name, body, age, instance)
 
     @rule(name=sources, age=ages)
     def heartbeat(self, name, age):
@@ -140,10 +141,10 @@ class SceneMachine(RuleBasedStateMachine):
         assert told == self.model.heartbeat(name, stamp, self.now)
         self._note_collisions()
 
-    @rule(name=footprints | sources, seconds=st.sampled_from((0.0, 0.5, 0.55, 10.0)))
-    def fall_behind(self, name, seconds):
-        self.scene.fall_behind(name, seconds)
-        self.model.fall_behind(name, seconds)
+    @rule(name=sources, overwhelmed=st.booleans())
+    def overwhelm(self, name, overwhelmed):
+        self.scene.overwhelm(name, overwhelmed)
+        self.model.overwhelm(name, overwhelmed)
 
     @rule(name=footprints | sources)
     def disable(self, name):
@@ -261,7 +262,7 @@ def test_scene_agrees_with_a_model_that_recomputes_everything(machine):
     """Sources of every kind, messages of every kind, in any order, with stamps that jump about."""
     machine.seen.clear()
     run_state_machine_as_test(machine, settings=hypothesis.settings(
-        max_examples=300, stateful_step_count=70, derandomize=True, database=None, deadline=None,
+        max_examples=500, stateful_step_count=50, derandomize=True, database=None, deadline=None,
         report_multiple_bugs=False, phases=(hypothesis.Phase.generate, hypothesis.Phase.shrink)))
     assert min(machine.seen[status] for status in ('clear', 'collision', 'unknown')) > 500
     assert min(machine.seen[refusal] for refusal in (OTHER_FRAME, TOO_MANY, TOO_OLD)) > 50

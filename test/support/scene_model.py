@@ -93,10 +93,9 @@ class SceneModel:
             return None
         return self._sources[name].heartbeat(stamp, now)
 
-    def fall_behind(self, name, seconds):
-        """Take note of how old the messages of a footprint or source are when they are taken."""
-        if name in self._sources:
-            self._sources[name].backlog = seconds
+    def overwhelm(self, name, overwhelmed):
+        """Take note of whether a source sends more than can be checked."""
+        self._sources[name].overwhelmed = overwhelmed
 
     def obstacles(self, now):
         """Return the ring of every obstacle by source and key, which is the ring if no number."""
@@ -147,7 +146,7 @@ class SourceModel:
 
     def __init__(self, settings):
         self.settings = settings
-        self.backlog = 0.0
+        self.overwhelmed = False
         self._held = {}
         self._heard = None
         self._set_start = None
@@ -168,9 +167,8 @@ class SourceModel:
         elif is_past(self.settings, self._heard, now):
             doubts.append(
                 f'has been silent for longer than its timeout of {self.settings.timeout:g} s')
-        if self.backlog > self.settings.timeout > 0.0:
-            doubts.append('sends more than can be checked: what it sent is older than its timeout '
-                          f'of {self.settings.timeout:g} s before it is looked at')
+        if self.overwhelmed:
+            doubts.append('sends more than can be checked: messages come too late or are lost')
         faults = {place.fault for place in self.held(now).values() if place.fault}
         return doubts + [f'sent what was refused: {fault}' for fault in sorted(faults)]
 

@@ -1,0 +1,180 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A body on its way between two poses, each vertex on a straight line at a steady speed.
+
+It is bounded by its convex parts: those that it is cut into in one pose, each taken as the convex
+hull of its vertices wherever they are later. At no time is anything of the body left out. The
+outline is the sum of the parts' outlines, as what they have in common is run through both ways;
+where it winds around a point, so does that of a part, and its hull has the point. And the hulls
+hold nothing else while the parts stay convex: always, if the body is rigid or convex all the way.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from sat_collision.geometry.convex_parts import convex_parts
+from sat_collision.geometry.jit import indexable, kernel
+from sat_collision.geometry.polygon import Polygon
+from sat_collision.geometry.predicates import orient
+
+# Doubles that a vertex takes: x and y at time 0, then at time 1.
+STRIDE = 4
+
+
+class MovingBody(NamedTuple):
+    """
+    What the kernels of `sweep` read of a body that moves.
+
+    Attributes
+    ----------
+    array : flat array of float64
+        x, y at time 0 and x, y at time 1 of each vertex of the convex parts, part after part.
+    ends : (k,) array of int64
+        Where in the array each part ends.
+
+    """
+
+    array: Any
+    ends: Any
+
+
+class Part(NamedTuple):
+    """
+    A convex part of a body that moves, see `MovingBody`.
+
+    Attributes
+    ----------
+    array : flat array of float64
+        Holds its vertices, and maybe others.
+    first, end : int
+        Where in the array they start, and where they end.
+
+    """
+
+    array: Any
+    first: int
+    end: int
+
+
+def moving_body(start: NDArray[np.float64], end: NDArray[np.float64],
+                polygon0: Polygon, polygon1: Polygon) -> MovingBody:
+    """
+    Return a body that moves, cut in the pose that takes more convex parts.
+
+    For what is flat or convex in one pose may bend on the way to the other.
+
+    Parameters
+    ----------
+    start, end : (n, 2) ndarray
+        Vertices at times 0 and 1, the same ones in the same order.
+    polygon0, polygon1 : Polygon
+        What they make.
+
+    Raises
+    ------
+    ValueError
+        Another number of vertices at time 1.
+
+    """
+    if len(start) != len(end):
+        raise ValueError(f'{len(start)} vertices at time 0, but {len(end)} at time 1: it has to '
+                         'be known where each has gone')
+    both = np.hstack([start, end])
+    parts0, parts1 = (max(1, -polygon.packed[1]) for polygon in (polygon0, polygon1))
+    polygon, pose = (polygon1, end) if parts1 > parts0 else (polygon0, start)
+    if polygon.is_convex:
+        ends = np.array([both.size])
+    else:
+        rows, ends = _rows_of_parts(pose, polygon)
+        both = both[rows]
+        ends = STRIDE * ends
+    return MovingBody(indexable(both.ravel()), indexable(ends))
+
+
+def _rows_of_parts(points: NDArray[np.float64],
+                   polygon: Polygon) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return which points each convex part has, and where in these rows each part ends."""
+    outline = indexable(polygon.vertices.ravel())
+    corners, ends = convex_parts(outline)
+    points = indexable(points.ravel())
+    rows = [np.flatnonzero(on_boundary(outline, indexable(part), points))
+            for part in np.split(corners, ends[:-1])]
+    return np.concatenate(rows), np.cumsum([len(part) for part in rows])
+
+
+@kernel
+def on_boundary(vertices, part, points):
+    """
+    Tell of each point whether it lies on the boundary of a part; exact.
+
+    Parameters
+    ----------
+    vertices : flat array of float64
+        x, y of each vertex of the whole.
+    part : array of int64
+        Which of them the part has, in order.
+    points : flat array of float64
+        x, y of each point.
+
+    Returns
+    -------
+    array of bool
+
+    """
+    found = np.zeros(len(points) // 2, np.bool_)
+    for k in range(len(part)):
+        a = 2 * part[k - 1 if k > 0 else len(part) - 1]
+        b = 2 * part[k]
+        ax = vertices[a]
+        ay = vertices[a + 1]
+        bx = vertices[b]
+        by = vertices[b + 1]
+        for i in range(len(found)):
+            x = points[2 * i]
+            y = points[2 * i + 1]
+            if (min(ax, bx) <= x <= max(ax, bx) and min(ay, by) <= y <= max(ay, by)
+                    and orient(ax, ay, bx, by, x, y) == 0):
+                found[i] = True
+    return found
+
+
+@kernel
+def stays_apart(a, b):
+    """Tell the same as `boxes_stay_apart` of moving bodies, given by their arrays."""
+    return boxes_stay_apart(Part(a, 0, len(a)), Part(b, 0, len(b)))
+
+
+@kernel
+def boxes_stay_apart(p, q):
+    """Tell whether a level line, or an upright one, is between two parts all the way; exact."""
+    return _is_below(p, q, 0) or _is_below(q, p, 0) or _is_below(p, q, 1) or _is_below(q, p, 1)
+
+
+@kernel
+def _is_below(p, q, axis):
+    """Tell whether all of P is below all of Q along x or y, 0 or 1, at both ends of time."""
+    for k in (axis, axis + 2):
+        most = -math.inf
+        for i in range(p.first + k, p.end, STRIDE):
+            most = max(most, p.array[i])
+        for j in range(q.first + k, q.end, STRIDE):
+            if not q.array[j] > most:
+                return False
+    return True

@@ -1,0 +1,47 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is missing among messages, by the numbers that their publishers give them."""
+
+from __future__ import annotations
+
+_MOST_PUBLISHERS = 16
+
+
+class Losses:
+    """
+    Finds gaps in the numbers of the messages on one topic.
+
+    Each publisher counts its own messages, and a message does not say whose it is: it is taken
+    for the next one of the publisher whose last number lies nearest below its own. One below all
+    is the first of a publisher, be it a new one or one that has begun again.
+    """
+
+    def __init__(self) -> None:
+        self._last: list[int] = []
+
+    def missing(self, number: int) -> int:
+        """Return how many messages are missing before the one with this number."""
+        last = self._last
+        if last and last[-1] == number - 1:
+            last[-1] = number
+            return 0
+        before = max((other for other in last if other < number), default=None)
+        if before is not None:
+            last.remove(before)
+        elif len(last) == _MOST_PUBLISHERS:
+            del last[0]
+        # The publisher heard last stands at the end.
+        last.append(number)
+        return 0 if before is None else number - before - 1

@@ -1,0 +1,77 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A node one of whose topics is flooded: the others, the flags and signals go on."""
+
+from pathlib import Path
+import signal
+import subprocess
+import sys
+
+from harness import box, Peer, values
+import pytest
+from sat_collision.geometry.jit import COMPILED
+
+ROOT = Path(__file__).resolve().parents[2]
+ROBOT = box(0, 0)
+NODE = ['-m', 'sat_collision.node', '--ros-args', '-p', 'obstacles:=[obstacle, flood]',
+        '-p', 'obstacle.topic:=obstacles', '-p', 'flood.topic:=flood']
+# The flood ends by itself.
+FLOODED = 40.0
+# Longer than it takes DDS to send again what the flood has swept away.
+SOON = 6.0
+
+
+@pytest.fixture
+def process(domain, monkeypatch):
+    """Start Python with some arguments; it ends with the test."""
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
+    started = []
+
+    def process(*arguments):
+        started.append(subprocess.Popen([sys.executable, *arguments], cwd=ROOT,
+                                        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+        return started[-1]
+
+    yield process
+    for one in started:
+        one.kill()
+        one.wait()
+
+
+@pytest.mark.skipif(not COMPILED, reason='a comb takes plain Python seconds')
+@pytest.mark.parametrize('kind', ['1024-gons', 'combs of 1024', '4-gons', 'truncated', 'NaN'])
+def test_flood_of_one_topic(process, domain, kind):
+    """A contact with what the other topic told is seen soon, and so is a signal."""
+    peer = Peer(domain)
+    node = process(*NODE)
+    peer.until(peer.status, 'a state', patience=60.0)
+    flooder = process('benchmarks/flooder.py', kind, str(FLOODED))
+    peer.until(lambda: (health := peer.health())
+               and float(values(health).get('flood: rate [Hz]', 0)) > 50, 'a flood')
+    near, far = (box(1, 1), ['obstacle/0']), (box(5, 5), [])
+    for polygon, met in (near, far, near):
+        def seen():
+            peer.send('obstacles', polygon)
+            peer.send('footprint', ROBOT)
+            peer.spin(0.02)
+            return peer.contacts() == met
+        peer.until(seen, f'contact with {met}', SOON)
+    heard = peer.listen('~/collision')
+    before = len(heard)
+    peer.until(lambda: len(heard) > before + 10, 'regular flags', SOON)
+    node.send_signal(signal.SIGTERM)
+    assert node.wait(timeout=SOON) == 0
+    assert flooder.poll() is None, 'it was flooded to the end'
+    peer.close()

@@ -1,0 +1,365 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The loop: batches, rests, fairness, and what is told of messages that come too fast."""
+
+from contextlib import contextmanager
+import itertools
+import threading
+import time
+from types import SimpleNamespace
+
+from geometry_msgs.msg import PolygonStamped
+from harness import box, Peer, RunningMonitor, SECOND, to_parameters, values
+import pytest
+import rclpy
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sat_collision.node import footprint_monitor, loop
+
+ROBOT = box(0, 0)
+APART = box(5, 5)
+TOUCHING = box(1, 1)
+NO_TIMEOUT = {'footprint__timeout': 0.0, 'obstacle__timeout': 0.0}
+DEPTH = 'qos_overrides./obstacles.subscription.depth'
+
+
+class PausedMonitor(Peer):
+    """A monitor that runs when it is told to, so that messages can wait for it."""
+
+    def __init__(self, domain, parameters):
+        self._monitor_context = rclpy.Context()
+        self._monitor_context.init(domain_id=domain)
+        self.monitor = footprint_monitor.FootprintMonitor(
+            context=self._monitor_context, parameter_overrides=to_parameters(parameters))
+        super().__init__(domain)
+        self.paused = False
+
+    def spin(self, seconds=0.0):
+        """Run the monitor for a turn or two unless it is paused, and take what it says."""
+        if not self.paused:
+            calls = itertools.count()
+            self.monitor.loop.run(lambda: next(calls) > 1)
+        super().spin(seconds)
+
+    @contextmanager
+    def waiting(self):
+        """Pause; what is sent in the meantime has arrived in the end, and nothing is taken."""
+        self.paused = True
+        yield
+        for publisher in self._publishers.values():
+            assert publisher.wait_for_all_acked(Duration(seconds=10))
+        self.paused = False
+
+    def close(self):
+        self.monitor.loop.close()
+        self.monitor.destroy_node()
+        self._monitor_context.shutdown()
+        super().close()
+
+
+@pytest.fixture
+def pausable(domain):
+    """Start a paused monitor with these parameters."""
+    started = []
+
+    def pausable(**parameters):
+        started.append(PausedMonitor(domain, {**NO_TIMEOUT, **parameters}))
+        return started[-1]
+
+    yield pausable
+    for monitor in started:
+        monitor.close()
+
+
+def test_set_that_arrives_at_once_is_seen_whole(pausable):
+    """A contact that only another place of the set has now never falls in between."""
+    monitor = pausable()
+    monitor.send('footprint', ROBOT)
+    monitor.send('obstacles', TOUCHING)
+    monitor.await_state('collision')
+    heard = monitor.listen('~/collision')
+    monitor.until(lambda: heard and heard[-1].data)
+    del heard[:]
+    with monitor.waiting():
+        stamp = monitor.now()
+        for k in range(99):
+            monitor.send('obstacles', box(10 + 2 * k, 5), stamp)
+        monitor.send('obstacles', TOUCHING, stamp)
+    before = len(heard)
+    monitor.until(lambda: monitor.contacts() == ['obstacle/99'] and len(heard) > before)
+    assert all(flag.data for flag in heard)
+
+
+def test_contact_within_a_batch_is_published(pausable, runner):
+    """The flags rise and fall at once, although the contact is over when the batch is."""
+    monitor = pausable(obstacle__type='polygon_instance', publish_rate=0.1)
+    both = monitor.listen('~/footprint/collision'), monitor.listen('~/collision')
+    monitor.send('footprint', ROBOT)
+    monitor.send('obstacles', APART, instance=1)
+    monitor.until(lambda: all(heard and not heard[-1].data for heard in both))
+    before = [len(heard) for heard in both]
+    with monitor.waiting():
+        for polygon in (TOUCHING, APART):
+            monitor.send('obstacles', polygon, instance=1)
+    for heard, start in zip(both, before):
+        monitor.until(lambda: len(heard) >= start + 2, 'a rise and a fall')
+        assert [flag.data for flag in heard[start:]] == [True, False]
+
+
+def test_contact_within_the_first_batch(pausable, runner):
+    """Before anything has been published at all."""
+    monitor = pausable(obstacle__type='polygon_instance', unknown_is_collision=False)
+    monitor.paused = True
+    heard = monitor.listen('~/collision')
+    with monitor.waiting():
+        monitor.send('footprint', ROBOT)
+        for polygon in (TOUCHING, APART):
+            monitor.send('obstacles', polygon, instance=1)
+    monitor.until(lambda: any(flag.data for flag in heard), 'a rise')
+    monitor.await_state('clear')
+
+
+def test_messages_that_never_came_are_counted(pausable, runner):
+    """A queue of ten and fifty messages at once: forty are lost, and /diagnostics says so."""
+    monitor = pausable(**{DEPTH: 10})
+    monitor.send('obstacles', APART)
+    monitor.until(lambda: monitor.monitor._monitor.received['obstacle'])
+    with monitor.waiting():
+        for _ in range(50):
+            monitor.send('obstacles', APART)
+    status = monitor.until(
+        lambda: (health := monitor.health()) and 'obstacle: lost' in values(health) and health)
+    assert values(status)['obstacle: lost'] == '40'
+    assert values(status)['obstacle: received'] == '11'
+
+
+class Recorder:
+    """Receives for a Loop, and keeps in which order; a message may take some time."""
+
+    def __init__(self, seconds=0.0):
+        self.seconds = seconds
+        self.names = []
+        self.batches = []
+        self.backlogs = []
+        self.ticks = 0
+
+    def receive(self, name, messages, now):
+        count = 0
+        for _ in messages:
+            time.sleep(self.seconds)
+            self.names.append(name)
+            count += 1
+        return count
+
+    def end_batch(self, messages, seconds):
+        self.batches.append(messages)
+
+    def note_backlog(self, name, backlog):
+        self.backlogs.append((name, backlog))
+
+    def tick(self):
+        self.ticks += 1
+        self.names.append('tick')
+        return 0.05
+
+    def present(self):
+        return time.time_ns()
+
+
+@pytest.fixture
+def looped(domain):
+    """Return a peer and how to run a Loop over two of its topics, 'flood' and 'other'."""
+    peer = Peer(domain)
+    node = rclpy.create_node('receiver', context=peer.context)
+    inputs = [loop.Input(name, node.create_subscription(
+        PolygonStamped, name, id, QoSProfile(depth=2000), raw=True,
+        callback_group=loop.Reserved())) for name in ('flood', 'other')]
+
+    @contextmanager
+    def looped(receiver, delay=0.0):
+        one = loop.Loop(node, inputs, receiver, lambda: delay)
+        yield one
+        one.close()
+
+    yield peer, looped
+    node.destroy_node()
+    peer.close()
+
+
+def arrive(peer, **counts):
+    """Have so many messages on each topic arrive and wait to be taken."""
+    for topic, count in counts.items():
+        publisher = peer.publisher(topic, qos=QoSProfile(depth=2000))
+        for _ in range(count):
+            publisher.publish(PolygonStamped())
+        assert publisher.wait_for_all_acked(Duration(seconds=10))
+
+
+def test_flood_leaves_the_others_their_turn(looped):
+    """Half a second of work waits on one topic: the other's message and ticks come between."""
+    peer, looped = looped
+    receiver = Recorder(0.001)
+    arrive(peer, flood=500, other=1)
+    with looped(receiver) as one:
+        one.run(lambda: receiver.names.count('flood') == 500 and not receiver.backlogs[-1][1])
+    assert receiver.names.index('other') < 50
+    assert receiver.names[:-1].count('tick') > 3
+    assert max(receiver.batches) < 50
+    backlogs = [backlog for name, backlog in receiver.backlogs if name == 'flood']
+    assert backlogs[-1] is None and {name for name, _ in receiver.backlogs} == {'flood'}
+    assert all(backlog.seconds > 0.0 for backlog in backlogs[:-1])
+
+
+def test_end_is_not_put_off_by_a_flood(looped):
+    """It is looked at after each turn, however much is waiting."""
+    peer, looped = looped
+    receiver = Recorder(0.001)
+    arrive(peer, flood=500)
+    with looped(receiver) as one:
+        one.run(lambda: bool(receiver.names))
+    assert 0 < receiver.names.count('flood') < 50
+
+
+def test_backlog_tells_about_how_many_messages_wait(looped):
+    """By when they came: evenly, so that after so many about as many are left."""
+    peer, looped = looped
+    receiver = Recorder(0.001)
+    publisher = peer.publisher('flood', qos=QoSProfile(depth=2000))
+    for _ in range(300):
+        publisher.publish(PolygonStamped())
+        time.sleep(0.001)
+    publisher.wait_for_all_acked(Duration(seconds=10))
+    with looped(receiver) as one:
+        one.run(lambda: receiver.names.count('flood') >= 100)
+    left = 300 - receiver.names.count('flood')
+    assert left / 2 < receiver.backlogs[-1][1].messages < left * 2
+
+
+@contextmanager
+def streaming(domain, topic, rate, points=APART):
+    """Have a polygon published again and again from a thread, so many times a second."""
+    stop = threading.Event()
+    peer = Peer(domain)
+
+    def stream():
+        begun = time.monotonic()
+        for k in itertools.count():
+            peer.send(topic, points, stamp=0)
+            if stop.wait(max(begun + k / rate - time.monotonic(), 0.0)):
+                return
+
+    thread = threading.Thread(target=stream)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+        peer.close()
+
+
+@pytest.mark.parametrize('rate, rests', [(5, False), (500, True)])
+def test_rests_only_where_messages_are_many(looped, domain, monkeypatch, rate, rests):
+    """A rest that would gather nothing only makes answers late."""
+    peer, looped = looped
+    slept = []
+    clock = SimpleNamespace(**vars(time))
+    clock.sleep = lambda seconds: slept.append(seconds) or time.sleep(seconds)
+    monkeypatch.setattr(loop, 'time', clock)
+    receiver = Recorder()
+    with looped(receiver, delay=0.02) as one, streaming(domain, 'flood', rate):
+        one.run(lambda: receiver.names.count('flood') > 0)
+        receiver.ticks = 0
+        one.run(lambda: receiver.ticks > 20)
+    assert bool(slept) == rests
+    assert all(0.0 <= seconds <= 0.02 for seconds in slept)
+    if rests:
+        assert receiver.names.count('flood') / len(receiver.batches) > 2
+
+
+class SlowMonitor(footprint_monitor.FootprintMonitor):
+    """Takes ten milliseconds for a message, as a computer under load does."""
+
+    def receive(self, name, messages, now):
+        def slowly():
+            for message in messages:
+                time.sleep(0.01)
+                yield message
+        return super().receive(name, slowly(), now)
+
+
+@pytest.fixture
+def start_slow(domain, monkeypatch):
+    monkeypatch.setattr('harness.FootprintMonitor', SlowMonitor)
+    running = []
+
+    def start_slow(**parameters):
+        running.append(RunningMonitor(domain, (), parameters))
+        running[0].send('footprint', ROBOT)
+        running[0].send('obstacles', APART, stamp=0)
+        running[0].await_state('clear')
+        return running[0]
+
+    yield start_slow
+    for monitor in running:
+        monitor.close()
+
+
+def test_source_behind_by_more_than_its_timeout_is_unknown(start_slow):
+    """Until it has caught up; /diagnostics says by how much it is behind."""
+    monitor = start_slow(footprint__timeout=0.0, obstacle__timeout=0.3)
+    for _ in range(100):
+        monitor.send('obstacles', APART, stamp=0)
+    status = monitor.await_state('unknown')
+    assert 'more than can be checked' in values(status)['reason']
+    health = monitor.until(
+        lambda: (health := monitor.health()) and 'behind' in health.message and health)
+    seconds, messages = values(health)['obstacle: behind'].split(' s, ')
+    assert float(seconds) > 0.1 and messages.endswith(' messages')
+    monitor.send_until('clear', 'obstacles', APART, stamp=0)
+    monitor.until(lambda: 'behind' not in monitor.health().message)
+
+
+def test_source_that_loses_messages_while_behind_is_unknown(start_slow, domain):
+    """What was lost may have been an obstacle; with a timeout of none just as well."""
+    monitor = start_slow(**NO_TIMEOUT, **{DEPTH: 20})
+    with streaming(domain, 'obstacles', 1000):
+        status = monitor.await_state('unknown')
+        assert 'more than can be checked' in values(status)['reason']
+        health = monitor.until(
+            lambda: (health := monitor.health()) and 'messages lost' in health.message and health)
+        assert int(values(health)['obstacle: lost']) > 20
+    monitor.await_state('clear')
+
+
+def test_all_else_works_while_messages_stream(start, domain):
+    """Parameter services, a publisher that does not fit, and /clock."""
+    monitor = start(**NO_TIMEOUT)
+    with streaming(domain, 'obstacles', 2000, TOUCHING):
+        monitor.send('footprint', ROBOT)
+        monitor.await_state('collision')
+        assert monitor.set_parameters(obstacle__enabled=False) == [None]
+        monitor.await_state('unknown')
+        assert monitor.set_parameters(obstacle__enabled=True, margin=-1.0)[1]
+        monitor.await_state('collision')
+        transient = QoSProfile(depth=1, reliability=rclpy.qos.ReliabilityPolicy.BEST_EFFORT,
+                               durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        unfit = monitor.node.create_publisher(PolygonStamped, 'footprint', transient)
+        monitor.logged('offers a RELIABILITY')
+        monitor.node.destroy_publisher(unfit)
+        assert monitor.set_parameters(use_sim_time=True) == [None]
+        monitor.set_clock(3600 * SECOND)
+        monitor.send('footprint', ROBOT, 3600 * SECOND)
+        monitor.await_state('collision')

@@ -24,7 +24,7 @@ the filters' edges, see `steering`, and bodies changed in ways that change no an
 import argparse
 import time
 
-import filters
+import filter_bounds
 import metamorphic
 import numpy as np
 from sat_collision.geometry.jit import kernel
@@ -37,22 +37,22 @@ CONFIRMED = 20
 
 def starts_of(rng, which, count):
     """Return inputs (count, size) with values near zero."""
-    x = rng.uniform(-1, 1, (count, filters.SIZES[which])) * 2.0 ** rng.integers(
-        -3, 4, (count, filters.SIZES[which]))
+    x = rng.uniform(-1, 1, (count, filter_bounds.SIZES[which])) * 2.0 ** rng.integers(
+        -3, 4, (count, filter_bounds.SIZES[which]))
     share = rng.uniform(-2, 2, count) * 2.0 ** rng.integers(-3, 4, count)
-    if which == filters.ORIENTATION:
+    if which == filter_bounds.ORIENTATION:
         x[:, 4:] = x[:, :2] + share[:, None] * (x[:, 2:4] - x[:, :2])
-    elif which == filters.TURN:
+    elif which == filter_bounds.TURN:
         x[:, 5] = x[:, 4] - share * (x[:, 0] - x[:, 1])
         x[:, 7] = x[:, 6] - share * (x[:, 2] - x[:, 3])
-    elif which == filters.RISE:
+    elif which == filter_bounds.RISE:
         x[:, 4] = share * (x[:, 1] - x[:, 3])
         x[:, 5] = share * (x[:, 2] - x[:, 0])
-    elif which in (filters.SCAN, filters.GAP):
+    elif which in (filter_bounds.SCAN, filter_bounds.GAP):
         places = rng.uniform(-1, 1, (count, x.shape[1] // 2 - 1))
         x[:, 2::2] = x[:, 2:3] - places * x[:, 1:2]
         x[:, 3::2] = x[:, 3:4] + places * x[:, 0:1]
-    elif which == filters.CLIMB:
+    elif which == filter_bounds.CLIMB:
         x = _nearly_level(rng, count)
     else:
         angle = np.sort(rng.uniform(0, 2 * np.pi, (count, 4)), axis=1)
@@ -72,7 +72,7 @@ def _nearly_level(rng, count):
     bulge = 10.0 ** rng.uniform(-16, -13, count)
     x[:, 4] += bulge * height
     x[:, 5] += bulge * width
-    tilt = rng.uniform(-30, 30, count) * filters.UNIT
+    tilt = rng.uniform(-30, 30, count) * filter_bounds.UNIT
     x[:, 0] = height * (1 - tilt)
     x[:, 1] = width * (1 + tilt)
     return x
@@ -81,7 +81,7 @@ def _nearly_level(rng, count):
 @kernel
 def score(which, x, share):
     """Return error over a share of the bound, less where the value is beyond twice the bound."""
-    value, bound, error, wrong = filters.evaluate(which, x)
+    value, bound, error, wrong = filter_bounds.evaluate(which, x)
     bound *= share
     if not 0.0 < bound < np.inf:
         return 0.0, wrong
@@ -140,7 +140,7 @@ def largest(which, evaluations, seed=1, share=1.0):
     found = [climb(which, x, evaluations // 2 // len(starts), share, rng) for x in starts]
     best = starts[np.argsort([ratio for ratio, _ in found])[-CONFIRMED:]]
     found += [climb(which, x, evaluations // 2 // CONFIRMED, share, rng) for x in best]
-    return (max(filters.exact(which, x, share) for x in best),
+    return (max(filter_bounds.exact(which, x, share) for x in best),
             sum(mistakes for _, mistakes in found))
 
 
@@ -155,11 +155,11 @@ def main():
     failures = 0
     print('| filter | bound | largest error / bound | wrong | evaluations | s |\n'
           '|---|---|---|---|---|---|')
-    for which, name in enumerate(filters.NAMES):
+    for which, name in enumerate(filter_bounds.NAMES):
         begun = time.monotonic()
         ratio, mistakes = largest(which, arguments.evaluations, arguments.seed)
         failures += mistakes + (ratio > 1.0)
-        print(f'| {name} | {filters.BOUNDS[which]} | {ratio:.4f} | {mistakes} | '
+        print(f'| {name} | {filter_bounds.BOUNDS[which]} | {ratio:.4f} | {mistakes} | '
               f'{arguments.evaluations:.0e} | {time.monotonic() - begun:.0f} |', flush=True)
     failures += steering.report(arguments.evaluations, arguments.seed)
     failures += metamorphic.report(arguments.pairs, arguments.seed)

@@ -19,7 +19,7 @@ climb ends with the oracle's integers.
 """
 
 import families
-from filters import along, cross, difference
+from filter_bounds import along, cross, difference
 import numpy as np
 import oracle
 from sat_collision.geometry.intersection import convex_meet, meet_near

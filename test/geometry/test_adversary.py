@@ -14,7 +14,7 @@
 """A short run of the search for inputs that break a filter; the long one is `make adversary`."""
 
 import adversary
-import filters
+import filter_bounds
 import numpy as np
 import pytest
 from sat_collision.geometry.jit import COMPILED
@@ -26,36 +26,36 @@ EVALUATIONS = 100000
 # How much of each bound would be too little: the search finds errors beyond it. In brackets what
 # the lemma proves.
 TOO_LITTLE = {
-    filters.ORIENTATION: 0.5,  # (1)
-    filters.TURN: 0.2,         # (3/8)
-    filters.RISE: 0.15,        # (1/4)
-    filters.SCAN: 0.5,         # (1)
-    filters.GAP: 0.05,         # (3/20)
-    filters.CLIMB: 0.4,        # (22/25)
-    filters.DISC: 0.002,       # (7/256)
+    filter_bounds.ORIENTATION: 0.5,  # (1)
+    filter_bounds.TURN: 0.2,         # (3/8)
+    filter_bounds.RISE: 0.15,        # (1/4)
+    filter_bounds.SCAN: 0.5,         # (1)
+    filter_bounds.GAP: 0.05,         # (3/20)
+    filter_bounds.CLIMB: 0.4,        # (22/25)
+    filter_bounds.DISC: 0.002,       # (7/256)
 }
 
 
-@pytest.mark.parametrize('which', TOO_LITTLE, ids=filters.NAMES)
+@pytest.mark.parametrize('which', TOO_LITTLE, ids=filter_bounds.NAMES)
 def test_no_error_exceeds_its_bound(which):
     ratio, mistakes = adversary.largest(which, EVALUATIONS)
     assert 0.0 < ratio <= 1.0 and mistakes == 0
 
 
-@pytest.mark.parametrize('which', TOO_LITTLE, ids=filters.NAMES)
+@pytest.mark.parametrize('which', TOO_LITTLE, ids=filter_bounds.NAMES)
 def test_a_bound_that_is_too_small_is_found_out(which):
     ratio, _ = adversary.largest(which, EVALUATIONS, share=TOO_LITTLE[which])
     assert ratio > 1.0
 
 
-@pytest.mark.parametrize('which', range(len(filters.NAMES)), ids=filters.NAMES)
+@pytest.mark.parametrize('which', range(len(filter_bounds.NAMES)), ids=filter_bounds.NAMES)
 def test_the_compiled_error_is_the_rational_one(which):
     """Where the value is near zero, to a thousandth."""
     rng = np.random.default_rng(3)
     compared = 0
     for x in adversary.starts_of(rng, which, 100):
         adversary.climb(which, x, 10, 1.0, rng)
-        exact = filters.exact(which, x)
+        exact = filter_bounds.exact(which, x)
         if exact > 0.0:
             compared += 1
             assert adversary.score(which, x, 1.0)[0] == pytest.approx(exact, rel=1e-3)

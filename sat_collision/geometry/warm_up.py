@@ -16,9 +16,11 @@ Kernels compiled, or loaded, before they are needed, so that no message has to w
 
 Compiling takes seconds where nothing is kept from an earlier process, see `kernel_cache`. Two
 processes may share the work, as what one has compiled the other finds on disk: while one prepares
-contacts, ``python -m sat_collision.geometry.warm_up`` prepares all the others, packing first,
-and says so.
+contacts, ``python -m sat_collision.geometry.warm_up`` prepares packing, says so, and goes on with
+convex parts; with ``--all`` it prepares everything.
 """
+
+import sys
 
 import numpy as np
 from sat_collision.geometry import kernel_cache
@@ -40,14 +42,14 @@ def is_prepared() -> bool:
 
 
 def prepare_packing() -> None:
-    """Have ready what makes polygons of messages; needed for the first flag."""
+    """Have ready what makes polygons of messages."""
     packed = indexable(np.empty(packed_size(len(_TRIANGLE))))
     pack_convex(_TRIANGLE.tobytes(), 0, len(_TRIANGLE), packed, len(_TRIANGLE))
     Polygon(_TRIANGLE)
 
 
 def prepare_contacts() -> None:
-    """Have ready what finds the bodies of a set that a body meets; needed for the first flag."""
+    """Have ready what finds the bodies of a set that a body meets."""
     # A point in the origin, packed by hand, because packing may still be in the making.
     point = indexable(np.zeros(packed_size(1))), 1
     bodies = PolygonSet()
@@ -55,21 +57,30 @@ def prepare_contacts() -> None:
     bodies.is_same(0, point)
 
 
-def prepare_rest() -> None:
-    """Have ready what need not precede the first flag: convex parts, separation, pairs."""
+def prepare_parts() -> None:
+    """Have ready what cuts bodies into convex parts, and decides bodies and pairs of them."""
     body = Polygon(_NOTCHED)
     bodies = PolygonSet([body])
-    bodies.place(0, body.packed, PolygonSet(), 1.0)
     bodies.intersecting_rows(body)
+    intersects(body, body)
+    intersects_pairs(bodies, bodies)
+    body.centroid
+
+
+def prepare_distances() -> None:
+    """Have ready what finds separations, and what is nearest or within a margin."""
+    body = Polygon(_TRIANGLE)
+    bodies = PolygonSet([body])
+    bodies.place(0, Polygon(2 * _TRIANGLE).packed, PolygonSet(), 1.0)
     bodies.rows_within(body, 1.0)
     bodies.nearest(body)
-    intersects(body, body)
     closest_points(body, body)
-    body.centroid
-    intersects_pairs(bodies, bodies)
 
 
 if __name__ == '__main__':
     prepare_packing()
     print('packing', flush=True)
-    prepare_rest()
+    prepare_parts()
+    if '--all' in sys.argv:
+        prepare_contacts()
+        prepare_distances()

@@ -31,10 +31,9 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sat_collision.geometry.jit import cache_problem, KERNEL
 from sat_collision.messages.outputs import Outputs
 from sat_collision.monitor import Monitor, Rejection
-from sat_collision.node import loop
+from sat_collision.node import kernels, loop
 from sat_collision.node.fallback import ExecutorLoop
 from sat_collision.node.health import Health
-from sat_collision.node.kernels import Kernels
 from sat_collision.node.parameters import Parameters
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
@@ -94,7 +93,7 @@ class FootprintMonitor(Node):
         super().__init__(NAME, **options)
         parameters = Parameters(self)
         settings = parameters.settings
-        self._kernels = Kernels(self.get_logger())
+        kernels.prepare(self.get_logger())
         self._choose_clock()
         self._clock_changes = self.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=None, on_clock_change=True),
@@ -180,7 +179,6 @@ class FootprintMonitor(Node):
 
     def tick(self) -> float:
         """Do what is due without a message; return in how many s the next tick is due."""
-        self._kernels.load_rest()
         self._scene.advance(self.present())
         self._publish_changes()
         now = time.monotonic()
@@ -224,8 +222,3 @@ class FootprintMonitor(Node):
             self._outputs.publish_rise(brief)
         if brief or changed:
             self._outputs.publish({*brief, *changed})
-
-    def destroy_node(self) -> None:
-        """End what belongs to the node, too."""
-        self._kernels.close()
-        super().destroy_node()

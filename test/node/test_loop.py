@@ -21,7 +21,7 @@ import time
 from types import SimpleNamespace
 
 from geometry_msgs.msg import PolygonStamped
-from harness import box, Peer, RunningMonitor, SECOND, to_parameters, values
+from harness import box, MonitorPeer, Peer, RunningMonitor, SECOND, to_parameters, values
 import pytest
 import rclpy
 from rclpy.duration import Duration
@@ -35,7 +35,7 @@ NO_TIMEOUT = {'footprint__timeout': 0.0, 'obstacle__timeout': 0.0}
 DEPTH = 'qos_overrides./obstacles.subscription.depth'
 
 
-class PausedMonitor(Peer):
+class PausedMonitor(MonitorPeer):
     """A monitor that runs when it is told to, so that messages can wait for it."""
 
     def __init__(self, domain, parameters):

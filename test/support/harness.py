@@ -209,7 +209,22 @@ def values(status):
     return {value.key: value.value for value in status.values}
 
 
-class RunningMonitor(Peer):
+class MonitorPeer(Peer):
+    """A peer in the process of the monitor, of which it can tell whether that knows of it."""
+
+    monitor = None
+
+    def _is_heard(self, topic):
+        topic = self.node.resolve_topic_name(topic)
+        return any(subscription.topic_name == topic and subscription.get_publisher_count()
+                   for subscription in self.monitor.subscriptions)
+
+    def _is_served(self, topic):
+        return all(publisher.topic_name != topic or publisher.get_subscription_count()
+                   for publisher in self.monitor.publishers)
+
+
+class RunningMonitor(MonitorPeer):
     """A monitor that runs in a thread of its own, seen from a peer."""
 
     def __init__(self, domain, arguments, parameters):
@@ -223,15 +238,6 @@ class RunningMonitor(Peer):
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
         super().__init__(domain)
-
-    def _is_heard(self, topic):
-        topic = self.node.resolve_topic_name(topic)
-        return any(subscription.topic_name == topic and subscription.get_publisher_count()
-                   for subscription in self.monitor.subscriptions)
-
-    def _is_served(self, topic):
-        return all(publisher.topic_name != topic or publisher.get_subscription_count()
-                   for publisher in self.monitor.publishers)
 
     def set_clock(self, stamp):
         """Publish /clock, in ns, until the monitor's clock reads it."""

@@ -37,6 +37,8 @@ from rclpy.subscription import Subscription
 _LONGEST_TURN = 0.01
 # Where so many messages would come during a rest, a rest costs less than the wakes it spares.
 _WORTH_A_REST = 2.0
+# Fewer since the last tick say nothing of how often messages come.
+_FEW = 5
 # How often is looked at what is not waited for, such as that a publisher does not fit, in s.
 _OTHERS_PERIOD = 0.5
 
@@ -186,7 +188,8 @@ class Loop:
         """Rest between turns where messages came often enough since this was last chosen."""
         rate = self._taken / max(now - self._counted_since, 1e-9)
         delay = self._max_batch_delay()
-        self._rest = delay if rate * delay >= _WORTH_A_REST else 0.0
+        many = self._taken > _FEW and rate * delay >= _WORTH_A_REST
+        self._rest = delay if many else 0.0
         self._taken = 0
         self._counted_since = now
 

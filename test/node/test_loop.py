@@ -114,8 +114,10 @@ def test_contact_within_a_batch_is_published(pausable, runner):
         for polygon in (TOUCHING, APART):
             monitor.send('obstacles', polygon, instance=1)
     for heard, start in zip(both, before):
-        monitor.until(lambda: len(heard) >= start + 2, 'a rise and a fall')
-        assert [flag.data for flag in heard[start:]] == [True, False]
+        # A last flag of before may come late.
+        monitor.until(lambda: any(flag.data for flag in heard[start:]) and not heard[-1].data,
+                      'a rise and a fall')
+        assert [flag.data for flag in heard[start:]].count(True) == 1
 
 
 def test_contact_within_the_first_batch(pausable, runner):

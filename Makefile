@@ -16,7 +16,7 @@ test: $(VENV)/test.stamp
 docs: $(VENV)/demo.stamp
 	$(BIN)/python docs/generate.py
 
-# What everything costs, measured and written to docs/benchmarks in less than eight minutes.
+# What everything costs, measured and written to docs/benchmarks.
 bench: $(VENV)/bench.stamp
 	$(BIN)/python benchmarks/bench.py
 

@@ -17,9 +17,10 @@
 import threading
 import time
 
+from builders import box, polygon_message  # noqa: F401, box for who uses a harness
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import Point32, PolygonInstanceStamped, PolygonStamped
+from geometry_msgs.msg import PolygonStamped
 from rcl_interfaces.msg import Log
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
@@ -36,24 +37,6 @@ SECOND = 10**9
 
 _KINDS = {'~/state': DiagnosticArray, '/diagnostics': DiagnosticArray, '~/markers': MarkerArray,
           '/rosout': Log}
-
-
-def box(x, y, width=1.0, height=1.0):
-    """Return the corners of a box with its lower left one at (x, y)."""
-    return [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
-
-
-def polygon_message(points, stamp, frame_id='map', instance=None):
-    """Build a PolygonStamped, or a PolygonInstanceStamped if there is an id; stamp in ns."""
-    message = PolygonStamped() if instance is None else PolygonInstanceStamped()
-    message.header.frame_id = frame_id
-    message.header.stamp = to_time(stamp)
-    polygon = message.polygon
-    if instance is not None:
-        polygon.id = instance
-        polygon = polygon.polygon
-    polygon.points = [Point32(x=float(x), y=float(y)) for x, y in points]
-    return message
 
 
 def to_time(stamp):

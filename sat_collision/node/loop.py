@@ -175,7 +175,7 @@ class Loop:
             self._next_tick = now + self._receiver.tick()
             self._choose_rest(now)
             self._ticked = True
-        self._has_rested = bool(self._rest and taken and not self._is_behind())
+        self._has_rested = bool(self._rest and taken)
         if self._has_rested:
             time.sleep(min(self._rest, self._until_tick()))
 

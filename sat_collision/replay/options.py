@@ -53,6 +53,8 @@ class Options:
         Where to write what the node would have published.
     limits : Limits
         How much memory and disk may be taken.
+    debug : bool
+        Show where an error that nobody foresaw is raised.
 
     """
 
@@ -68,3 +70,4 @@ class Options:
     picture: bool = False
     write_bag: str | None = None
     limits: Limits = Limits()
+    debug: bool = False

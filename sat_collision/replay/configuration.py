@@ -40,8 +40,7 @@ class _Loader(yaml.SafeLoader):
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         if self.check_event(yaml.AliasEvent):
-            raise yaml.YAMLError(f'an alias in line {self.peek_event().start_mark.line + 1}, '
-                                 'which a parameter file cannot have')
+            raise yaml.YAMLError('it has an alias (*), which no parameter file can have')
         return super().compose_node(parent, index)
 
 

@@ -55,7 +55,8 @@ class Faults:
     def __str__(self) -> str:
         parts = []
         if self._first:
-            parts.append(self._first + (f', and in {self._more} more places' if self._more else ''))
+            more = f', and in {self._more} more places' if self._more else ''
+            parts.append(self._first + more)
         differences = list(self._differences.values())
         parts += differences[:_MOST]
         if differences[_MOST:]:

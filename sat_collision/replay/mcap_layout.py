@@ -281,4 +281,3 @@ def text(content: bytes, at: int) -> tuple[str, int]:
     if end > len(content):
         raise ValueError(f'a text of {size} bytes in a record of {len(content)}')
     return content[at + 4:end].decode(), end
-

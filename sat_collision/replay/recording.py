@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Iterator
+import hashlib
 from pathlib import Path
 import re
 from types import TracebackType
@@ -92,10 +93,11 @@ class Recording:
         return [str(faults) for faults in self._faults if faults]
 
     @property
-    def content(self) -> str:
-        """What the messages that were read are known by, in whatever order and storage."""
-        sums = repr(sorted(self._sums.items())).encode()
-        return f'{zlib.crc32(sums):08x}{zlib.adler32(sums):08x}'
+    def content(self) -> str | None:
+        """What the messages that were read are known by, whatever they are stored in."""
+        if not self._sums:
+            return None
+        return hashlib.sha256(repr(sorted(self._sums.items())).encode()).hexdigest()[:16]
 
     def messages(self, topics: Collection[str], start: int | None = None,
                  stop: int | None = None) -> Iterator[Message]:

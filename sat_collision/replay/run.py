@@ -71,6 +71,7 @@ def check(path: str | Path, options: Options = Options(),
         except (ParameterError, WriterError, OSError) as error:
             result.problems.append(f'{path}: {error}')
         result.problems[:0] = recording.problems
+        result.content = recording.content
     return result
 
 

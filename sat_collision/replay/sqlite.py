@@ -30,11 +30,11 @@ _LOGS = ('-wal', '-journal')
 _COLUMNS = {'topics': {'id', 'name', 'type'},
             'messages': {'id', 'topic_id', 'timestamp', 'data'}}
 _SURVEY = """
-SELECT topic_id, timestamp, CASE typeof(data) WHEN 'blob' THEN length(data) ELSE 0 END
+SELECT topic_id, timestamp, CASE typeof(data) WHEN 'blob' THEN length(data) ELSE -1 END
 FROM messages NOT INDEXED"""
-_READ = """
-SELECT topic_id, timestamp, CASE WHEN typeof(data) = 'blob' AND length(data) <= ? THEN data END
-FROM messages {} WHERE topic_id IN ({}) ORDER BY {}"""
+_READ = 'SELECT topic_id, timestamp, {} FROM messages {} WHERE topic_id IN ({}) ORDER BY {}'
+# What is damaged may have values of any type and size.
+_GUARDED = "CASE WHEN typeof(data) = 'blob' AND length(data) <= {} THEN data END"
 # So often SQLite calls back, and an interrupt is noticed.
 _STEPS = 100_000
 
@@ -69,7 +69,7 @@ class SqliteFile:
         size = sum(_size(Path(f'{path}{end}')) for end in ('', *_LOGS))
         self._most = min(size, limits.chunk)
         self._faults = faults
-        self._whole = False
+        self._whole = self._plain = False
         self._names: dict[object, str] = {}
         self._connection: sqlite3.Connection | None = None
         self.topics: dict[str, str] = {}
@@ -95,17 +95,20 @@ class SqliteFile:
         read: Counter[str] = Counter()
         untimed = unfit = 0
         keys = [key for key, name in self._names.items() if name in topics]
-        query = _READ.format('' if self._whole else 'NOT INDEXED', ', '.join('?' * len(keys)),
+        query = _READ.format('data' if self._plain else _GUARDED.format(self._most),
+                             '' if self._whole else 'NOT INDEXED', ', '.join('?' * len(keys)),
                              'timestamp' if self._whole else 'rowid')
         try:
-            for key, time, data in self._connection.execute(query, [self._most, *keys]):
+            for key, time, data in self._connection.execute(query, keys):
                 topic = self._names[key]
                 read[topic] += 1
                 if type(time) is not int:
                     untimed += 1
                 elif (start is None or time >= start) and (stop is None or time < stop):
-                    unfit += data is None
-                    yield topic, time, data or b''
+                    if data is None:
+                        unfit += 1
+                        data = b''
+                    yield topic, time, data
         except sqlite3.Error as error:
             self._faults.damaged(f'damaged after {read.total()} messages: {_told(error)}')
         if untimed or unfit:
@@ -135,24 +138,33 @@ class SqliteFile:
 
     def _survey(self, connection: sqlite3.Connection, size: int) -> None:
         """Count the messages, and find the first and the last time."""
-        unknown: Counter[object] = Counter()
-        announced = 0
+        counts: dict[object, int] = dict.fromkeys(self._names, 0)
+        announced, longest, shortest = 0, 0, 0
+        start, end = 2**63, -2**63 - 1
         try:
             for key, time, length in connection.execute(_SURVEY):
-                if key not in self._names:
-                    unknown[key] += 1
-                    continue
+                counts[key] = counts.get(key, 0) + 1
                 announced += length
-                self.counts[self._names[key]] += 1
+                if length > longest:
+                    longest = length
+                elif length < shortest:
+                    shortest = length
                 if type(time) is int:
-                    self.start = time if self.start is None or time < self.start else self.start
-                    self.end = time if self.end is None or time > self.end else self.end
+                    if time < start:
+                        start = time
+                    if time > end:
+                        end = time
             self._whole = True
         finally:
-            if unknown:
-                listed = ', '.join(map(str, sorted(unknown, key=str)[:3]))
-                self._faults.differs('unknown', f'{unknown.total()} messages of unknown topics '
-                                                f'({listed})')
+            if start <= end:
+                self.start, self.end = start, end
+            for key, name in self._names.items():
+                self.counts[name] += counts.pop(key)
+            if counts:
+                listed = ', '.join(map(str, sorted(counts, key=str)[:3]))
+                self._faults.differs('unknown', f'{sum(counts.values())} messages of unknown '
+                                                f'topics ({listed})')
+        self._plain = shortest >= 0 and longest <= self._most
         # Pages that many rows share would make much of a small file.
         if announced > size:
             self.close()

@@ -19,6 +19,7 @@ from __future__ import annotations
 from pathlib import Path
 
 _MOST = 3
+_LONGEST = 1000
 
 
 class Faults:
@@ -61,4 +62,6 @@ class Faults:
         parts += differences[:_MOST]
         if differences[_MOST:]:
             parts.append(f'and {len(differences) - _MOST} more differences')
-        return f'{self._file}: {"; ".join(parts)}'
+        # Names of topics come from the file, and may be anything.
+        told = ''.join(letter if letter.isprintable() else '?' for letter in '; '.join(parts))
+        return f'{self._file}: {told[:_LONGEST]}'

@@ -161,7 +161,7 @@ class SqliteFile:
             for key, name in self._names.items():
                 self.counts[name] += counts.pop(key)
             if counts:
-                listed = ', '.join(map(str, sorted(counts, key=str)[:3]))
+                listed = ', '.join(str(key)[:20] for key in sorted(counts, key=str)[:3])
                 self._faults.differs('unknown', f'{sum(counts.values())} messages of unknown '
                                                 f'topics ({listed})')
         self._plain = shortest >= 0 and longest <= self._most

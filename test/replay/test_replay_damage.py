@@ -14,11 +14,14 @@
 
 """Damage that must not pass as clear: what is announced and what is read, bombs, wrong values."""
 
+import contextlib
 import os
+from pathlib import Path
 import signal
 import struct
 import subprocess
 import sys
+import tempfile
 import textwrap
 import threading
 import time
@@ -67,6 +70,29 @@ def test_write_ahead_log_of_a_killed_recorder_is_read(tmp_path, in_file):
     assert all((file.parent / name).read_bytes() == data for name, data in before.items())
 
 
+def test_log_in_a_folder_that_cannot_be_written_to_is_read(tmp_path):
+    """SQLite needs a file of its own beside a log: a copy is read, and nothing is left behind."""
+    folder = Path(tempfile.mkdtemp(dir=tmp_path))
+    killed_recorder(folder / 'a.db3', drive(contact=(7.0, 8.0)), 120)
+    names = {path.name for path in folder.iterdir()}
+    with contextlib.ExitStack() as stack:
+        if not os.geteuid():
+            # Root may write anywhere.
+            for place in (folder, *folder.parents[:3]):
+                stack.callback(place.chmod, place.stat().st_mode)
+                place.chmod(0o755)
+            stack.callback(os.seteuid, 0)
+            os.seteuid(65534)
+        else:
+            folder.chmod(0o555)
+            stack.callback(folder.chmod, 0o755)
+        result = check(folder / 'a.db3')
+        few = check(folder / 'a.db3', Options(limits=Limits(disk=1000)))
+    assert (result.messages, result.verdict) == (ALL, Verdict.COLLISION)
+    assert any('--max-disk' in problem for problem in few.problems)
+    assert {path.name for path in folder.iterdir()} == names
+
+
 @pytest.mark.parametrize('indexed', (True, False))
 @pytest.mark.parametrize('first, last', [(0, 1), (1, 9), (0, 9), (0, 60)])
 def test_zeroed_chunk_is_missed(tmp_path, first, last, indexed):
@@ -81,6 +107,7 @@ def test_zeroed_chunk_is_missed(tmp_path, first, last, indexed):
     assert result.verdict is Verdict.BAD_INPUT
     assert result.messages >= ALL - 20
     assert len(result.problems) == 1 and str(file) in result.problems[0]
+    assert check(file, Options(start=1.0, duration=8.0)).verdict is Verdict.BAD_INPUT
 
 
 def test_chunk_of_another_kind_is_missed_by_the_numbers(tmp_path):
@@ -140,8 +167,8 @@ def test_messages_of_unknown_topics_are_said(tmp_path):
     assert any('6 ' in problem for problem in result.problems)
 
 
-def channel(key, topic):
-    return record(CHANNEL, struct.pack('<HH', key, 1) + text(topic) + text(b'cdr') + text(b''))
+def channel(key, topic, schema=1):
+    return record(CHANNEL, struct.pack('<HH', key, schema) + text(topic) + text(b'cdr') + text(b''))
 
 
 def message(key, tick):
@@ -166,20 +193,32 @@ def test_channel_that_changes_is_said(tmp_path):
     assert any('/elsewhere' in problem for problem in result.problems)
 
 
-@pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
-def test_topic_of_two_types_is_said(tmp_path, storage):
+def test_topic_of_two_types_is_said(tmp_path):
     """The messages of one of them would be missed or taken for the other's."""
-    file = storage_file(write(tmp_path / 'bag', CLEAR, storage))
-    if storage == 'sqlite3':
-        run_sql(file, "INSERT INTO topics VALUES (9, '/obstacles', 'std_msgs/msg/Bool', 'cdr', '',"
-                "'')", 'UPDATE messages SET topic_id = 9 WHERE topic_id = 2 AND id > 100')
-    else:
-        data = file.read_bytes()
-        end = len(data) - 37
-        file.write_bytes(data[:end].replace(
-            b'\x0a\x00\x00\x00/obstacles', b'\x0a\x00\x00\x00/footprint') + data[end:])
-    result = check(file)
-    assert result.verdict is Verdict.BAD_INPUT or storage == 'mcap'
+    rows = storage_file(write(tmp_path / 'bag', CLEAR, 'sqlite3'))
+    run_sql(rows, "INSERT INTO topics VALUES (9, '/obstacles', 'std_msgs/msg/Bool', 'cdr', '', '')",
+            'UPDATE messages SET topic_id = 9 WHERE topic_id = 2 AND id > 100')
+    chunks = tmp_path / 'a.mcap'
+    chunks.write_bytes(MAGIC + record(HEADER, text(b'ros2') + text(b'')) + b''.join([
+        record(3, struct.pack('<H', 1) + text(POLYGON.encode()) + text(b'') + text(b'')),
+        record(3, struct.pack('<H', 2) + text(b'std_msgs/msg/Bool') + text(b'') + text(b'')),
+        channel(1, b'/footprint'), channel(2, b'/obstacles'), channel(3, b'/obstacles', 2),
+        *(message(1 + k % 3, k) for k in range(30))]) + record(DATA_END, bytes(4))
+        + record(2, bytes(20)) + MAGIC)
+    for file in (rows, chunks):
+        result = check(file)
+        assert result.verdict is Verdict.BAD_INPUT
+        assert any('/obstacles has the types' in problem for problem in result.problems)
+
+
+def test_name_of_a_topic_forges_no_line(tmp_path):
+    """A line end in it is not printed."""
+    file = tmp_path / 'a.mcap'
+    file.write_bytes(MAGIC + record(HEADER, text(b'ros2') + text(b'')) + b''.join([
+        record(3, struct.pack('<H', 1) + text(POLYGON.encode()) + text(b'') + text(b'')),
+        channel(1, b'/a'), channel(1, b'/b\nall: CLEAR')]))
+    problem, = check(file).problems
+    assert problem.endswith('channel 1 is /a and /b?all: CLEAR')
 
 
 @pytest.mark.parametrize('change', [
@@ -273,6 +312,43 @@ def test_chunk_that_would_fill_memory_is_refused(tmp_path, compression, claim):
     assert done.returncode == 3, done.stderr
     assert int(done.stdout.split()[-1]) < 600
     assert 'a.mcap' in done.stdout
+
+
+def test_chunks_that_overlap_are_held_within_limits(tmp_path):
+    """Every chunk goes on to the end of the recording, so that none could be let go."""
+    messages = [('/footprint', time, box(0)) for k in range(50)
+                for time in (k / 100, *[50.0 + k / 100] * 30)]
+    file = write_mcap(tmp_path / 'a.mcap', messages, chunk_size=2900)
+    assert check(file).problems == []
+    few, = check(file, Options(limits=Limits(memory=8 * 20_000))).problems
+    assert '--max-memory' in few
+
+
+def test_pages_that_many_rows_share_are_no_message(tmp_path):
+    """A row of 2 MB is made to announce 100 MB, its pages being linked to a circle."""
+    file = tmp_path / 'a.db3'
+    create_db3(file, CLEAR).close()
+    length, told = 2_200_000, 100_000_000
+    run_sql(file, ('INSERT INTO messages VALUES (999, 1, ?, ?)', (START, bytes(length))))
+    data = bytearray(file.read_bytes())
+    # The size of the row, which has 16 bytes besides, and the type of the value.
+    for old, new in ((length + 16, told + 16), (2 * length + 12, 2 * told + 12)):
+        at = data.index(varint(old))
+        data[at:at + 4] = varint(new)
+    size = int.from_bytes(data[16:18], 'big')
+    chain = [at for at in range(0, len(data), size)
+             if int.from_bytes(data[at:at + 4], 'big') == at // size + 2]
+    last = chain[-1] + size
+    data[last:last + 4] = (chain[1] // size + 1).to_bytes(4, 'big')
+    file.write_bytes(data)
+    result = check(file)
+    assert result.verdict is Verdict.BAD_INPUT
+    assert any('announce 100' in problem for problem in result.problems)
+
+
+def varint(value):
+    """Return a number as SQLite writes one of four bytes."""
+    return bytes((value >> shift & 127) | (128 if shift else 0) for shift in (21, 14, 7, 0))
 
 
 def test_file_that_would_fill_the_disk_is_refused(tmp_path):

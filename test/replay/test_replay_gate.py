@@ -195,7 +195,7 @@ def test_reader_that_goes_away_is_no_error(bags, tmp_path):
 def test_interrupt_ends_all_processes(tmp_path):
     """Of many recordings, sent to the command alone: what waits is not begun."""
     bag = str(write(tmp_path / 'bag', drive(60.0)))
-    process = subprocess.Popen([sys.executable, '-m', 'sat_collision.replay', *[bag] * 60,
+    process = subprocess.Popen([sys.executable, '-m', 'sat_collision.replay', *[bag] * 2000,
                                 '--jobs', '2'], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                                text=True)
     process.stdout.readline()
@@ -203,7 +203,7 @@ def test_interrupt_ends_all_processes(tmp_path):
     process.send_signal(signal.SIGINT)
     _, error = process.communicate(timeout=60)
     assert (process.returncode, error) == (2, 'replay_check: interrupted\n')
-    assert time.monotonic() - begun < 30
+    assert time.monotonic() - begun < 20
 
 
 def test_recording_is_known_by_its_content(bags, tmp_path, capsys):

@@ -74,10 +74,13 @@ class Recording:
         self._sums: Counter[str] = Counter()
 
     def __enter__(self) -> Recording:
-        if not self.path.exists():
-            self._own.damaged('no such file or directory')
-        for file in self._files():
-            self._open(file)
+        try:
+            if not self.path.exists():
+                self._own.damaged('no such file or directory')
+            for file in self._files():
+                self._open(file)
+        except OSError as error:
+            self._own.damaged(in_words(error))
         self._compare(self.counts)
         return self
 

@@ -20,7 +20,7 @@ import pytest
 
 pytest.importorskip('mcap')
 
-from fuzz_files import fuzz  # noqa: E402
+from fuzz_files import fuzz  # noqa: E402, I100
 
 
 def test_damaged_files_raise_nothing_and_miss_nothing():

@@ -70,27 +70,23 @@ def test_write_ahead_log_of_a_killed_recorder_is_read(tmp_path, in_file):
     assert all((file.parent / name).read_bytes() == data for name, data in before.items())
 
 
-def test_log_in_a_folder_that_cannot_be_written_to_is_read(tmp_path):
-    """SQLite needs a file of its own beside a log: a copy is read, and nothing is left behind."""
-    folder = Path(tempfile.mkdtemp(dir=tmp_path))
-    killed_recorder(folder / 'a.db3', drive(contact=(7.0, 8.0)), 120)
-    names = {path.name for path in folder.iterdir()}
+def test_log_in_a_folder_that_cannot_be_written_to_is_read():
+    """Since SQLite needs a file of its own beside it: a copy is read, and nothing is left."""
     with contextlib.ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        killed_recorder(folder / 'a.db3', drive(contact=(7.0, 8.0)), 120)
+        names = {path.name for path in folder.iterdir()}
+        folder.chmod(0o555)
+        stack.callback(folder.chmod, 0o755)
         if not os.geteuid():
             # Root may write anywhere.
-            for place in (folder, *folder.parents[:3]):
-                stack.callback(place.chmod, place.stat().st_mode)
-                place.chmod(0o755)
-            stack.callback(os.seteuid, 0)
             os.seteuid(65534)
-        else:
-            folder.chmod(0o555)
-            stack.callback(folder.chmod, 0o755)
+            stack.callback(os.seteuid, 0)
         result = check(folder / 'a.db3')
         few = check(folder / 'a.db3', Options(limits=Limits(disk=1000)))
+        assert {path.name for path in folder.iterdir()} == names
     assert (result.messages, result.verdict) == (ALL, Verdict.COLLISION)
     assert any('--max-disk' in problem for problem in few.problems)
-    assert {path.name for path in folder.iterdir()} == names
 
 
 @pytest.mark.parametrize('indexed', (True, False))
@@ -168,7 +164,8 @@ def test_messages_of_unknown_topics_are_said(tmp_path):
 
 
 def channel(key, topic, schema=1):
-    return record(CHANNEL, struct.pack('<HH', key, schema) + text(topic) + text(b'cdr') + text(b''))
+    return record(CHANNEL, struct.pack('<HH', key, schema) + text(topic) + text(b'cdr')
+                  + text(b''))
 
 
 def message(key, tick):
@@ -196,7 +193,8 @@ def test_channel_that_changes_is_said(tmp_path):
 def test_topic_of_two_types_is_said(tmp_path):
     """The messages of one of them would be missed or taken for the other's."""
     rows = storage_file(write(tmp_path / 'bag', CLEAR, 'sqlite3'))
-    run_sql(rows, "INSERT INTO topics VALUES (9, '/obstacles', 'std_msgs/msg/Bool', 'cdr', '', '')",
+    run_sql(rows, "INSERT INTO topics SELECT 9, name, 'std_msgs/msg/Bool', 'cdr', '', '' "
+            "FROM topics WHERE name = '/obstacles'",
             'UPDATE messages SET topic_id = 9 WHERE topic_id = 2 AND id > 100')
     chunks = tmp_path / 'a.mcap'
     chunks.write_bytes(MAGIC + record(HEADER, text(b'ros2') + text(b'')) + b''.join([

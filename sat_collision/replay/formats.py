@@ -23,7 +23,7 @@ import json
 from typing import Any
 from xml.etree import ElementTree
 
-from sat_collision.replay.report import report, summary
+from sat_collision.replay.report import lasting, report, summary
 from sat_collision.replay.result import FootprintResult, overall, Result
 
 SCHEMA = 'sat_collision.replay/1'
@@ -98,7 +98,7 @@ def _failures(footprint: FootprintResult, result: Result) -> Iterator[str]:
         if contact.footprint == footprint.name:
             yield (f'in contact with {contact.obstacle} from '
                    f'{result.since(contact.first):.3f} s on for '
-                   f'{(contact.last - contact.first) / 1e9:.3f} s, {contact.depth:.4f} m deep')
+                   f'{lasting(contact.last - contact.first)} s, {contact.depth:.4f} m deep')
     if footprint.unknown > 1e9 * result.max_unknown or not footprint.ever_known:
         yield f'unknown for {footprint.unknown / 1e9:.3f} s'
 

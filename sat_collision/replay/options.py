@@ -20,6 +20,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from sat_collision.replay.configuration import NODE
+from sat_collision.replay.unpacking import Limits
 
 RECEIVE = 'receive'
 HEADER = 'header'
@@ -50,6 +51,10 @@ class Options:
         Keep the bodies at the least separation.
     write_bag : str or None
         Where to write what the node would have published.
+    limits : Limits
+        How much memory and disk may be taken.
+    debug : bool
+        Show where an error that nobody foresaw is raised.
 
     """
 
@@ -64,3 +69,5 @@ class Options:
     sample: float = 0.1
     picture: bool = False
     write_bag: str | None = None
+    limits: Limits = Limits()
+    debug: bool = False

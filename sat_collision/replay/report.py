@@ -22,6 +22,7 @@ from typing import Any
 from sat_collision.replay.result import FootprintResult, overall, Result, Verdict
 
 _MOST_ROWS = 20
+_SHORT = 500_000
 _CLOCKS = {'receive': 'receive time', 'header': 'header stamps'}
 
 
@@ -40,15 +41,20 @@ def report(result: Result) -> list[str]:
     lines += _table(
         ('footprint', 'obstacle', 'first [s]', 'duration [s]', 'depth [m]', 'x [m]', 'y [m]'),
         [(contact.footprint, contact.obstacle, f'{result.since(contact.first):.3f}',
-          f'{(contact.last - contact.first) / 1e9:.3f}{"+" if contact.at_end else ""}',
+          lasting(contact.last - contact.first) + ('+' if contact.at_end else ''),
           f'{contact.depth:.4g}', f'{contact.x:.3f}', f'{contact.y:.3f}')
          for contact in result.contacts], 'contacts')
     lines += _table(
         ('footprint', 'first [s]', 'duration [s]', 'reason'),
         [(unknown.footprint, f'{result.since(unknown.first):.3f}',
           f'{(unknown.last - unknown.first) / 1e9:.3f}', '; '.join(unknown.reasons))
-         for unknown in result.unknown], 'unknown')
+         for unknown in result.unknown if unknown.last - unknown.first >= _SHORT], 'unknown')
     return lines
+
+
+def lasting(duration: int) -> str:
+    """Return a duration in s of one that is in ns; a short one is not said to be 0."""
+    return f'{duration / 1e9:.3f}' if duration >= _SHORT else '<0.001'
 
 
 def report_all(results: list[Result]) -> list[str]:
@@ -123,7 +129,7 @@ def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]], title: str) -
 
 def _is_number(cell: str) -> bool:
     try:
-        float(cell.rstrip('+ %') or 0)
+        float(cell.lstrip('<').rstrip('+ %') or 0)
     except ValueError:
         return False
     return True

@@ -134,7 +134,8 @@ class Result:
     What was found in one recording.
 
     `problems` say what is wrong with the recording, `notes` what else a reader should know.
-    `picture` has the bodies at the moment to draw, if that was asked for.
+    `picture` has the bodies at the moment to draw, if that was asked for. `content` is what the
+    messages are known by, wherever they lie.
     """
 
     bag: str
@@ -142,6 +143,7 @@ class Result:
     max_unknown: float
     start: int | None = None
     end: int | None = None
+    content: str | None = None
     footprints: list[FootprintResult] = field(default_factory=list)
     sources: list[SourceResult] = field(default_factory=list)
     contacts: list[Contact] = field(default_factory=list)

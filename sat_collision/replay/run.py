@@ -25,8 +25,9 @@ from rosbags.rosbag2 import WriterError
 from sat_collision.messages.cdr import header_stamp
 from sat_collision.monitor import Monitor
 from sat_collision.replay.options import HEADER, Options, RECEIVE
-from sat_collision.replay.recording import Message, Recording
+from sat_collision.replay.recording import Recording
 from sat_collision.replay.result import Result, SourceResult
+from sat_collision.replay.storage import Message
 from sat_collision.replay.timeline import Timeline
 from sat_collision.replay.topics import all_sources, missing_topics, settings_for, wrong_types
 from sat_collision.scene.parameters import ParameterError
@@ -62,7 +63,7 @@ def check(path: str | Path, options: Options = Options(),
 
     """
     result = Result(str(path), options.clock, options.max_unknown)
-    with Recording(path) as recording:
+    with Recording(path, options.limits) as recording:
         try:
             settings = settings_for(recording.topics, options.parameters, options.footprints,
                                     options.obstacles, options.node)
@@ -70,6 +71,7 @@ def check(path: str | Path, options: Options = Options(),
         except (ParameterError, WriterError, OSError) as error:
             result.problems.append(f'{path}: {error}')
         result.problems[:0] = recording.problems
+        result.content = recording.content
     return result
 
 

@@ -147,7 +147,7 @@ class Footprint(Body[Obstacle]):
         elif self.fault or self.stale:
             status, reasons = Status.UNKNOWN, (self._fault_in_words(), *source_faults)
         elif self.contacts:
-            status, contacts = Status.COLLISION, tuple(sorted(map(_NAME, self.contacts)))
+            status, contacts = Status.COLLISION, tuple(sorted({*map(_NAME, self.contacts)}))
         else:
             status = Status.UNKNOWN if source_faults else Status.CLEAR
         if status is not Status.CLEAR:

@@ -22,8 +22,8 @@ from sat_collision.scene.bodies import Body
 from sat_collision.scene.deadlines import NEVER
 from sat_collision.scene.settings import ObstacleSettings
 
-# A place in a set or an id; a shape; or the name of a place that is none.
-Key: TypeAlias = 'int | bytes | str'
+# Side and place in a set; an id; a shape; or the name of a place that is none.
+Key: TypeAlias = 'tuple[int, int] | int | bytes | str'
 
 
 class ObstacleId(NamedTuple):

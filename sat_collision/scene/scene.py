@@ -207,6 +207,19 @@ class Scene:
             self._invalidate(footprint, f'was refused: {reason}')
         self._reevaluate_all()
 
+    def lose(self, name: str, count: int) -> None:
+        """Take note that messages of a source were lost; of a footprint the latest counts."""
+        source = self._sources.get(name)
+        if source is not None:
+            source.lose(count)
+            self._reevaluate_all()
+
+    def count_publishers(self, name: str, count: int) -> None:
+        """Take note of how many publishers there are for a source."""
+        source = self._sources.get(name)
+        if source is not None and source.count_publishers(count):
+            self._reevaluate_all()
+
     def fall_behind(self, name: str, seconds: float) -> None:
         """Take note of how old the messages of a footprint or source are before they are taken."""
         source = self._sources.get(name)

@@ -106,6 +106,9 @@ class ObstacleSettings:
     set_window: float = field(default=0.02, metadata=_setting(
         's; messages stamped within this time of the first of a set are different obstacles of '
         'that set', live=True, limits=(0.0, 60.0)))
+    set_quiet: float = field(default=0.05, metadata=_setting(
+        's; a set is whole when nothing of it has come for so long, if no later set or empty '
+        'polygon with its stamp says so before', live=True, limits=(0.001, 60.0)))
     accumulate: bool = field(default=False, metadata=_setting(
         'true keeps every polygon until its timeout, for publishers that send obstacles one by '
         'one', live=True))

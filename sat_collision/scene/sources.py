@@ -81,6 +81,7 @@ class Source:
         self._sets = ObstacleSets()
         self._refusals: Counter[str] = Counter()
         self._shapes_seen = 0
+        self._pause = _Pause(self)
         self._clear()
         self.configure(settings, now=0)
 
@@ -90,6 +91,11 @@ class Source:
         self._heard: int | None = None
         self._silent = False
         self._is_behind = False
+        self._is_known = False
+        self._lost = 0
+        self._lost_in = 0
+        self._cut_in = 0
+        self._publishers: int | None = None
         self._sets.clear()
 
     def configure(self, settings: ObstacleSettings, now: int) -> None:
@@ -99,6 +105,7 @@ class Source:
         self._sets.window = round(settings.set_window * 1e9)
         self._sets.timeout = self.timeout
         self._sets.most = settings.max_count
+        self._quiet = round(settings.set_quiet * 1e9)
         self._by_id = settings.type == POLYGON_INSTANCE
         self._in_sets = not self._by_id and not settings.accumulate
         if not settings.enabled:
@@ -117,7 +124,30 @@ class Source:
     def expire(self) -> None:
         """Note that the source is silent, now that its deadline is past."""
         self._silent = True
+        self._is_known = False
         self._find_faults()
+
+    def end_pause(self) -> None:
+        """Take the set that came in last for whole, now that nothing more of it comes."""
+        self._is_known = True
+        self._finish_set()
+        self._find_faults()
+
+    def lose(self, count: int) -> None:
+        """Take note that messages were lost before the one that comes next."""
+        self._lost += count
+        # Those lost may be of the set that the next message belongs to, or may begin.
+        self._lost_in = NEVER
+        self._find_faults()
+
+    def count_publishers(self, count: int) -> bool:
+        """Take note of how many publishers there are; tell if that changes what is at fault."""
+        before = self.faults
+        self._publishers = count
+        if count == 0 and self._heard is not None:
+            self._is_known = False
+        self._find_faults()
+        return self.faults is not before
 
     def fall_behind(self, seconds: float) -> bool:
         """Take note of how old messages are before they are taken; tell if that is news."""
@@ -133,7 +163,8 @@ class Source:
         if self._hear(stamp, now) is None:
             return TOO_OLD
         if self._in_sets and stamp:
-            self._join_set(stamp)
+            self._join_set(stamp, now)
+            self._finish_set()
         return None
 
     def place(self, body: PackedBody, frame_id: str, stamp: int, now: int,
@@ -147,11 +178,12 @@ class Source:
             self.forget(obstacles[_UNPLACED])
         key: Key
         if self._in_sets and stamp:
-            if stamp != self._sets.start:
-                self._join_set(stamp)
-            key = self._place_of(body)
-            full = key >= self.settings.max_count
+            self._join_set(stamp, now)
+            place = self._place_of(body)
+            full = place >= self.settings.max_count
+            key = self._sets.side, place
         else:
+            self._await_pause(now)
             key = _shape(body) if instance is None or not self._by_id else instance
             key = self._admit(key)
             full = key == _EXCESS
@@ -180,8 +212,9 @@ class Source:
         key: Key = _UNPLACED
         if self._in_sets and stamp != 0:
             if stamp is not None:
-                self._join_set(stamp)
-            key = self._sets.next_place()
+                self._join_set(stamp, now)
+            if self._sets.start is not None:
+                key = self._sets.side, self._sets.next_place()
         elif self._by_id and instance is not None:
             key = self._admit(instance)
         if key == _EXCESS:
@@ -217,22 +250,53 @@ class Source:
             self._heard = time
             if first or self._silent:
                 self._silent = False
+                self._is_known = not self._in_sets
                 self._deadlines.watch(self)
                 self._find_faults()
         return time
 
-    def _join_set(self, stamp: int) -> None:
-        for place in self._sets.join(stamp):
-            obstacle = self.obstacles.get(place)
-            if obstacle is not None:
-                self.forget(obstacle)
+    def _join_set(self, stamp: int, now: int) -> None:
+        """Let a message join the set that comes in, or begin the next one."""
+        sets = self._sets
+        if not sets.continues(stamp):
+            self._finish_set()
+            sets.begin(stamp)
+            if sets.is_cut:
+                self._cut_in = sets.number
+                self._find_faults()
+        if self._lost_in == NEVER:
+            self._lost_in = sets.number
+        self._await_pause(now)
+
+    def _await_pause(self, now: int) -> None:
+        """Have `end_pause` called if nothing more comes for a while."""
+        self._pause.deadline = now + self._quiet
+        if self._pause.deadline < self._pause.watched:
+            self._deadlines.watch(self._pause)
+
+    def _finish_set(self) -> None:
+        """Take the set that came in last for whole: what the one before held is forgotten."""
+        sets = self._sets
+        if sets.is_whole:
+            return
+        sets.is_whole = True
+        last = 1 - sets.side
+        for key in [key for key in self.obstacles if isinstance(key, tuple) and key[0] == last]:
+            self.forget(self.obstacles[key])
+        if not self._is_known or self._lost or self._cut_in:
+            self._is_known = True
+            if self._lost_in < sets.number:
+                self._lost = 0
+            if self._cut_in < sets.number:
+                self._cut_in = 0
+            self._find_faults()
 
     def _place_of(self, body: PackedBody) -> int:
         """Return the place in the set of an equal body, be it forgotten, else the next one."""
         fingerprint = body[0][FINGERPRINT]
         place = self._sets.place_of_equal(fingerprint)
         if place is not None:
-            obstacle = self.obstacles.get(place)
+            obstacle = self.obstacles.get((self._sets.side, place))
             if obstacle is None or obstacle.refused or self._contacts.is_at(obstacle, body):
                 return place
         return self._sets.next_place(fingerprint)
@@ -244,7 +308,7 @@ class Source:
         return key if key in obstacles or len(obstacles) < room else _EXCESS
 
     def _new_obstacle(self, key: Key, time: int) -> Obstacle:
-        number = key if isinstance(key, int) else 0
+        number = key[1] if isinstance(key, tuple) else key if isinstance(key, int) else 0
         if isinstance(key, bytes):
             self._shapes_seen += 1
             number = -self._shapes_seen
@@ -272,11 +336,24 @@ class Source:
     def _find_faults(self) -> None:
         """Put into words what is wrong with the source."""
         faults = []
-        if self._heard is None:
+        if self._publishers == 0 and self._heard is not None:
+            faults.append('has no publisher any more')
+        elif self._heard is None:
             faults.append('has not been heard yet')
         elif self._silent:
             faults.append(
                 f'has been silent for longer than its timeout of {self.settings.timeout:g} s')
+        elif not self._is_known:
+            faults.append('has not sent a whole set yet')
+        if self._in_sets and (self._publishers or 0) > 1:
+            faults.append(f'has {self._publishers} publishers, whose sets cannot be told apart: '
+                          'give each a topic and a name of its own, use ids, or set accumulate')
+        if self._lost:
+            faults.append('lost messages on the way, and has not sent a whole set since: raise '
+                          'the depth of the subscription or publish less at once')
+        if self._cut_in:
+            faults.append('sends sets that set_window cuts in two: set it to more than a set '
+                          'takes or to 0 with one stamp per set, use ids, or set accumulate')
         if self._is_behind:
             faults.append('sends more than can be checked: what it sent is older than its timeout '
                           f'of {self.settings.timeout:g} s before it is looked at')
@@ -291,3 +368,16 @@ class Source:
 def _shape(body: PackedBody) -> bytes:
     """Return what is the same for equal bodies, and for no others."""
     return np.asarray(body[0])[:size_of(body)].tobytes()
+
+
+class _Pause:
+    """The pause that ends a set: it is over when its deadline passes without being put off."""
+
+    def __init__(self, source: Source) -> None:
+        self.deadline: float = NEVER
+        self.watched: float = NEVER
+        self._source = source
+
+    def expire(self) -> None:
+        """Tell the source."""
+        self._source.end_pause()

@@ -134,7 +134,7 @@ class Monitor:
             missing = number - self._numbers.get(name, number) - 1
             if missing > 0:
                 self.lost[name] += missing
-                self.scene.lose(name, missing)
+                self.scene.lose(name, now)
             self._numbers[name] = number
         scene = self.scene
         settings = scene.settings_of(name)

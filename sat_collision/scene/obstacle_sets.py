@@ -86,6 +86,10 @@ class ObstacleSets:
             self._last = stamp
         return True
 
+    def includes(self, stamp: int) -> bool:
+        """Tell whether a stamp is that of the set that came in last, not of one before."""
+        return self.start is not None and abs(stamp - self.start) <= self.window
+
     def begin(self, stamp: int) -> None:
         """Begin a set, on the other side than the one before, which must be whole."""
         # A pause ends a set: one that begins before the window's length has passed was cut off.

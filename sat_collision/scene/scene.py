@@ -207,23 +207,26 @@ class Scene:
             self._invalidate(footprint, f'was refused: {reason}')
         self._reevaluate_all()
 
-    def lose(self, name: str, count: int) -> None:
+    def lose(self, name: str, now: int) -> None:
         """Take note that messages of a source were lost; of a footprint the latest counts."""
+        self.advance(now)
         source = self._sources.get(name)
-        if source is not None:
-            source.lose(count)
+        if source is not None and source.settings.enabled:
+            source.lose(now)
             self._reevaluate_all()
 
     def count_publishers(self, name: str, count: int) -> None:
         """Take note of how many publishers there are for a source."""
         source = self._sources.get(name)
-        if source is not None and source.count_publishers(count):
+        if source is not None:
+            source.count_publishers(count)
             self._reevaluate_all()
 
     def fall_behind(self, name: str, seconds: float) -> None:
         """Take note of how old the messages of a footprint or source are before they are taken."""
         source = self._sources.get(name)
-        if source is not None and source.fall_behind(seconds):
+        if source is not None:
+            source.fall_behind(seconds)
             self._reevaluate_all()
 
     def advance(self, now: int) -> None:
@@ -271,7 +274,7 @@ class Scene:
     def obstacles(self) -> list[tuple[ObstacleId, Polygon]]:
         """The (ObstacleId, Polygon) of every obstacle that is somewhere."""
         return [(obstacle.name, polygon) for source in self._sources.values()
-                for obstacle in source.obstacles.values()
+                for obstacle in source.obstacles
                 if (polygon := obstacle.polygon) is not None]
 
     def contacts(self, name: str) -> list[tuple[ObstacleId, Polygon, Polygon]]:

@@ -131,6 +131,7 @@ def test_state_that_came_and_went_is_no_change():
     stage.see(0.5)
     stage.wait_until(0.1)
     stage.burst(20, 30)
+    stage.whole()
     assert stage.scene.changes() == []
 
 
@@ -142,6 +143,8 @@ def test_collision_that_came_and_went_is_told_as_brief():
     assert stage.scene.evaluations.brief_contacts() == []
     stage.wait_until(0.1)
     stage.burst(20, 30)
+    assert stage.scene.evaluations.brief_contacts() == []
+    stage.whole()
     assert stage.scene.evaluations.brief_contacts() == ['robot']
     assert stage.scene.changes() == []
     assert stage.scene.evaluations.brief_contacts() == []

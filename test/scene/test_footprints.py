@@ -95,6 +95,7 @@ def test_refused_footprint_is_unknown_until_a_good_one():
     stage = Stage()
     stage.robot()
     stage.see(0.5)
+    stage.whole()
     stage.refuse('not finite', name='robot')
     state = stage.state()
     assert (state.status.value, state.contacts, state.age) == ('unknown', (), None)
@@ -127,6 +128,7 @@ def test_release_waits_until_clear_without_interruption():
     for time, x in ((0.1, 5), (0.5, 0.5), (0.6, 5)):
         stage.wait_until(time)
         stage.see(x)
+        stage.whole()
         assert stage.status() == 'collision'
     assert stage.state().contacts == ()
     assert stage.state().reasons == ('clear for less than release_delay, 0.5 s',)
@@ -143,10 +145,12 @@ def test_interruption_counts_even_if_nobody_looked():
     stage = Stage(PATIENT_LIDAR, footprints=[PATIENT_ROBOT], release_delay=0.5)
     stage.robot()
     stage.see(5)
+    stage.whole()
     stage.wait_until(0.3)
     stage.see(0.5)
     stage.wait_until(0.4)
     stage.see(6)
+    stage.whole()
     stage.wait_until(0.8)
     assert stage.status() == 'collision'
     stage.wait_until(0.9)
@@ -158,6 +162,7 @@ def test_release_from_unknown_waits_too_and_keeps_its_status():
     stage = Stage(PATIENT_LIDAR, footprints=[PATIENT_ROBOT], release_delay=0.5)
     stage.robot()
     stage.see(5)
+    stage.whole()
     assert stage.status() == 'unknown'
     assert stage.state().reasons == ('clear for less than release_delay, 0.5 s',)
     stage.wait_until(0.5)
@@ -183,6 +188,7 @@ def test_rise_is_never_delayed():
     stage = Stage(footprints=[PATIENT_ROBOT], release_delay=0.5)
     stage.robot()
     stage.see(5)
+    stage.whole()
     stage.wait_until(1.0)
     assert stage.status() == 'clear'
     stage.see(0.5)

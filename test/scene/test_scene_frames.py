@@ -26,6 +26,7 @@ def test_frame_of_the_first_footprint_is_that_of_the_scene():
     stage.robot(frame='odom')
     assert stage.scene.frame_id == 'odom'
     assert stage.see(0.5, frame='map') == 'other frame'
+    stage.whole()
     assert stage.status() == 'unknown'
     assert stage.state().reasons == (
         'obstacle source lidar on /polygons sent what was refused: other frame',)
@@ -40,6 +41,7 @@ def test_obstacles_that_came_before_the_frame_was_known(settings):
     stage = Stage(settings)
     stage.see(0.5, frame='odom', instance=1)
     stage.see(9.5, frame='map', instance=2)
+    stage.whole()
     stage.robot(frame='odom')
     assert list(stage.held.values()) == [0.5]
     assert stage.status() == 'collision'
@@ -48,6 +50,7 @@ def test_obstacles_that_came_before_the_frame_was_known(settings):
     stage.wait_until(0.1)
     stage.see(0.5, frame='odom', instance=1)
     stage.see(8.5, frame='odom', instance=2)
+    stage.whole()
     assert stage.status() == 'collision'
     assert stage.state().reasons == ()
 
@@ -56,6 +59,7 @@ def test_refusal_before_the_frame_was_known_keeps_its_reason():
     """What was not finite is not in another frame as well."""
     stage = Stage()
     stage.refuse('not finite')
+    stage.whole()
     stage.robot()
     assert stage.state().reasons == (
         'obstacle source lidar on /polygons sent what was refused: not finite',)
@@ -65,6 +69,7 @@ def test_configured_frame_holds_from_the_start():
     """With frame_id set, neither the first footprint nor the first obstacle decides."""
     stage = Stage(frame_id='map')
     assert stage.see(0.5, frame='odom') == 'other frame'
+    stage.whole()
     assert stage.robot(frame='odom') == 'other frame'
     assert stage.state().reasons == (
         "footprint robot on /footprint is not in the frame 'map'",
@@ -79,6 +84,7 @@ def test_second_footprint_in_another_frame_is_unknown():
     """The first one decides; it is not disturbed by the other."""
     stage = Stage(footprints=[ROBOT, CART])
     stage.see(10)
+    stage.whole()
     stage.robot()
     assert stage.robot(10, name='cart', frame='odom') == 'other frame'
     assert (stage.status('robot'), stage.status('cart')) == ('clear', 'unknown')
@@ -98,6 +104,7 @@ def test_step_back_in_time_lets_the_frame_be_chosen_anew():
     stage.wait_until(-1.0)
     stage.robot(frame='odom')
     stage.see(10, frame='odom')
+    stage.whole()
     assert stage.status() == 'clear'
 
 

@@ -125,6 +125,7 @@ def test_silent_source_is_in_trouble_until_heard_again(settings):
     assert findings(stage) == (
         'unknown', (DOUBT + 'has been silent for longer than its timeout of 2 s',))
     stage.see(10, instance=1)
+    stage.whole()
     assert findings(stage) == ('clear', ())
     stage.wait_until(4.1)
     assert stage.status() == 'unknown'
@@ -148,6 +149,7 @@ def test_source_that_sends_more_than_can_be_checked_is_in_trouble():
     """What waits longer than its timeout is too old when its turn comes; then all is taken."""
     stage = with_robot(LIDAR)
     stage.see(10)
+    stage.whole()
     for seconds, doubts in (
             (2.0, ()), (2.1, (DOUBT + 'sends more than can be checked: what it sent is older '
                               'than its timeout of 2 s before it is looked at',)), (0.0, ())):
@@ -161,6 +163,7 @@ def test_backlog_is_no_trouble_where_nothing_times_out():
     """However late a latched map is looked at, it holds."""
     stage = with_robot(PATIENT_LIDAR)
     stage.see(10)
+    stage.whole()
     stage.scene.fall_behind('lidar', 100.0)
     assert findings(stage) == ('clear', ())
 
@@ -181,6 +184,8 @@ def test_disabled_source_is_ignored_and_troubles_nobody():
     stage = with_robot(LIDAR, ObstacleSettings('radar', '/radar'))
     stage.see(0.5)
     stage.see(50, name='radar')
+    stage.whole('lidar')
+    stage.whole('radar')
     assert stage.status() == 'collision'
     settings = stage.settings
     lidar, radar = settings.obstacles
@@ -203,7 +208,7 @@ def test_no_enabled_source_leaves_nothing_known():
 
 
 def test_timeout_changed_while_running():
-    """Shorter forgets at once; longer brings a silent source back, not what it forgot."""
+    """Shorter forgets at once; longer brings nothing back, neither obstacles nor trust."""
     stage = with_robot(LIDAR)
     stage.see(0.5)
     stage.wait_until(1.5)
@@ -218,5 +223,7 @@ def test_timeout_changed_while_running():
     assert findings(stage) == (
         'unknown', (DOUBT + 'has been silent for longer than its timeout of 5 s',))
     set_timeout(0.0)
-    assert findings(stage) == ('clear', ())
+    assert findings(stage) == ('unknown', (DOUBT + 'has not been heard yet',))
     assert stage.held == {}
+    stage.heartbeat()
+    assert findings(stage) == ('clear', ())

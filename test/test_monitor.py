@@ -192,7 +192,7 @@ def test_accumulating_begins_in_the_middle_of_a_set():
                 monitor.scene.update(replace(SETTINGS, obstacles=(
                     replace(lidar, accumulate=True), tracks)))
             monitor.receive('lidar', serialised(box(x + stamp / SECOND), stamp), stamp)
-    assert len([name for name, _ in monitor.scene.obstacles if name.source == 'lidar']) == 5
+    assert len([name for name, _ in monitor.scene.obstacles if name.source == 'lidar']) == 6
 
 
 def monitor_in_a_set(settings=SETTINGS):

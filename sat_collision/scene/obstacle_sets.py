@@ -56,12 +56,12 @@ class ObstacleSets:
         self.timeout: float = NEVER
         self.most = 0
         self.number = 0
+        self.side = 0
         self.clear()
 
     def clear(self) -> None:
-        """Forget all sets."""
+        """Forget all sets; the next one is on the other side all the same."""
         self.start: int | None = None
-        self.side = 0
         self.is_whole = True
         self.is_cut = False
         self._last = 0

@@ -141,9 +141,15 @@ class Source:
     def expire(self) -> None:
         """Note that the source is silent, now that its deadline is past."""
         self._doubts.is_silent = True
-        self._doubts.is_known = False
-        self._sets.clear()
+        self._begin_anew()
         self._find_faults()
+
+    def _begin_anew(self) -> None:
+        """Trust the source from the first set on that begins after this and is whole."""
+        self._finish_set()
+        self._sets.clear()
+        self._pause.deadline = NEVER
+        self._doubts.is_known = False
 
     def lose(self, now: int) -> None:
         """Take note that messages were lost before the one that comes next."""
@@ -163,7 +169,7 @@ class Source:
             if doubts.is_left:
                 self._heard = None
                 doubts.is_heard = False
-                doubts.is_known = False
+                self._begin_anew()
             self._find_faults()
 
     def fall_behind(self, seconds: float) -> None:
@@ -311,7 +317,7 @@ class Source:
         if self._pause_is_over:
             return
         self._finish_set()
-        if not self._doubts.is_known and self._heard is not None:
+        if not self._doubts.is_known:
             self._doubts.is_known = True
             self._find_faults()
 

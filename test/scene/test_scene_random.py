@@ -146,6 +146,22 @@ class SceneMachine(RuleBasedStateMachine):
         self.model.fall_behind(name, seconds)
 
     @rule(name=footprints | sources)
+    def lose(self, name):
+        self.scene.lose(name, self.now)
+        self.model.lose(name, self.now)
+
+    @rule(name=sources, count=st.sampled_from((0, 1, 1, 2)))
+    def publishers(self, name, count):
+        self.scene.count_publishers(name, count)
+        self.model.count_publishers(name, count)
+
+    @rule(name=sources, together=st.lists(bodies, min_size=2, max_size=4, unique=True))
+    def whole_set(self, name, together):
+        self.wait(30)
+        self.obstacles(name, together)
+        self.heartbeat(name, 0)
+
+    @rule(name=footprints | sources)
     def disable(self, name):
         self._use(enable(self.model.settings, name, False))
 
@@ -156,6 +172,7 @@ class SceneMachine(RuleBasedStateMachine):
         for footprint in FOOTPRINTS:
             self._place(footprint.name, 'square 0 0', 0)
         for name in self.sources:
+            self.publishers(name, 1)
             self.heartbeat(name, 0)
 
     @rule(margin=margins)
@@ -170,8 +187,9 @@ class SceneMachine(RuleBasedStateMachine):
         self._changes_are_told()
 
     def _obstacles_agree(self):
-        obstacles = {key_of(*obstacle): ring_of(obstacle[1]) for obstacle in self.scene.obstacles}
-        assert obstacles == self.model.obstacles(self.now)
+        obstacles = Counter((*key_of(*obstacle), ring_of(obstacle[1]))
+                            for obstacle in self.scene.obstacles)
+        assert obstacles == Counter(self.model.obstacles(self.now))
 
     def _states_agree(self):
         keys = {obstacle: key_of(obstacle, polygon)
@@ -179,7 +197,11 @@ class SceneMachine(RuleBasedStateMachine):
         for footprint in FOOTPRINTS:
             state = self.scene.state(footprint.name)
             status, contacts, reasons = self.model.state(footprint.name, self.now)
-            assert (state.status.value, list(state.reasons)) == (status, reasons)
+            assert state.status.value == status
+            assert len(state.reasons) == len(reasons)
+            assert all(reason in words for reason, words in zip(reasons, state.reasons))
+            if status == 'clear':
+                assert not self.model.must_not_be_clear(footprint.name, self.now)
             assert {keys[obstacle] for obstacle in state.contacts} == contacts
             assert list(state.contacts) == sorted(state.contacts)
             assert state.age == self.model.age(footprint.name, self.now)

@@ -25,7 +25,7 @@ from sat_collision.geometry.layout import packed_size
 from sat_collision.geometry.packing import pack_convex
 from sat_collision.geometry.polygon import PackedBody, Polygon, PolygonError, Reason
 from sat_collision.messages.cdr import decode, MessageError, Points
-from sat_collision.scene.scene import Scene
+from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN, Scene
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
 from sat_collision.scene.sources import OTHER_FRAME, TOO_MANY, TOO_OLD
@@ -35,7 +35,9 @@ UNDECODABLE = 'undecodable'
 
 _ADVICE = {
     EMPTY_FRAME_ID: 'the publisher must say which frame the polygon is in',
+    FROM_FUTURE: 'set the clocks of both machines by one, or raise the parameter future_tolerance',
     OTHER_FRAME: 'publish in that frame, or choose another by the parameter frame_id',
+    OVERTAKEN: 'let one publisher send the footprint, in the order of its stamps',
     Reason.EMPTY.value: 'the publisher must send where the footprint is',
     Reason.NOT_FINITE.value: 'the publisher must send finite coordinates only',
     Reason.SELF_INTERSECTING.value: 'the publisher must send the outline of a simple polygon',
@@ -102,7 +104,8 @@ class Monitor:
         self.received: Counter[str] = Counter()
         self.rejected: Counter[tuple[str, str]] = Counter()
         self.lost: Counter[str] = Counter()
-        self._numbers: dict[str, int] = {}
+        self._numbers = {one.name: _Numbers()
+                         for one in (*settings.footprints, *settings.obstacles)}
         self._with_ids = {source.name for source in settings.obstacles
                           if source.type == POLYGON_INSTANCE}
         self._packer = _Packer(settings.max_vertices)
@@ -130,12 +133,10 @@ class Monitor:
         """
         self.received[name] += 1
         if number is not None:
-            # Another publisher, or one that began again, counts from a number of its own.
-            missing = number - self._numbers.get(name, number) - 1
-            if missing > 0:
+            missing = self._numbers[name].missing_before(number)
+            if missing:
                 self.lost[name] += missing
                 self.scene.lose(name, now)
-            self._numbers[name] = number
         scene = self.scene
         settings = scene.settings_of(name)
         if not settings.enabled:
@@ -162,9 +163,18 @@ class Monitor:
         elif refusal == TOO_OLD:
             detail = (f'its stamp is {(now - stamp) / 1e9:.3f} s old, past the timeout of '
                       f'{settings.timeout:g} s')
+        elif refusal == FROM_FUTURE:
+            detail = f'its stamp is {(stamp - now) / 1e9:.3f} s ahead of the clock'
+        elif refusal == OVERTAKEN:
+            detail = 'a footprint with a later stamp came before it'
         else:
             detail = 'the source holds max_count obstacles already'
         return self._reject(settings, refusal, detail)
+
+    def count_publishers(self, name: str, count: int) -> None:
+        """Take note of how many publishers a footprint or source has; called again and again."""
+        self._numbers[name].most = max(count, 1)
+        self.scene.count_publishers(name, count)
 
     def _refuse(self, settings: FootprintSettings | ObstacleSettings, reason: str, detail: str,
                 now: int, stamp: int | None = None, instance: int | None = None) -> Rejection:
@@ -176,6 +186,36 @@ class Monitor:
                 detail: str) -> Rejection:
         self.rejected[settings.name, reason] += 1
         return Rejection(settings.name, settings.topic, reason, detail)
+
+
+class _Numbers:
+    """
+    The numbers of a topic's messages, which each of its publishers counts from one of its own.
+
+    Attributes
+    ----------
+    most : int
+        How many publishers there are.
+
+    """
+
+    def __init__(self) -> None:
+        self.most = 1
+        self._last: list[int] = []
+
+    def missing_before(self, number: int) -> int:
+        """Return how many messages a publisher sent before this one that did not come."""
+        last = self._last
+        if last and last[0] == number - 1:
+            last[0] = number
+            return 0
+        before = max((one for one in last if one < number), default=None)
+        if before is not None:
+            last.remove(before)
+        # Else another publisher, or one that began again.
+        last.insert(0, number)
+        del last[self.most:]
+        return 0 if before is None else number - before - 1
 
 
 class _Packer:

@@ -28,6 +28,7 @@ from sat_collision.scene.sources import TOO_MANY
 
 NOW = 1000 * SECOND
 SETTINGS = Settings(
+    frame_id='map',
     footprints=(FootprintSettings('robot', '/footprint'),),
     obstacles=(ObstacleSettings('lidar', '/polygons'),
                ObstacleSettings('tracks', '/tracks', type='polygon_instance', max_count=2)))
@@ -163,6 +164,53 @@ def test_numbers_that_are_missing_are_counted_as_lost():
                          ('lidar', 4), ('robot', 3), ('lidar', 4)):
         assert monitor.receive(name, serialised(box(0)), NOW, number) is None
     assert monitor.lost == {'lidar': 2, 'robot': 1}
+
+
+def test_numbers_of_several_publishers_are_told_apart():
+    """Each counts its own; as many are followed as there are."""
+    monitor = clear_monitor()
+    monitor.count_publishers('tracks', 2)
+    for number in (100, 7, 101, 8, 102, 9, 11, 105, 12):
+        monitor.receive('tracks', serialised(box(20), instance=1), NOW, number)
+    assert monitor.lost == {'tracks': 3}
+
+
+def test_lost_message_makes_unknown_until_a_set_is_whole():
+    """One in ten is dropped on the way; one obstacle lies on the robot all the time."""
+    monitor = clear_monitor(replace(SETTINGS, obstacles=SETTINGS.obstacles[:1]))
+    rng = random.Random(0)
+    statuses, number = [], 0
+    for scan in range(200):
+        stamp = NOW + scan * SECOND // 10 + SECOND
+        monitor.receive('robot', serialised(box(0), stamp), stamp)
+        for x in (10, 20, 0.5, 30, 40):
+            number += 1
+            if rng.random() > 0.1:
+                monitor.receive('lidar', serialised(box(x), stamp), stamp, number)
+                statuses.append(status(monitor))
+    assert 50 < monitor.lost['lidar'] < 150
+    assert 'clear' not in statuses[5:]
+    assert statuses.count('collision') > 500
+
+
+@pytest.mark.parametrize('name, instance', [('robot', None), ('lidar', None), ('tracks', 5)])
+def test_stamp_from_the_future_is_rejected(name, instance):
+    """The clocks of two machines differ by an hour: the log says what to do."""
+    monitor = clear_monitor()
+    rejection = monitor.receive(
+        name, serialised(box(30), NOW + 3600 * SECOND, instance=instance), NOW)
+    assert rejection.reason == 'from the future'
+    assert '3600.000 s ahead' in rejection.text and 'future_tolerance' in rejection.text
+    assert status(monitor) == 'unknown'
+
+
+def test_older_footprint_is_rejected_and_changes_nothing():
+    """Two publishers send it, or the network changes their order."""
+    monitor = clear_monitor()
+    rejection = monitor.receive('robot', serialised(box(10), NOW - 1), NOW)
+    assert rejection.reason == 'older than the last'
+    assert monitor.rejected == {('robot', 'older than the last'): 1}
+    assert status(monitor) == 'clear'
 
 
 def test_damaged_messages_never_raise():

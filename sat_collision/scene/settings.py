@@ -127,7 +127,14 @@ class Settings:
         'names of the sources of obstacles; each has parameters of its own, such as '
         'obstacle.topic'))
     frame_id: str = field(default='', metadata=_setting(
-        'the frame that everything must be in; empty for that of the first good footprint'))
+        'the frame that everything must be in; empty for the one that the footprints of the last '
+        'second agree on'))
+    future_tolerance: float = field(default=1.0, metadata=_setting(
+        's; a message stamped further ahead of the clock is refused', live=True,
+        limits=(0.0, _DAY)))
+    clock_timeout: float = field(default=2.0, metadata=_setting(
+        's by the wall clock; simulated time that stands still for so long makes the footprints '
+        'unknown; 0.0 for never', live=True, limits=(0.0, _DAY)))
     enabled: bool = field(default=True, metadata=_setting(
         'false checks nothing: every state is unknown', live=True))
     unknown_is_collision: bool = field(default=True, metadata=_setting(

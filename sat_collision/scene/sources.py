@@ -26,7 +26,7 @@ from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.deadlines import Alarm, Deadlines, NEVER
 from sat_collision.scene.doubts import Doubts
 from sat_collision.scene.obstacle_sets import ObstacleSets
-from sat_collision.scene.obstacles import Key, Obstacle
+from sat_collision.scene.obstacles import Key, Obstacle, ObstacleId
 from sat_collision.scene.settings import ObstacleSettings, POLYGON_INSTANCE
 
 OTHER_FRAME = 'other frame'
@@ -132,6 +132,12 @@ class Source:
     def obstacles(self) -> Iterator[Obstacle]:
         """Every Obstacle, those that stand for what was refused included."""
         return chain(self._keyed.values(), *(side.values() for side in self._sides))
+
+    def named(self, name: ObstacleId) -> list[Obstacle]:
+        """Return the obstacles of a name that are somewhere: two sets may have one each."""
+        found = [held.get(name.key) for held in (self._keyed, *self._sides)]
+        return [one for one in found if one and one.row is not None and one.name == name] or [
+            one for one in self._keyed.values() if one.name == name and one.row is not None]
 
     @property
     def deadline(self) -> float:

@@ -255,7 +255,7 @@ def test_late_message_joins_the_set_that_is_coming_in():
 @pytest.mark.parametrize('stamp', [58.0, 0.1])
 def test_clock_set_back_by_the_timeout_or_more_begins_a_set(stamp):
     """A publisher's clock ran ahead and is corrected: its obstacles go on replacing each other."""
-    stage = Stage()
+    stage = Stage(future_tolerance=100.0)
     stage.burst(10, 20, stamp=60.0)
     stage.wait_until(0.1)
     stage.burst(11, stamp=stamp)

@@ -19,6 +19,35 @@ from dataclasses import replace
 from stage import CART, clear_stage, EVERY_KIND, ROBOT, Stage
 
 
+def test_frame_is_the_one_that_footprints_of_the_last_second_agree_on():
+    """The first footprint ever came in a wrong frame; the obstacles follow with their next set."""
+    stage = Stage(footprints=[ROBOT, CART])
+    stage.robot(frame='odom', name='cart')
+    stage.see(10)
+    stage.whole()
+    assert stage.robot(frame='map') == 'other frame', 'they do not agree'
+    stage.wait_until(0.5)
+    assert stage.robot(name='cart') is None
+    assert stage.scene.frame_id == 'map'
+    stage.robot()
+    assert stage.status('robot') == stage.status('cart') == 'unknown'
+    stage.see(10)
+    stage.whole()
+    assert stage.status('robot') == stage.status('cart') == 'clear'
+
+
+def test_frame_does_not_wait_for_a_footprint_that_was_not_heard_of_late():
+    """What is still in the old frame is unknown from then on."""
+    stage = Stage(footprints=[ROBOT, replace(CART, timeout=0.0)])
+    stage.robot(frame='odom', name='cart')
+    stage.wait_until(1.0)
+    assert stage.robot() == 'other frame'
+    stage.wait_until(1.001)
+    assert stage.robot() is None
+    assert stage.state('cart').reasons[0] == "footprint cart on /cart/footprint is not in the " \
+                                             "frame 'map'"
+
+
 def test_frame_of_the_first_footprint_is_that_of_the_scene():
     """No frame_id is configured."""
     stage = Stage()
@@ -91,11 +120,12 @@ def test_second_footprint_in_another_frame_is_unknown():
 
 
 def test_footprint_that_changes_its_frame_is_unknown():
-    """Its last place in the right frame is not kept."""
-    stage = clear_stage()
-    stage.robot(frame='odom')
-    assert stage.status() == 'unknown'
-    assert stage.scene.footprints == []
+    """Its last place is not kept; where the frame is not configured, the obstacles must follow."""
+    for settings in ({'frame_id': 'map'}, {}):
+        stage = clear_stage(**settings)
+        stage.robot(frame='odom')
+        assert stage.status() == 'unknown'
+        assert (stage.scene.footprints == []) == bool(settings)
 
 
 def test_step_back_in_time_lets_the_frame_be_chosen_anew():

@@ -29,6 +29,7 @@ from hypothesis.stateful import (
     initialize, invariant, rule, RuleBasedStateMachine, run_state_machine_as_test)
 import pytest
 from sat_collision.monitor import UNDECODABLE
+from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from sat_collision.scene.sources import OTHER_FRAME, TOO_MANY, TOO_OLD
 
@@ -61,7 +62,7 @@ BODIES = {f'{shape} {column} {row}': tuple((x / 2 + 1.5 * column, y / 2 + 1.5 * 
 RING_OF = {frozenset(ring): ring for ring in BODIES.values()}
 
 # In milliseconds, timeouts among them to the nanosecond; None is for a stamp of 0.
-ages = st.sampled_from((0, 0, 0, 1, 15, 20, 90, 500, 600, 700, 1000, 2000, -2000, None))
+ages = st.sampled_from((0, 0, 0, 1, 15, 20, 90, 500, 600, 700, 1000, 2000, -10, -2000, None))
 waits = st.sampled_from((1, 5, 30, 100, 500, 600))
 bodies = st.sampled_from(tuple(BODIES))
 margins = st.sampled_from((0.0, 0.0, 0.5, 0.75))
@@ -286,5 +287,6 @@ def test_scene_agrees_with_a_model_that_recomputes_everything(machine):
         max_examples=300, stateful_step_count=70, derandomize=True, database=None, deadline=None,
         report_multiple_bugs=False, phases=(hypothesis.Phase.generate, hypothesis.Phase.shrink)))
     assert min(machine.seen[status] for status in ('clear', 'collision', 'unknown')) > 500
-    assert min(machine.seen[refusal] for refusal in (OTHER_FRAME, TOO_MANY, TOO_OLD)) > 50
+    assert min(machine.seen[refusal] for refusal in (
+        FROM_FUTURE, OTHER_FRAME, OVERTAKEN, TOO_MANY, TOO_OLD)) > 50
     assert machine.seen['brief'] > 10

@@ -75,13 +75,28 @@ def test_obstacle_lives_from_its_stamp_not_from_its_arrival(settings):
 
 @EVERY_KIND
 def test_stamp_in_the_future_does_not_prolong_a_life(settings):
-    """The publisher's clock is an hour ahead: its obstacles still last for the timeout."""
+    """The publisher's clock is a little ahead: its obstacles still last for the timeout."""
     stage = Stage(settings)
-    stage.see(10, stamp=3600.0, instance=1)
+    stage.see(10, stamp=1.0, instance=1)
     stage.wait_until(2.0)
     assert len(stage.held) == 1
     stage.wait_until(2.001)
     assert stage.held == {}
+
+
+@EVERY_KIND
+def test_stamp_further_ahead_than_the_tolerance_is_refused(settings):
+    """The publisher's clock is an hour ahead: nobody knows how long a message was on the way."""
+    stage = with_robot(settings)
+    stage.heartbeat()
+    assert stage.status() == 'clear'
+    assert stage.see(10, stamp=3600.0, instance=1) == 'from the future'
+    assert findings(stage) == ('unknown', (DOUBT + 'sent what was refused: from the future',))
+    for time in (0.1, 0.2):
+        stage.wait_until(time)
+        stage.see(10, instance=1)
+        stage.whole()
+    assert stage.status() == 'clear'
 
 
 def test_older_polygon_of_an_id_expires_by_its_own_stamp():

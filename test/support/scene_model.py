@@ -24,6 +24,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from builders import SECOND
+from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
 from sat_collision.scene.settings import POLYGON_INSTANCE
 from sat_collision.scene.sources import OTHER_FRAME, TOO_MANY, TOO_OLD
 import shapely
@@ -72,15 +73,24 @@ class SceneModel:
         """Take a body of a footprint or source."""
         if not self.settings_of(name).enabled:
             return None
+        if self._is_from_future(stamp, now):
+            return self.refuse(name, FROM_FUTURE, None, now, instance)
         if name in self._sources:
             return self._sources[name].place(ring, stamp, now, instance)
-        self._footprints[name] = Place(ring, min(stamp or now, now), '')
+        settings = self.settings_of(name)
+        last = self._footprints[name]
+        if not last.fault and settings.timeout and not is_past(settings, last.time, now) and (
+                0 < stamp < last.stamp):
+            return OVERTAKEN
+        self._footprints[name] = Place(ring, min(stamp or now, now), '', stamp or now)
         return None
 
     def refuse(self, name, reason, stamp, now, instance=None):
         """Take a message without a usable body; stamp and instance are None where unknown."""
         if not self.settings_of(name).enabled:
             return None
+        if stamp is not None and self._is_from_future(stamp, now):
+            stamp = None
         if name in self._sources:
             return self._sources[name].refuse(reason, stamp, now, instance)
         self._footprints[name] = Place(fault=(
@@ -92,7 +102,12 @@ class SceneModel:
         """Take the message of a source that it lives and sees nothing."""
         if not self.settings_of(name).enabled:
             return None
+        if self._is_from_future(stamp, now):
+            return self.refuse(name, FROM_FUTURE, None, now)
         return self._sources[name].heartbeat(stamp, now)
+
+    def _is_from_future(self, stamp, now):
+        return stamp > now + nanoseconds(self.settings.future_tolerance)
 
     def fall_behind(self, name, seconds):
         """Take note of how old the messages of a footprint or source are when they are taken."""
@@ -156,6 +171,7 @@ class Place(NamedTuple):
     ring: tuple | None = None
     time: int | None = None
     fault: str = _UNHEARD
+    stamp: int | None = None
 
 
 class SourceModel:

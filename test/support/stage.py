@@ -124,10 +124,10 @@ def clear_stage(*sources, **settings):
     return stage
 
 
-def with_robot(*sources):
-    """Return a stage with a footprint that stands at 0 and never ages."""
-    stage = Stage(*sources, footprints=[PATIENT_ROBOT])
-    stage.robot()
+def with_robot(*sources, footprints=(PATIENT_ROBOT,), stamp=None):
+    """Return a stage with a footprint that stands at 0 and, unless told otherwise, never ages."""
+    stage = Stage(*sources, footprints=footprints)
+    stage.robot(stamp=stamp)
     return stage
 
 

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from typing import NamedTuple
 
 import numpy as np
@@ -104,8 +104,7 @@ class Monitor:
         self.received: Counter[str] = Counter()
         self.rejected: Counter[tuple[str, str]] = Counter()
         self.lost: Counter[str] = Counter()
-        self._numbers = {one.name: _Numbers()
-                         for one in (*settings.footprints, *settings.obstacles)}
+        self._numbers = defaultdict[str, _Numbers](_Numbers)
         self._with_ids = {source.name for source in settings.obstacles
                           if source.type == POLYGON_INSTANCE}
         self._packer = _Packer(settings.max_vertices)

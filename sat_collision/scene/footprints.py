@@ -94,8 +94,8 @@ class Footprint(Body[Obstacle]):
 
     """
 
-    __slots__ = ('settings', 'timeout', 'time', 'stamp', 'frame_id', 'heard', 'fault', 'stale', 'status', 'evaluation',
-                 'watched', '_clear_since', '_release', '_due')
+    __slots__ = ('settings', 'timeout', 'time', 'stamp', 'frame_id', 'heard', 'fault', 'stale',
+                 'status', 'evaluation', 'watched', '_clear_since', '_release', '_due')
 
     evaluation: Evaluation
 

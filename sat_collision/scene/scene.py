@@ -194,6 +194,7 @@ class Scene:
         if not source.settings.enabled:
             return None
         faults = source.faults
+        refusal: str | None
         if self._is_from_future(stamp):
             # With such a stamp it can be of no set.
             refusal = source.refuse(FROM_FUTURE, None, now, instance)

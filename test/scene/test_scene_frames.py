@@ -44,8 +44,8 @@ def test_frame_does_not_wait_for_a_footprint_that_was_not_heard_of_late():
     assert stage.robot() == 'other frame'
     stage.wait_until(1.001)
     assert stage.robot() is None
-    assert stage.state('cart').reasons[0] == "footprint cart on /cart/footprint is not in the " \
-                                             "frame 'map'"
+    assert stage.state('cart').reasons[0] == (
+        "footprint cart on /cart/footprint is not in the frame 'map'")
 
 
 def test_frame_of_the_first_footprint_is_that_of_the_scene():

@@ -140,7 +140,7 @@ class SceneModel:
         if not settings.enabled:
             return 'unknown', set(), [f'footprint {name} is disabled']
         doubts = self._doubts(now)
-        ring, time, fault = self._footprints[name]
+        ring, time, fault, _ = self._footprints[name]
         if not fault and is_past(settings, time, now):
             fault = f'is older than its timeout of {settings.timeout:g} s'
         if fault:

@@ -91,6 +91,7 @@ class SceneModel:
             return None
         if stamp is not None and self._is_from_future(stamp, now):
             stamp = None
+            reason = FROM_FUTURE if reason == OTHER_FRAME else reason
         if name in self._sources:
             return self._sources[name].refuse(reason, stamp, now, instance)
         self._footprints[name] = Place(fault=(

@@ -196,8 +196,8 @@ class Scene:
         faults = source.faults
         refusal: str | None
         if self._is_from_future(stamp):
-            # With such a stamp it can be of no set.
-            refusal = source.refuse(FROM_FUTURE, None, now, instance)
+            # With such a stamp it can be of no set; a heartbeat is of no instance.
+            refusal = source.refuse(FROM_FUTURE, None, now, None if body is None else instance)
         elif body is None:
             refusal = source.heartbeat(stamp, now)
         elif self.frame_id and frame_id != self.frame_id:

@@ -22,7 +22,7 @@ from sat_collision.scene.bodies import Body
 from sat_collision.scene.deadlines import NEVER
 from sat_collision.scene.settings import ObstacleSettings
 
-# A place in a set or an id; a shape; or the name of a place that is none.
+# Side and place in a set; an id; a shape; or the name of a place that is none.
 Key: TypeAlias = 'int | bytes | str'
 
 
@@ -64,8 +64,10 @@ class Obstacle(Body[Body[Any]]):
     Attributes
     ----------
     source : Owner
+    held : dict
+        What the source holds beside it, by key.
     key : Key
-        What the source knows it by.
+        What the source knows it by there.
     name : ObstacleId
     time : int
         Time in ns that it counts from.
@@ -75,11 +77,13 @@ class Obstacle(Body[Body[Any]]):
 
     """
 
-    __slots__ = ('source', 'key', 'name', 'time', 'frame_id', 'refused', 'watched')
+    __slots__ = ('source', 'held', 'key', 'name', 'time', 'frame_id', 'refused', 'watched')
 
-    def __init__(self, source: Owner, key: Key, number: int, time: int) -> None:
+    def __init__(self, source: Owner, held: dict[Key, Obstacle], key: Key, number: int,
+                 time: int) -> None:
         super().__init__()
         self.source = source
+        self.held = held
         self.key = key
         self.name = ObstacleId(source.settings.name, number)
         self.time = time

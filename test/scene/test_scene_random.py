@@ -142,10 +142,10 @@ class SceneMachine(RuleBasedStateMachine):
         assert told == self.model.heartbeat(name, stamp, self.now)
         self._note_collisions()
 
-    @rule(name=footprints | sources, seconds=st.sampled_from((0.0, 0.5, 0.55, 10.0)))
-    def fall_behind(self, name, seconds):
-        self.scene.fall_behind(name, seconds)
-        self.model.fall_behind(name, seconds)
+    @rule(name=sources, waiting=st.booleans(), overwhelmed=st.booleans())
+    def fall_behind(self, name, waiting, overwhelmed):
+        self.scene.fall_behind(name, waiting, overwhelmed)
+        self.model.fall_behind(name, waiting, overwhelmed)
 
     @rule(name=footprints | sources)
     def lose(self, name):

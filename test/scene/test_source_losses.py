@@ -134,11 +134,11 @@ def test_pause_is_none_while_messages_wait_to_be_looked_at():
     """The node was held up in the middle of a set."""
     stage = with_robot(LIDAR)
     stage.see(10)
-    stage.scene.fall_behind('lidar', 0.5)
+    stage.scene.fall_behind('lidar', True, False)
     stage.wait_until(0.5)
     assert stage.status() == 'unknown'
     stage.see(20, stamp=0.0)
-    stage.scene.fall_behind('lidar', 0.0)
+    stage.scene.fall_behind('lidar', False, False)
     assert stage.status() == 'unknown'
     stage.wait_until(0.551)
     assert stage.status() == 'clear'

@@ -110,10 +110,10 @@ class SceneModel:
     def _is_from_future(self, stamp, now):
         return stamp > now + nanoseconds(self.settings.future_tolerance)
 
-    def fall_behind(self, name, seconds):
-        """Take note of how old the messages of a footprint or source are when they are taken."""
-        if name in self._sources:
-            self._sources[name].backlog = seconds
+    def fall_behind(self, name, waiting, overwhelmed):
+        """Take note of whether messages of a source wait, and are more than can be checked."""
+        self._sources[name].waiting = waiting
+        self._sources[name].overwhelmed = overwhelmed
 
     def lose(self, name, now):
         """Take note that messages were lost; of a footprint that means nothing."""
@@ -185,7 +185,7 @@ class SourceModel:
     def __init__(self, settings, publishers=None):
         self.settings = settings
         self.publishers = publishers
-        self.backlog = 0.0
+        self.waiting = self.overwhelmed = False
         self.told = []
         self._was_left = False
         self._keyed = {}
@@ -211,7 +211,7 @@ class SourceModel:
         settings = self.settings
         heard_until = None if self._heard is None or not settings.timeout else (
             self._heard + nanoseconds(settings.timeout))
-        if self._quiet_since is not None and not self.backlog:
+        if self._quiet_since is not None and not self.waiting:
             quiet_until = self._quiet_since + nanoseconds(settings.set_quiet)
             if quiet_until < now and (heard_until is None or quiet_until <= heard_until):
                 self._quiet_since = None
@@ -256,7 +256,7 @@ class SourceModel:
             doubts.append('lost messages')
         if self._has_sets and self._cut_in is not None:
             doubts.append('sends sets that set_window cuts in two')
-        if self.backlog > self.settings.timeout > 0.0:
+        if self.overwhelmed:
             doubts.append('sends more than can be checked')
         faults = {place.fault for _, place in self.held(now) if place.fault}
         return doubts + [f'sent what was refused: {fault}' for fault in sorted(faults)]

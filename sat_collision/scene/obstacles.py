@@ -69,7 +69,7 @@ class Obstacle(Body[Body[Any]]):
     key : Key
         What the source knows it by there.
     name : ObstacleId
-    time : int
+    time : int or float
         Time in ns that it counts from.
     frame_id : str
     refused : str or None
@@ -80,13 +80,13 @@ class Obstacle(Body[Body[Any]]):
     __slots__ = ('source', 'held', 'key', 'name', 'time', 'frame_id', 'refused', 'watched')
 
     def __init__(self, source: Owner, held: dict[Key, Obstacle], key: Key, number: int,
-                 time: int) -> None:
+                 time: float) -> None:
         super().__init__()
         self.source = source
         self.held = held
         self.key = key
         self.name = ObstacleId(source.settings.name, number)
-        self.time = time
+        self.time: float = time
         self.frame_id = ''
         self.refused: str | None = None
         self.watched: float = NEVER

@@ -80,6 +80,7 @@ class Source:
         self._deadlines = deadlines
         self._keyed: dict[Key, Obstacle] = {}
         self._sides: tuple[dict[Key, Obstacle], dict[Key, Obstacle]] = {}, {}
+        self._retired: dict[Key, Obstacle] = {}
         self.faults: tuple[str, ...] = ()
         self.watched: float = NEVER
         self._sets = ObstacleSets()
@@ -93,6 +94,9 @@ class Source:
     def _clear(self) -> None:
         for obstacle in list(self.obstacles):
             self.forget(obstacle)
+        for obstacle in self._retired.values():
+            self._contacts.remove_obstacle(obstacle)
+        self._retired = {}
         publishers = self._doubts.publishers
         self._doubts = Doubts(publishers=publishers)
         self._heard: int | None = None
@@ -332,8 +336,7 @@ class Source:
         if sets.is_whole:
             return
         sets.is_whole = True
-        for obstacle in list(self._sides[1 - sets.side].values()):
-            self.forget(obstacle)
+        self._retire(self._sides[1 - sets.side])
         doubts = self._doubts
         if self._lost_in < sets.number:
             self._get_over_loss()
@@ -341,6 +344,19 @@ class Source:
             doubts.is_known = True
             doubts.is_cut = self._cut_in == sets.number
             self._find_faults()
+
+    def _retire(self, held: dict[Key, Obstacle]) -> None:
+        """Drop all obstacles of a set; those of the one after the next take their rows."""
+        for obstacle in [one for one in held.values() if one.refused]:
+            self.forget(obstacle)
+        for place, obstacle in self._retired.items():
+            if place in held:
+                self._contacts.remove_obstacle(obstacle)
+        for obstacle in held.values():
+            obstacle.time = NEVER
+        self._contacts.hide_obstacles(held.values())
+        self._retired.update(held)
+        held.clear()
 
     def _get_over_loss(self) -> None:
         """Trust the source again after messages were lost, or came without a stamp."""
@@ -366,7 +382,12 @@ class Source:
         room = self.settings.max_count + (_EXCESS in held) + (_UNPLACED in held)
         return key if key in held or len(held) < room else _EXCESS
 
-    def _new_obstacle(self, held: dict[Key, Obstacle], key: Key, time: int) -> Obstacle:
+    def _new_obstacle(self, held: dict[Key, Obstacle], key: Key, time: float) -> Obstacle:
+        if held is not self._keyed and key in self._retired:
+            obstacle = held[key] = self._retired.pop(key)
+            obstacle.held = held
+            obstacle.time = time
+            return obstacle
         number = key if isinstance(key, int) else 0
         if isinstance(key, bytes):
             self._shapes_seen += 1
@@ -374,7 +395,7 @@ class Source:
         obstacle = held[key] = Obstacle(self, held, key, number, time)
         return obstacle
 
-    def _refuse(self, held: dict[Key, Obstacle], key: Key, time: int, reason: str) -> None:
+    def _refuse(self, held: dict[Key, Obstacle], key: Key, time: float, reason: str) -> None:
         """Put a refused message in the place of what was there."""
         obstacle = held.get(key) or self._new_obstacle(held, key, time)
         obstacle.time = max(obstacle.time, time)

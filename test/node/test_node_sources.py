@@ -87,6 +87,39 @@ def test_source_is_unknown_until_its_first_set_is_whole(start):
     assert 'clear' not in {values(array.status[0])['state'] for array in states}
 
 
+def test_set_that_was_under_way_when_the_node_began_does_not_count(start, domain):
+    """Who knows what came before: the next set tells."""
+    peer = Peer(domain)
+    publisher = peer.node.create_publisher(PolygonStamped, '/obstacles', 10)
+    publisher.publish(polygon_message(TOUCHING, peer.now()))
+    monitor = start(**NO_TIMEOUT)
+    monitor.send('footprint', ROBOT)
+    peer.until(publisher.get_subscription_count)
+    publisher.publish(polygon_message(APART, peer.now()))
+    monitor.until(lambda: monitor.received['obstacle'] == 1)
+    monitor.spin(0.3)
+    assert 'has not sent a whole set' in values(monitor.status())['reason']
+    publisher.publish(polygon_message(APART, peer.now()))
+    monitor.await_state('clear')
+    peer.close()
+
+
+@pytest.mark.parametrize('age', [1, -3600])
+def test_footprint_from_the_past_or_the_future_is_refused(start, age):
+    """It was overtaken by the one before, or the clock that stamped it is an hour ahead."""
+    monitor = start(obstacle__timeout=0.0, footprint__timeout=60.0)
+    stamp = monitor.now()
+    monitor.send('footprint', ROBOT, stamp)
+    monitor.send('obstacles', TOUCHING)
+    monitor.await_state('collision')
+    states = monitor.listen('~/state')
+    monitor.send('footprint', APART, stamp - age * SECOND)
+    monitor.until(lambda: monitor.monitor._monitor.rejected.total())
+    monitor.spin(0.3)
+    assert 'clear' not in {values(array.status[0])['state'] for array in states}
+    assert monitor.state() == ('collision' if age > 0 else 'unknown')
+
+
 def test_thousands_of_obstacles_a_set_are_all_taken(start):
     """Within max_count, in one burst, which takes a while to publish and to take."""
     monitor = start(obstacle__set_quiet=1.0, **NO_TIMEOUT)
@@ -99,7 +132,7 @@ def test_thousands_of_obstacles_a_set_are_all_taken(start):
         for message in (*data, polygon_message(TOUCHING, stamp)):
             monitor.publisher('obstacles').publish(message)
         monitor.spin(0.3)
-    monitor.until(lambda: monitor.received['obstacle'] == 9000, 'all messages')
+    monitor.until(lambda: monitor.received['obstacle'] == 9000, 'all messages', patience=40.0)
     monitor.await_state('collision')
     raised = [message.data for message in heard]
     assert all(raised[raised.index(True):])
@@ -130,7 +163,7 @@ def test_publishers_are_counted(start, domain):
     monitor.await_state('unknown')
     monitor.until(lambda: 'has 2 publishers' in values(monitor.status())['reason'])
     monitor.node.destroy_publisher(second)
-    monitor.await_state('clear')
+    monitor.send_until('clear', 'obstacles', APART)
     monitor.node.destroy_publisher(monitor._publishers.pop('obstacles'))
     monitor.await_state('unknown')
     monitor.until(lambda: 'no publisher any more' in values(monitor.status())['reason'])

@@ -27,7 +27,7 @@ from sat_collision.replay.recovery import Damage, recovered
 from sat_collision.replay.result import Verdict
 from sat_collision.replay.run import check
 
-ALL = 2 * 101
+ALL = 3 * 101
 
 
 def storage_file(bag):

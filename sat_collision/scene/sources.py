@@ -74,6 +74,7 @@ class Source:
         self._sets = ObstacleSets()
         self._pause = Alarm(self._end_pause)
         self._cure = Alarm(self._get_over_loss)
+        self.settings = settings
         self.faults: tuple[str, ...] = ()
         self.watched: float = NEVER
         self._clear()
@@ -88,7 +89,7 @@ class Source:
 
     def configure(self, settings: ObstacleSettings, now: int) -> None:
         """Apply settings; a disabled source forgets all that it was told."""
-        was_enabled = now > 0 and self.settings.enabled
+        was_enabled = self.settings.enabled
         self.settings = settings
         self._timeout = round(settings.timeout * 1e9) if settings.timeout > 0.0 else NEVER
         self.obstacles.configure(self._timeout, settings.max_count)
@@ -131,7 +132,6 @@ class Source:
     def meet_publisher(self, from_beginning: bool) -> None:
         """Take note that the next message is the first one heard of a publisher, or sent by it."""
         if self._doubts.is_heard and not (from_beginning and self._sets.is_whole):
-            # The one before was replaced in the middle of a set, or something was missed.
             self._begin_anew()
             self._find_faults()
         if from_beginning:
@@ -205,11 +205,7 @@ class Source:
         return keyed.place(key, body, frame_id, time)
 
     def refuse(self, reason: str, stamp: int | None, now: int, instance: int | None) -> str:
-        """
-        Take a message without a usable polygon; return the reason that counts.
-
-        `stamp` and `instance` are None where they could not be read.
-        """
+        """Take a message without a usable polygon, as `Scene.refuse`; return what counts."""
         time = self._hear(stamp or 0, now)
         if time is None:
             return TOO_OLD
@@ -256,8 +252,8 @@ class Source:
 
     def _await_pause(self, now: float) -> None:
         """Have what comes in be whole if nothing more of it comes for a while."""
-        self._pause.deadline = now + self._quiet
-        if self._pause.deadline < self._pause.watched:
+        self._pause.deadline = end = now + self._quiet
+        if end < self._pause.watched:
             self._pauses.watch(self._pause)
 
     def _end_pause(self) -> None:
@@ -271,7 +267,10 @@ class Source:
         sets, doubts = self._sets, self._doubts
         self._drop_last_set()
         if sets.counts:
-            self._get_over_loss()
+            if self._in_sets:
+                self.obstacles.keyed.forget_unplaced()
+            if doubts.is_lossy:
+                self._get_over_loss()
             if not doubts.is_known or doubts.is_cut:
                 doubts.is_known = True
                 doubts.is_cut = sets.is_cut
@@ -284,12 +283,10 @@ class Source:
             self.obstacles.sides[1 - self._sets.side].clear()
 
     def _get_over_loss(self) -> None:
-        """Trust the source again after messages were lost, or came without a stamp."""
-        if self._in_sets:
-            self.obstacles.keyed.forget_unplaced()
-        if self._doubts.is_lossy:
-            self._doubts.is_lossy = False
-            self._find_faults()
+        """Trust the source again after messages were lost."""
+        self._cure.deadline = NEVER
+        self._doubts.is_lossy = False
+        self._find_faults()
 
     def _count_refusals(self, reason: str, more: int) -> None:
         self._doubts.refusals[reason] += more

@@ -106,7 +106,7 @@ class SceneMachine(RuleBasedStateMachine):
 
     @rule(milliseconds=waits)
     def be_held_up(self, milliseconds):
-        """Time passes, and who knows what waits to be told."""
+        """Let time pass, while who knows what waits to be told."""
         self.now += milliseconds * MILLISECOND
         self.scene.pass_time(self.now)
 
@@ -164,7 +164,7 @@ class SceneMachine(RuleBasedStateMachine):
 
     @rule(name=sources, lost=bodies, next_one=bodies, age=st.sampled_from((0, 0, 15)))
     def lose_a_body(self, name, lost, next_one, age):
-        """The number of the next message tells that one before it is missing."""
+        """Lose one, as the number of the next message tells."""
         self.lose(name)
         self._place(name, next_one, age, 0)
         if SOURCES[name].type == 'polygon' and not SOURCES[name].accumulate:

@@ -249,7 +249,7 @@ class SourceModel:
             if self._listens_since is None:
                 self._settle()
         if self._lost_at is not None and is_past(settings, self._lost_at, now):
-            self._get_over_loss()
+            self._lost_at = None
         for held in (self._keyed, self._last, self._newest):
             for key in [key for key, place in held.items() if is_past(settings, place.time, now)]:
                 del held[key]
@@ -463,7 +463,9 @@ class SourceModel:
         """Take what came in last for whole."""
         self._drop_last()
         if self._first_to_count is not None and self._turn >= self._first_to_count:
-            self._get_over_loss()
+            self._lost_at = None
+            if self._has_sets:
+                self._keyed.pop(_UNPLACED, None)
             self._known = True
             self._doubts_window = self._is_cut
 
@@ -471,11 +473,6 @@ class SourceModel:
         if not self._whole:
             self._whole = True
             self._last = {}
-
-    def _get_over_loss(self):
-        self._lost_at = None
-        if self._has_sets:
-            self._keyed.pop(_UNPLACED, None)
 
 
 def nanoseconds(seconds):

@@ -358,8 +358,8 @@ def test_source_that_loses_messages_while_behind_is_unknown(start_slow, domain):
     """What was lost may have been an obstacle; with a timeout of none just as well."""
     monitor = start_slow(**NO_TIMEOUT, **{DEPTH: 20})
     with streaming(domain, 'obstacles', 1000):
-        status = monitor.await_state('unknown')
-        assert 'more than can be checked' in values(status)['reason']
+        monitor.until(lambda: 'more than can be checked' in values(monitor.status())['reason'])
+        assert monitor.state() == 'unknown'
         health = monitor.until(
             lambda: (health := monitor.health()) and 'messages lost' in health.message and health)
         assert int(values(health)['obstacle: lost']) > 20

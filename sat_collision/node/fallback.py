@@ -50,10 +50,11 @@ class ExecutorLoop:
 
     def run(self, ended: Callable[[], bool]) -> None:
         """Run until `ended` is true, which is looked at after each message and tick."""
+        is_busy = False
         while not ended():
             late = time.monotonic() - self._next_tick
             if late < 0.0:
-                self._do_one(-late)
+                is_busy = self._do_one(0.0 if is_busy else -late)
             else:
                 self._was_held_up = late > HELD_UP and not self._was_held_up
                 now, is_all_taken = self._take_all()

@@ -24,9 +24,12 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 from rclpy.clock import JumpThreshold, TimeJump
-from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
+from rclpy.event_handler import (
+    QoSLivelinessChangedInfo, QoSRequestedDeadlineMissedInfo, QoSRequestedIncompatibleQoSInfo,
+    SubscriptionEventCallbacks)
 from rclpy.node import Node
-from rclpy.qos import qos_policy_name_from_kind, QoSPolicyKind, QoSProfile
+from rclpy.qos import (
+    qos_policy_name_from_kind, QoSDurabilityPolicy, QoSPolicyKind, QoSProfile)
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sat_collision.geometry.jit import cache_problem, KERNEL
 from sat_collision.messages.outputs import Outputs
@@ -35,6 +38,7 @@ from sat_collision.node import kernels, loop, waiting
 from sat_collision.node.fallback import ExecutorLoop
 from sat_collision.node.health import Health
 from sat_collision.node.parameters import Parameters
+from sat_collision.node.receiver import Backlog
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
@@ -47,9 +51,11 @@ _TICK = 0.1
 _HEALTH_PERIOD = 1.0
 _LOG_PERIOD = 1.0
 _FOOTPRINT_DEPTH = 1
-_OBSTACLES_DEPTH = 1000
+_SETS_IN_QUEUE = 2
+_SHORTEST_TICK = 0.02
 _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
-                QoSPolicyKind.DURABILITY)
+                QoSPolicyKind.DURABILITY, QoSPolicyKind.DEADLINE, QoSPolicyKind.LIVELINESS,
+                QoSPolicyKind.LIVELINESS_LEASE_DURATION)
 
 
 class _Every:
@@ -67,6 +73,32 @@ class _Every:
         if self._next <= now:
             self._next = now + self._period
         return True
+
+
+class ClockWatch:
+    """Tells whether a clock stands still, by another one that does not."""
+
+    def __init__(self) -> None:
+        self._reading: int | None = None
+        self._since = 0.0
+
+    def stands(self, reading: int, now: float, timeout: float) -> bool:
+        """
+        Tell whether the clock has read the same for longer than a timeout.
+
+        Parameters
+        ----------
+        reading : int
+            What it reads now.
+        now : float
+            The other clock, in s.
+        timeout : float
+            In s; 0.0 for never.
+
+        """
+        if reading != self._reading:
+            self._reading, self._since = reading, now
+        return 0.0 < timeout < now - self._since
 
 
 class FootprintMonitor(Node):
@@ -111,7 +143,10 @@ class FootprintMonitor(Node):
                   for footprint in settings.footprints]
         for source in settings.obstacles:
             kind = PolygonInstanceStamped if source.type == POLYGON_INSTANCE else PolygonStamped
-            inputs.append(self._subscribe(source, kind, _OBSTACLES_DEPTH))
+            inputs.append(self._subscribe(source, kind, _SETS_IN_QUEUE * source.max_count))
+        self._inputs = inputs
+        self._clock_watch = ClockWatch()
+        self._warns_of_losses = True
         self._reporting = _Every(_HEALTH_PERIOD)
         self._set_rates(settings)
         if in_loop:
@@ -126,7 +161,9 @@ class FootprintMonitor(Node):
     def _subscribe(self, source: FootprintSettings | ObstacleSettings, kind: type,
                    depth: int) -> loop.Input:
         events = SubscriptionEventCallbacks(
-            incompatible_qos=partial(self._report_incompatible_qos, source.topic))
+            incompatible_qos=partial(self._report_incompatible_qos, source.topic),
+            deadline=partial(self._count_missed_deadlines, source.topic),
+            liveliness=partial(self._count_lost_liveliness, source.topic))
         try:
             subscription = self.create_subscription(
                 # The settings have the remapped name, which must not be remapped again.
@@ -136,6 +173,9 @@ class FootprintMonitor(Node):
                 qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE))
         except RuntimeError as error:
             raise ParameterError(f'{source.topic}: {error}') from error
+        if subscription.qos_profile.durability is QoSDurabilityPolicy.TRANSIENT_LOCAL:
+            # What was sent before is delivered, too.
+            self._scene.meet_publisher(source.name, True)
         self.get_logger().info(f'{source.name}: {kind.__name__} on {source.topic}')
         return loop.Input(source.name, subscription)
 
@@ -148,7 +188,6 @@ class FootprintMonitor(Node):
         """Apply changed parameters and publish what follows from them."""
         self._set_rates(settings)
         self._scene.update(settings)
-        self._scene.advance(self.present())
         self._outputs.configure(settings)
         self._outputs.publish()
 
@@ -172,24 +211,37 @@ class FootprintMonitor(Node):
         self._outputs.markers_current = False
         self._publish_changes()
 
-    def note_backlog(self, name: str, backlog: loop.Backlog | None) -> None:
+    def note_backlog(self, name: str, backlog: Backlog | None) -> None:
         """Take note of how far behind a topic is, None where it is not any more."""
         self._health.note_backlog(name, backlog)
         self._monitor.note_backlog(name, backlog.seconds if backlog else None)
 
-    def tick(self) -> float:
+    def tick(self, now: int, is_all_taken: bool) -> float:
         """Do what is due without a message; return in how many s the next tick is due."""
-        self._scene.advance(self.present())
+        steady = time.monotonic()
+        for one in self._inputs:
+            self._monitor.count_publishers(one.name, one.subscription.get_publisher_count())
+        self._scene.stop_clock(
+            self.get_clock().ros_time_is_active and now > 0
+            and self._clock_watch.stands(now, steady, self._scene.settings.clock_timeout))
+        if self._warns_of_losses and not self._monitor.is_numbered:
+            self._warns_of_losses = False
+            self.get_logger().warning(
+                'this middleware does not number messages: what is lost on the way goes unseen')
+        if is_all_taken:
+            self._scene.advance(now)
+        else:
+            self._scene.pass_time(now)
         self._publish_changes()
-        now = time.monotonic()
-        if self._publishing.due(now):
+        if self._publishing.due(steady):
             self._outputs.publish()
-        if self._marking.due(now):
+        if self._marking.due(steady):
             self._outputs.publish_markers()
-        if self._reporting.due(now):
+        if self._reporting.due(steady):
             self._health_publisher.publish(self._health.message(
                 self.get_clock().now().to_msg(), self._monitor))
-        return self._tick_period
+        due = (self._scene.deadline - now) / 1e9
+        return min(self._tick_period, max(due, _SHORTEST_TICK))
 
     def _receive_alone(self, name: str, data: bytes, info: dict[str, Any]) -> None:
         start = time.perf_counter()
@@ -212,6 +264,12 @@ class FootprintMonitor(Node):
             f'{topic}: a publisher offers a {policy} that this node cannot accept, so nothing '
             f'from it arrives; set qos_overrides.{topic}.subscription.{policy.lower()} to what '
             'it offers, or change the publisher')
+
+    def _count_missed_deadlines(self, topic: str, event: QoSRequestedDeadlineMissedInfo) -> None:
+        self._health.count_event(topic, 'deadlines missed', event.total_count_change)
+
+    def _count_lost_liveliness(self, topic: str, event: QoSLivelinessChangedInfo) -> None:
+        self._health.count_event(topic, 'liveliness lost', max(event.not_alive_count_change, 0))
 
     def _publish_changes(self) -> None:
         brief = self._scene.evaluations.brief_contacts()

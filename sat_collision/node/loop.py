@@ -21,16 +21,17 @@ subscriptions, and leaves all that is no message of a footprint or obstacle to r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from functools import partial
 import time
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.subscription import Subscription
+from sat_collision.node.receiver import Backlog, Receiver
 from sat_collision.node.waiting import Waiting
 
 # The longest that messages are taken for before all else has its turn, shared evenly among the
@@ -43,6 +44,9 @@ _FEW = 5
 # How often the executor is run for what is not waited for, such as a publisher that does not
 # fit, in s.
 _OTHERS_PERIOD = 0.5
+# A process that comes so much too late was held up, and what was sent meanwhile may still be on
+# its way to the queues, in s.
+HELD_UP = 0.03
 
 
 class Input(NamedTuple):
@@ -50,44 +54,6 @@ class Input(NamedTuple):
 
     name: str
     subscription: Subscription
-
-
-class Backlog(NamedTuple):
-    """How far behind the taking of a topic is: in seconds, and about how many messages."""
-
-    seconds: float
-    messages: int
-
-
-class Receiver(Protocol):
-    """What the loop calls."""
-
-    def receive(self, name: str, messages: Iterable[tuple[bytes, int | None]], now: int) -> int:
-        """
-        Take all messages of a footprint or source and return how many there were.
-
-        Parameters
-        ----------
-        name : str
-        messages : iterable of tuple
-            The serialised message, and which one of its publisher it is, where that is known.
-            Each is taken from the middleware when it is asked for.
-        now : int
-            Present time in ns.
-
-        """
-
-    def end_batch(self, messages: int, seconds: float) -> None:
-        """Publish what has changed, after so many messages that took so long."""
-
-    def note_backlog(self, name: str, backlog: Backlog | None) -> None:
-        """Take note of how far behind a topic is, None where it is not any more."""
-
-    def tick(self) -> float:
-        """Do what is due by time alone; return in how many s the next tick is due."""
-
-    def present(self) -> int:
-        """Return the present time in ns by the clock of the header stamps."""
 
 
 class Reserved(CallbackGroup):
@@ -139,6 +105,7 @@ class Loop:
         self._has_rested = False
         self._ticked = True
         self._next_tick = 0.0
+        self._was_held_up = False
         self._next_others = 0.0
         self._taken = 0
         self._counted_since = time.monotonic()
@@ -160,9 +127,11 @@ class Loop:
     def _turn(self, waiting: Waiting) -> None:
         """Wait, take and publish; do what else is due; rest."""
         ready = self._wait(waiting)
+        late = time.monotonic() - self._next_tick
+        present = self._receiver.present()
         begun = time.perf_counter()
-        taken = sum(topic.take(self._budget) for topic in self._topics
-                    if ready is None or topic.is_behind or topic.pointer in ready)
+        taken = sum(topic.take(self._budget, present) for topic in self._topics
+                    if late >= 0.0 or ready is None or topic.is_behind or topic.pointer in ready)
         if taken:
             self._taken += taken
             self._receiver.end_batch(taken, time.perf_counter() - begun)
@@ -171,8 +140,10 @@ class Loop:
         if waiting.is_service_called or now >= self._next_others:
             self._executor.spin_once(0.0)
             self._next_others = now + _OTHERS_PERIOD
-        if now >= self._next_tick:
-            self._next_tick = now + self._receiver.tick()
+        if late >= 0.0:
+            self._was_held_up = late > HELD_UP and not self._was_held_up
+            self._next_tick = now + self._receiver.tick(
+                present, not (self._was_held_up or self._is_behind))
             self._choose_rest(now)
             self._ticked = True
         self._has_rested = bool(self._rest and taken)
@@ -181,14 +152,16 @@ class Loop:
 
     def _wait(self, waiting: Waiting) -> set[int] | None:
         """Return the pointers of the subscriptions to look at, None for all."""
-        look_at_all = self._has_rested or self._is_behind()
+        look_at_all = self._has_rested or self._is_behind
         if look_at_all and not self._ticked:
             return None
         ready = waiting.wait(0.0 if look_at_all else self._until_tick(), self._ticked)
         self._ticked = False
         return ready
 
+    @property
     def _is_behind(self) -> bool:
+        """Whether messages wait that the last turn had no time for."""
         return any(topic.is_behind for topic in self._topics)
 
     def _until_tick(self) -> float:
@@ -216,7 +189,7 @@ class _Topic:
         self._take: Callable[[], tuple[bytes, dict[str, Any]] | None] = partial(
             one.subscription.handle.take_message, one.subscription.msg_type, True)
 
-    def take(self, budget: float) -> int:
+    def take(self, budget: float, now: int) -> int:
         """Have what has come received, for so many s at most; return how many messages."""
         was_behind, self.is_behind = self.is_behind, False
         first = self._take()
@@ -224,8 +197,7 @@ class _Topic:
         if first is not None:
             self._first = first[1]
             count = self._receiver.receive(
-                self._name, self._messages(first, time.monotonic() + budget),
-                self._receiver.present())
+                self._name, self._messages(first, time.monotonic() + budget), now)
         if self.is_behind:
             self._receiver.note_backlog(self._name, self._backlog(count))
         elif was_behind:

@@ -22,13 +22,31 @@ from typing import Any, NamedTuple
 from sat_collision.replay.unpacking import Damage, in_words
 import yaml
 
+# Transient local, in the words and numbers of rosbag2.
+_LATCHED = 'transient_local', 1
+
 
 class Metadata(NamedTuple):
-    """The names of the storage files in their order, and numbers of messages: by topic, in all."""
+    """
+    What is announced.
+
+    Attributes
+    ----------
+    files : list of str
+        Names of the storage files, in their order.
+    counts : dict
+        Numbers of messages by topic.
+    total : int
+        Number of messages in all.
+    latched : set of str
+        Topics whose publishers had what they sent last delivered to who came later.
+
+    """
 
     files: list[str]
     counts: dict[str, int]
     total: int
+    latched: set[str]
 
 
 def read_metadata(path: Path, most: int) -> Metadata:
@@ -51,10 +69,26 @@ def read_metadata(path: Path, most: int) -> Metadata:
     files = [Path(_checked(name, str, 'relative_file_paths')).name
              for name in _entry(information, 'relative_file_paths', list)]
     counts: dict[str, int] = {}
+    latched = set()
     for topic in _entry(information, 'topics_with_message_count', list):
-        name = _entry(_entry(topic, 'topic_metadata', dict), 'name', str)
+        described = _entry(topic, 'topic_metadata', dict)
+        name = _entry(described, 'name', str)
         counts[name] = counts.get(name, 0) + _entry(topic, 'message_count', int)
-    return Metadata(files, counts, _entry(information, 'message_count', int))
+        if _is_latched(described.get('offered_qos_profiles')):
+            latched.add(name)
+    return Metadata(files, counts, _entry(information, 'message_count', int), latched)
+
+
+def _is_latched(profiles: Any) -> bool:
+    """Tell whether one of the profiles, a list or the YAML text of one, has it."""
+    if isinstance(profiles, str):
+        try:
+            profiles = yaml.load(profiles, yaml.SafeLoader)
+        except Exception:  # as in read_metadata
+            return False
+    return isinstance(profiles, list) and any(
+        isinstance(profile, dict) and profile.get('durability') in _LATCHED
+        for profile in profiles)
 
 
 def _entry(content: Any, key: str, kind: type) -> Any:

@@ -54,6 +54,8 @@ class Recording:
     ----------
     topics, counts : dict
         Type and number of messages of each topic.
+    latched : set of str
+        Topics whose publishers had what they sent last delivered to who came later.
     start, end : int
         Times of the first and the last message in ns, None if there is none.
 
@@ -63,6 +65,7 @@ class Recording:
         self.path = Path(path)
         self.topics: dict[str, str] = {}
         self.counts: Counter[str] = Counter()
+        self.latched: set[str] = set()
         self.start: int | None = None
         self.end: int | None = None
         self._limits = limits
@@ -149,6 +152,7 @@ class Recording:
             if not present:
                 self._own.damaged('no .mcap or .db3 file in this directory')
             return present
+        self.latched = self._metadata.latched
         total = sum(self._metadata.counts.values())
         if total != self._metadata.total:
             faults.differs('total', f'announces {self._metadata.total} messages in all, but '

@@ -27,6 +27,7 @@ from sat_collision.geometry.packing import pack_convex
 from sat_collision.geometry.polygon import PackedBody, Polygon, PolygonError, Reason
 from sat_collision.messages.cdr import decode, MessageError, Points
 from sat_collision.messages.losses import Losses
+from sat_collision.scene.observer import Observer
 from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN, Scene
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
@@ -87,11 +88,15 @@ class Monitor:
     Parameters
     ----------
     settings : Settings
+    observer : Observer, optional
+        Of the scene.
 
     Attributes
     ----------
     scene : Scene
         Tells the states, and is where settings are changed.
+    points : Points
+        Those of the last message that could be decoded.
     received : Counter
         All messages, by name of the footprint or source.
     rejected : Counter
@@ -101,8 +106,9 @@ class Monitor:
 
     """
 
-    def __init__(self, settings: Settings) -> None:
-        self.scene = Scene(settings)
+    def __init__(self, settings: Settings, observer: Observer | None = None) -> None:
+        self.scene = Scene(settings, observer)
+        self.points: Points = b'', 0, 0
         self.received: Counter[str] = Counter()
         self.rejected: Counter[tuple[str, str]] = Counter()
         self.lost: Counter[str] = Counter()
@@ -191,6 +197,7 @@ class Monitor:
         stamp = instance = None
         try:
             stamp, frame_id, points, instance = decode(data, name in self._with_ids)
+            self.points = points
             if not frame_id:
                 return self._refuse(settings, EMPTY_FRAME_ID, 'its header names no frame', now,
                                     stamp, instance)

@@ -95,6 +95,6 @@ def check_on_cluster(paths: Iterable[str], options: Options, address: str) -> It
 
 
 def _failed(path: str, options: Options, error: BaseException) -> Result:
-    result = Result(str(path), options.clock, options.max_unknown)
+    result = Result(str(path), options.clock, options.max_unknown, options.as_live)
     result.problems.append(f'{path}: not checked, {_ATTEMPTS} attempts failed: {error}')
     return result

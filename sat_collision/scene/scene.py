@@ -22,6 +22,7 @@ from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.deadlines import Deadlines
 from sat_collision.scene.evaluations import Evaluations
 from sat_collision.scene.footprints import Evaluation, Footprint, State
+from sat_collision.scene.observer import Observer
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from sat_collision.scene.sources import OTHER_FRAME, Source
@@ -55,6 +56,8 @@ class Scene:
     Parameters
     ----------
     settings : Settings
+    observer : Observer, optional
+        Is told of what is taken and of what is dropped.
 
     Attributes
     ----------
@@ -66,8 +69,9 @@ class Scene:
 
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, observer: Observer | None = None) -> None:
         self.settings = settings
+        self._observer = observer
         self._now = 0
         self._clock_stands = False
         self._reported: dict[str, Evaluation] = {}
@@ -80,7 +84,8 @@ class Scene:
         self.frame_id = self.settings.frame_id
         self._contacts = Contacts(self.settings.margin)
         self._deadlines = Deadlines()
-        self._sources = {source.name: Source(source, self._contacts, self._deadlines)
+        self._sources = {source.name: Source(source, self._contacts, self._deadlines,
+                                             self._observer)
                          for source in self.settings.obstacles}
         self._footprints = {footprint.name: Footprint(footprint, self._contacts.changed)
                             for footprint in self.settings.footprints}
@@ -155,6 +160,8 @@ class Scene:
             return OVERTAKEN
         self._contacts.place_footprint(footprint, body)
         footprint.stamp = stamp or now
+        if self._observer:
+            self._observer.place_footprint(footprint)
         footprint.time = time = min(stamp, now) if stamp else now
         if footprint.fault or footprint.stale or time + footprint.timeout < now:
             footprint.fault = ''
@@ -280,6 +287,10 @@ class Scene:
         age = None if footprint.time is None else (self._now - footprint.time) / 1e9
         return State(*footprint.evaluation, age)
 
+    def doubts(self, name: str) -> tuple[str, ...]:
+        """Return why it is not known what a footprint touches, whatever it is known to touch."""
+        return self._footprints[name].doubts
+
     @property
     def deadline(self) -> float:
         """The time in ns until which, at least, nothing changes by itself; NEVER if at no time."""
@@ -349,6 +360,8 @@ class Scene:
     def _invalidate(self, footprint: Footprint, fault: str) -> None:
         footprint.time = None
         footprint.fault = fault
+        if self._observer:
+            self._observer.lose_footprint(footprint)
         self._contacts.remove_footprint(footprint)
         self._contacts.changed.add(footprint)
 

@@ -25,6 +25,7 @@ from sat_collision.geometry.polygon import PackedBody, size_of
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.deadlines import Alarm, Deadlines, NEVER
 from sat_collision.scene.doubts import Doubts
+from sat_collision.scene.observer import Observer
 from sat_collision.scene.obstacle_sets import ObstacleSets
 from sat_collision.scene.obstacles import Key, Obstacle, ObstacleId
 from sat_collision.scene.settings import ObstacleSettings, POLYGON_INSTANCE
@@ -63,6 +64,7 @@ class Source:
         Where obstacles are placed.
     deadlines : Deadlines
         Calls for `expire` of the source and of its obstacles.
+    observer : Observer, optional
 
     Attributes
     ----------
@@ -75,7 +77,8 @@ class Source:
     """
 
     def __init__(self, settings: ObstacleSettings, contacts: Contacts,
-                 deadlines: Deadlines) -> None:
+                 deadlines: Deadlines, observer: Observer | None = None) -> None:
+        self._observer = observer
         self._contacts = contacts
         self._deadlines = deadlines
         self._keyed: dict[Key, Obstacle] = {}
@@ -236,6 +239,8 @@ class Source:
             obstacle.time = time
             if time + self.timeout < obstacle.watched:
                 self._deadlines.watch(obstacle)
+        if self._observer:
+            self._observer.place_obstacle(obstacle, stamp or now, held is not self._keyed)
         return None
 
     def refuse(self, reason: str, stamp: int | None, now: int, instance: int | None) -> str:
@@ -280,6 +285,8 @@ class Source:
         del obstacle.held[obstacle.key]
         obstacle.watched = NEVER
         self._contacts.remove_obstacle(obstacle)
+        if self._observer:
+            self._observer.forget_obstacle(obstacle)
         if obstacle.refused:
             self._count_refusal(obstacle, None)
 
@@ -305,6 +312,8 @@ class Source:
         if not sets.continues(stamp):
             self._finish_set()
             sets.begin(stamp)
+            if self._observer:
+                self._observer.begin_set(self.settings.name, stamp)
             if sets.is_cut:
                 self._cut_in = sets.number
                 self._doubts.is_cut = True
@@ -401,6 +410,8 @@ class Source:
         obstacle.time = max(obstacle.time, time)
         self._deadlines.watch(obstacle)
         self._contacts.remove_obstacle(obstacle)
+        if self._observer:
+            self._observer.forget_obstacle(obstacle)
         if obstacle.refused != reason:
             self._count_refusal(obstacle, reason)
 

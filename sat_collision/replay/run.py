@@ -146,10 +146,12 @@ class _Run:
         result.contacts = self._timeline.contacts
         result.unknown = self._timeline.unknown
         result.picture = self._timeline.picture
+        result.notes += self._timeline.notes
 
     def _play(self, names: dict[str, list[str]], start: int, stop: int | None, end: int,
               progress: OnProgress | None) -> None:
-        by_header = self._options.clock == HEADER
+        by_header, result = self._options.clock == HEADER, self._result
+        result.origin = self._first_stamp(names) if by_header else self._recording.start
         # What metadata.yaml says of the recording's bounds is not taken as a reason to drop any.
         messages = self._with_clocks_compared(
             self._recording.messages(names, start if self._options.start else None, stop))
@@ -195,6 +197,11 @@ class _Run:
         self._result.end = end
         if self._outputs:
             self._outputs.close()
+
+    def _first_stamp(self, names: Iterable[str]) -> int | None:
+        """Return the header stamp with which the recording begins, None if there is none."""
+        stamps = (header_stamp(data) for _, _, data in self._recording.messages([*names]))
+        return next(filter(None, stamps), None)
 
     def _write_outputs(self, path: str) -> None:
         from sat_collision.replay.outputs import BagOutputs

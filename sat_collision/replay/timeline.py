@@ -44,6 +44,8 @@ class Timeline:
     contacts, unknown : list
         The Contact and Unknown intervals, in the order of their beginning.
     footprints : list of FootprintResult
+    notes : list of str
+        What a reader should know.
     touching : dict
         The open Contacts by footprint and ObstacleId, only of footprints that have any.
     picture : Picture or None
@@ -60,6 +62,7 @@ class Timeline:
         self.touching: dict[str, dict[ObstacleId, Contact]] = {}
         self.picture: Picture | None = None
         self.footprints = footprints
+        self.notes: list[str] = []
         self._results = {result.name: result for result in self.footprints}
         self._series = {result.name: Series(result.separation) for result in self.footprints}
         self._since: dict[str, tuple[int, Status]] = {}

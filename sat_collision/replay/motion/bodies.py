@@ -72,9 +72,10 @@ class Bodies:
         data = b''.join(data[start:start + 4 * _NUMBERS * count] for data, start, count in rings)
         self.points = np.frombuffer(data, np.float32).reshape(-1, _NUMBERS)[:, :2].astype(
             np.float64)
-        ends = np.cumsum(np.array([ring[2] for ring in rings], np.int64), dtype=np.int64)
+        lengths = np.array([ring[2] for ring in rings], np.int64)
+        ends = np.cumsum(lengths)
+        self.firsts = ends - lengths
         self.counts, self.boxes, self.centres = describe(self.points, ends)
-        self.firsts: Integers = np.concatenate([ends[:0], [0], ends[:-1]]).astype(np.int64)
         self._max_vertices = max_vertices
         self._polygons: dict[int, Polygon] = {}
 

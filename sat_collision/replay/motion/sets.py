@@ -62,7 +62,9 @@ class SetTrail:
         self._stamp = stamp
 
     def place(self, obstacle: Obstacle, stamp: int, ring: Points) -> None:
-        """Take an obstacle of the set that comes in."""
+        """Take an obstacle of the set that comes in; a late one may be a set of its own."""
+        if self._stamp is None:
+            self._stamp = stamp
         self._coming.add(obstacle, stamp, ring)
 
     def forget(self, obstacle: Obstacle, now: int) -> None:

@@ -40,6 +40,8 @@ class MotionTimeline:
     contacts, unknown : list
         The Contact and Unknown intervals, in the order of their beginning.
     footprints : list of FootprintResult
+    notes : list of str
+        What a reader should know.
 
     """
 
@@ -49,6 +51,7 @@ class MotionTimeline:
         self.contacts: list[Contact] = motion.contacts
         self.unknown: list[Unknown] = []
         self.footprints = footprints
+        self.notes: list[str] = []
         self._results = {result.name: result for result in footprints}
         self._open: dict[str, Unknown] = {}
         self._start: int | None = None
@@ -85,7 +88,10 @@ class MotionTimeline:
         self.contacts.sort(key=attrgetter('first'))
         start = now if self._start is None else self._start
         for name, result in self._results.items():
-            result.ever_known = result.ever_known and self._motion.is_decided(name)
+            if result.ever_known and not self._motion.is_decided(name):
+                result.ever_known = False
+                self.notes.append(f'{name}: at no time is it known where it and the obstacles '
+                                  'are; --as-live tells what the monitor would have said')
             touching = [(contact.first, contact.last) for contact in self.contacts
                         if contact.footprint == name]
             doubtful = [(unknown.first, unknown.last) for unknown in self.unknown

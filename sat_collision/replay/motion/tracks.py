@@ -62,16 +62,18 @@ class Track:
         self._outline: tuple[int, Polygon | None] = -1, None
 
     def add(self, frame: Bodies) -> None:
-        """Take a frame: a footprint as received."""
-        time = frame.stamps[0]
-        last, self._last, self.latest = self._last, frame, time
+        """Take a frame: a footprint as received; one that comes late tells nothing new."""
+        time, last = frame.stamps[0], self._last
+        if last is not None and last.stamps[0] - self._longest <= time < last.stamps[0]:
+            return
+        self._last, self.latest = frame, time
         if last is not None and time > last.stamps[0]:
             if time - last.stamps[0] <= self._longest and last.counts[0] == frame.counts[0]:
                 self._append(Ways(last, frame, _ONE, _ONE))
             else:
                 self.undecided += round(min(time - last.stamps[0], self._longest))
                 self._append(Ways(frame, frame, _ONE, _ONE))
-        elif last is None:
+        elif last is None or time < last.stamps[0]:
             self._append(Ways(frame, frame, _ONE, _ONE))
 
     def lose(self) -> None:
@@ -98,10 +100,15 @@ class Track:
         # Pieces of no length may share their time with the end of the one before.
         while first > 0 and self._pieces[first - 1].finishes[0] >= start:
             first -= 1
-        for piece in self._pieces[first:bisect_right(self._starts, finish)]:
-            begin, end = max(piece.starts[0], start), min(piece.finishes[0], finish)
-            if begin <= end:
+        found = [(max(piece.starts[0], start), min(piece.finishes[0], finish), piece)
+                 for piece in self._pieces[first:bisect_right(self._starts, finish)]]
+        reached = None
+        for k, (begin, end, piece) in enumerate(found):
+            # An instant that is the end of the piece before, or begins the next, adds nothing.
+            begins_next = k + 1 < len(found) and found[k + 1][0] == end < found[k + 1][1]
+            if begin < end or (begin == end != reached and not begins_next):
                 yield begin, end, piece
+                reached = end
 
     def bounds(self, start: int, finish: int) -> Floats | None:
         """Return what bounds the footprint between two times, None if it is nowhere then."""

@@ -145,7 +145,8 @@ def test_csv_and_junit(bags, tmp_path):
     main([*bags.values(), '--csv', str(table), '--junit', str(suites)])
     with table.open(newline='') as file:
         rows = list(csv.DictReader(file))
-    assert [row['kind'] for row in rows if row['bag'] == bags['collision']] == ['contact']
+    assert [row['kind'] for row in rows if row['bag'] == bags['collision']] == ['contact',
+                                                                                'unknown']
     assert next(row for row in rows if row['kind'] == 'contact')['depth_m'] == '0.25'
     assert all('heard' in row['reason'] or 'older' in row['reason'] for row in rows
                if row['bag'] == bags['unknown'])

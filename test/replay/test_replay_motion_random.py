@@ -18,7 +18,6 @@ from builders import SECOND, serialised
 import numpy as np
 import pytest
 from recordings import INSTANCE, START, write
-from sat_collision.replay.options import Options
 from sat_collision.replay.run import check
 
 shapely = pytest.importorskip('shapely')
@@ -70,13 +69,17 @@ def distance(a, b, stamp):
     return geometry(a.at(stamp)).distance(geometry(b.at(stamp)))
 
 
-@pytest.mark.parametrize('seed', range(12))
-def test_bodies_with_ids_against_dense_samples(tmp_path, seed):
+def test_bodies_with_ids_against_dense_samples(tmp_path):
     """
     In contact at a sample: within a contact found; at both ends of each contact they touch.
 
     Footprint and obstacles come at times of their own, and are received in another order.
     """
+    assert sum(compared(tmp_path / str(seed), seed) for seed in range(12)) > 12
+
+
+def compared(path, seed):
+    """Compare what is found in a random recording; return how many contacts it has."""
     rng = np.random.default_rng(seed)
     duration = 4.0
     robot = Recorded(rng, SHAPES[seed % len(SHAPES)], duration)
@@ -85,7 +88,7 @@ def test_bodies_with_ids_against_dense_samples(tmp_path, seed):
     for k, other in others.items():
         messages += other.messages(rng, '/tracks', k)
     messages.sort(key=lambda message: message[1])
-    result = check(write(tmp_path / 'bag', messages, types={'/tracks': INSTANCE}), Options())
+    result = check(write(path, messages, types={'/tracks': INSTANCE}))
     assert result.problems == []
     met = 0
     for k, other in others.items():
@@ -101,9 +104,4 @@ def test_bodies_with_ids_against_dense_samples(tmp_path, seed):
             assert first <= contact.first <= contact.last <= last
             for end in (contact.first, contact.last):
                 assert distance(robot, other, end) < NEAR
-            for time in (contact.first - 10**6, contact.last + 10**6):
-                if first < time < last and all(
-                        abs(time - end) > 10**7 for one in found if one is not contact
-                        for end in (one.first, one.last)):
-                    assert distance(robot, other, time) >= 0.0
-    assert met or seed % 3
+    return met

@@ -231,7 +231,7 @@ def _separation(p, q, time, enough):
 @kernel
 def _separated_until(p, q, clear, ux, uy, margin, apart):
     """
-    Return until when an axis proves parts further apart than a distance, from a time when they are.
+    Return until when an axis proves two parts apart by more than a distance, from when they are.
 
     Returned with it is when the gap closes but for rounding. The gap is the least of those of
     pairs of vertices, which are linear in time. From time 1 on, the time at which the pair with

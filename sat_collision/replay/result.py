@@ -51,9 +51,10 @@ class Contact:
 
     `found` says how: AT_A_MESSAGE as the monitor, of recorded motion AT_A_FRAME or only
     BETWEEN_FRAMES. `between` has the last time before and the first time after at which recorded
-    motion has them apart, each None where it is not known. `depth` is the deepest penetration in m, at the time `deepest`: 0 if they only touch, negative
-    if they were apart within the margin; (x, y) is the middle of where their bounds overlapped
-    then. `at_end` says that they were still in contact at the end.
+    motion has them apart, each None where it is not known. `depth` is the deepest penetration in
+    m, at the time `deepest`: 0 if they only touch, negative if they were apart within the margin;
+    (x, y) is the middle of where their bounds overlapped then. `at_end` says that they were still
+    in contact at the end.
     """
 
     footprint: str

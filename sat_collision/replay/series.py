@@ -59,7 +59,7 @@ class Series:
 
 
 def least_of(series: Iterable[list[Sample]]) -> Iterable[Sample]:
-    """Yield the least of what several series, each ordered by time, said last, whenever one does."""
+    """Yield the least of what several series, each in the order of time, have said last."""
     latest: dict[int, float | None] = {}
     before: Sample | None = None
     for time, number, value in merge(*(

@@ -27,6 +27,7 @@ from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
 
+
 class Timeline:
     """
     Follows a scene: told of every change, it notes contacts, unknown times and separations.

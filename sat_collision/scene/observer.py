@@ -26,16 +26,16 @@ class Observer(Protocol):
     """Is told of each body as a scene takes it, and when it is there no longer; stamps in ns."""
 
     def place_footprint(self, footprint: Footprint) -> None:
-        """A footprint was taken."""
+        """Take note of a footprint that was taken."""
 
     def lose_footprint(self, footprint: Footprint) -> None:
-        """A footprint is nowhere from now on."""
+        """Take note that a footprint is nowhere from now on."""
 
     def begin_set(self, source: str, stamp: int) -> None:
-        """A set of a source begins: what follows belongs to it."""
+        """Take note that a set of a source begins: what follows belongs to it."""
 
     def place_obstacle(self, obstacle: Obstacle, stamp: int, is_in_set: bool) -> None:
-        """An obstacle was taken, of the set that comes in or known by id or shape."""
+        """Take note of an obstacle, of the set that comes in or known by id or shape."""
 
     def forget_obstacle(self, obstacle: Obstacle) -> None:
-        """An obstacle was forgotten or refused, though no later set took its place."""
+        """Take note that an obstacle is gone, though no later set took its place."""

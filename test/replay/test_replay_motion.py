@@ -310,7 +310,7 @@ def test_written_bag_has_what_the_node_says_whatever_the_question(tmp_path):
 
 
 def test_moving_obstacle_is_nowhere_after_it_was_seen_last(tmp_path):
-    """It is ahead at the robot's speed; when it is seen no more the robot passes its last place."""
+    """It is ahead at the robot's speed; then the robot passes where it was seen last."""
     messages = frames(range(30)) + frames([x + 1.5 for x in range(20)], '/obstacles')
     result = run(tmp_path, messages)
     assert result.contacts == []

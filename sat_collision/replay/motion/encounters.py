@@ -146,7 +146,8 @@ class Encounters:
             self._findings.measure(seen.names[row], seen.stamps[row], value, seen.polygon(row))
         return touching
 
-    def _follow(self, ways: Ways, followed: dict[ObstacleId, Contact], seen: Container[int]) -> None:
+    def _follow(self, ways: Ways, followed: dict[ObstacleId, Contact],
+                seen: Container[int]) -> None:
         """Decide the ways of bodies that are known; put what touches at their ends to the rest."""
         start, finish = min(ways.starts), max(ways.finishes)
         box = self._track.bounds(start, finish)
@@ -277,11 +278,12 @@ class _Pair(NamedTuple):
 
     def most_motion(self) -> float:
         """Return how far the two can come towards each other, metres."""
-        motion: float = sum(ways.moved[i] * abs(self.end - self.begin)
-                     / max(ways.finishes[i] - ways.starts[i], 1)
-                     for ways, i in ((self.piece, 0), (self.ways, self.i)))
-        largest = max(float(np.abs(boxes[i]).max())
-                      for boxes, i in ((self.piece.boxes, 0), (self.ways.boxes, self.i)))
+        both = (self.piece, 0), (self.ways, self.i)
+        passed = abs(self.end - self.begin)
+        motion = 0.0
+        for ways, i in both:
+            motion += ways.moved[i] * passed / max(ways.finishes[i] - ways.starts[i], 1)
+        largest: float = max(np.abs(ways.boxes[i]).max() for ways, i in both)
         return motion * (1.0 + _SLACK) + _SLACK * largest
 
 

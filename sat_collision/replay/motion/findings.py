@@ -89,8 +89,10 @@ class Findings:
         samples = list(least_of(series.samples for series in self._series))
         times = [time for time, _ in samples]
         for one in unknown:
-            if one.footprint == self._result.name and (
-                    bisect_left(times, one.first) == bisect_left(times, one.last)):
+            k = bisect_left(times, one.first)
+            # Shorter than half of the time between two moments, it is within what is known.
+            if one.footprint == self._result.name and 0 < k < len(times) and (
+                    2 * (one.last - one.first) > times[k] - times[k - 1]):
                 samples.append((one.first, None))
         curve = Series(self._result.separation)
         for time, value in sorted(samples, key=itemgetter(0)):

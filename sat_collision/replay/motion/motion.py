@@ -128,8 +128,11 @@ class Motion(Observer):
     def finish(self, end: int) -> None:
         """Decide all that is left, now that the recording is over."""
         self.now = end
+        latest = [walker.track.latest for walker in self._walkers.values()]
+        # What is told after the last footprint is of no interest.
+        last = max((time for time in latest if time is not None), default=end)
         for trail in self._trails():
-            trail.rest(end, is_over=True)
+            trail.rest(last, is_over=True)
         for walker in self._walkers.values():
             walker.finish(end)
 

@@ -92,8 +92,7 @@ class SetTrail:
         until = {row: self._ends.get(row, now) for row in self._alive
                  if row not in last.moving and self._ends.get(row, now) > last.stamps[row]}
         lost = [row for row in self._alive if row not in until]
-        self.undecided += max((self._ends.get(row, now) - self._last_stamp for row in lost),
-                              default=0)
+        self.undecided += max([0, *(self._ends.get(row, now) - self._last_stamp for row in lost)])
         left = {row for row in until if row not in self._ends}
         self._emit(self, Step([stay(last, until)] if until else [], None,
                               [last.names[row] for row in self._alive - left],

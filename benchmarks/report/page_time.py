@@ -60,4 +60,4 @@ def _found(rows):
         text += ': it is the largest error there is on a moving robot'
     text += ('; straight lines between frames leave less of it' if all(better) else
              f'; straight lines between frames leave less of it in {sum(better)} of {len(rows)}')
-    return f'{text}. The laser scanner is in the frame of its robot, whose footprint stands there.'
+    return f'{text}. The laser scanner is in the frame of its robot, whose footprint stands.'

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from sat_collision.geometry.moving import STRIDE
 from sat_collision.geometry.polygon import MAX_VERTICES, Polygon
 from sat_collision.messages.cdr import Points
-from sat_collision.replay.motion.rings import describe, nearest_each, ways_between
+from sat_collision.replay.motion.rings import describe, mutual_nearest, ways_between
 from sat_collision.scene.obstacles import ObstacleId
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -186,11 +186,5 @@ def followers(before: Bodies, after: Bodies) -> tuple[Integers, Integers]:
 
     They are those that are nearest to each other and have as many vertices.
     """
-    nothing = np.empty(0, np.int64)
-    if not (len(before) and len(after)):
-        return nothing, nothing
-    there = nearest_each(before.centres, after.centres, np.argsort(after.centres[:, 0]))
-    back = nearest_each(after.centres, before.centres, np.argsort(before.centres[:, 0]))
-    rows = np.arange(len(before))
-    same = (back[there] == rows) & (after.counts[there] == before.counts)
-    return rows[same], there[same]
+    rows, next_rows = mutual_nearest(before.centres, before.counts, after.centres, after.counts)
+    return rows, next_rows

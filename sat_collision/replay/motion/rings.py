@@ -107,6 +107,38 @@ def nearest_each(centres, others, order):
 
 
 @kernel
+def mutual_nearest(centres, counts, others, other_counts):
+    """
+    Return which rings of two sets are nearest to each other and have as many points.
+
+    Parameters
+    ----------
+    centres, others : (n, 2) and (m, 2) array of float64
+        The centres of the rings of the two sets.
+    counts, other_counts : (n,) and (m,) array of int64
+        How many points they have.
+
+    Returns
+    -------
+    (k,) array of int64, (k,) array of int64
+        The rings of one set, and those of the other.
+
+    """
+    there = nearest_each(centres, others, np.argsort(others[:, 0]))
+    back = nearest_each(others, centres, np.argsort(centres[:, 0]))
+    rows = np.empty(len(centres), np.int64)
+    other_rows = np.empty(len(centres), np.int64)
+    found = 0
+    for i in range(len(centres)):
+        j = there[i]
+        if j >= 0 and back[j] == i and counts[i] == other_counts[j]:
+            rows[found] = i
+            other_rows[found] = j
+            found += 1
+    return rows[:found], other_rows[:found]
+
+
+@kernel
 def ways_between(points, firsts, counts, rows, next_points, next_firsts, next_rows):
     """
     Return the ways of rings from one set to the next, vertex by vertex.

@@ -117,11 +117,12 @@ class SetTrail:
             passed = (np.array(seen.stamps, np.int64)[next_rows]
                       - np.array(last.stamps, np.int64)[rows])
             known = (passed > 0) & (passed <= self._patience)
+            followed: set[int] = set()
             if known.any():
                 ways.append(Ways(last, seen, rows[known], next_rows[known]))
                 seen.moving = {row for row, moved in zip(ways[0].next_rows, ways[0].moved)
                                if moved}
-            followed = set(rows[known].tolist())
+                followed.update(ways[0].rows)
             until = {row: end for row, end in self._ends.items() if row not in followed
                      and row not in last.moving and end > last.stamps[row]}
             if until:

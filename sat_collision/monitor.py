@@ -27,11 +27,12 @@ from sat_collision.geometry.packing import pack_convex
 from sat_collision.geometry.polygon import PackedBody, Polygon, PolygonError, Reason
 from sat_collision.messages.cdr import decode, MessageError, Points
 from sat_collision.messages.losses import Losses
+from sat_collision.scene.holders import OTHER_FRAME, TOO_MANY
 from sat_collision.scene.observer import Observer
 from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN, Scene
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
-from sat_collision.scene.sources import OTHER_FRAME, TOO_MANY, TOO_OLD
+from sat_collision.scene.sources import TOO_OLD
 
 EMPTY_FRAME_ID = 'empty frame_id'
 UNDECODABLE = 'undecodable'
@@ -95,7 +96,7 @@ class Monitor:
     ----------
     scene : Scene
         Tells the states, and is where settings are changed.
-    points : Points
+    stamp, points : int, Points
         Those of the last message that could be decoded.
     received : Counter
         All messages, by name of the footprint or source.
@@ -103,15 +104,19 @@ class Monitor:
         The messages that were not taken, by (name, reason).
     lost : Counter
         The messages that were sent but never came, by name.
+    is_numbered : bool
+        Whether the messages of all batches have numbers, without which no loss shows.
 
     """
 
     def __init__(self, settings: Settings, observer: Observer | None = None) -> None:
         self.scene = Scene(settings, observer)
+        self.stamp = 0
         self.points: Points = b'', 0, 0
         self.received: Counter[str] = Counter()
         self.rejected: Counter[tuple[str, str]] = Counter()
         self.lost: Counter[str] = Counter()
+        self.is_numbered = True
         self._losses: defaultdict[str, Losses] = defaultdict(Losses)
         self._overwhelmed: set[str] = set()
         self._lost_when_behind: dict[str, int] = {}
@@ -164,7 +169,11 @@ class Monitor:
         received = 0
         for data, number in messages:
             received += 1
-            if number is not None and (lost := missing(number)):
+            if number is None:
+                self.is_numbered = False
+            elif (lost := missing(number)) is None:
+                self.scene.meet_publisher(name, number == 1)
+            elif lost:
                 self.lost[name] += lost
                 self.scene.lose(name, now)
             if settings.enabled and (rejection := self._take(settings, data, now)):
@@ -189,7 +198,7 @@ class Monitor:
             self._lost_when_behind[name] = lost
             if lost > lost_before or seconds > settings.timeout > 0.0:
                 self._overwhelmed.add(name)
-        self.scene.fall_behind(name, seconds is not None, name in self._overwhelmed)
+        self.scene.overwhelm(name, name in self._overwhelmed)
 
     def _take(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
               now: int) -> Rejection | None:
@@ -197,7 +206,7 @@ class Monitor:
         stamp = instance = None
         try:
             stamp, frame_id, points, instance = decode(data, name in self._with_ids)
-            self.points = points
+            self.stamp, self.points = stamp, points
             if not frame_id:
                 return self._refuse(settings, EMPTY_FRAME_ID, 'its header names no frame', now,
                                     stamp, instance)

@@ -22,9 +22,9 @@ import struct
 from builders import box, SECOND, serialised
 import pytest
 from sat_collision.monitor import Monitor
+from sat_collision.scene.holders import TOO_MANY
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
-from sat_collision.scene.sources import TOO_MANY
 
 NOW = 1000 * SECOND
 SETTINGS = Settings(
@@ -39,6 +39,8 @@ CIRCLE = [(math.cos(k / 500), math.sin(k / 500)) for k in range(2000)]
 def clear_monitor(settings=SETTINGS):
     """Return a monitor that has heard a footprint at 0 and of obstacles far from it."""
     monitor = Monitor(settings)
+    for seconds in (2, 1):
+        monitor.scene.advance(NOW - seconds * SECOND)
     assert monitor.receive('robot', serialised(box(0)), NOW) is None
     assert monitor.receive('lidar', serialised(box(10)), NOW) is None
     assert monitor.receive('lidar', serialised([]), NOW) is None

@@ -28,7 +28,8 @@ from rclpy.event_handler import (
     QoSLivelinessChangedInfo, QoSRequestedDeadlineMissedInfo, QoSRequestedIncompatibleQoSInfo,
     SubscriptionEventCallbacks)
 from rclpy.node import Node
-from rclpy.qos import qos_policy_name_from_kind, QoSPolicyKind, QoSProfile
+from rclpy.qos import (
+    qos_policy_name_from_kind, QoSDurabilityPolicy, QoSPolicyKind, QoSProfile)
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sat_collision.geometry.jit import cache_problem, KERNEL
 from sat_collision.messages.outputs import Outputs
@@ -37,6 +38,7 @@ from sat_collision.node import kernels, loop
 from sat_collision.node.fallback import ExecutorLoop
 from sat_collision.node.health import Health
 from sat_collision.node.parameters import Parameters
+from sat_collision.node.receiver import Backlog
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
@@ -144,7 +146,7 @@ class FootprintMonitor(Node):
             inputs.append(self._subscribe(source, kind, _SETS_IN_QUEUE * source.max_count))
         self._inputs = inputs
         self._clock_watch = ClockWatch()
-        self._is_numbered = True
+        self._warns_of_losses = True
         self._reporting = _Every(_HEALTH_PERIOD)
         self._set_rates(settings)
         if in_loop:
@@ -171,6 +173,9 @@ class FootprintMonitor(Node):
                 qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE))
         except RuntimeError as error:
             raise ParameterError(f'{source.topic}: {error}') from error
+        if subscription.qos_profile.durability is QoSDurabilityPolicy.TRANSIENT_LOCAL:
+            # What was sent before is delivered, too.
+            self._scene.meet_publisher(source.name, True)
         self.get_logger().info(f'{source.name}: {kind.__name__} on {source.topic}')
         return loop.Input(source.name, subscription)
 
@@ -183,7 +188,6 @@ class FootprintMonitor(Node):
         """Apply changed parameters and publish what follows from them."""
         self._set_rates(settings)
         self._scene.update(settings)
-        self._scene.advance(self.present())
         self._outputs.configure(settings)
         self._outputs.publish()
 
@@ -207,30 +211,36 @@ class FootprintMonitor(Node):
         self._outputs.markers_current = False
         self._publish_changes()
 
-    def note_backlog(self, name: str, backlog: loop.Backlog | None) -> None:
+    def note_backlog(self, name: str, backlog: Backlog | None) -> None:
         """Take note of how far behind a topic is, None where it is not any more."""
         self._health.note_backlog(name, backlog)
         self._monitor.note_backlog(name, backlog.seconds if backlog else None)
 
-    def tick(self) -> float:
+    def tick(self, now: int, is_all_taken: bool) -> float:
         """Do what is due without a message; return in how many s the next tick is due."""
-        present = self.present()
-        now = time.monotonic()
+        steady = time.monotonic()
         for one in self._inputs:
             self._monitor.count_publishers(one.name, one.subscription.get_publisher_count())
         self._scene.stop_clock(
-            self.get_clock().ros_time_is_active and present > 0
-            and self._clock_watch.stands(present, now, self._scene.settings.clock_timeout))
-        self._scene.advance(present)
+            self.get_clock().ros_time_is_active and now > 0
+            and self._clock_watch.stands(now, steady, self._scene.settings.clock_timeout))
+        if self._warns_of_losses and not self._monitor.is_numbered:
+            self._warns_of_losses = False
+            self.get_logger().warning(
+                'this middleware does not number messages: what is lost on the way goes unseen')
+        if is_all_taken:
+            self._scene.advance(now)
+        else:
+            self._scene.pass_time(now)
         self._publish_changes()
-        if self._publishing.due(now):
+        if self._publishing.due(steady):
             self._outputs.publish()
-        if self._marking.due(now):
+        if self._marking.due(steady):
             self._outputs.publish_markers()
-        if self._reporting.due(now):
+        if self._reporting.due(steady):
             self._health_publisher.publish(self._health.message(
                 self.get_clock().now().to_msg(), self._monitor))
-        due = (self._scene.deadline - present) / 1e9
+        due = (self._scene.deadline - now) / 1e9
         return min(self._tick_period, max(due, _SHORTEST_TICK))
 
     def _receive_alone(self, name: str, data: bytes, info: dict[str, Any]) -> None:

@@ -23,19 +23,19 @@ from sat_collision.scene.obstacles import Obstacle
 
 
 class Observer(Protocol):
-    """Is told of each body as a scene takes it, and when it is there no longer; stamps in ns."""
+    """Is told of each body when it is placed in a scene, and when it is there no longer."""
 
     def place_footprint(self, footprint: Footprint) -> None:
         """Take note of a footprint that was taken."""
 
-    def lose_footprint(self, footprint: Footprint) -> None:
+    def remove_footprint(self, footprint: Footprint) -> None:
         """Take note that a footprint is nowhere from now on."""
 
     def begin_set(self, source: str, stamp: int) -> None:
-        """Take note that a set of a source begins: what follows belongs to it."""
+        """Take note that a set of a source begins: what follows belongs to it; stamp in ns."""
 
-    def place_obstacle(self, obstacle: Obstacle, stamp: int, is_in_set: bool) -> None:
+    def place_obstacle(self, obstacle: Obstacle) -> None:
         """Take note of an obstacle, of the set that comes in or known by id or shape."""
 
-    def forget_obstacle(self, obstacle: Obstacle) -> None:
+    def remove_obstacle(self, obstacle: Obstacle) -> None:
         """Take note that an obstacle is gone, though no later set took its place."""

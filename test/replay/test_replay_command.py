@@ -91,16 +91,16 @@ def test_table_tells_what_was_found(bags, capsys):
     """Times since the beginning, depth and place of the contact, coverage, rejections."""
     main([bags['collision']])
     out = capsys.readouterr().out
-    assert 'COLLISION' in out and f'202 messages (footprint 101, {SOURCE} 101)' in out
+    assert 'COLLISION' in out and f'303 messages (footprint 101, {SOURCE} 202)' in out
     assert 'recorded motion, 10.000 s by receive time' in out
-    assert re.search(rf'footprint +99.50 % +9.028 +0.922 +0.050 +-0.25 m from {SOURCE}/0', out)
+    assert re.search(rf'footprint +99.00 % +8.978 +0.922 +0.100 +-0.25 m from {SOURCE}/0', out)
     assert re.search(
         rf'footprint +{SOURCE}/0 +3.989 +0.922 +0.25 +0.875 +0.500 +at a frame', out)
     main([bags['collision'], '--as-live'])
     out = capsys.readouterr().out
     assert 'as live, 10.000 s by receive time' in out
     assert re.search(
-        rf'footprint +{SOURCE}/0 +4.000 +1.050 +0.25 +0.875 +0.500 +at a message', out)
+        rf'footprint +{SOURCE}/0 +4.000 +1.000 +0.25 +0.875 +0.500 +at a message', out)
     main([bags['unknown']])
     out = capsys.readouterr().out
     assert 'has not been heard yet' in out and 'no topic /obstacles' in out
@@ -145,8 +145,8 @@ def test_csv_and_junit(bags, tmp_path):
     main([*bags.values(), '--csv', str(table), '--junit', str(suites)])
     with table.open(newline='') as file:
         rows = list(csv.DictReader(file))
-    assert [row['kind'] for row in rows if row['bag'] == bags['collision']] == ['contact',
-                                                                                'unknown']
+    assert [row['kind'] for row in rows if row['bag'] == bags['collision']] == [
+        'contact', 'unknown']
     assert next(row for row in rows if row['kind'] == 'contact')['depth_m'] == '0.25'
     assert all('heard' in row['reason'] or 'older' in row['reason'] for row in rows
                if row['bag'] == bags['unknown'])

@@ -261,9 +261,9 @@ def test_margin_counts_between_frames(tmp_path):
 
 
 def test_nothing_known_at_one_time_is_unknown(tmp_path):
-    """A footprint once and an obstacle once, at another time: as live they collide."""
-    result = run(tmp_path, [('/footprint', 0.0, box(0)), ('/obstacles', 0.01, box(0)),
-                            ('/other', 0.5, box(0))])
+    """A footprint once, and obstacles only after it: as live they collide."""
+    result = run(tmp_path, [('/footprint', 0.0, box(0)),
+                            *(('/obstacles', k / 10, box(0)) for k in range(1, 9))])
     assert (result.verdict, result.contacts) == (Verdict.UNKNOWN, [])
     assert '--as-live' in ' '.join(result.notes)
     assert run_again(tmp_path, as_live=True).verdict is Verdict.COLLISION

@@ -62,9 +62,7 @@ def test_written_bag_has_the_flags_at_the_right_times(tmp_path):
     for name in ('collision', 'footprint/collision'):
         flags = [(time, flag.data) for time, flag in topics[f'/footprint_monitor/{name}']]
         changes = [flags[0]] + [b for a, b in zip(flags, flags[1:]) if a[1] != b[1]]
-        # A set is whole 0.05 s after it came, and only then what was before is gone.
-        assert [value for _, value in changes] == [True, False, True, False]
-        assert [time for time, _ in changes] == pytest.approx([0.0, 0.05, 4.0, 5.05], abs=1e-6)
+        assert changes == [(0.0, True), (0.1, False), (4.0, True), (5.0, False)]
         assert len(flags) >= 100
     for time, array in topics['/footprint_monitor/state']:
         status, = array.status

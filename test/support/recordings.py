@@ -69,11 +69,16 @@ def write(path, messages, storage='mcap', compression=None, types=None):
 
 
 def drive(duration=10.0, rate=10.0, contact=(4.0, 5.0)):
-    """Return a robot that stands at 0 and one obstacle, in contact with it for a while."""
+    """
+    Return a robot that stands at 0 and one obstacle, in contact with it for a while.
+
+    An empty polygon ends each set: it is whole at its time.
+    """
     messages = []
     for tick in range(round(duration * rate) + 1):
         time = tick / rate
         touching = contact[0] <= time < contact[1]
         messages += [('/footprint', time, box(0.0)),
-                     ('/obstacles', time, box(0.75 if touching else 3.0))]
+                     ('/obstacles', time, box(0.75 if touching else 3.0)),
+                     ('/obstacles', time, [])]
     return messages

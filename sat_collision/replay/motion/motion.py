@@ -30,6 +30,7 @@ from sat_collision.replay.motion.trails import Emit, LONGEST, Trail
 from sat_collision.replay.motion.walker import Walker
 from sat_collision.replay.result import Contact, FootprintResult, Least, Picture, Unknown
 from sat_collision.scene.footprints import Footprint
+from sat_collision.scene.holders import SetOfObstacles
 from sat_collision.scene.observer import Observer
 from sat_collision.scene.obstacles import Obstacle, ObstacleId
 from sat_collision.scene.settings import ObstacleSettings, Settings
@@ -95,13 +96,13 @@ class Motion(Observer):
                 walker.skip()
         name = footprint.settings.name
         walker = self._walkers[name]
-        walker.track.add(Bodies([ObstacleId(name, 0)], [footprint.stamp], [self.monitor.points],
-                                self._max_vertices))
+        walker.track.add(Bodies([ObstacleId(name, 0)], [self.monitor.stamp or self.now],
+                                [self.monitor.points], self._max_vertices))
         for trail in self._trails():
             trail.rest(self.now)
         walker.walk(self.now)
 
-    def lose_footprint(self, footprint: Footprint) -> None:
+    def remove_footprint(self, footprint: Footprint) -> None:
         """Take note that a footprint is nowhere."""
         self._walkers[footprint.settings.name].track.lose()
 
@@ -109,16 +110,14 @@ class Motion(Observer):
         """Take note that a set begins."""
         self._trail(source, self._sets, SetTrail).begin(stamp)
 
-    def place_obstacle(self, obstacle: Obstacle, stamp: int, is_in_set: bool) -> None:
+    def place_obstacle(self, obstacle: Obstacle) -> None:
         """Take an obstacle that the scene has taken."""
         source = obstacle.name.source
-        if is_in_set:
-            self._sets[source].place(obstacle, stamp, self.monitor.points)
-        else:
-            self._trail(source, self._named, NamedTrail).place(
-                obstacle, stamp, self.monitor.points)
+        trail: Trail = self._sets[source] if isinstance(obstacle.held_by, SetOfObstacles) else (
+            self._trail(source, self._named, NamedTrail))
+        trail.place(obstacle, self.monitor.stamp or self.now, self.monitor.points)
 
-    def forget_obstacle(self, obstacle: Obstacle) -> None:
+    def remove_obstacle(self, obstacle: Obstacle) -> None:
         """Take note that the scene holds an obstacle no longer."""
         source = obstacle.name.source
         for trail in (self._sets.get(source), self._named.get(source)):

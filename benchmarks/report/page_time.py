@@ -54,8 +54,9 @@ def _found(rows):
     rows = [row for row in rows if row['speed']]
     times = [row['before'][1] / row['coordinates'] for row in rows]
     better = [row['between'][0] < row['before'][0] for row in rows]
-    text = (f'In the recordings a footprint that is one frame old makes separations wrong by '
-            f'up to {listed(f"{one:,.0f}" for one in times)} times what rounding to float32 can do')
+    most = listed(f'{one:,.0f}' for one in times)
+    text = (f'In the recordings a footprint that is one frame old makes separations wrong by up '
+            f'to {most} times what rounding to float32 can do')
     if all(one > 1 for one in times):
         text += ': it is the largest error there is on a moving robot'
     text += ('; straight lines between frames leave less of it' if all(better) else

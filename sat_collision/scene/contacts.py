@@ -97,6 +97,11 @@ class Contacts:
             self.changed.update(update_contacts(obstacle, self._footprints.of_rows(met)))
         return True
 
+    def begin_set(self, source: str, stamp: int) -> None:
+        """Let the observer know that obstacles of another set of a source come now."""
+        if self.observer:
+            self.observer.begin_set(source, stamp)
+
     def is_at(self, obstacle: Obstacle, where: PackedBody) -> bool:
         """Tell whether an obstacle is there already."""
         return obstacle.row is not None and self._obstacles.polygons.is_same(obstacle.row, where)

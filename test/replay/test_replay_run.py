@@ -188,7 +188,8 @@ def test_messages_are_rejected_as_live_and_counted(tmp_path, data, reason):
     assert '/obstacles' in source.examples[reason]
     assert any(reason in unknown.reasons[0] for unknown in result.unknown)
     assert result.verdict is Verdict.CLEAR
-    assert check(tmp_path / 'bag', Options(as_live=True, max_unknown=0.05)).verdict is Verdict.UNKNOWN
+    strict = check(tmp_path / 'bag', Options(as_live=True, max_unknown=0.05))
+    assert strict.verdict is Verdict.UNKNOWN
 
 
 def test_part_of_a_recording(tmp_path):
@@ -235,8 +236,8 @@ def test_wild_gap_in_time_takes_no_time(tmp_path):
 def test_series_does_not_grow_with_the_recording(tmp_path):
     """An hour sampled every 10 ms; neighbours are merged to their least."""
     bag = write(tmp_path / 'bag', drive(3600.0, rate=1.0, contact=(1800.0, 1801.0)))
-    result = check(bag, Options(as_live=True, parameters={'footprint.timeout': 3.0, f'{SOURCE}.timeout': 3.0},
-                                sample=0.01))
+    result = check(bag, Options(as_live=True, sample=0.01, parameters={
+        'footprint.timeout': 3.0, f'{SOURCE}.timeout': 3.0}))
     samples = result.footprints[0].separation
     assert 1000 < len(samples) <= 4096
     assert min(value for _, value in samples) == -0.25

@@ -364,3 +364,26 @@ def test_margin_holds_in_the_middle_of_a_set(live):
     monitor.receive('robot', serialised(box(0), stamp), stamp)
     monitor.receive('lidar', serialised(box(1.5), stamp), stamp)
     assert monitor.scene.state('robot').contacts == (ObstacleId('lidar', 1),)
+
+
+@pytest.mark.parametrize('number, known', [(1, 'clear'), (5, 'unknown')])
+def test_first_set_counts_where_the_publisher_began_with_it(number, known):
+    """Its first message has the number 1; where others went before, they may be of this set."""
+    monitor = Monitor(replace(SETTINGS, obstacles=SETTINGS.obstacles[:1]))
+    monitor.scene.advance(NOW)
+    monitor.receive('robot', serialised(box(0)), NOW)
+    monitor.receive_batch('lidar', [(serialised(box(10)), number), (serialised([]), number + 1)],
+                          NOW)
+    assert status(monitor) == known
+    later = NOW + SECOND // 10
+    monitor.receive_batch('lidar', [(serialised(box(10), later), number + 2),
+                                    (serialised([], later), number + 3)], later)
+    assert status(monitor) == 'clear'
+
+
+def test_messages_without_numbers_are_noted():
+    """No loss shows where the middleware does not count."""
+    monitor = clear_monitor()
+    assert monitor.is_numbered
+    monitor.receive_batch('lidar', [(serialised(box(10)), None)], NOW)
+    assert not monitor.is_numbered

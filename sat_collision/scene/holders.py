@@ -222,11 +222,8 @@ class SetOfObstacles(Holder):
                 self._refuse(obstacle, obstacle.time, OTHER_FRAME)
 
     def forget(self, obstacle: Obstacle) -> None:
-        """Drop an obstacle, unless it is hidden."""
-        place = obstacle.key
-        assert isinstance(place, int)
-        if place < self._taken:
-            self._remove(obstacle)
+        """Drop an obstacle; its place stays."""
+        self._remove(obstacle)
 
     def clear(self) -> None:
         """Hide all."""

@@ -131,7 +131,8 @@ class Settings:
         'second agree on'))
     future_tolerance: float = field(default=1.0, metadata=_setting(
         's; a message stamped further ahead of the clock is refused', live=True,
-        limits=(0.0, _DAY)))
+        # A batch may bring messages that were stamped after the clock was read for it.
+        limits=(0.05, _DAY)))
     clock_timeout: float = field(default=2.0, metadata=_setting(
         's by the wall clock; simulated time that stands still for so long makes the footprints '
         'unknown; 0.0 for never', live=True, limits=(0.0, _DAY)))

@@ -215,6 +215,18 @@ def test_recording_of_a_simulation_is_checked_by_its_stamps(tmp_path):
     assert since(result, result.contacts[0].first, result.contacts[0].last) == [4.0, 5.0]
 
 
+@pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
+@pytest.mark.parametrize('latched, verdict', [
+    ((), Verdict.UNKNOWN), (('/obstacles',), Verdict.CLEAR)])
+def test_map_recorded_once_is_known_where_it_was_latched(tmp_path, storage, latched, verdict):
+    """Else it may have been under way when the recording began, and something was missed."""
+    messages = [('/obstacles', 0.0, serialised(box(x), 0)) for x in (3, 5)]
+    messages += [('/footprint', k / 10, box(0)) for k in range(50)]
+    bag = write(tmp_path / 'bag', messages, storage, latched=latched)
+    result = check(bag, Options(parameters={f'{SOURCE}.timeout': 0.0}))
+    assert result.verdict is verdict
+
+
 def test_stamps_that_jitter_between_topics_drop_nothing(tmp_path):
     """By header stamps, obstacles are 50 ms behind the footprint: the clock does not go back."""
     messages = [(topic, time, serialised(points, START + round(

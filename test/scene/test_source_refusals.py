@@ -88,6 +88,21 @@ def test_refused_obstacle_expires_like_any_other(settings):
     assert stage.status() == 'clear'
 
 
+def test_refused_obstacle_lives_from_its_stamp_though_a_set_before_was_stamped_later():
+    """The clock of a publisher was ahead and is set back: what was refused is 1.15 s old."""
+    stage = with_robot(LIDAR)
+    for stamp in (0.9, -1.2):
+        stage.see(10, stamp)
+        stage.heartbeat(stamp)
+    stage.refuse(stamp=-1.15)
+    stage.heartbeat(-1.15)
+    stage.wait_until(0.8)
+    stage.heartbeat('none')
+    assert stage.status() == 'unknown'
+    stage.wait_until(0.86)
+    assert stage.status() == 'clear'
+
+
 @EVERY_KIND
 def test_undecodable_message_is_trouble_until_the_next_good_one(settings):
     """Neither stamp nor id is known of it: it counts as one more of the set."""

@@ -91,8 +91,8 @@ class Findings:
         for one in unknown:
             k = bisect_left(times, one.first)
             # Shorter than half of the time between two moments, it is within what is known.
-            if one.footprint == self._result.name and 0 < k < len(times) and (
-                    2 * (one.last - one.first) > times[k] - times[k - 1]):
+            if one.footprint == self._result.name and 0 < k == bisect_left(times, one.last) and (
+                    k == len(times) or 2 * (one.last - one.first) > times[k] - times[k - 1]):
                 samples.append((one.first, None))
         curve = Series(self._result.separation)
         for time, value in sorted(samples, key=itemgetter(0)):

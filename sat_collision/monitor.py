@@ -28,6 +28,7 @@ from sat_collision.geometry.polygon import PackedBody, Polygon, PolygonError, Re
 from sat_collision.messages.cdr import decode, MessageError, Points
 from sat_collision.messages.losses import Losses
 from sat_collision.scene.holders import OTHER_FRAME, TOO_MANY
+from sat_collision.scene.observer import Observer
 from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN, Scene
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
@@ -88,11 +89,15 @@ class Monitor:
     Parameters
     ----------
     settings : Settings
+    observer : Observer, optional
+        Of the scene.
 
     Attributes
     ----------
     scene : Scene
         Tells the states, and is where settings are changed.
+    stamp, points : int, Points
+        Those of the last message that could be decoded.
     received : Counter
         All messages, by name of the footprint or source.
     rejected : Counter
@@ -104,8 +109,10 @@ class Monitor:
 
     """
 
-    def __init__(self, settings: Settings) -> None:
-        self.scene = Scene(settings)
+    def __init__(self, settings: Settings, observer: Observer | None = None) -> None:
+        self.scene = Scene(settings, observer)
+        self.stamp = 0
+        self.points: Points = b'', 0, 0
         self.received: Counter[str] = Counter()
         self.rejected: Counter[tuple[str, str]] = Counter()
         self.lost: Counter[str] = Counter()
@@ -199,6 +206,7 @@ class Monitor:
         stamp = instance = None
         try:
             stamp, frame_id, points, instance = decode(data, name in self._with_ids)
+            self.stamp, self.points = stamp, points
             if not frame_id:
                 return self._refuse(settings, EMPTY_FRAME_ID, 'its header names no frame', now,
                                     stamp, instance)

@@ -136,7 +136,8 @@ def _options(options: argparse.Namespace) -> Options:
     settings_of(parameters, options.node)
     return Options(
         parameters=parameters, footprints=tuple(options.footprint),
-        obstacles=tuple(options.obstacles), node=options.node, clock=options.clock,
+        obstacles=tuple(options.obstacles), node=options.node, as_live=options.as_live,
+        clock=options.clock,
         start=options.start, duration=options.duration, max_unknown=options.max_unknown,
         sample=options.sample, picture=bool(options.plot), write_bag=options.write_bag,
         limits=Limits(options.max_memory, options.max_disk), debug=options.debug)
@@ -205,13 +206,15 @@ def _parser() -> argparse.ArgumentParser:
         help='a source of obstacles and its topic')
     add('--node', type=_node, default=NODE,
         help='full name of the node, for parameter files and topics (%(default)s)')
+    add('--as-live', action='store_true',
+        help='tell what the monitor would have said; without, what touched by recorded motion')
     add('--clock', choices=(RECEIVE, HEADER), default=RECEIVE,
         help='time of a message: when it was received, or its header stamp (%(default)s)')
     add('--start', type=_seconds, default=0.0, metavar='S',
         help='start S seconds into the recording')
     add('--duration', type=_seconds, metavar='S', help='check S seconds of it')
     add('--sample', type=_period, default=0.1, metavar='S',
-        help='measure separations every S seconds (%(default)s)')
+        help='with --as-live, measure separations every S seconds (%(default)s)')
     verdict = parser.add_argument_group('verdict')
     add = verdict.add_argument
     add('--max-unknown', type=_seconds, default=1.0, metavar='S',

@@ -39,6 +39,8 @@ class Options:
         Topics, or NAME:=TOPIC.
     node : str
         Full name of the node.
+    as_live : bool
+        Tell what the monitor would have said, instead of what touched by recorded motion.
     clock : str
         RECEIVE or HEADER: the time of a message is when it was received, or its stamp.
     start, duration : float
@@ -46,7 +48,7 @@ class Options:
     max_unknown : float
         For how long in all a footprint may be unknown.
     sample : float
-        How often to measure the separation from the nearest obstacle.
+        As live, how often to measure the separation from the nearest obstacle.
     picture : bool
         Keep the bodies at the least separation.
     write_bag : str or None
@@ -62,6 +64,7 @@ class Options:
     footprints: tuple[str, ...] = ()
     obstacles: tuple[str, ...] = ()
     node: str = NODE
+    as_live: bool = False
     clock: str = RECEIVE
     start: float = 0.0
     duration: float | None = None

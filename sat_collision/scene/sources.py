@@ -39,8 +39,7 @@ class Source:
     first pause after polygons without stamps; one without sets from its first message on.
 
     While a source holds a message that was refused it is at fault: there may be an obstacle where
-    nobody looks. So it is after a loss, until a set has come whole or, without sets, for the
-    timeout: by then all that is there has been told anew.
+    nobody looks. So it is after a loss until all is told anew: by a whole set, or in the timeout.
 
     Times are in ns. A message counts from its stamp, from now if that is 0 or in the future. One
     past its timeout is refused as TOO_OLD and changes nothing: what is held is known better.
@@ -67,6 +66,7 @@ class Source:
 
     def __init__(self, settings: ObstacleSettings, contacts: Contacts, deadlines: Deadlines,
                  pauses: Deadlines) -> None:
+        self._note_set = contacts.begin_set
         self._deadlines = deadlines
         self._pauses = pauses
         self._doubts = Doubts()
@@ -246,6 +246,7 @@ class Source:
             if not sets.is_whole:
                 self._end_set()
             sets.begin(stamp)
+            self._note_set(self.settings.name, stamp)
             self._doubts.is_cut |= sets.is_cut
             self._find_faults()
         self._await_pause(now)

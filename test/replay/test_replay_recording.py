@@ -54,7 +54,7 @@ def test_every_storage_and_compression_is_read(tmp_path, storage, compression):
     assert result.problems == []
     assert result.messages == ALL
     contact, = result.contacts
-    assert (contact.first - result.start, contact.last - result.start) == (4 * 10**9, 5 * 10**9)
+    assert contact.between == [result.start + 39 * 10**8, result.start + 5 * 10**9]
     assert contact.depth == 0.25
 
 

@@ -176,7 +176,7 @@ def test_no_row_says_that_it_lasted_0_s(tmp_path, capsys):
                 ('/obstacles', 1e-4, []), ('/footprint', 0.5, box(0)),
                 ('/obstacles', 0.5, box(0.5))]
     bag = write(tmp_path / 'bag', messages, latched=('/obstacles',))
-    assert main([str(bag)]) == 1
+    assert main([str(bag), '--as-live']) == 1
     out = capsys.readouterr().out
     assert re.search(r'footprint +obstacle/0 +0.500 +<0.001\+ +0.5 ', out)
     assert 'reason' not in out

@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from sat_collision.geometry.convex_parts import convex_parts
-from sat_collision.geometry.jit import indexable, kernel
+from sat_collision.geometry.jit import indexable, inner, kernel
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.predicates import orient
 
@@ -172,7 +172,7 @@ def boxes_stay_apart(p, q, apart):
             or _is_below(p, q, 1, apart) or _is_below(q, p, 1, apart))
 
 
-@kernel
+@inner
 def _is_below(p, q, axis, apart):
     """Tell whether P is below Q by more than a length along x or y, 0 or 1, at both ends."""
     for k in (axis, axis + 2):

@@ -34,7 +34,7 @@ import math
 from numpy.typing import ArrayLike
 from sat_collision.geometry.distance import measure_arrays
 from sat_collision.geometry.intersection import arrays_meet
-from sat_collision.geometry.jit import inlined, kernel, scratch
+from sat_collision.geometry.jit import inlined, inner, kernel, scratch
 from sat_collision.geometry.moving import boxes_stay_apart, moving_body, Part, stays_apart, STRIDE
 from sat_collision.geometry.plane import nearest_of_segment
 from sat_collision.geometry.polygon import coordinates, Polygon
@@ -144,7 +144,7 @@ def first_contact(a, a_ends, b, b_ends, tolerance, apart):
     return time
 
 
-@kernel
+@inner
 def _stands(array):
     for k in range(0, len(array), STRIDE):
         if array[k] != array[k + 2] or array[k + 1] != array[k + 3]:
@@ -152,7 +152,7 @@ def _stands(array):
     return True
 
 
-@kernel
+@inner
 def _least_coordinate(array, k):
     """Return the least of the numbers that stand at k for each vertex."""
     least = array[k]
@@ -161,7 +161,7 @@ def _least_coordinate(array, k):
     return least
 
 
-@kernel
+@inner
 def _relative_to(x, y, array):
     moved = scratch(len(array))
     for k in range(0, len(array), 2):
@@ -170,7 +170,7 @@ def _relative_to(x, y, array):
     return moved
 
 
-@kernel
+@inner
 def _first_contact_of_parts(p, q, tolerance, apart, before):
     """Return what `first_contact` does of two parts; infinity also if it is not before a time."""
     reach = max(_reach(p), _reach(q))
@@ -192,7 +192,7 @@ def _first_contact_of_parts(p, q, tolerance, apart, before):
     return math.inf
 
 
-@kernel
+@inner
 def _reach(p):
     reach = 0.0
     for k in range(p.first, p.end):
@@ -200,7 +200,7 @@ def _reach(p):
     return reach
 
 
-@kernel
+@inner
 def _separation(p, q, time, enough):
     """
     Return how far two parts are apart at a time and, if they are, the unit axis that shows it.
@@ -228,7 +228,7 @@ def _separation(p, q, time, enough):
             ay = wy
 
 
-@kernel
+@inner
 def _separated_until(p, q, clear, ux, uy, margin, apart):
     """
     Return until when an axis proves two parts apart by more than a distance, from when they are.
@@ -256,7 +256,7 @@ def _separated_until(p, q, clear, ux, uy, margin, apart):
         time = sooner
 
 
-@kernel
+@inner
 def _gap(p, q, ux, uy, time):
     """Return the gap between two parts along an axis, and the vertices at its ends."""
     i = _support(p, ux, uy, time)
@@ -265,7 +265,7 @@ def _gap(p, q, ux, uy, time):
     return wx * ux + wy * uy, i, j
 
 
-@kernel
+@inner
 def _support(p, ux, uy, time):
     """Return where the vertex of a part stands that is furthest along an axis at a time."""
     v = p.array

@@ -61,8 +61,10 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('kind', choices=FLOODS)
     parser.add_argument('seconds', type=float)
+    parser.add_argument('--most', type=float, default=math.inf, help='messages a second')
     arguments = parser.parse_args()
     points, rate, withheld = FLOODS[arguments.kind]
+    rate = min(rate, arguments.most)
     body = _body(points, withheld)
     rclpy.init()
     node = rclpy.create_node('flooder')

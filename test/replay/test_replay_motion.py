@@ -330,3 +330,16 @@ def test_ids_are_followed_through_each_other(tmp_path):
              for contact in result.contacts}
     assert found == {'tracks/7': pytest.approx([0.907, 1.107], abs=1e-6),
                      'tracks/8': pytest.approx([1.708, 1.908], abs=1e-6)}
+
+
+def test_standing_body_with_an_id_is_touched_once(tmp_path):
+    """The robot drives past at 1.5 m/s, and both are told anew 16 times a second."""
+    messages = []
+    for k in range(128):
+        time = k / 16
+        messages += [at(time, box(1.5 * time), 0.01, '/footprint'),
+                     ('/tracks', time + 0.02, serialised(
+                         box(6 + 1 / 64, 0.25, 0.25), START + round(time * SECOND), instance=0))]
+    contact, = run(tmp_path, messages).contacts
+    assert [(time - START) / SECOND for time in (contact.first, contact.last)] == pytest.approx(
+        [(5 + 1 / 64) / 1.5, (6 + 1 / 64 + 0.25) / 1.5], abs=1e-5)

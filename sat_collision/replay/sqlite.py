@@ -56,13 +56,6 @@ class SqliteFile:
         Takes copies, where the file cannot be read in its place.
     limits : Limits
 
-    Attributes
-    ----------
-    topics, counts : dict
-        Type and number of messages of each topic.
-    start, end : int
-        Times of the first and the last message in ns, None if there is none.
-
     """
 
     def __init__(self, path: Path, faults: Faults, scratch: Scratch, limits: Limits) -> None:

@@ -23,7 +23,8 @@ from sat_collision.geometry.query import separation
 from sat_collision.replay.result import (
     Contact, FootprintResult, Least, middle_of_overlap, Picture, Unknown)
 from sat_collision.replay.series import Series
-from sat_collision.scene.footprints import State, Status
+from sat_collision.replay.unknowns import Unknowns
+from sat_collision.scene.footprints import Status
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
 
@@ -42,8 +43,8 @@ class Timeline:
 
     Attributes
     ----------
-    contacts, unknown : list
-        The Contact and Unknown intervals, in the order of their beginning.
+    contacts : list of Contact
+        In the order of their beginning.
     footprints : list of FootprintResult
     notes : list of str
         What a reader should know.
@@ -59,7 +60,6 @@ class Timeline:
         self._scene = scene
         self._with_picture = with_picture
         self.contacts: list[Contact] = []
-        self.unknown: list[Unknown] = []
         self.touching: dict[str, dict[ObstacleId, Contact]] = {}
         self.picture: Picture | None = None
         self.footprints = footprints
@@ -67,8 +67,13 @@ class Timeline:
         self._results = {result.name: result for result in self.footprints}
         self._series = {result.name: Series(result.separation) for result in self.footprints}
         self._since: dict[str, tuple[int, Status]] = {}
-        self._open_unknown: dict[str, Unknown] = {}
+        self._unknowns = Unknowns()
         self._measured: dict[tuple[str, ObstacleId], list[Polygon]] = {}
+
+    @property
+    def unknown(self) -> list[Unknown]:
+        """The Unknown intervals, in the order of their beginning."""
+        return self._unknowns.intervals
 
     def change(self, names: Iterable[str], now: int) -> None:
         """Take the new states of footprints."""
@@ -78,7 +83,8 @@ class Timeline:
             self._since[name] = now, state.status
             if state.status is not Status.UNKNOWN:
                 self._results[name].ever_known = True
-            self._follow_unknown(name, state, now)
+            self._unknowns.follow(
+                name, state.reasons if state.status is Status.UNKNOWN else (), now)
             self._follow_contacts(name, state.contacts, now)
 
     def deepen(self, now: int) -> None:
@@ -118,10 +124,7 @@ class Timeline:
             for contact in contacts.values():
                 contact.last = now
                 contact.at_end = True
-        for unknown in self._open_unknown.values():
-            unknown.last = now
-        # What came and went between two messages of one time was never the case for long.
-        self.unknown = [unknown for unknown in self.unknown if unknown.last > unknown.first]
+        self._unknowns.finish(now)
 
     def _count_time(self, name: str, now: int) -> None:
         if name in self._since:
@@ -129,16 +132,6 @@ class Timeline:
             result = self._results[name]
             setattr(result, status.value, getattr(result, status.value) + now - since)
             self._since[name] = now, status
-
-    def _follow_unknown(self, name: str, state: State, now: int) -> None:
-        reasons = list(state.reasons)
-        unknown = self._open_unknown.get(name)
-        if unknown and (state.status is not Status.UNKNOWN or unknown.reasons != reasons):
-            unknown.last = now
-            del self._open_unknown[name]
-        if state.status is Status.UNKNOWN and name not in self._open_unknown:
-            self._open_unknown[name] = Unknown(name, now, now, reasons)
-            self.unknown.append(self._open_unknown[name])
 
     def _follow_contacts(self, name: str, obstacles: Iterable[ObstacleId], now: int) -> None:
         contacts = self.touching.get(name, {})

@@ -23,7 +23,7 @@ import numpy as np
 from sat_collision.messages.cdr import Points
 from sat_collision.replay.motion.bodies import Bodies, stay, Ways
 from sat_collision.replay.motion.encounters import Step
-from sat_collision.replay.motion.trails import Coming, Emit
+from sat_collision.replay.motion.trails import Emit, Trail
 from sat_collision.scene.obstacles import Obstacle, ObstacleId
 
 # Messages stamped so near each other, ns, are looked at together.
@@ -41,26 +41,11 @@ class _Sighting(NamedTuple):
         return self.bodies.stamps[self.row]
 
 
-class NamedTrail:
-    """
-    Follows bodies with ids, or that stand still because they are known by shape, see `Trail`.
-
-    Parameters
-    ----------
-    patience : int
-        Over how long a motion is made up at most, ns.
-    max_vertices : int
-    emit : callable
-        Takes the trail and each Step.
-
-    """
+class NamedTrail(Trail):
+    """Follows bodies with ids, or that stand still because they are known by shape."""
 
     def __init__(self, patience: int, max_vertices: int, emit: Emit) -> None:
-        self.undecided = 0
-        self._patience = patience
-        self._emit = emit
-        self._frame_id = ''
-        self._coming = Coming(max_vertices)
+        super().__init__(patience, max_vertices, emit)
         self._seen: dict[ObstacleId, _Sighting] = {}
         self._forgotten: dict[ObstacleId, int] = {}
         self._rested = 0
@@ -84,7 +69,7 @@ class NamedTrail:
 
     def use_frame(self, frame_id: str) -> None:
         """Drop what is in another frame than this."""
-        self._frame_id = frame_id
+        super().use_frame(frame_id)
         self._seen = {name: sighting for name, sighting in self._seen.items()
                       if sighting.bodies.frame_id == frame_id}
 

@@ -20,33 +20,20 @@ import numpy as np
 from sat_collision.messages.cdr import Points
 from sat_collision.replay.motion.bodies import Bodies, followers, stay, Ways
 from sat_collision.replay.motion.encounters import Step
-from sat_collision.replay.motion.trails import Coming, Emit
+from sat_collision.replay.motion.trails import Emit, Trail
 from sat_collision.scene.obstacles import Obstacle
 
 
-class SetTrail:
+class SetTrail(Trail):
     """
-    Follows a source that publishes sets, see `trails.Trail`.
+    Follows a source that publishes sets.
 
     A place in a set may be taken by another body each time, so bodies of two sets are the same
     where they are nearest to each other and have as many vertices.
-
-    Parameters
-    ----------
-    patience : int
-        Over how long a motion is made up at most, ns.
-    max_vertices : int
-    emit : callable
-        Takes the trail and each Step.
-
     """
 
     def __init__(self, patience: int, max_vertices: int, emit: Emit) -> None:
-        self.undecided = 0
-        self._patience = patience
-        self._emit = emit
-        self._frame_id = ''
-        self._coming = Coming(max_vertices)
+        super().__init__(patience, max_vertices, emit)
         self._stamp: int | None = None
         self._last: Bodies | None = None
         self._last_stamp = 0
@@ -77,7 +64,7 @@ class SetTrail:
 
     def use_frame(self, frame_id: str) -> None:
         """Drop what is in another frame than this."""
-        self._frame_id = frame_id
+        super().use_frame(frame_id)
         if self._last is not None and self._last.frame_id != frame_id:
             self._last = None
 

@@ -21,6 +21,7 @@ from operator import attrgetter
 
 from sat_collision.replay.motion.motion import Motion
 from sat_collision.replay.result import Contact, FootprintResult, Picture, Unknown
+from sat_collision.replay.unknowns import Unknowns
 from sat_collision.scene.scene import Scene
 
 
@@ -37,8 +38,8 @@ class MotionTimeline:
 
     Attributes
     ----------
-    contacts, unknown : list
-        The Contact and Unknown intervals, in the order of their beginning.
+    contacts : list of Contact
+        In the order of their beginning.
     footprints : list of FootprintResult
     notes : list of str
         What a reader should know.
@@ -49,11 +50,10 @@ class MotionTimeline:
         self._scene = scene
         self._motion = motion
         self.contacts: list[Contact] = motion.contacts
-        self.unknown: list[Unknown] = []
         self.footprints = footprints
         self.notes: list[str] = []
         self._results = {result.name: result for result in footprints}
-        self._open: dict[str, Unknown] = {}
+        self._unknowns = Unknowns()
         self._start: int | None = None
 
     @property
@@ -61,28 +61,24 @@ class MotionTimeline:
         """The bodies at the least separation."""
         return self._motion.picture
 
+    @property
+    def unknown(self) -> list[Unknown]:
+        """The Unknown intervals, in the order of their beginning."""
+        return self._unknowns.intervals
+
     def change(self, names: Iterable[str], now: int) -> None:
         """Take the new doubts about footprints."""
         if self._start is None:
             self._start = now
         for name in names:
             reasons = list(self._scene.doubts(name))
-            unknown = self._open.get(name)
-            if unknown and unknown.reasons != reasons:
-                unknown.last = now
-                del self._open[name]
+            self._unknowns.follow(name, reasons, now)
             if not reasons:
                 self._results[name].ever_known = True
-            elif name not in self._open:
-                self._open[name] = Unknown(name, now, now, reasons)
-                self.unknown.append(self._open[name])
 
     def finish(self, now: int) -> None:
         """Decide what is left, and end all that is open."""
-        for unknown in self._open.values():
-            unknown.last = now
-        # What came and went between two messages of one time was never the case for long.
-        self.unknown = [unknown for unknown in self.unknown if unknown.last > unknown.first]
+        self._unknowns.finish(now)
         self._motion.finish(now)
         self._motion.draw_curves(self.unknown)
         self.contacts.sort(key=attrgetter('first'))

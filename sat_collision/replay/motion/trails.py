@@ -16,8 +16,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Protocol
+from typing import TypeAlias
 
 from sat_collision.messages.cdr import Points
 from sat_collision.replay.motion.bodies import Bodies
@@ -26,38 +27,6 @@ from sat_collision.scene.obstacles import Obstacle, ObstacleId
 
 # No motion is made up over more than this, whatever the timeout, ns.
 LONGEST = 10 * 10**9
-
-
-class Trail(Protocol):
-    """
-    Follows bodies from one moment at which they were seen to the next.
-
-    A body that is not seen again stands where it was until the scene forgets it, unless it is
-    known to move.
-
-    Attributes
-    ----------
-    undecided : int
-        For how long it was not known how something moved, ns.
-
-    """
-
-    undecided: int
-
-    def place(self, obstacle: Obstacle, stamp: int, ring: Points) -> None:
-        """Take what was told of an obstacle; stamp in ns."""
-
-    def forget(self, obstacle: Obstacle, now: int) -> None:
-        """Take note that the scene holds an obstacle no longer; now in ns."""
-
-    def use_frame(self, frame_id: str) -> None:
-        """Drop what is in another frame than this."""
-
-    def rest(self, now: int, is_over: bool = False) -> None:
-        """Let what has not been seen for long, or all if that is all there is, have stood."""
-
-
-Emit = Callable[[Trail, Step], None]
 
 
 class Coming:
@@ -104,3 +73,52 @@ class Coming:
                         [message[1] for message in found.values()], self._max_vertices,
                         frames.pop() if len(frames) == 1 else '')
         return bodies, {message[2]: row for row, message in enumerate(found.values())}
+
+
+class Trail(ABC):
+    """
+    Follows bodies from one moment at which they were seen to the next.
+
+    A body that is not seen again stands where it was until the scene forgets it, unless it is
+    known to move.
+
+    Parameters
+    ----------
+    patience : int
+        Over how long a motion is made up at most, ns.
+    max_vertices : int
+    emit : callable
+        Takes the trail and each Step.
+
+    Attributes
+    ----------
+    undecided : int
+        For how long it was not known how something moved, ns.
+
+    """
+
+    def __init__(self, patience: int, max_vertices: int, emit: Emit) -> None:
+        self.undecided = 0
+        self._patience = patience
+        self._emit = emit
+        self._frame_id = ''
+        self._coming = Coming(max_vertices)
+
+    @abstractmethod
+    def place(self, obstacle: Obstacle, stamp: int, ring: Points) -> None:
+        """Take what was told of an obstacle; stamp in ns."""
+
+    @abstractmethod
+    def forget(self, obstacle: Obstacle, now: int) -> None:
+        """Take note that the scene holds an obstacle no longer; now in ns."""
+
+    def use_frame(self, frame_id: str) -> None:
+        """Drop what is in another frame than this."""
+        self._frame_id = frame_id
+
+    @abstractmethod
+    def rest(self, now: int, is_over: bool = False) -> None:
+        """Let what has not been seen for long, or all if that is all there is, have stood."""
+
+
+Emit: TypeAlias = Callable[[Trail, Step], None]

@@ -20,10 +20,11 @@ from collections.abc import Iterable
 import math
 from typing import NamedTuple
 
+from sat_collision.geometry.polygon import PlaneMap
 from sat_collision.scene.deadlines import NEVER
 from sat_collision.scene.frame_tree import FrameTree
 from sat_collision.scene.rotations import (
-    composed, IDENTITY, inverse, plane_map, PlaneMap, tilt, Transform)
+    composed, IDENTITY, inverse, plane_map, tilt, Transform)
 
 BAD_FRAME_ID = 'bad frame_id'
 GAP = 'gap between transforms'

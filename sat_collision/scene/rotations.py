@@ -19,12 +19,11 @@ from __future__ import annotations
 import math
 from typing import TypeAlias
 
+from sat_collision.geometry.polygon import PlaneMap
+
 # Translation x, y, z in m, then rotation x, y, z, w, a unit quaternion. It takes the coordinates
 # of a point in the child frame to those in the parent frame.
 Transform: TypeAlias = tuple[float, float, float, float, float, float, float]
-
-# x' = a x + b y + c and y' = d x + e y + f, as a, b, c, d, e, f; c and f in m.
-PlaneMap: TypeAlias = tuple[float, float, float, float, float, float]
 
 IDENTITY: Transform = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 

@@ -93,8 +93,8 @@ def test_the_plane_is_mapped_by_the_matrix(random_turns):
 
 @pytest.mark.parametrize('axis, angle, wanted', [
     ((0, 0, 1), 1.0, 0.0), ((1, 0, 0), 0.1, 0.1), ((0, 1, 0), -0.1, 0.1), ((1, 1, 0), 2e-7, 2e-7),
-    ((1, 0, 0), math.pi, 0.0), ((0, 1, 0), 3.0, math.pi - 3.0), ((1, 0, 0), math.pi / 2,
-                                                                  math.pi / 2)])
+    ((1, 0, 0), math.pi, 0.0), ((0, 1, 0), 3.0, math.pi - 3.0),
+    ((1, 0, 0), math.pi / 2, math.pi / 2)])
 def test_tilt_is_the_angle_of_the_z_axes_as_lines(axis, angle, wanted):
     """A laser that hangs upside down sees the same plane."""
     heading, _ = turned((0, 0, 1), 0.7)

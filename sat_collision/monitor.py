@@ -27,7 +27,7 @@ from sat_collision.geometry.packing import pack_convex
 from sat_collision.geometry.polygon import PackedBody, Polygon, PolygonError, Reason
 from sat_collision.messages.cdr import decode, MessageError, Points
 from sat_collision.messages.losses import Losses
-from sat_collision.scene.scene import Scene
+from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN, Scene
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
 from sat_collision.scene.sources import OTHER_FRAME, TOO_MANY, TOO_OLD
@@ -37,7 +37,9 @@ UNDECODABLE = 'undecodable'
 
 _ADVICE = {
     EMPTY_FRAME_ID: 'the publisher must say which frame the polygon is in',
+    FROM_FUTURE: 'set the clocks of both machines by one, or raise the parameter future_tolerance',
     OTHER_FRAME: 'publish in that frame, or choose another by the parameter frame_id',
+    OVERTAKEN: 'let one publisher send the footprint, in the order of its stamps',
     Reason.EMPTY.value: 'the publisher must send where the footprint is',
     Reason.NOT_FINITE.value: 'the publisher must send finite coordinates only',
     Reason.SELF_INTERSECTING.value: 'the publisher must send the outline of a simple polygon',
@@ -136,7 +138,7 @@ class Monitor:
     def receive_batch(self, name: str, messages: Iterable[tuple[bytes, int | None]],
                       now: int) -> list[Rejection]:
         """
-        Take messages as `receive` does, and count those that are missing among them.
+        Take messages as `receive` does, and find out what is missing among them.
 
         Parameters
         ----------
@@ -153,16 +155,15 @@ class Monitor:
         rejections = []
         settings = self.scene.settings_of(name)
         missing = self._losses[name].missing
-        received = lost = 0
+        received = 0
         for data, number in messages:
             received += 1
-            if number is not None:
-                lost += missing(number)
+            if number is not None and (lost := missing(number)):
+                self.lost[name] += lost
+                self.scene.lose(name, now)
             if settings.enabled and (rejection := self._take(settings, data, now)):
                 rejections.append(rejection)
         self.received[name] += received
-        if lost:
-            self.lost[name] += lost
         return rejections
 
     def note_backlog(self, name: str, seconds: float | None) -> None:
@@ -176,14 +177,13 @@ class Monitor:
         if isinstance(settings, FootprintSettings):
             return
         lost, lost_before = self.lost[name], self._lost_when_behind.pop(name, self.lost[name])
-        if seconds is not None:
+        if seconds is None:
+            self._overwhelmed.discard(name)
+        else:
             self._lost_when_behind[name] = lost
             if lost > lost_before or seconds > settings.timeout > 0.0:
                 self._overwhelmed.add(name)
-        if name in self._overwhelmed:
-            self.scene.overwhelm(name, seconds is not None)
-            if seconds is None:
-                self._overwhelmed.remove(name)
+        self.scene.fall_behind(name, seconds is not None, name in self._overwhelmed)
 
     def _take(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
               now: int) -> Rejection | None:
@@ -210,9 +210,18 @@ class Monitor:
         elif refusal == TOO_OLD:
             detail = (f'its stamp is {(now - stamp) / 1e9:.3f} s old, past the timeout of '
                       f'{settings.timeout:g} s')
+        elif refusal == FROM_FUTURE:
+            detail = f'its stamp is {(stamp - now) / 1e9:.3f} s ahead of the clock'
+        elif refusal == OVERTAKEN:
+            detail = 'a footprint with a later stamp came before it'
         else:
             detail = 'the source holds max_count obstacles already'
         return self._reject(settings, refusal, detail)
+
+    def count_publishers(self, name: str, count: int) -> None:
+        """Take note of how many publishers a footprint or source has; called again and again."""
+        self._losses[name].most = max(count, 1)
+        self.scene.count_publishers(name, count)
 
     def _refuse(self, settings: FootprintSettings | ObstacleSettings, reason: str, detail: str,
                 now: int, stamp: int | None = None, instance: int | None = None) -> Rejection:

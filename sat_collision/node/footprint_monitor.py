@@ -24,7 +24,9 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 from rclpy.clock import JumpThreshold, TimeJump
-from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
+from rclpy.event_handler import (
+    QoSLivelinessChangedInfo, QoSRequestedDeadlineMissedInfo, QoSRequestedIncompatibleQoSInfo,
+    SubscriptionEventCallbacks)
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -47,9 +49,11 @@ _TICK = 0.1
 _HEALTH_PERIOD = 1.0
 _LOG_PERIOD = 1.0
 _FOOTPRINT_DEPTH = 1
-_OBSTACLES_DEPTH = 1000
+_SETS_IN_QUEUE = 2
+_SHORTEST_TICK = 0.02
 _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
-                QoSPolicyKind.DURABILITY)
+                QoSPolicyKind.DURABILITY, QoSPolicyKind.DEADLINE, QoSPolicyKind.LIVELINESS,
+                QoSPolicyKind.LIVELINESS_LEASE_DURATION)
 
 
 class _Every:
@@ -67,6 +71,32 @@ class _Every:
         if self._next <= now:
             self._next = now + self._period
         return True
+
+
+class ClockWatch:
+    """Tells whether a clock stands still, by another one that does not."""
+
+    def __init__(self) -> None:
+        self._reading: int | None = None
+        self._since = 0.0
+
+    def stands(self, reading: int, now: float, timeout: float) -> bool:
+        """
+        Tell whether the clock has read the same for longer than a timeout.
+
+        Parameters
+        ----------
+        reading : int
+            What it reads now.
+        now : float
+            The other clock, in s.
+        timeout : float
+            In s; 0.0 for never.
+
+        """
+        if reading != self._reading:
+            self._reading, self._since = reading, now
+        return 0.0 < timeout < now - self._since
 
 
 class FootprintMonitor(Node):
@@ -111,7 +141,10 @@ class FootprintMonitor(Node):
                   for footprint in settings.footprints]
         for source in settings.obstacles:
             kind = PolygonInstanceStamped if source.type == POLYGON_INSTANCE else PolygonStamped
-            inputs.append(self._subscribe(source, kind, _OBSTACLES_DEPTH))
+            inputs.append(self._subscribe(source, kind, _SETS_IN_QUEUE * source.max_count))
+        self._inputs = inputs
+        self._clock_watch = ClockWatch()
+        self._is_numbered = True
         self._reporting = _Every(_HEALTH_PERIOD)
         self._set_rates(settings)
         if in_loop:
@@ -126,7 +159,9 @@ class FootprintMonitor(Node):
     def _subscribe(self, source: FootprintSettings | ObstacleSettings, kind: type,
                    depth: int) -> loop.Input:
         events = SubscriptionEventCallbacks(
-            incompatible_qos=partial(self._report_incompatible_qos, source.topic))
+            incompatible_qos=partial(self._report_incompatible_qos, source.topic),
+            deadline=partial(self._count_missed_deadlines, source.topic),
+            liveliness=partial(self._count_lost_liveliness, source.topic))
         try:
             subscription = self.create_subscription(
                 # The settings have the remapped name, which must not be remapped again.
@@ -179,9 +214,15 @@ class FootprintMonitor(Node):
 
     def tick(self) -> float:
         """Do what is due without a message; return in how many s the next tick is due."""
-        self._scene.advance(self.present())
-        self._publish_changes()
+        present = self.present()
         now = time.monotonic()
+        for one in self._inputs:
+            self._monitor.count_publishers(one.name, one.subscription.get_publisher_count())
+        self._scene.stop_clock(
+            self.get_clock().ros_time_is_active and present > 0
+            and self._clock_watch.stands(present, now, self._scene.settings.clock_timeout))
+        self._scene.advance(present)
+        self._publish_changes()
         if self._publishing.due(now):
             self._outputs.publish()
         if self._marking.due(now):
@@ -189,7 +230,8 @@ class FootprintMonitor(Node):
         if self._reporting.due(now):
             self._health_publisher.publish(self._health.message(
                 self.get_clock().now().to_msg(), self._monitor))
-        return self._tick_period
+        due = (self._scene.deadline - present) / 1e9
+        return min(self._tick_period, max(due, _SHORTEST_TICK))
 
     def _receive_alone(self, name: str, data: bytes, info: dict[str, Any]) -> None:
         start = time.perf_counter()
@@ -212,6 +254,12 @@ class FootprintMonitor(Node):
             f'{topic}: a publisher offers a {policy} that this node cannot accept, so nothing '
             f'from it arrives; set qos_overrides.{topic}.subscription.{policy.lower()} to what '
             'it offers, or change the publisher')
+
+    def _count_missed_deadlines(self, topic: str, event: QoSRequestedDeadlineMissedInfo) -> None:
+        self._health.count_event(topic, 'deadlines missed', event.total_count_change)
+
+    def _count_lost_liveliness(self, topic: str, event: QoSLivelinessChangedInfo) -> None:
+        self._health.count_event(topic, 'liveliness lost', max(event.not_alive_count_change, 0))
 
     def _publish_changes(self) -> None:
         brief = self._scene.evaluations.brief_contacts()

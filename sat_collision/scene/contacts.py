@@ -103,6 +103,17 @@ class Contacts:
         if self._obstacles.remove(obstacle):
             self.changed.update(update_contacts(obstacle, ()))
 
+    def hide_obstacles(self, obstacles: Iterable[Obstacle]) -> None:
+        """Take obstacles away that keep their rows, to be placed again soon."""
+        rows = []
+        for obstacle in obstacles:
+            if obstacle.row is not None:
+                rows.append(obstacle.row)
+            if obstacle.contacts:
+                self.changed.update(update_contacts(obstacle, ()))
+            obstacle.moved()
+        self._obstacles.polygons.hide(rows)
+
     def nearest(self, footprint: Footprint, skipped: Iterable[Obstacle] = ()
                 ) -> tuple[Obstacle, float, Point, Point] | None:
         """

@@ -76,7 +76,13 @@ class Footprint(Body[Obstacle]):
     Attributes
     ----------
     time : int or None
-        Stamp of the good footprint, None if there is none.
+        Stamp of the good footprint, None if there is none; not in the future.
+    stamp : int
+        The same as it came, with no stamp as the time of arrival.
+    frame_id : str
+        The frame of the message that came last.
+    heard : int or None
+        When that came.
     fault : str
         Why there is no good footprint; empty if there is one, be it stale.
     stale : bool
@@ -88,14 +94,17 @@ class Footprint(Body[Obstacle]):
 
     """
 
-    __slots__ = ('settings', 'timeout', 'time', 'fault', 'stale', 'status', 'evaluation',
-                 'watched', '_clear_since', '_release', '_due')
+    __slots__ = ('settings', 'timeout', 'time', 'stamp', 'frame_id', 'heard', 'fault', 'stale',
+                 'status', 'evaluation', 'watched', '_clear_since', '_release', '_due')
 
     evaluation: Evaluation
 
     def __init__(self, settings: FootprintSettings, due: set[Footprint]) -> None:
         super().__init__()
         self.time: int | None = None
+        self.stamp = 0
+        self.frame_id = ''
+        self.heard: int | None = None
         self.fault = ''
         self.stale = False
         self.status = Status.UNKNOWN
@@ -116,6 +125,11 @@ class Footprint(Body[Obstacle]):
         if self.time is None or self.stale:
             return self._release
         return min(self._release, self.time + self.timeout)
+
+    def is_newer_than(self, stamp: int) -> bool:
+        """Tell whether the good footprint is newer than a stamp, and not stale or for ever."""
+        return (0 < stamp < self.stamp and self.time is not None and not self.stale
+                and self.timeout != NEVER)
 
     def expire(self) -> None:
         """Ask for another evaluation, now that the deadline is past."""
@@ -147,7 +161,7 @@ class Footprint(Body[Obstacle]):
         elif self.fault or self.stale:
             status, reasons = Status.UNKNOWN, (self._fault_in_words(), *source_faults)
         elif self.contacts:
-            status, contacts = Status.COLLISION, tuple(sorted(map(_NAME, self.contacts)))
+            status, contacts = Status.COLLISION, tuple(sorted({*map(_NAME, self.contacts)}))
         else:
             status = Status.UNKNOWN if source_faults else Status.CLEAR
         if status is not Status.CLEAR:

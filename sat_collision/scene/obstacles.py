@@ -22,7 +22,7 @@ from sat_collision.scene.bodies import Body
 from sat_collision.scene.deadlines import NEVER
 from sat_collision.scene.settings import ObstacleSettings
 
-# A place in a set or an id; a shape; or the name of a place that is none.
+# Side and place in a set; an id; a shape; or the name of a place that is none.
 Key: TypeAlias = 'int | bytes | str'
 
 
@@ -64,10 +64,12 @@ class Obstacle(Body[Body[Any]]):
     Attributes
     ----------
     source : Owner
+    held : dict
+        What the source holds beside it, by key.
     key : Key
-        What the source knows it by.
+        What the source knows it by there.
     name : ObstacleId
-    time : int
+    time : int or float
         Time in ns that it counts from.
     frame_id : str
     refused : str or None
@@ -75,14 +77,16 @@ class Obstacle(Body[Body[Any]]):
 
     """
 
-    __slots__ = ('source', 'key', 'name', 'time', 'frame_id', 'refused', 'watched')
+    __slots__ = ('source', 'held', 'key', 'name', 'time', 'frame_id', 'refused', 'watched')
 
-    def __init__(self, source: Owner, key: Key, number: int, time: int) -> None:
+    def __init__(self, source: Owner, held: dict[Key, Obstacle], key: Key, number: int,
+                 time: float) -> None:
         super().__init__()
         self.source = source
+        self.held = held
         self.key = key
         self.name = ObstacleId(source.settings.name, number)
-        self.time = time
+        self.time: float = time
         self.frame_id = ''
         self.refused: str | None = None
         self.watched: float = NEVER

@@ -26,6 +26,10 @@ from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from sat_collision.scene.sources import OTHER_FRAME, Source
 
+FROM_FUTURE = 'from the future'
+OVERTAKEN = 'older than the last'
+
+_AGREEMENT = 10**9
 _UNHEARD = 'has not been heard yet'
 
 
@@ -56,8 +60,8 @@ class Scene:
     ----------
     settings : Settings
     frame_id : str
-        The frame of all bodies: that of the settings, else of the first good footprint; empty
-        until there is one.
+        The frame of all bodies: that of the settings, else the one that the footprints heard in
+        the last second agree on; empty until there is one.
     evaluations : Evaluations
 
     """
@@ -65,8 +69,10 @@ class Scene:
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
         self._now = 0
+        self._clock_stands = False
         self._reported: dict[str, Evaluation] = {}
         self._release_delay = round(settings.release_delay * 1e9)
+        self._future_tolerance = round(settings.future_tolerance * 1e9)
         self._forget_all()
         self._reevaluate_all()
 
@@ -91,6 +97,7 @@ class Scene:
         """
         self.settings = settings
         self._release_delay = round(settings.release_delay * 1e9)
+        self._future_tolerance = round(settings.future_tolerance * 1e9)
         self._contacts.use_margin(settings.margin)
         for source in settings.obstacles:
             self._sources[source.name].configure(source, self._now)
@@ -124,23 +131,30 @@ class Scene:
         Returns
         -------
         str or None
-            Why it was refused, if it was: OTHER_FRAME.
+            Why it was refused, if it was: FROM_FUTURE, OTHER_FRAME or OVERTAKEN; the last leaves
+            the footprint as it is.
 
         """
         self.advance(now)
         footprint = self._footprints[name]
         if not footprint.settings.enabled:
             return None
-        if not self.frame_id:
-            self.frame_id = frame_id
-            for source in self._sources.values():
-                source.refuse_other_frames(frame_id)
-            self._reevaluate_all()
+        if self._is_from_future(stamp):
+            self._invalidate(footprint, f'was refused: {FROM_FUTURE}')
+            self._evaluate()
+            return FROM_FUTURE
+        footprint.frame_id = frame_id
+        footprint.heard = now
+        if frame_id != self.frame_id and not self.settings.frame_id:
+            self._choose_frame()
         if frame_id != self.frame_id:
             self._invalidate(footprint, f"is not in the frame '{self.frame_id}'")
             self._evaluate()
             return OTHER_FRAME
+        if footprint.is_newer_than(stamp):
+            return OVERTAKEN
         self._contacts.place_footprint(footprint, body)
+        footprint.stamp = stamp or now
         footprint.time = time = min(stamp, now) if stamp else now
         if footprint.fault or footprint.stale or time + footprint.timeout < now:
             footprint.fault = ''
@@ -166,7 +180,7 @@ class Scene:
         Returns
         -------
         str or None
-            Why it was refused, if it was: OTHER_FRAME, TOO_MANY or TOO_OLD.
+            Why it was refused, if it was: FROM_FUTURE, OTHER_FRAME, TOO_MANY or TOO_OLD.
 
         """
         self.advance(now)
@@ -174,7 +188,11 @@ class Scene:
         if not source.settings.enabled:
             return None
         faults = source.faults
-        if body is None:
+        refusal: str | None
+        if self._is_from_future(stamp):
+            # With such a stamp it can be of no set; a heartbeat is of no instance.
+            refusal = source.refuse(FROM_FUTURE, None, now, None if body is None else instance)
+        elif body is None:
             refusal = source.heartbeat(stamp, now)
         elif self.frame_id and frame_id != self.frame_id:
             refusal = source.refuse(OTHER_FRAME, stamp, now, instance)
@@ -194,6 +212,8 @@ class Scene:
         The reason has no figures; stamp and instance are None where they could not be read.
         """
         self.advance(now)
+        if stamp is not None and self._is_from_future(stamp):
+            stamp = None
         footprint = self._footprints.get(name)
         if footprint is None:
             if self._sources[name].settings.enabled:
@@ -202,9 +222,32 @@ class Scene:
             self._invalidate(footprint, f'was refused: {reason}')
         self._reevaluate_all()
 
-    def overwhelm(self, name: str, overwhelmed: bool) -> None:
-        """Take note of whether a source sends more than can be checked."""
-        self._sources[name].overwhelm(overwhelmed)
+    def lose(self, name: str, now: int) -> None:
+        """Take note that messages of a source were lost; of a footprint the latest counts."""
+        self.advance(now)
+        source = self._sources.get(name)
+        if source is not None and source.settings.enabled:
+            source.lose(now)
+            self._reevaluate_all()
+
+    def count_publishers(self, name: str, count: int) -> None:
+        """Take note of how many publishers a footprint or source has; called again and again."""
+        source = self._sources.get(name)
+        if source is not None:
+            source.count_publishers(count)
+        elif count == 0 and self._footprints[name].time is not None:
+            self._invalidate(self._footprints[name], 'has no publisher any more')
+        self._reevaluate_all()
+
+    def stop_clock(self, stands: bool) -> None:
+        """Take note of whether the clock stands still, so that nothing can grow old."""
+        if stands != self._clock_stands:
+            self._clock_stands = stands
+            self._reevaluate_all()
+
+    def fall_behind(self, name: str, waiting: bool, overwhelmed: bool) -> None:
+        """Take note of whether messages of a source wait, and are more than can be checked."""
+        self._sources[name].fall_behind(waiting, overwhelmed)
         self._reevaluate_all()
 
     def advance(self, now: int) -> None:
@@ -252,7 +295,7 @@ class Scene:
     def obstacles(self) -> list[tuple[ObstacleId, Polygon]]:
         """The (ObstacleId, Polygon) of every obstacle that is somewhere."""
         return [(obstacle.name, polygon) for source in self._sources.values()
-                for obstacle in source.obstacles.values()
+                for obstacle in source.obstacles
                 if (polygon := obstacle.polygon) is not None]
 
     def contacts(self, name: str) -> list[tuple[ObstacleId, Polygon, Polygon]]:
@@ -273,6 +316,36 @@ class Scene:
         found = self._contacts.nearest(footprint, footprint.contacts if apart else ())
         return found and (found[0].name, *found[1:])
 
+    def time_apart(self, name: str, obstacle: ObstacleId) -> float | None:
+        """
+        Return by how many s an obstacle is newer than a footprint, None if one is nowhere.
+
+        Where two sets hold an obstacle of this name, the one in contact counts, else the newer.
+        """
+        footprint = self._footprints[name]
+        found = [(one in footprint.contacts, one.time)
+                 for one in self._sources[obstacle.source].named(obstacle)]
+        if footprint.time is None or not found:
+            return None
+        return (max(found)[1] - footprint.time) / 1e9
+
+    def _is_from_future(self, stamp: int) -> bool:
+        return stamp > self._now + self._future_tolerance and self._now > 0
+
+    def _choose_frame(self) -> None:
+        """Let the frame be the one that the footprints heard of late agree on, if they do."""
+        frames = {footprint.frame_id for footprint in self._footprints.values()
+                  if footprint.heard is not None and footprint.heard >= self._now - _AGREEMENT}
+        if len(frames) != 1 or self.frame_id in frames:
+            return
+        self.frame_id, = frames
+        for footprint in self._footprints.values():
+            if footprint.time is not None and footprint.frame_id != self.frame_id:
+                self._invalidate(footprint, f"is not in the frame '{self.frame_id}'")
+        for source in self._sources.values():
+            source.refuse_other_frames(self.frame_id)
+        self._reevaluate_all()
+
     def _invalidate(self, footprint: Footprint, fault: str) -> None:
         footprint.time = None
         footprint.fault = fault
@@ -281,7 +354,8 @@ class Scene:
 
     def _reevaluate_all(self) -> None:
         """Evaluate the footprints for which something has changed: all, if a common fault has."""
-        self.evaluations.find_faults(self.settings, self._now, self._sources.values())
+        self.evaluations.find_faults(self.settings, self._now, self._clock_stands,
+                                     self._sources.values())
         self._evaluate()
 
     def _evaluate(self) -> None:

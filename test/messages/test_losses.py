@@ -17,9 +17,10 @@
 from sat_collision.messages.losses import Losses
 
 
-def missing(*numbers):
+def missing(*numbers, publishers=1):
     """Return how many are missing before each of these."""
     losses = Losses()
+    losses.most = publishers
     return [losses.missing(number) for number in numbers]
 
 
@@ -35,7 +36,7 @@ def test_gaps_are_counted():
 
 def test_two_publishers_in_turns():
     """Each has numbers of its own."""
-    assert missing(500, 3, 501, 4, 5, 502, 503, 8, 504) == [0, 0, 0, 0, 0, 0, 0, 2, 0]
+    assert missing(500, 3, 501, 4, 5, 502, 503, 8, 504, publishers=2) == [0, 0, 0, 0, 0, 0, 0, 2, 0]
 
 
 def test_publisher_that_begins_again():
@@ -48,5 +49,5 @@ def test_publishers_that_begin_again_and_again_take_no_memory():
     losses = Losses()
     for first in range(1000, 0, -1):
         assert losses.missing(2 * first) == 0
-    assert len(losses._last) < 20
+    assert len(losses._last) == 1
     assert [losses.missing(number) for number in (3, 4, 6)] == [0, 0, 1]

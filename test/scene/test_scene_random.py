@@ -29,6 +29,7 @@ from hypothesis.stateful import (
     initialize, invariant, rule, RuleBasedStateMachine, run_state_machine_as_test)
 import pytest
 from sat_collision.monitor import UNDECODABLE
+from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from sat_collision.scene.sources import OTHER_FRAME, TOO_MANY, TOO_OLD
 
@@ -61,8 +62,8 @@ BODIES = {f'{shape} {column} {row}': tuple((x / 2 + 1.5 * column, y / 2 + 1.5 * 
 RING_OF = {frozenset(ring): ring for ring in BODIES.values()}
 
 # In milliseconds, timeouts among them to the nanosecond; None is for a stamp of 0.
-ages = st.sampled_from((0, 0, 0, 20, 90, 500, 600, 700, 1000, -2000, None))
-waits = st.sampled_from((1, 30, 500, 600))
+ages = st.sampled_from((0, 0, 0, 1, 15, 20, 90, 500, 600, 700, 1000, 2000, -10, -2000, None))
+waits = st.sampled_from((1, 5, 30, 100, 500, 600))
 bodies = st.sampled_from(tuple(BODIES))
 margins = st.sampled_from((0.0, 0.0, 0.5, 0.75))
 flaws = st.sampled_from((OTHER_FRAME, UNDECODABLE, *BAD_POINTS))
@@ -141,10 +142,26 @@ class SceneMachine(RuleBasedStateMachine):
         assert told == self.model.heartbeat(name, stamp, self.now)
         self._note_collisions()
 
-    @rule(name=sources, overwhelmed=st.booleans())
-    def overwhelm(self, name, overwhelmed):
-        self.scene.overwhelm(name, overwhelmed)
-        self.model.overwhelm(name, overwhelmed)
+    @rule(name=sources, waiting=st.booleans(), overwhelmed=st.booleans())
+    def fall_behind(self, name, waiting, overwhelmed):
+        self.scene.fall_behind(name, waiting, overwhelmed)
+        self.model.fall_behind(name, waiting, overwhelmed)
+
+    @rule(name=footprints | sources)
+    def lose(self, name):
+        self.scene.lose(name, self.now)
+        self.model.lose(name, self.now)
+
+    @rule(name=sources, count=st.sampled_from((0, 1, 1, 2)))
+    def publishers(self, name, count):
+        self.scene.count_publishers(name, count)
+        self.model.count_publishers(name, count)
+
+    @rule(name=sources, together=st.lists(bodies, min_size=2, max_size=4, unique=True))
+    def whole_set(self, name, together):
+        self.wait(30)
+        self.obstacles(name, together, 0, 0)
+        self.heartbeat(name, 0)
 
     @rule(name=footprints | sources)
     def disable(self, name):
@@ -157,6 +174,7 @@ class SceneMachine(RuleBasedStateMachine):
         for footprint in FOOTPRINTS:
             self._place(footprint.name, 'square 0 0', 0)
         for name in self.sources:
+            self.publishers(name, 1)
             self.heartbeat(name, 0)
 
     @rule(margin=margins)
@@ -171,8 +189,9 @@ class SceneMachine(RuleBasedStateMachine):
         self._changes_are_told()
 
     def _obstacles_agree(self):
-        obstacles = {key_of(*obstacle): ring_of(obstacle[1]) for obstacle in self.scene.obstacles}
-        assert obstacles == self.model.obstacles(self.now)
+        obstacles = Counter((*key_of(*obstacle), ring_of(obstacle[1]))
+                            for obstacle in self.scene.obstacles)
+        assert obstacles == Counter(self.model.obstacles(self.now))
 
     def _states_agree(self):
         keys = {obstacle: key_of(obstacle, polygon)
@@ -180,7 +199,11 @@ class SceneMachine(RuleBasedStateMachine):
         for footprint in FOOTPRINTS:
             state = self.scene.state(footprint.name)
             status, contacts, reasons = self.model.state(footprint.name, self.now)
-            assert (state.status.value, list(state.reasons)) == (status, reasons)
+            assert state.status.value == status
+            assert len(state.reasons) == len(reasons)
+            assert all(reason in words for reason, words in zip(reasons, state.reasons))
+            if status == 'clear':
+                assert not self.model.must_not_be_clear(footprint.name, self.now)
             assert {keys[obstacle] for obstacle in state.contacts} == contacts
             assert list(state.contacts) == sorted(state.contacts)
             assert state.age == self.model.age(footprint.name, self.now)
@@ -265,5 +288,6 @@ def test_scene_agrees_with_a_model_that_recomputes_everything(machine):
         max_examples=500, stateful_step_count=50, derandomize=True, database=None, deadline=None,
         report_multiple_bugs=False, phases=(hypothesis.Phase.generate, hypothesis.Phase.shrink)))
     assert min(machine.seen[status] for status in ('clear', 'collision', 'unknown')) > 500
-    assert min(machine.seen[refusal] for refusal in (OTHER_FRAME, TOO_MANY, TOO_OLD)) > 50
+    assert min(machine.seen[refusal] for refusal in (
+        FROM_FUTURE, OTHER_FRAME, OVERTAKEN, TOO_MANY, TOO_OLD)) > 50
     assert machine.seen['brief'] > 10

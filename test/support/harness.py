@@ -98,7 +98,7 @@ class Peer:
     def send(self, topic, points, stamp=None, frame_id='map', instance=None):
         """Publish a polygon; unless told otherwise stamped about now, in a set of its own."""
         if stamp is None:
-            stamp = self._last_stamp = max(self.now(), self._last_stamp + SECOND // 10)
+            stamp = self._last_stamp = max(self.now(), self._last_stamp + SECOND // 40)
         message = polygon_message(points, stamp, frame_id, instance)
         self.publisher(topic, type(message)).publish(message)
 

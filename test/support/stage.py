@@ -90,6 +90,10 @@ class Stage:
     def heartbeat(self, stamp=None, name='lidar'):
         return self.scene.obstacle(name, None, 'map', self.stamp(stamp), self.now)
 
+    def whole(self, name='lidar'):
+        """Let a source say that the set of just now is whole."""
+        return self.heartbeat(name=name)
+
     def refuse(self, reason='not finite', stamp=None, name='lidar', instance=None):
         self.scene.refuse(name, reason, self.now, self.stamp(stamp), instance)
 
@@ -102,8 +106,12 @@ class Stage:
 
     @property
     def held(self):
-        """The places of all obstacles by key."""
-        return {obstacle.key: polygon.bounds[0] for obstacle, polygon in self.scene.obstacles}
+        """The place of all obstacles by key: sorted places, where two sets have it."""
+        places = {}
+        for obstacle, polygon in self.scene.obstacles:
+            places.setdefault(obstacle.key, []).append(polygon.bounds[0])
+        return {key: found[0] if len(found) == 1 else tuple(sorted(found))
+                for key, found in places.items()}
 
 
 def clear_stage(*sources, **settings):
@@ -111,14 +119,15 @@ def clear_stage(*sources, **settings):
     stage = Stage(*sources, **settings)
     stage.robot()
     stage.see(10)
+    stage.whole()
     assert stage.status() == 'clear'
     return stage
 
 
-def with_robot(*sources):
-    """Return a stage with a footprint that stands at 0 and never ages."""
-    stage = Stage(*sources, footprints=[PATIENT_ROBOT])
-    stage.robot()
+def with_robot(*sources, footprints=(PATIENT_ROBOT,), stamp=None):
+    """Return a stage with a footprint that stands at 0 and, unless told otherwise, never ages."""
+    stage = Stage(*sources, footprints=footprints)
+    stage.robot(stamp=stamp)
     return stage
 
 

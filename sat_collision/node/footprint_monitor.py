@@ -28,11 +28,14 @@ from rclpy.event_handler import (
     QoSLivelinessChangedInfo, QoSRequestedDeadlineMissedInfo, QoSRequestedIncompatibleQoSInfo,
     SubscriptionEventCallbacks)
 from rclpy.node import Node
-from rclpy.qos import qos_policy_name_from_kind, QoSPolicyKind, QoSProfile
+from rclpy.qos import (
+    DurabilityPolicy, qos_policy_name_from_kind, QoSPolicyKind, QoSProfile)
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sat_collision.geometry.jit import cache_problem, KERNEL
 from sat_collision.messages.outputs import Outputs
-from sat_collision.monitor import Monitor, Rejection
+from sat_collision.messages.rejections import Rejection
+from sat_collision.messages.transform_listener import TF, TF_STATIC, TRANSFORM_TOPICS
+from sat_collision.monitor import Monitor
 from sat_collision.node import kernels, loop
 from sat_collision.node.fallback import ExecutorLoop
 from sat_collision.node.health import Health
@@ -50,6 +53,7 @@ _HEALTH_PERIOD = 1.0
 _LOG_PERIOD = 1.0
 _FOOTPRINT_DEPTH = 1
 _SETS_IN_QUEUE = 2
+_TRANSFORM_DEPTH = 100  # as tf2 has it
 _SHORTEST_TICK = 0.02
 _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
                 QoSPolicyKind.DURABILITY, QoSPolicyKind.DEADLINE, QoSPolicyKind.LIVELINESS,
@@ -128,7 +132,8 @@ class FootprintMonitor(Node):
         self._clock_changes = self.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=None, on_clock_change=True),
             post_callback=self._choose_clock)
-        self._monitor = Monitor(settings)
+        transforms = self._transform_type(settings)
+        self._monitor = Monitor(settings, transforms is not None)
         self._scene = self._monitor.scene
         self._outputs = Outputs(self, settings, self._scene)
         self._health = Health(self.get_name(), self.get_fully_qualified_name(),
@@ -143,13 +148,15 @@ class FootprintMonitor(Node):
             kind = PolygonInstanceStamped if source.type == POLYGON_INSTANCE else PolygonStamped
             inputs.append(self._subscribe(source, kind, _SETS_IN_QUEUE * source.max_count))
         self._inputs = inputs
+        transform_inputs = self._subscribe_transforms(transforms) if transforms else []
         self._clock_watch = ClockWatch()
         self._is_numbered = True
         self._reporting = _Every(_HEALTH_PERIOD)
         self._set_rates(settings)
         if in_loop:
             self.loop: loop.Loop | ExecutorLoop = loop.Loop(
-                self, inputs, self, lambda: self._scene.settings.max_batch_delay)
+                self, [*transform_inputs, *inputs], self,
+                lambda: self._scene.settings.max_batch_delay)
         else:
             self.get_logger().warning('this rclpy has not what the loop of this node stands on: '
                                       'using the single-threaded executor, which costs more')
@@ -174,6 +181,25 @@ class FootprintMonitor(Node):
         self.get_logger().info(f'{source.name}: {kind.__name__} on {source.topic}')
         return loop.Input(source.name, subscription)
 
+    def _transform_type(self, settings: Settings) -> type | None:
+        """Return the class TFMessage, where there is a fixed frame and tf2_msgs."""
+        if not settings.frame_id:
+            return None
+        try:
+            from tf2_msgs.msg import TFMessage
+        except ImportError:
+            self.get_logger().warning(
+                f'tf2_msgs is not installed: bodies are taken in {settings.frame_id} only')
+            return None
+        return TFMessage  # type: ignore[no-any-return]
+
+    def _subscribe_transforms(self, kind: type) -> list[loop.Input]:
+        durabilities = {TF: DurabilityPolicy.VOLATILE, TF_STATIC: DurabilityPolicy.TRANSIENT_LOCAL}
+        return [loop.Input(topic, self.create_subscription(
+            kind, topic, partial(self._receive_alone, topic),
+            QoSProfile(depth=_TRANSFORM_DEPTH, durability=durability), raw=True,
+            callback_group=self._taken_by)) for topic, durability in durabilities.items()]
+
     def _set_rates(self, settings: Settings) -> None:
         self._publishing = _Every(1.0 / settings.publish_rate)
         self._marking = _Every(1.0 / settings.marker_rate)
@@ -182,8 +208,8 @@ class FootprintMonitor(Node):
     def _configure(self, settings: Settings) -> None:
         """Apply changed parameters and publish what follows from them."""
         self._set_rates(settings)
-        self._scene.update(settings)
-        self._scene.advance(self.present())
+        self._monitor.update(settings)
+        self._log(self._monitor.advance(self.present()))
         self._outputs.configure(settings)
         self._outputs.publish()
 
@@ -195,11 +221,17 @@ class FootprintMonitor(Node):
             self.present = lambda: int(clock.now().nanoseconds)
 
     def receive(self, name: str, messages: Iterable[tuple[bytes, int | None]], now: int) -> int:
-        """Take messages as `Monitor.receive_batch` does; return how many there were."""
-        before = self._monitor.received[name]
-        for rejection in self._monitor.receive_batch(name, messages, now):
-            self._log(rejection)
-        return self._monitor.received[name] - before
+        """Take messages as `Monitor` does; return how many there were."""
+        monitor = self._monitor
+        if name in TRANSFORM_TOPICS:
+            count = 0
+            for data, _ in messages:
+                self._log(monitor.receive_transforms(name, data, now))
+                count += 1
+            return count
+        before = monitor.received[name]
+        self._log(monitor.receive_batch(name, messages, now))
+        return monitor.received[name] - before
 
     def end_batch(self, messages: int, seconds: float) -> None:
         """Publish what has changed, after so many messages that took so long."""
@@ -210,7 +242,8 @@ class FootprintMonitor(Node):
     def note_backlog(self, name: str, backlog: loop.Backlog | None) -> None:
         """Take note of how far behind a topic is, None where it is not any more."""
         self._health.note_backlog(name, backlog)
-        self._monitor.note_backlog(name, backlog.seconds if backlog else None)
+        if name not in TRANSFORM_TOPICS:
+            self._monitor.note_backlog(name, backlog.seconds if backlog else None)
 
     def tick(self) -> float:
         """Do what is due without a message; return in how many s the next tick is due."""
@@ -221,7 +254,7 @@ class FootprintMonitor(Node):
         self._scene.stop_clock(
             self.get_clock().ros_time_is_active and present > 0
             and self._clock_watch.stands(present, now, self._scene.settings.clock_timeout))
-        self._scene.advance(present)
+        self._log(self._monitor.advance(present))
         self._publish_changes()
         if self._publishing.due(now):
             self._outputs.publish()
@@ -230,7 +263,7 @@ class FootprintMonitor(Node):
         if self._reporting.due(now):
             self._health_publisher.publish(self._health.message(
                 self.get_clock().now().to_msg(), self._monitor))
-        due = (self._scene.deadline - present) / 1e9
+        due = (self._monitor.deadline - present) / 1e9
         return min(self._tick_period, max(due, _SHORTEST_TICK))
 
     def _receive_alone(self, name: str, data: bytes, info: dict[str, Any]) -> None:
@@ -238,13 +271,14 @@ class FootprintMonitor(Node):
         self.receive(name, [(data, info['publication_sequence_number'])], self.present())
         self.end_batch(1, time.perf_counter() - start)
 
-    def _log(self, rejection: Rejection) -> None:
-        """Log a rejected message, once a second at most for each source and reason."""
-        key = rejection.name, rejection.reason
-        now = time.monotonic()
-        if now - self._logged.get(key, -_LOG_PERIOD) >= _LOG_PERIOD:
-            self._logged[key] = now
-            self.get_logger().warning(rejection.text)
+    def _log(self, rejections: Iterable[Rejection]) -> None:
+        """Log rejected messages, once a second at most for each source and reason."""
+        for rejection in rejections:
+            key = rejection.name, rejection.reason
+            now = time.monotonic()
+            if now - self._logged.get(key, -_LOG_PERIOD) >= _LOG_PERIOD:
+                self._logged[key] = now
+                self.get_logger().warning(rejection.text)
 
     def _report_incompatible_qos(self, topic: str,
                                  event: QoSRequestedIncompatibleQoSInfo) -> None:

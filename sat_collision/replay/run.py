@@ -23,6 +23,8 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from rosbags.rosbag2 import WriterError
 from sat_collision.messages.cdr import header_stamp
+from sat_collision.messages.rejections import Rejection
+from sat_collision.messages.transform_listener import TF_STATIC, TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
 from sat_collision.replay.options import HEADER, Options, RECEIVE
 from sat_collision.replay.recording import Message, Recording
@@ -36,6 +38,8 @@ if TYPE_CHECKING:
     from sat_collision.replay.outputs import BagOutputs
 
 OnProgress: TypeAlias = Callable[[float], None]
+
+_TRANSFORM_TYPE = 'tf2_msgs/msg/TFMessage'
 
 _LONGEST_QUIET = 60 * 10**9
 _PROGRESS_EVERY = 5000
@@ -91,7 +95,9 @@ class _Run:
         self._settings = settings
         self._options = options
         self._result = result
-        self._monitor = Monitor(settings)
+        self._transforms = [topic for topic in TRANSFORM_TOPICS if settings.frame_id
+                            and recording.topics.get(topic) == _TRANSFORM_TYPE]
+        self._monitor = Monitor(settings, bool(self._transforms))
         self._scene = self._monitor.scene
         self._timeline = Timeline(self._scene, settings, options.picture)
         self._timers = [_Timer(options.sample, self._timeline.sample)]
@@ -111,6 +117,7 @@ class _Run:
         for source in all_sources(self._settings):
             if source.name not in wrong:
                 names.setdefault(source.topic, []).append(source.name)
+        names.update((topic, []) for topic in self._transforms)
         if recording.start is not None and recording.end is not None:
             start = recording.start + round(options.start * 1e9)
             stop = None
@@ -145,29 +152,30 @@ class _Run:
             self._write_outputs(self._options.write_bag)
         if not by_header:
             self._begin(start)
+        if self._options.start and TF_STATIC in self._transforms:
+            self._hear_static(start)
         now = self._now
-        receive, scene, timeline = self._monitor.receive, self._scene, self._timeline
-        changes = scene.changes
-        touching = timeline.touching
+        monitor = self._monitor
         for topic, time, data in messages:
-            if by_header:
+            if topic in TRANSFORM_TOPICS:
+                time = now if by_header else time
+            elif by_header:
                 time = header_stamp(data)
                 if time and not now:
                     self._begin(time)
             if time > now:
                 now = time
-                if now > scene.deadline or now >= self._due:
+                if now > monitor.deadline or now >= self._due:
                     self._pass_until(now)
+            if topic in TRANSFORM_TOPICS:
+                self._keep(monitor.receive_transforms(topic, data, now))
+                if now:
+                    self._follow(now)
             for name in names[topic]:
-                rejection = receive(name, data, now)
+                rejection = monitor.receive(name, data, now)
                 if rejection:
-                    self._examples.setdefault(name, {}).setdefault(
-                        rejection.reason, rejection.text)
-                changed = changes()
-                if changed:
-                    self._change(changed, now)
-                if touching:
-                    timeline.deepen(now)
+                    self._keep([rejection])
+                self._follow(now)
         if self._result.start is None:
             return
         end = now if by_header else max(now, end)
@@ -186,10 +194,29 @@ class _Run:
         self._timers += [_Timer(1.0 / self._settings.publish_rate, self._outputs.publish),
                          _Timer(1.0 / self._settings.marker_rate, self._outputs.publish_markers)]
 
+    def _hear_static(self, start: int) -> None:
+        """Take the static transforms told before a later start; live they would be latched."""
+        for topic, _, data in self._recording.messages([TF_STATIC], None, start):
+            self._keep(self._monitor.receive_transforms(topic, data, start))
+
+    def _keep(self, rejections: Iterable[Rejection]) -> None:
+        """Keep the first example of each reason."""
+        for rejection in rejections:
+            self._examples.setdefault(rejection.name, {}).setdefault(
+                rejection.reason, rejection.text)
+
+    def _follow(self, now: int) -> None:
+        """Take note of what has changed."""
+        changed = self._scene.changes()
+        if changed:
+            self._change(changed, now)
+        if self._timeline.touching:
+            self._timeline.deepen(now)
+
     def _begin(self, start: int) -> None:
         """Let the time begin."""
         self._result.start = self._now = start
-        self._scene.advance(start)
+        self._monitor.advance(start)
         self._change(self._scene.changes(), start)
         for timer in self._timers:
             timer.due = start
@@ -204,14 +231,12 @@ class _Run:
         """Do all that is due before the messages of now: what time brings about, and timers."""
         while True:
             # A bound may lie in the past, but the scene's time must not go back.
-            deadline = max(self._scene.deadline + 1, self._now)
+            deadline = max(self._monitor.deadline + 1, self._now)
             timer = min(self._timers, key=lambda timer: timer.due)
             if deadline <= min(now, timer.due):
                 self._now = int(deadline)
-                self._scene.advance(self._now)
-                changed = self._scene.changes()
-                if changed:
-                    self._change(changed, self._now)
+                self._keep(self._monitor.advance(self._now))
+                self._follow(self._now)
                 continue
             if timer.due >= now:
                 break
@@ -233,11 +258,15 @@ class _Run:
 
     def _with_clocks_compared(self, messages: Iterator[Message]) -> Iterable[Message]:
         """Note clocks so far apart at the first message that one cannot be the robot's."""
+        passed = []
         for topic, time, data in messages:
+            passed.append((topic, time, data))
+            if topic in TRANSFORM_TOPICS:
+                continue
             stamp = header_stamp(data)
             if self._options.clock == RECEIVE and stamp and abs(time - stamp) > _APART:
                 self._result.notes.append(
                     f'the first header stamp is {abs(time - stamp) / 1e9:.0f} s from the receive '
                     'time, as in recordings of simulations: try --clock header')
-            return chain([(topic, time, data)], messages)
-        return ()
+            break
+        return chain(passed, messages)

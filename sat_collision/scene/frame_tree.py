@@ -61,6 +61,11 @@ class FrameTree:
         """Tell whether any transform has named a frame."""
         return frame in self.static or frame in self.moving or frame in self._parents
 
+    def clear(self) -> None:
+        """Forget all frames but the static ones."""
+        self.moving.clear()
+        self._parents = {parent for parent, _ in self.static.values()}
+
     def insert(self, parent: str, child: str, stamp: int, transform: Transform,
                static: bool = False) -> str | None:
         """

@@ -114,15 +114,15 @@ class Frames:
     """
 
     def __init__(self, history: int, max_gap: float = NEVER, max_tilt: float = math.pi) -> None:
-        self._history = history
         self._max_gap = max_gap
         self._max_tilt = max_tilt
-        self.clear()
+        self._tree = FrameTree(history)
+        self._maps: dict[tuple[str, str, int], Mapped] = {}
 
     def clear(self) -> None:
-        """Forget all frames."""
-        self._tree = FrameTree(self._history)
-        self._maps: dict[tuple[str, str, int], Mapped] = {}
+        """Forget all that moves, as tf2 does; what is static is told only once."""
+        self._tree.clear()
+        self._maps.clear()
 
     def configure(self, max_gap: float, max_tilt: float) -> None:
         """Apply other limits."""

@@ -21,7 +21,7 @@ from collections.abc import Iterable, Sequence
 
 from sat_collision.geometry.polygon import PlaneMap, PolygonError
 from sat_collision.messages.cdr import decode, MessageError
-from sat_collision.messages.losses import Losses
+from sat_collision.messages.losses import Losses, News
 from sat_collision.messages.packer import Packer
 from sat_collision.messages.rejections import detail_of, EMPTY_FRAME_ID, Rejection, UNDECODABLE
 from sat_collision.messages.transform_listener import TransformListener
@@ -66,6 +66,8 @@ class Monitor:
         The messages that were not taken, by (name, reason).
     lost : Counter
         The messages that were sent but never came, by name.
+    is_numbered : bool
+        Whether the messages of all batches have numbers, without which no loss shows.
     transforms : TransformListener
         What is known of frames.
     waiting : Waiting
@@ -78,6 +80,7 @@ class Monitor:
         self.received: Counter[str] = Counter()
         self.rejected: Counter[tuple[str, str]] = Counter()
         self.lost: Counter[str] = Counter()
+        self.is_numbered = True
         self._losses: defaultdict[str, Losses] = defaultdict(Losses)
         self._overwhelmed: set[str] = set()
         self._lost_when_behind: dict[str, int] = {}
@@ -86,10 +89,9 @@ class Monitor:
         self._packer = Packer(settings.max_vertices)
         self.transforms = TransformListener(settings)
         self._fixed = settings.frame_id if transforms else ''
-        self.waiting: Waiting[bytes | None, Rejection] = Waiting(self._take_waiting,
+        self.waiting: Waiting[bytes | News, Rejection] = Waiting(self._take_waiting,
                                                                  self._note_waiting)
         self._patience = round(settings.transform_timeout * 1e9)
-        self._behind: set[str] = set()
         self._now = 0
 
     def update(self, settings: Settings) -> None:
@@ -144,12 +146,15 @@ class Monitor:
         received = 0
         for data, number in messages:
             received += 1
-            if number is not None and (lost := missing(number)):
-                self.lost[name] += lost
+            if number is None:
+                self.is_numbered = False
+            elif (lost := missing(number)) != 0:
+                news = News.LOST if lost else News.BEGUN if number == 1 else News.MET
+                self.lost[name] += lost or 0
                 if name in self.waiting:
-                    rejections += self._hold(settings, None, now)
+                    rejections += self._hold(settings, news, now)
                 else:
-                    self.scene.lose(name, now)
+                    self._take_waiting(name, news, now, False)
             if settings.enabled:
                 rejections += self._admit(settings, data, now)
         self.received[name] += received
@@ -168,13 +173,11 @@ class Monitor:
         lost, lost_before = self.lost[name], self._lost_when_behind.pop(name, self.lost[name])
         if seconds is None:
             self._overwhelmed.discard(name)
-            self._behind.discard(name)
         else:
-            self._behind.add(name)
             self._lost_when_behind[name] = lost
             if lost > lost_before or seconds > settings.timeout > 0.0:
                 self._overwhelmed.add(name)
-        self._note_waiting(name)
+        self.scene.overwhelm(name, name in self._overwhelmed)
 
     def receive_transforms(self, topic: str, data: bytes, now: int) -> list[Rejection]:
         """Take a message of /tf or /tf_static, and what has waited for it."""
@@ -184,11 +187,14 @@ class Monitor:
             rejections += self.waiting.take(now)
         return rejections
 
-    def advance(self, now: int) -> list[Rejection]:
-        """Let time pass, as `Scene.advance` does, and refuse what has waited too long."""
+    def advance(self, now: int, is_all_taken: bool = True) -> list[Rejection]:
+        """Let time pass, as `Scene.advance` or `pass_time`, and refuse what waited too long."""
         self._watch_clock(now)
         rejections = self.waiting.take(now) if self.waiting.earliest < now else []
-        self.scene.advance(now)
+        if is_all_taken:
+            self.scene.advance(now)
+        else:
+            self.scene.pass_time(now)
         return rejections
 
     @property
@@ -212,29 +218,29 @@ class Monitor:
                 return [outcome] if outcome else _NOTHING
         return self._hold(settings, data, now)
 
-    def _hold(self, settings: FootprintSettings | ObstacleSettings, data: bytes | None,
+    def _hold(self, settings: FootprintSettings | ObstacleSettings, data: bytes | News,
               now: int) -> list[Rejection]:
-        """Let a message wait, or with None the news that some before the next one are lost."""
+        """Let a message wait, or what is to be told before the next one."""
         self._watch_clock(now)
         most = (_SETS_WAIT * settings.max_count if isinstance(settings, ObstacleSettings)
                 else _FOOTPRINTS_WAIT)
         return self.waiting.add(settings.name, data, now, self._patience, most)
 
-    def _take_waiting(self, name: str, data: bytes | None, now: int,
+    def _take_waiting(self, name: str, data: bytes | News, now: int,
                       may_wait: bool) -> Rejection | Wait | None:
         """Take what has waited longest for a footprint or source, if it need not wait on."""
         settings = self.scene.settings_of(name)
-        if data is None:
+        if data is News.LOST:
             self.scene.lose(name, now)
+        elif isinstance(data, News):
+            self.scene.meet_publisher(name, data is News.BEGUN)
         elif settings.enabled:
             return self._take(settings, data, now, may_wait)
         return None
 
     def _note_waiting(self, name: str) -> None:
-        """Tell the scene whether messages of a source wait to be told, be it in the queue."""
-        if isinstance(self.scene.settings_of(name), ObstacleSettings):
-            self.scene.fall_behind(name, name in self._behind or name in self.waiting,
-                                   name in self._overwhelmed)
+        """Tell the scene whether messages of a source wait to be told."""
+        self.scene.note_waiting(name, name in self.waiting)
 
     def _take(self, settings: FootprintSettings | ObstacleSettings, data: bytes, now: int,
               may_wait: bool = True) -> Rejection | Wait | None:

@@ -22,9 +22,9 @@ import struct
 from builders import box, SECOND, serialised
 import pytest
 from sat_collision.monitor import Monitor
+from sat_collision.scene.holders import TOO_MANY
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
-from sat_collision.scene.sources import TOO_MANY
 
 NOW = 1000 * SECOND
 SETTINGS = Settings(
@@ -39,6 +39,8 @@ CIRCLE = [(math.cos(k / 500), math.sin(k / 500)) for k in range(2000)]
 def clear_monitor(settings=SETTINGS):
     """Return a monitor that has heard a footprint at 0 and of obstacles far from it."""
     monitor = Monitor(settings)
+    for seconds in (2, 1):
+        monitor.scene.advance(NOW - seconds * SECOND)
     assert monitor.receive('robot', serialised(box(0)), NOW) is None
     assert monitor.receive('lidar', serialised(box(10)), NOW) is None
     assert monitor.receive('lidar', serialised([]), NOW) is None
@@ -362,3 +364,26 @@ def test_margin_holds_in_the_middle_of_a_set(live):
     monitor.receive('robot', serialised(box(0), stamp), stamp)
     monitor.receive('lidar', serialised(box(1.5), stamp), stamp)
     assert monitor.scene.state('robot').contacts == (ObstacleId('lidar', 1),)
+
+
+@pytest.mark.parametrize('number, known', [(1, 'clear'), (5, 'unknown')])
+def test_first_set_counts_where_the_publisher_began_with_it(number, known):
+    """Its first message has the number 1; where others went before, they may be of this set."""
+    monitor = Monitor(replace(SETTINGS, obstacles=SETTINGS.obstacles[:1]))
+    monitor.scene.advance(NOW)
+    monitor.receive('robot', serialised(box(0)), NOW)
+    monitor.receive_batch('lidar', [(serialised(box(10)), number), (serialised([]), number + 1)],
+                          NOW)
+    assert status(monitor) == known
+    later = NOW + SECOND // 10
+    monitor.receive_batch('lidar', [(serialised(box(10), later), number + 2),
+                                    (serialised([], later), number + 3)], later)
+    assert status(monitor) == 'clear'
+
+
+def test_messages_without_numbers_are_noted():
+    """No loss shows where the middleware does not count."""
+    monitor = clear_monitor()
+    assert monitor.is_numbered
+    monitor.receive_batch('lidar', [(serialised(box(10)), None)], NOW)
+    assert not monitor.is_numbered

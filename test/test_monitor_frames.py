@@ -114,7 +114,11 @@ def test_an_obstacle_is_where_the_laser_was_at_its_stamp(robot):
     assert robot.status == 'clear' and not robot.rejections
 
 
-def test_a_footprint_in_its_own_frame_is_one_too(robot):
+def test_a_footprint_in_its_own_frame_is_one_too():
+    robot = Robot()
+    robot.move(0.5)
+    robot.move(1.0)
+    robot.time = 1.0
     robot.send('robot', box(0), 0.5, 'base')
     robot.see(box(1.75), 1.0, 'odom')
     assert robot.status == 'clear'

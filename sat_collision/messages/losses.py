@@ -16,6 +16,16 @@
 
 from __future__ import annotations
 
+import enum
+
+
+class News(enum.Enum):
+    """What the number of a message tells before the message itself."""
+
+    LOST = 'some before it are lost'
+    MET = 'it is the first one heard of its publisher'
+    BEGUN = 'it is the first one that its publisher sent'
+
 
 class Losses:
     """
@@ -23,7 +33,7 @@ class Losses:
 
     Each publisher counts its own messages, and a message does not say whose it is: it is taken
     for the next one of the publisher whose last number lies nearest below its own. One below all
-    is the first of a publisher, be it a new one or one that has begun again.
+    is the first that is heard of a publisher, be it a new one or one that has begun again.
 
     Attributes
     ----------
@@ -36,8 +46,8 @@ class Losses:
         self.most = 1
         self._last: list[int] = []
 
-    def missing(self, number: int) -> int:
-        """Return how many messages of its publisher are missing before the one of this number."""
+    def missing(self, number: int) -> int | None:
+        """Return how many are missing before a message, None if its publisher is a new one."""
         last = self._last
         if last and last[0] == number - 1:
             last[0] = number
@@ -48,4 +58,4 @@ class Losses:
         # The publisher heard last stands first.
         last.insert(0, number)
         del last[self.most:]
-        return 0 if before is None else number - before - 1
+        return None if before is None else number - before - 1

@@ -20,8 +20,9 @@ from typing import NamedTuple
 
 from sat_collision.geometry.polygon import Reason
 from sat_collision.scene import frame_tree, frames
+from sat_collision.scene.holders import OTHER_FRAME, TOO_MANY
 from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
-from sat_collision.scene.sources import OTHER_FRAME, TOO_MANY, TOO_OLD
+from sat_collision.scene.sources import TOO_OLD
 
 EMPTY_FRAME_ID = 'empty frame_id'
 UNDECODABLE = 'undecodable'

@@ -29,17 +29,19 @@ from rclpy.event_handler import (
     SubscriptionEventCallbacks)
 from rclpy.node import Node
 from rclpy.qos import (
-    DurabilityPolicy, qos_policy_name_from_kind, QoSPolicyKind, QoSProfile)
+    qos_policy_name_from_kind, QoSDurabilityPolicy, QoSPolicyKind, QoSProfile)
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sat_collision.geometry.jit import cache_problem, KERNEL
 from sat_collision.messages.outputs import Outputs
 from sat_collision.messages.rejections import Rejection
-from sat_collision.messages.transform_listener import TF, TF_STATIC, TRANSFORM_TOPICS
+from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
 from sat_collision.node import kernels, loop
 from sat_collision.node.fallback import ExecutorLoop
 from sat_collision.node.health import Health
 from sat_collision.node.parameters import Parameters
+from sat_collision.node.receiver import Backlog
+from sat_collision.node.transforms import subscribe, transform_type
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
@@ -53,7 +55,6 @@ _HEALTH_PERIOD = 1.0
 _LOG_PERIOD = 1.0
 _FOOTPRINT_DEPTH = 1
 _SETS_IN_QUEUE = 2
-_TRANSFORM_DEPTH = 100  # as tf2 has it
 _SHORTEST_TICK = 0.02
 _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
                 QoSPolicyKind.DURABILITY, QoSPolicyKind.DEADLINE, QoSPolicyKind.LIVELINESS,
@@ -132,7 +133,7 @@ class FootprintMonitor(Node):
         self._clock_changes = self.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=None, on_clock_change=True),
             post_callback=self._choose_clock)
-        transforms = self._transform_type(settings)
+        transforms = transform_type(self, settings)
         self._monitor = Monitor(settings, transforms is not None)
         self._scene = self._monitor.scene
         self._outputs = Outputs(self, settings, self._scene)
@@ -148,14 +149,15 @@ class FootprintMonitor(Node):
             kind = PolygonInstanceStamped if source.type == POLYGON_INSTANCE else PolygonStamped
             inputs.append(self._subscribe(source, kind, _SETS_IN_QUEUE * source.max_count))
         self._inputs = inputs
-        transform_inputs = self._subscribe_transforms(transforms) if transforms else []
+        transform_inputs = transforms and subscribe(self, transforms, self._receive_alone,
+                                                    self._taken_by)
         self._clock_watch = ClockWatch()
-        self._is_numbered = True
+        self._warns_of_losses = True
         self._reporting = _Every(_HEALTH_PERIOD)
         self._set_rates(settings)
         if in_loop:
             self.loop: loop.Loop | ExecutorLoop = loop.Loop(
-                self, [*transform_inputs, *inputs], self,
+                self, [*(transform_inputs or ()), *inputs], self,
                 lambda: self._scene.settings.max_batch_delay)
         else:
             self.get_logger().warning('this rclpy has not what the loop of this node stands on: '
@@ -178,27 +180,11 @@ class FootprintMonitor(Node):
                 qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE))
         except RuntimeError as error:
             raise ParameterError(f'{source.topic}: {error}') from error
+        if subscription.qos_profile.durability is QoSDurabilityPolicy.TRANSIENT_LOCAL:
+            # What was sent before is delivered, too.
+            self._scene.meet_publisher(source.name, True)
         self.get_logger().info(f'{source.name}: {kind.__name__} on {source.topic}')
         return loop.Input(source.name, subscription)
-
-    def _transform_type(self, settings: Settings) -> type | None:
-        """Return the class TFMessage, where there is a fixed frame and tf2_msgs."""
-        if not settings.frame_id:
-            return None
-        try:
-            from tf2_msgs.msg import TFMessage
-        except ImportError:
-            self.get_logger().warning(
-                f'tf2_msgs is not installed: bodies are taken in {settings.frame_id} only')
-            return None
-        return TFMessage  # type: ignore[no-any-return]
-
-    def _subscribe_transforms(self, kind: type) -> list[loop.Input]:
-        durabilities = {TF: DurabilityPolicy.VOLATILE, TF_STATIC: DurabilityPolicy.TRANSIENT_LOCAL}
-        return [loop.Input(topic, self.create_subscription(
-            kind, topic, partial(self._receive_alone, topic),
-            QoSProfile(depth=_TRANSFORM_DEPTH, durability=durability), raw=True,
-            callback_group=self._taken_by)) for topic, durability in durabilities.items()]
 
     def _set_rates(self, settings: Settings) -> None:
         self._publishing = _Every(1.0 / settings.publish_rate)
@@ -209,7 +195,6 @@ class FootprintMonitor(Node):
         """Apply changed parameters and publish what follows from them."""
         self._set_rates(settings)
         self._monitor.update(settings)
-        self._log(self._monitor.advance(self.present()))
         self._outputs.configure(settings)
         self._outputs.publish()
 
@@ -239,31 +224,34 @@ class FootprintMonitor(Node):
         self._outputs.markers_current = False
         self._publish_changes()
 
-    def note_backlog(self, name: str, backlog: loop.Backlog | None) -> None:
+    def note_backlog(self, name: str, backlog: Backlog | None) -> None:
         """Take note of how far behind a topic is, None where it is not any more."""
         self._health.note_backlog(name, backlog)
         if name not in TRANSFORM_TOPICS:
             self._monitor.note_backlog(name, backlog.seconds if backlog else None)
 
-    def tick(self) -> float:
+    def tick(self, now: int, is_all_taken: bool) -> float:
         """Do what is due without a message; return in how many s the next tick is due."""
-        present = self.present()
-        now = time.monotonic()
+        steady = time.monotonic()
         for one in self._inputs:
             self._monitor.count_publishers(one.name, one.subscription.get_publisher_count())
         self._scene.stop_clock(
-            self.get_clock().ros_time_is_active and present > 0
-            and self._clock_watch.stands(present, now, self._scene.settings.clock_timeout))
-        self._log(self._monitor.advance(present))
+            self.get_clock().ros_time_is_active and now > 0
+            and self._clock_watch.stands(now, steady, self._scene.settings.clock_timeout))
+        if self._warns_of_losses and not self._monitor.is_numbered:
+            self._warns_of_losses = False
+            self.get_logger().warning(
+                'this middleware does not number messages: what is lost on the way goes unseen')
+        self._log(self._monitor.advance(now, is_all_taken))
         self._publish_changes()
-        if self._publishing.due(now):
+        if self._publishing.due(steady):
             self._outputs.publish()
-        if self._marking.due(now):
+        if self._marking.due(steady):
             self._outputs.publish_markers()
-        if self._reporting.due(now):
+        if self._reporting.due(steady):
             self._health_publisher.publish(self._health.message(
                 self.get_clock().now().to_msg(), self._monitor))
-        due = (self._monitor.deadline - present) / 1e9
+        due = (self._monitor.deadline - now) / 1e9
         return min(self._tick_period, max(due, _SHORTEST_TICK))
 
     def _receive_alone(self, name: str, data: bytes, info: dict[str, Any]) -> None:

@@ -23,7 +23,7 @@ import time
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from sat_collision.monitor import Monitor
-from sat_collision.node.loop import Backlog
+from sat_collision.node.receiver import Backlog
 
 # What is behind by less, in s, is a burst that is just being taken.
 _NOTEWORTHY = 0.1

@@ -21,16 +21,17 @@ subscriptions, and leaves all that is no message of a footprint or obstacle to r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 import time
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.subscription import Subscription
+from sat_collision.node.receiver import Backlog, Receiver
 
 # The longest that messages are taken for before all else has its turn, shared evenly among the
 # topics, in s. A message that has been begun is finished.
@@ -41,6 +42,9 @@ _WORTH_A_REST = 2.0
 _FEW = 5
 # How often is looked at what is not waited for, such as that a publisher does not fit, in s.
 _OTHERS_PERIOD = 0.5
+# A process that comes so much too late was held up, and what was sent meanwhile may still be on
+# its way to the queues, in s.
+HELD_UP = 0.03
 
 
 def is_supported() -> bool:
@@ -57,44 +61,6 @@ class Input(NamedTuple):
 
     name: str
     subscription: Subscription
-
-
-class Backlog(NamedTuple):
-    """How far behind the taking of a topic is: in seconds, and about how many messages."""
-
-    seconds: float
-    messages: int
-
-
-class Receiver(Protocol):
-    """What the loop calls."""
-
-    def receive(self, name: str, messages: Iterable[tuple[bytes, int | None]], now: int) -> int:
-        """
-        Take all messages of a footprint or source and return how many there were.
-
-        Parameters
-        ----------
-        name : str
-        messages : iterable of tuple
-            The serialised message, and which one of its publisher it is, where that is known.
-            Each is taken from the middleware when it is asked for.
-        now : int
-            Present time in ns.
-
-        """
-
-    def end_batch(self, messages: int, seconds: float) -> None:
-        """Publish what has changed, after so many messages that took so long."""
-
-    def note_backlog(self, name: str, backlog: Backlog | None) -> None:
-        """Take note of how far behind a topic is, None where it is not any more."""
-
-    def tick(self) -> float:
-        """Do what is due by time alone; return in how many s the next tick is due."""
-
-    def present(self) -> int:
-        """Return the present time in ns by the clock of the header stamps."""
 
 
 class Reserved(CallbackGroup):
@@ -143,6 +109,7 @@ class Loop:
         self._executor.add_node(node)
         self._rest = 0.0
         self._next_tick = 0.0
+        self._was_held_up = False
         self._next_others = 0.0
         self._taken = 0
         self._counted_since = time.monotonic()
@@ -163,11 +130,12 @@ class Loop:
 
     def _turn(self, waiting: _Waiting) -> None:
         """Wait, take and publish; do what else is due; rest."""
-        behind = any(topic.is_behind for topic in self._topics)
-        ready = waiting.wait(0.0 if behind else self._until_tick())
+        ready = waiting.wait(0.0 if self._is_behind else self._until_tick())
+        late = time.monotonic() - self._next_tick
+        present = self._receiver.present()
         begun = time.perf_counter()
-        taken = sum(topic.take(self._budget) for topic in self._topics
-                    if topic.is_behind or topic.pointer in ready)
+        taken = sum(topic.take(self._budget, present) for topic in self._topics
+                    if late >= 0.0 or topic.is_behind or topic.pointer in ready)
         if taken:
             self._taken += taken
             self._receiver.end_batch(taken, time.perf_counter() - begun)
@@ -175,11 +143,18 @@ class Loop:
         if waiting.do_others(ready) or now >= self._next_others:
             self._executor.spin_once(0.0)
             self._next_others = now + _OTHERS_PERIOD
-        if now >= self._next_tick:
-            self._next_tick = now + self._receiver.tick()
+        if late >= 0.0:
+            self._was_held_up = late > HELD_UP and not self._was_held_up
+            self._next_tick = now + self._receiver.tick(
+                present, not (self._was_held_up or self._is_behind))
             self._choose_rest(now)
-        if self._rest and taken and not any(topic.is_behind for topic in self._topics):
+        if self._rest and taken and not self._is_behind:
             time.sleep(min(self._rest, self._until_tick()))
+
+    @property
+    def _is_behind(self) -> bool:
+        """Whether messages wait that the last turn had no time for."""
+        return any(topic.is_behind for topic in self._topics)
 
     def _until_tick(self) -> float:
         return max(self._next_tick - time.monotonic(), 0.0)
@@ -204,12 +179,11 @@ class _Topic:
         self._subscription = one.subscription
         self._receiver = receiver
 
-    def take(self, budget: float) -> int:
+    def take(self, budget: float, now: int) -> int:
         """Have what has come received, for so many s at most; return how many messages."""
         was_behind = self.is_behind
         self._first: dict[str, Any] | None = None
-        count = self._receiver.receive(
-            self._name, self._messages(time.monotonic() + budget), self._receiver.present())
+        count = self._receiver.receive(self._name, self._messages(time.monotonic() + budget), now)
         if self.is_behind:
             self._receiver.note_backlog(self._name, self._backlog(count))
         elif was_behind:

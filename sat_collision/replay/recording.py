@@ -24,6 +24,7 @@ import tempfile
 from types import TracebackType
 from typing import Protocol, TypeAlias
 
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, QosDurability
 from rosbags.rosbag2 import Reader
 from sat_collision.replay.recovery import Damage, recovered, unpack, WRONG_TYPES
 
@@ -49,6 +50,8 @@ class Recording:
         The faults found so far, each with the file that has it.
     topics, counts : dict
         Type and number of messages of each topic.
+    latched : set of str
+        Topics whose publishers had what they sent last delivered to who came later.
     start, end : int
         Times of the first and the last message in ns, None if there is none.
 
@@ -59,6 +62,7 @@ class Recording:
         self.problems: list[str] = []
         self.topics: dict[str, str] = {}
         self.counts: Counter[str] = Counter()
+        self.latched: set[str] = set()
         self.start: int | None = None
         self.end: int | None = None
         self._parts: list[_Part] = []
@@ -109,6 +113,7 @@ class Recording:
         self._parts.append(part)
         self.topics = {**part.topics, **self.topics}
         self.counts += part.counts
+        self.latched |= part.latched
         times = [time for time in (self.start, self.end, part.start, part.end) if time is not None]
         if times:
             self.start, self.end = min(times), max(times)
@@ -141,6 +146,7 @@ class _Part(Protocol):
 
     topics: dict[str, str]
     counts: Counter[str]
+    latched: set[str]
     start: int | None
     end: int | None
 
@@ -165,6 +171,8 @@ class _Whole:
         self.counts: Counter[str] = Counter()
         for connection in self._reader.connections:
             self.counts[connection.topic] += connection.msgcount
+        self.latched = {connection.topic for connection in self._reader.connections
+                        if _is_latched(connection)}
         empty = not self._reader.message_count
         self.start = None if empty else self._reader.start_time
         self.end = None if empty else self._reader.end_time - 1
@@ -196,6 +204,7 @@ class _Recovered:
         self._path = path
         self.topics: dict[str, str] = {}
         self.counts: Counter[str] = Counter()
+        self.latched: set[str] = set()
         self.start: int | None = None
         self.end: int | None = None
         try:
@@ -221,6 +230,13 @@ class _Recovered:
                     yield topic, time, data
         except (Damage, OSError):
             return  # noted when the file was first read
+
+
+def _is_latched(connection: Connection) -> bool:
+    """Tell whether a publisher of a topic had what it sent last delivered to late joiners."""
+    offered = connection.ext
+    return isinstance(offered, ConnectionExtRosbag2) and any(
+        qos.durability is QosDurability.TRANSIENT_LOCAL for qos in offered.offered_qos_profiles)
 
 
 def _in_words(error: Exception) -> str:

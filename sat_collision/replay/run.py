@@ -150,6 +150,9 @@ class _Run:
             messages = self._with_progress(messages, names, progress)
         if self._options.write_bag:
             self._write_outputs(self._options.write_bag)
+        for topic in self._recording.latched & names.keys():
+            for name in names[topic]:
+                self._scene.meet_publisher(name, True)
         if not by_header:
             self._begin(start)
         if self._options.start and TF_STATIC in self._transforms:

@@ -23,7 +23,7 @@ from sat_collision.geometry.polygon import PackedBody
 from sat_collision.geometry.polygon_set import Point, PolygonSet
 from sat_collision.scene.bodies import Body
 from sat_collision.scene.footprints import Footprint
-from sat_collision.scene.obstacles import Obstacle
+from sat_collision.scene.obstacles import Obstacle, Owner
 
 _Kind = TypeVar('_Kind', bound=Body[Any])
 _Other = TypeVar('_Other', bound=Body[Any])
@@ -103,16 +103,16 @@ class Contacts:
         if self._obstacles.remove(obstacle):
             self.changed.update(update_contacts(obstacle, ()))
 
-    def hide_obstacles(self, obstacles: Iterable[Obstacle]) -> None:
-        """Take obstacles away that keep their rows, to be placed again soon."""
-        rows = []
-        for obstacle in obstacles:
-            if obstacle.row is not None:
-                rows.append(obstacle.row)
-            if obstacle.contacts:
-                self.changed.update(update_contacts(obstacle, ()))
-            obstacle.moved()
+    def hide_obstacles(self, held_by: Owner, rows: list[int]) -> None:
+        """Take all obstacles of a holder away, which keep their rows to be placed again soon."""
         self._obstacles.polygons.hide(rows)
+        for footprint in self._footprints.bodies.values():
+            lost = {one for one in footprint.contacts if one.held_by is held_by}
+            if lost:
+                footprint.contacts -= lost
+                self.changed.add(footprint)
+                for obstacle in lost:
+                    obstacle.contacts.discard(footprint)
 
     def nearest(self, footprint: Footprint, skipped: Iterable[Obstacle] = ()
                 ) -> tuple[Obstacle, float, Point, Point] | None:

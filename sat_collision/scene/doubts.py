@@ -34,7 +34,7 @@ class Doubts:
     is_silent : bool
         Whether nothing has come for longer than the timeout.
     is_known : bool
-        Whether a set has been whole since; at once where there are no sets.
+        Whether a set has been whole since of which nothing was missed.
     is_lossy : bool
         Whether messages were lost that nothing has made up for yet.
     is_cut : bool
@@ -72,7 +72,7 @@ class Doubts:
             words.append('has not been heard yet')
         elif self.is_silent:
             words.append(f'has been silent for longer than its timeout of {timeout}')
-        elif not self.is_known:
+        elif in_sets and not self.is_known:
             words.append('has not sent a whole set yet')
         if in_sets and (self.publishers or 0) > 1:
             words.append(f'has {self.publishers} publishers, whose sets cannot be told apart: '

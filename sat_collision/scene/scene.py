@@ -16,15 +16,15 @@
 
 from __future__ import annotations
 
-from sat_collision.geometry.polygon import PackedBody, Polygon
-from sat_collision.geometry.polygon_set import Point
+from sat_collision.geometry.polygon import PackedBody
+from sat_collision.scene.circumstances import Circumstances
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.deadlines import Deadlines
 from sat_collision.scene.evaluations import Evaluations
-from sat_collision.scene.footprints import Evaluation, Footprint, State
-from sat_collision.scene.obstacles import ObstacleId
-from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
-from sat_collision.scene.sources import OTHER_FRAME, Source
+from sat_collision.scene.footprints import Evaluation, Footprint
+from sat_collision.scene.holders import OTHER_FRAME
+from sat_collision.scene.settings import Settings
+from sat_collision.scene.sources import Source
 
 FROM_FUTURE = 'from the future'
 OVERTAKEN = 'older than the last'
@@ -33,7 +33,7 @@ _AGREEMENT = 10**9
 _UNHEARD = 'has not been heard yet'
 
 
-class Scene:
+class Scene(Circumstances):
     """
     Footprints and obstacles, and the state of each footprint.
 
@@ -48,7 +48,7 @@ class Scene:
       is enabled: there may be an obstacle that nobody told of;
     - else CLEAR, which is reported once it has been so for `release_delay`.
 
-    Every method that takes `now` first lets time pass until then, as `advance` does. Times are
+    Every method that takes `now` first lets time pass until then, as `pass_time` does. Times are
     ints in ns by one clock. A header stamp of 0 means now, and no stamp counts from the future.
     A body is a packed polygon, whose array may be used again once the method has returned.
 
@@ -62,7 +62,6 @@ class Scene:
     frame_id : str
         The frame of all bodies: that of the settings, else the one that the footprints heard in
         the last second agree on; empty until there is one.
-    evaluations : Evaluations
 
     """
 
@@ -80,7 +79,8 @@ class Scene:
         self.frame_id = self.settings.frame_id
         self._contacts = Contacts(self.settings.margin)
         self._deadlines = Deadlines()
-        self._sources = {source.name: Source(source, self._contacts, self._deadlines)
+        self._pauses = Deadlines()
+        self._sources = {source.name: Source(source, self._contacts, self._deadlines, self._pauses)
                          for source in self.settings.obstacles}
         self._footprints = {footprint.name: Footprint(footprint, self._contacts.changed)
                             for footprint in self.settings.footprints}
@@ -108,12 +108,7 @@ class Scene:
             footprint.configure(new)
         self._contacts.changed.update(self._footprints.values())
         self._reevaluate_all()
-        self.advance(self._now)
-
-    def settings_of(self, name: str) -> FootprintSettings | ObstacleSettings:
-        """Return the settings of a footprint or source by its name."""
-        source = self._sources.get(name)
-        return source.settings if source else self._footprints[name].settings
+        self.pass_time(self._now)
 
     def footprint(self, name: str, body: PackedBody, frame_id: str, stamp: int,
                   now: int) -> str | None:
@@ -135,7 +130,7 @@ class Scene:
             the footprint as it is.
 
         """
-        self.advance(now)
+        self.pass_time(now)
         footprint = self._footprints[name]
         if not footprint.settings.enabled:
             return None
@@ -183,7 +178,7 @@ class Scene:
             Why it was refused, if it was: FROM_FUTURE, OTHER_FRAME, TOO_MANY or TOO_OLD.
 
         """
-        self.advance(now)
+        self.pass_time(now)
         source = self._sources[name]
         if not source.settings.enabled:
             return None
@@ -211,7 +206,7 @@ class Scene:
 
         The reason has no figures; stamp and instance are None where they could not be read.
         """
-        self.advance(now)
+        self.pass_time(now)
         if stamp is not None and self._is_from_future(stamp):
             stamp = None
         footprint = self._footprints.get(name)
@@ -222,35 +217,20 @@ class Scene:
             self._invalidate(footprint, f'was refused: {reason}')
         self._reevaluate_all()
 
-    def lose(self, name: str, now: int) -> None:
-        """Take note that messages of a source were lost; of a footprint the latest counts."""
-        self.advance(now)
-        source = self._sources.get(name)
-        if source is not None and source.settings.enabled:
-            source.lose(now)
-            self._reevaluate_all()
-
-    def count_publishers(self, name: str, count: int) -> None:
-        """Take note of how many publishers a footprint or source has; called again and again."""
-        source = self._sources.get(name)
-        if source is not None:
-            source.count_publishers(count)
-        elif count == 0 and self._footprints[name].time is not None:
-            self._invalidate(self._footprints[name], 'has no publisher any more')
-        self._reevaluate_all()
-
-    def stop_clock(self, stands: bool) -> None:
-        """Take note of whether the clock stands still, so that nothing can grow old."""
-        if stands != self._clock_stands:
-            self._clock_stands = stands
-            self._reevaluate_all()
-
-    def fall_behind(self, name: str, waiting: bool, overwhelmed: bool) -> None:
-        """Take note of whether messages of a source wait, and are more than can be checked."""
-        self._sources[name].fall_behind(waiting, overwhelmed)
-        self._reevaluate_all()
-
     def advance(self, now: int) -> None:
+        """
+        Let time pass when all that was sent until now has been told: what paused is whole.
+
+        Where messages may wait to be told, only `pass_time` is right: a pause may be none.
+        """
+        pauses = tuple(self._pauses.missed(now)) if now >= self._now else ()
+        for pause in pauses:
+            pause.expire()
+        self.pass_time(now)
+        if pauses:
+            self._reevaluate_all()
+
+    def pass_time(self, now: int) -> None:
         """
         Let time pass: obstacles are forgotten, footprints become stale, sources fall silent.
 
@@ -260,74 +240,18 @@ class Scene:
         last, self._now = self._now, now
         if 0 < last <= now <= self._deadlines.earliest:
             return
-        changed = now > last == 0
+        begins = last == 0 or now < last
         if now < last:
             self._forget_all()
-            changed = True
+        if begins:
+            for source in self._sources.values():
+                source.listen(now)
+        changed = begins
         for thing in self._deadlines.missed(now):
             thing.expire()
             changed = True
         if changed:
             self._reevaluate_all()
-
-    def changes(self) -> list[str]:
-        """Return the names of footprints whose state, age apart, changed since the last call."""
-        return self.evaluations.changes()
-
-    def state(self, name: str) -> State:
-        """Return the State of a footprint at the time that was passed last."""
-        footprint = self._footprints[name]
-        age = None if footprint.time is None else (self._now - footprint.time) / 1e9
-        return State(*footprint.evaluation, age)
-
-    @property
-    def deadline(self) -> float:
-        """The time in ns until which, at least, nothing changes by itself; NEVER if at no time."""
-        return self._deadlines.earliest
-
-    @property
-    def footprints(self) -> list[tuple[str, Polygon]]:
-        """The (name, Polygon) of every footprint that is somewhere, be it stale."""
-        return [(name, polygon) for name, footprint in self._footprints.items()
-                if (polygon := footprint.polygon) is not None]
-
-    @property
-    def obstacles(self) -> list[tuple[ObstacleId, Polygon]]:
-        """The (ObstacleId, Polygon) of every obstacle that is somewhere."""
-        return [(obstacle.name, polygon) for source in self._sources.values()
-                for obstacle in source.obstacles
-                if (polygon := obstacle.polygon) is not None]
-
-    def contacts(self, name: str) -> list[tuple[ObstacleId, Polygon, Polygon]]:
-        """Return (ObstacleId, Polygon of the footprint, Polygon) of all that a footprint meets."""
-        footprint = self._footprints[name]
-        return [(obstacle.name, own, other) for obstacle in footprint.contacts
-                if (own := footprint.polygon) and (other := obstacle.polygon)]
-
-    def nearest(self, name: str, apart: bool = False
-                ) -> tuple[ObstacleId, float, Point, Point] | None:
-        """
-        Return what is nearest to a footprint, None if one of the two is nowhere.
-
-        It is an obstacle, its separation and the closest points, as `PolygonSet.nearest` has
-        them; with `apart` the obstacles in contact are left out.
-        """
-        footprint = self._footprints[name]
-        found = self._contacts.nearest(footprint, footprint.contacts if apart else ())
-        return found and (found[0].name, *found[1:])
-
-    def time_apart(self, name: str, obstacle: ObstacleId) -> float | None:
-        """
-        Return by how many s an obstacle is newer than a footprint, None if one is nowhere.
-
-        Where two sets hold an obstacle of this name, the one in contact counts, else the newer.
-        """
-        footprint = self._footprints[name]
-        found = [(one in footprint.contacts, one.time)
-                 for one in self._sources[obstacle.source].named(obstacle)]
-        if footprint.time is None or not found:
-            return None
-        return (max(found)[1] - footprint.time) / 1e9
 
     def _is_from_future(self, stamp: int) -> bool:
         return stamp > self._now + self._future_tolerance and self._now > 0
@@ -345,18 +269,3 @@ class Scene:
         for source in self._sources.values():
             source.refuse_other_frames(self.frame_id)
         self._reevaluate_all()
-
-    def _invalidate(self, footprint: Footprint, fault: str) -> None:
-        footprint.time = None
-        footprint.fault = fault
-        self._contacts.remove_footprint(footprint)
-        self._contacts.changed.add(footprint)
-
-    def _reevaluate_all(self) -> None:
-        """Evaluate the footprints for which something has changed: all, if a common fault has."""
-        self.evaluations.find_faults(self.settings, self._now, self._clock_stands,
-                                     self._sources.values())
-        self._evaluate()
-
-    def _evaluate(self) -> None:
-        self.evaluations.evaluate(self._now, self._release_delay)

@@ -134,7 +134,7 @@ class Settings:
         live=True, limits=(0.0, 10.0)))
     max_tf_gap: float = field(default=0.5, metadata=_setting(
         's; between two transforms further apart in time it is not known where a frame was',
-        live=True, limits=(0.001, _DAY)))
+        live=True, limits=(0.0, _DAY)))
     max_tilt: float = field(default=0.0873, metadata=_setting(
         'rad; a message is refused if its frame is tilted out of the plane by more; 0.0873 is 5 '
         'degrees', live=True, limits=(0.0, 1.5)))
@@ -143,7 +143,8 @@ class Settings:
         limits=(0.1, 3600.0)))
     future_tolerance: float = field(default=1.0, metadata=_setting(
         's; a message stamped further ahead of the clock is refused', live=True,
-        limits=(0.0, _DAY)))
+        # A batch may bring messages that were stamped after the clock was read for it.
+        limits=(0.05, _DAY)))
     clock_timeout: float = field(default=2.0, metadata=_setting(
         's by the wall clock; simulated time that stands still for so long makes the footprints '
         'unknown; 0.0 for never', live=True, limits=(0.0, _DAY)))

@@ -31,9 +31,12 @@ GREEN, RED, GREY = 'green', 'red', 'grey'
 @pytest.fixture
 def scene():
     """Return a scene of two footprints and two sources, none of which ever expires."""
-    return Scene(Settings(
+    scene = Scene(Settings(
         tuple(FootprintSettings(name, f'/{name}', timeout=0.0) for name in ('a', 'b')),
         tuple(ObstacleSettings(name, f'/{name}', timeout=0.0) for name in ('map', 'people'))))
+    for seconds in (7, 8):
+        scene.advance(seconds * SECOND)
+    return scene
 
 
 def place(scene, name, points, stamp=SECOND, frame_id='map'):

@@ -19,6 +19,7 @@ import types
 
 from builders import box, transforms
 from geometry_msgs.msg import PolygonStamped
+from harness import Peer
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
@@ -61,6 +62,17 @@ def test_bodies_are_placed_by_tf(start_with_tf):
     until('clear', 0.0)
     until('collision', 4.5)
     until('clear', 6.5)
+
+
+def test_what_was_latched_before_the_start_is_known(domain, start_with_tf):
+    """A robot description is told once."""
+    before = Peer(domain)
+    publisher = before.node.create_publisher(PolygonStamped, '/tf_static', LATCHED)
+    publisher.publish(transforms(('odom', 'camera', 0, 0.5, 0.0)))
+    running = start_with_tf()
+    listener = running.monitor._monitor.transforms
+    running.until(lambda: listener.received['/tf_static'], 'the latched transform')
+    before.close()
 
 
 def test_messages_wait_for_the_transform_at_their_stamp(start_with_tf):

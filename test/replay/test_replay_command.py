@@ -91,8 +91,8 @@ def test_table_tells_what_was_found(bags, capsys):
     """Times since the beginning, depth and place of the contact, coverage, rejections."""
     main([bags['collision']])
     out = capsys.readouterr().out
-    assert 'COLLISION' in out and f'202 messages (footprint 101, {SOURCE} 101)' in out
-    assert re.search(rf'footprint +100.00 % +9.000 +1.000 +0.000 +-0.25 m from {SOURCE}/0', out)
+    assert 'COLLISION' in out and f'303 messages (footprint 101, {SOURCE} 202)' in out
+    assert re.search(rf'footprint +99.00 % +8.900 +1.000 +0.100 +-0.25 m from {SOURCE}/0', out)
     assert re.search(rf'footprint +{SOURCE}/0 +4.000 +1.000 +0.25 +0.875 +0.500', out)
     main([bags['unknown']])
     out = capsys.readouterr().out
@@ -134,7 +134,8 @@ def test_csv_and_junit(bags, tmp_path):
     main([*bags.values(), '--csv', str(table), '--junit', str(suites)])
     with table.open(newline='') as file:
         rows = list(csv.DictReader(file))
-    assert [row['kind'] for row in rows if row['bag'] == bags['collision']] == ['contact']
+    assert [row['kind'] for row in rows if row['bag'] == bags['collision']] == [
+        'contact', 'unknown']
     assert next(row for row in rows if row['kind'] == 'contact')['depth_m'] == '0.25'
     assert all('heard' in row['reason'] or 'older' in row['reason'] for row in rows
                if row['bag'] == bags['unknown'])

@@ -23,8 +23,8 @@ from sat_collision.replay.options import HEADER, Options
 from sat_collision.replay.result import Verdict
 from sat_collision.replay.run import check
 
-TYPES = {topic: 'tf2_msgs/msg/TFMessage' for topic in ('/tf', '/tf_static')}
-PARAMETERS = {'frame_id': 'odom', f'{SOURCE}.accumulate': True, f'{SOURCE}.timeout': 0.15}
+TYPES = dict.fromkeys(('/tf', '/tf_static'), 'tf2_msgs/msg/TFMessage')
+PARAMETERS = {'frame_id': 'odom', f'{SOURCE}.accumulate': True, f'{SOURCE}.timeout': 0.3}
 POST = [(0, 0), (0.25, 0), (0.25, 0.25), (0, 0.25)]
 
 
@@ -79,17 +79,17 @@ def test_a_post_is_met_when_the_robot_is_there(tmp_path, clock):
 def test_what_waits_is_told_in_time(tmp_path):
     """Later transforms delay what is found by as much, and change nothing else."""
     begins = []
-    for delay in (0.0, 0.15):
+    for delay in (0.0, 0.1):
         result = run(tmp_path / f'bag{delay}', drive(delay))
         begins.append(min(seconds(result, contact.first) for contact in result.contacts))
-    assert 0.1 <= begins[1] - begins[0] <= 0.2
+    assert begins[1] - begins[0] == pytest.approx(0.1, abs=0.01)
 
 
 def test_transforms_that_come_too_late_make_the_robot_unknown(tmp_path):
     result = run(tmp_path / 'bag', drive(0.3))
     assert result.verdict is Verdict.UNKNOWN and result.contacts == []
-    rejected = {source.name: set(source.rejected) for source in result.sources}
-    assert rejected == {'footprint': {'no transform'}, SOURCE: {'no transform'}}
+    for source in result.sources:
+        assert set(source.rejected) == {'no transform', 'unknown frame'}
     assert 'the newest of base is' in result.sources[0].examples['no transform']
 
 

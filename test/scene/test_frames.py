@@ -257,6 +257,13 @@ def test_transforms_do_not_pile_up():
     assert 1000 <= len(track.stamps) == len(track.links) <= 1004
 
 
+def test_what_is_kept_is_measured_from_the_newest_before():
+    """As tf2 does: the last one forgets what was too old when it came."""
+    tree = Tree(max_gap=frames.NEVER)
+    tree.moving('odom', 'base', *((time, time) for time in (0, 1, 19, 20, 30)))
+    assert tree.where('base', 19) == 19.0 and tree.where('base', 1).reason == frames.NO_TRANSFORM
+
+
 def test_of_several_with_one_stamp_the_last_counts_from_then_on():
     tree = Tree()
     tree.moving('odom', 'base', (0.0, 0), (0.2, 2), (0.4, 4), (0.2, 12), (0.2, 22), (0.2, 22))

@@ -24,75 +24,100 @@ from stage import Stage
 
 @pytest.fixture
 def sets():
-    """Return sets of three places, with a window of 10 and a timeout of 100."""
+    """Return sets with a window of 10 and a timeout of 100."""
     sets = ObstacleSets()
-    sets.window, sets.timeout, sets.most = 10, 100, 3
+    sets.window, sets.timeout = 10, 100
     return sets
 
 
-def join(sets, stamp):
-    """Let a message of a stamp join its set, which is begun if it is new."""
-    if not sets.continues(stamp):
-        sets.begin(stamp)
+def take(sets, *stamps):
+    """Let messages join their sets, which are begun if they are new; return whether each was."""
+    begun = []
+    for stamp in stamps:
+        begun.append(stamp != 0 and not sets.continues(stamp))
+        (sets.begin if begun[-1] else sets.join)(stamp)
+    return begun
 
 
 def test_sets_take_turns_on_two_sides(sets):
-    """Places are counted from 0 in each."""
+    """Each is whole when it is said to be."""
     sides = []
     for number, stamp in enumerate((1000, 1020, 1040), 1):
-        join(sets, stamp)
+        assert take(sets, stamp, stamp + 1) == [True, False]
         sides.append(sets.side)
-        assert (sets.start, sets.number, sets.is_whole) == (stamp, number, False)
-        assert [sets.next_place() for _ in range(2)] == [0, 1]
+        assert (sets.start, sets.last, sets.number) == (stamp, stamp + 1, number)
+        assert not sets.is_whole
     assert sides[0] == sides[2] != sides[1]
 
 
-def test_set_is_cut_off_where_no_pause_goes_before(sets):
+@pytest.mark.parametrize('stamps, is_cut', [
+    ((1000, 1010, 1019), True), ((1000, 1010, 1020), False), ((1000, 1011), False),
+    ((1000, 995, 900), False)])
+def test_set_is_cut_off_where_no_pause_goes_before(sets, stamps, is_cut):
     """A pause is as long as the window, counted from the last stamp before it."""
-    for stamps, is_cut in (((1000, 1010, 1019), True), ((1000, 1010, 1020), False),
-                           ((1000, 1011), False), ((1000, 995, 900), False)):
-        sets.clear()
-        for stamp in stamps:
-            join(sets, stamp)
-        assert sets.is_cut == is_cut
+    take(sets, *stamps)
+    assert sets.is_cut == is_cut
 
 
 def test_stamps_that_a_set_includes(sets):
     """A late one joins the set, but does not lie in it."""
     assert not sets.includes(1000)
-    join(sets, 1000)
+    take(sets, 1000)
     assert [sets.includes(stamp) for stamp in (989, 990, 1010, 1011)] == [
         False, True, True, False]
 
 
 def test_late_stamps_join_and_those_of_another_clock_do_not(sets):
     """A stamp is late if it is before the set by less than the timeout."""
-    sets.begin(1000)
-    assert all(map(sets.continues, (1010, 990, 901)))
-    assert not sets.continues(900)
-    assert sets.start == 1000
+    assert take(sets, 1000, 1010, 990, 901) == [True, False, False, False]
+    assert (sets.start, sets.last) == (1000, 1010)
+    assert take(sets, 900) == [True]
 
 
-def test_place_beyond_the_last_is_shared(sets):
-    """What comes to it is not known again."""
-    join(sets, 1000)
-    assert [sets.next_place(fingerprint) for fingerprint in (0.1, 0.2, 0.3, 0.4, 0.5)] == [
-        0, 1, 2, 3, 3]
-    assert [sets.place_of_equal(fingerprint) for fingerprint in (0.1, 0.3, 0.4, 0.5)] == [
-        0, 2, None, None]
-
-
-def test_equal_fingerprints_share_a_place_within_a_set_only(sets):
-    """And not after all was forgotten."""
-    join(sets, 1000)
-    sets.next_place()
-    sets.next_place(0.5)
-    assert sets.place_of_equal(0.5) == 1
-    join(sets, 1020)
-    assert sets.place_of_equal(0.5) is None
-    assert sets.next_place(0.5) == 0
+def test_first_set_does_not_count_unless_a_pause_went_before(sets):
+    """Its beginning may have been missed; that of the next one has been seen."""
+    take(sets, 1000)
+    assert not sets.counts
+    take(sets, 1020)
+    assert sets.counts
     sets.clear()
-    assert sets.start is None and sets.place_of_equal(0.5) is None
+    sets.settle()
+    take(sets, 1000)
+    assert sets.counts
+
+
+def test_set_with_a_loss_does_not_count(sets):
+    """Nor does one that begins with the first message after the loss."""
+    sets.settle()
+    take(sets, 1000, 1001)
+    sets.miss()
+    take(sets, 1002)
+    assert not sets.counts
+    take(sets, 1020)
+    assert sets.counts
+    sets.miss()
+    take(sets, 1040)
+    assert not sets.counts
+
+
+def test_messages_without_a_stamp_count_from_pause_to_pause(sets):
+    """Those after a pause are seen from their beginning."""
+    take(sets, 0, 0)
+    assert not sets.counts
+    sets.settle()
+    assert not sets.counts, 'nothing has come since'
+    take(sets, 0, 0)
+    assert sets.counts
+    assert sets.number == 2
+
+
+def test_message_before_is_remembered_until_a_pause_or_a_loss(sets):
+    """What comes with its stamp joins its set, whatever else is true of it."""
+    for forget in (sets.miss, sets.settle, sets.clear):
+        take(sets, 1000, 1003)
+        assert sets.current == 1003
+        forget()
+        assert sets.current is None
 
 
 def test_messages_with_a_copied_stamp_are_different_obstacles():

@@ -29,9 +29,10 @@ from hypothesis.stateful import (
     initialize, invariant, rule, RuleBasedStateMachine, run_state_machine_as_test)
 import pytest
 from sat_collision.monitor import UNDECODABLE
+from sat_collision.scene.holders import OTHER_FRAME, TOO_MANY
 from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
-from sat_collision.scene.sources import OTHER_FRAME, TOO_MANY, TOO_OLD
+from sat_collision.scene.sources import TOO_OLD
 
 pytest.importorskip('shapely')
 
@@ -87,7 +88,7 @@ class SceneMachine(RuleBasedStateMachine):
     def begin(self, names, margin, unheard):
         self.sources = names
         self.model = SceneModel(Settings(
-            FOOTPRINTS, tuple(map(SOURCES.get, names)), frame_id='map', margin=margin))
+            FOOTPRINTS, tuple(map(SOURCES.get, names)), frame_id='map', margin=margin), START)
         self.told = self.tell(self.model.settings)
         self.scene = self.told.scene
         self.reported = {}
@@ -101,21 +102,30 @@ class SceneMachine(RuleBasedStateMachine):
     def wait(self, milliseconds):
         self.now += milliseconds * MILLISECOND
         self.scene.advance(self.now)
+        self.model.advance(self.now)
+
+    @rule(milliseconds=waits)
+    def be_held_up(self, milliseconds):
+        """Let time pass, while who knows what waits to be told."""
+        self.now += milliseconds * MILLISECOND
+        self.scene.pass_time(self.now)
 
     @rule()
     def step_back(self):
         self.now -= 3 * SECOND
         self.scene.advance(self.now)
-        self.model.forget_all()
+        self.model.forget_all(self.now)
 
     @rule(name=footprints, body=bodies, age=ages)
     def footprint(self, name, body, age):
         self._place(name, body, age)
 
-    @rule(name=footprints, path=st.lists(bodies, min_size=2, max_size=3))
-    def drive(self, name, path):
+    @rule(name=footprints, path=st.lists(bodies, min_size=2, max_size=3),
+          late=st.sampled_from((0, 0, 1)))
+    def drive(self, name, path, late):
         for body in path:
-            self._place(name, body, 0)
+            self._place(name, body, late)
+            late *= 20
 
     @rule(name=footprints, flaw=flaws, age=ages)
     def bad_footprint(self, name, flaw, age):
@@ -142,20 +152,37 @@ class SceneMachine(RuleBasedStateMachine):
         assert told == self.model.heartbeat(name, stamp, self.now)
         self._note_collisions()
 
-    @rule(name=sources, waiting=st.booleans(), overwhelmed=st.booleans())
-    def fall_behind(self, name, waiting, overwhelmed):
-        self.scene.fall_behind(name, waiting, overwhelmed)
-        self.model.fall_behind(name, waiting, overwhelmed)
+    @rule(name=sources, overwhelmed=st.booleans())
+    def overwhelm(self, name, overwhelmed):
+        self.scene.overwhelm(name, overwhelmed)
+        self.model.overwhelm(name, overwhelmed)
 
     @rule(name=footprints | sources)
     def lose(self, name):
         self.scene.lose(name, self.now)
         self.model.lose(name, self.now)
 
+    @rule(name=sources, lost=bodies, next_one=bodies, age=st.sampled_from((0, 0, 15)))
+    def lose_a_body(self, name, lost, next_one, age):
+        """Lose one, as the number of the next message tells."""
+        self.lose(name)
+        self._place(name, next_one, age, 0)
+        if SOURCES[name].type == 'polygon' and not SOURCES[name].accumulate:
+            self.model.miss_body(name, BODIES[lost], self.now)
+
+    @rule(name=sources, from_beginning=st.booleans(), missed=bodies, body=bodies)
+    def replace_publisher(self, name, from_beginning, missed, body):
+        """Go on with another one, which may have begun before it was heard."""
+        self.scene.meet_publisher(name, from_beginning)
+        self.model.meet_publisher(name, from_beginning)
+        self._place(name, body, 0, 0)
+        if SOURCES[name].type == 'polygon' and not from_beginning:
+            self.model.miss_body(name, BODIES[missed], self.now)
+
     @rule(name=sources, count=st.sampled_from((0, 1, 1, 2)))
     def publishers(self, name, count):
         self.scene.count_publishers(name, count)
-        self.model.count_publishers(name, count)
+        self.model.count_publishers(name, count, self.now)
 
     @rule(name=sources, together=st.lists(bodies, min_size=2, max_size=4, unique=True))
     def whole_set(self, name, together):
@@ -171,10 +198,12 @@ class SceneMachine(RuleBasedStateMachine):
     def all_are_heard(self):
         for name in (*map(attrgetter('name'), FOOTPRINTS), *self.sources):
             self._use(enable(self.model.settings, name, True))
+        for name in self.sources:
+            self.publishers(name, 1)
+        self.wait(100)
         for footprint in FOOTPRINTS:
             self._place(footprint.name, 'square 0 0', 0)
         for name in self.sources:
-            self.publishers(name, 1)
             self.heartbeat(name, 0)
 
     @rule(margin=margins)
@@ -252,7 +281,7 @@ class SceneMachine(RuleBasedStateMachine):
 
     def _use(self, settings):
         self.scene.update(settings)
-        self.model.use(settings)
+        self.model.use(settings, self.now)
         self._note_collisions()
 
     def _stamp(self, age):

@@ -165,10 +165,10 @@ def test_source_that_sends_more_than_can_be_checked_is_in_trouble():
     stage = with_robot(LIDAR)
     stage.see(10)
     stage.whole()
-    stage.scene.fall_behind('lidar', True, True)
+    stage.scene.overwhelm('lidar', True)
     assert findings(stage) == ('unknown', (
         DOUBT + 'sends more than can be checked: messages come too late or are lost',))
-    stage.scene.fall_behind('lidar', False, False)
+    stage.scene.overwhelm('lidar', False)
     assert findings(stage) == ('clear', ())
 
 

@@ -24,9 +24,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from builders import SECOND
+from sat_collision.scene.holders import OTHER_FRAME, TOO_MANY
 from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
 from sat_collision.scene.settings import POLYGON_INSTANCE
-from sat_collision.scene.sources import OTHER_FRAME, TOO_MANY, TOO_OLD
+from sat_collision.scene.sources import TOO_OLD
 import shapely
 
 _UNHEARD = 'has not been heard yet'
@@ -43,26 +44,32 @@ class SceneModel:
     What takes a message returns why it is refused, None if it is not.
     """
 
-    def __init__(self, settings):
+    def __init__(self, settings, now):
         self.settings = settings
-        self.forget_all()
+        self.forget_all(now)
 
-    def forget_all(self):
+    def forget_all(self, now):
         """Begin anew, as after a step back in time."""
         self._footprints = {settings.name: Place() for settings in self.settings.footprints}
-        self._sources = {settings.name: SourceModel(settings)
+        self._sources = {settings.name: SourceModel(settings, now)
                          for settings in self.settings.obstacles}
 
-    def use(self, settings):
+    def advance(self, now):
+        """Let time pass when all that was sent until now has been told."""
+        for source in self._sources.values():
+            source.advance(now)
+
+    def use(self, settings, now):
         """Apply other settings of the same names; what is disabled, or was, forgets all."""
         for settings_before, footprint in zip(self.settings.footprints, settings.footprints):
             if settings_before.enabled != footprint.enabled:
                 self._footprints[footprint.name] = Place()
         for source in settings.obstacles:
-            self._sources[source.name].settings = source
-            if not source.enabled:
-                self._sources[source.name] = SourceModel(
-                    source, self._sources[source.name].publishers)
+            before = self._sources[source.name]
+            if source.enabled and before.settings.enabled:
+                before.settings = source
+            elif source.enabled or before.settings.enabled:
+                self._sources[source.name] = SourceModel(source, now, before.publishers)
         self.settings = settings
 
     def settings_of(self, name):
@@ -110,9 +117,8 @@ class SceneModel:
     def _is_from_future(self, stamp, now):
         return stamp > now + nanoseconds(self.settings.future_tolerance)
 
-    def fall_behind(self, name, waiting, overwhelmed):
-        """Take note of whether messages of a source wait, and are more than can be checked."""
-        self._sources[name].waiting = waiting
+    def overwhelm(self, name, overwhelmed):
+        """Take note of whether a source sends more than can be checked."""
         self._sources[name].overwhelmed = overwhelmed
 
     def lose(self, name, now):
@@ -120,9 +126,18 @@ class SceneModel:
         if name in self._sources and self.settings_of(name).enabled:
             self._sources[name].lose(now)
 
-    def count_publishers(self, name, count):
+    def miss_body(self, name, ring, now):
+        """Take note that a body was sent just before the last message, and never came."""
+        if self.settings_of(name).enabled:
+            self._sources[name].miss_body(ring, now)
+
+    def meet_publisher(self, name, from_beginning):
+        """Take note that the next message is the first heard of a publisher, or sent by it."""
+        self._sources[name].meet_publisher(from_beginning)
+
+    def count_publishers(self, name, count, now):
         """Take note of how many publishers there are for a source."""
-        self._sources[name].count_publishers(count)
+        self._sources[name].count_publishers(count, now)
 
     def obstacles(self, now):
         """Return source, key and ring of every obstacle; the key is the ring if no number."""
@@ -179,52 +194,74 @@ class SourceModel:
     """
     One source of obstacles: what it holds, as of the last look.
 
-    `told` has every good message of a set: the set's number, the ring and the time.
+    `sent` has every body of a set, those that never came included: which set, the ring and the
+    time.
     """
 
-    def __init__(self, settings, publishers=None):
+    def __init__(self, settings, now, publishers=None):
         self.settings = settings
         self.publishers = publishers
-        self.waiting = self.overwhelmed = False
-        self.told = []
+        self.overwhelmed = False
+        self.sent = []
         self._was_left = False
         self._keyed = {}
         self._last, self._newest = {}, {}
         self._heard = None
+        self._silent = False
         self._lost_at = None
-        self._cut_in = None
-        self._unsettled = True
-        self._number = 0
+        self._doubts_window = False
+        self._set = 0
+        self._turn = 0
         self._begin_anew()
+        self._listens_since = None
+        self.listen(now)
 
     def _begin_anew(self):
-        """Wait for a first message, or for the first one after silence."""
+        """Count nothing that may have begun before now."""
         self._known = False
         self._whole = True
-        self._quiet_since = None
+        self._is_cut = False
         self._set_start = None
         self._taken = 0
         self._place_of = {}
+        self._miss()
+
+    def _miss(self):
+        self._before = None
+        self._first_to_count = None
+
+    def _settle(self):
+        self._before = None
+        self._first_to_count = self._turn + 1
+
+    def listen(self, now):
+        """Hear all that is sent from now on."""
+        if self._has_sets and self.settings.enabled and self.publishers != 0:
+            self._listens_since = now
 
     def look(self, now):
         """Let time pass."""
         settings = self.settings
-        heard_until = None if self._heard is None or not settings.timeout else (
-            self._heard + nanoseconds(settings.timeout))
-        if self._quiet_since is not None and not self.waiting:
-            quiet_until = self._quiet_since + nanoseconds(settings.set_quiet)
-            if quiet_until < now and (heard_until is None or quiet_until <= heard_until):
-                self._quiet_since = None
-                self._finish()
-                self._known = True
-        if heard_until is not None and heard_until < now:
-            self._finish()
+        if not self._silent and self._heard is not None and is_past(settings, self._heard, now):
+            self._silent = True
+            self._drop_last()
             self._begin_anew()
+            if self._listens_since is None:
+                self._settle()
         if self._lost_at is not None and is_past(settings, self._lost_at, now):
-            self._get_over_loss()
+            self._lost_at = None
         for held in (self._keyed, self._last, self._newest):
             for key in [key for key, place in held.items() if is_past(settings, place.time, now)]:
                 del held[key]
+
+    def advance(self, now):
+        """Let time pass when all that was sent until now has been told."""
+        since = self._listens_since
+        if since is not None and since + nanoseconds(self.settings.set_quiet) < now:
+            self._listens_since = None
+            self._finish()
+            self._settle()
+        self.look(now)
 
     def held(self, now):
         """Return key and Place of all that is not past its timeout."""
@@ -232,9 +269,9 @@ class SourceModel:
         return [item for held in (self._keyed, self._last, self._newest) for item in held.items()]
 
     def last_whole_and_newer(self, now):
-        """Return the rings of the last whole set and of all that came after it."""
-        last = self._number - (not self._whole)
-        return [ring for number, ring, time in self.told
+        """Return the rings of the last whole set and of all that was sent after it."""
+        last = self._set - (not self._whole)
+        return [ring for number, ring, time in self.sent
                 if number >= last and not is_past(self.settings, time, now)]
 
     def doubts(self, now):
@@ -245,7 +282,7 @@ class SourceModel:
             doubts.append('has no publisher any more')
         elif self._heard is None:
             doubts.append(_UNHEARD)
-        elif is_past(self.settings, self._heard, now):
+        elif self._silent:
             doubts.append(
                 f'has been silent for longer than its timeout of {self.settings.timeout:g} s')
         elif self._has_sets and not self._known:
@@ -254,7 +291,7 @@ class SourceModel:
             doubts.append(f'has {self.publishers} publishers')
         if self._lost_at is not None:
             doubts.append('lost messages')
-        if self._has_sets and self._cut_in is not None:
+        if self._has_sets and self._doubts_window:
             doubts.append('sends sets that set_window cuts in two')
         if self.overwhelmed:
             doubts.append('sends more than can be checked')
@@ -265,27 +302,42 @@ class SourceModel:
         """Take note that messages were lost before the next one."""
         self.look(now)
         self._lost_at = now
-        self._unsettled = True
+        self._miss()
 
-    def count_publishers(self, count):
-        if count == self.publishers:
+    def miss_body(self, ring, now):
+        """Take note of a body of the set that the last message is of, which never came."""
+        self.sent.append((self._set, ring, now))
+
+    def meet_publisher(self, from_beginning):
+        if self._heard is not None and not (from_beginning and self._whole):
+            self._drop_last()
+            self._begin_anew()
+        if from_beginning:
+            self._settle()
+
+    def count_publishers(self, count, now):
+        before, self.publishers = self.publishers, count
+        if count == before:
             return
-        self._was_left = count == 0 and bool(self.publishers or self._heard is not None)
-        self.publishers = count
+        self._was_left = count == 0 and bool(before or self._heard is not None)
         if self._was_left:
             self._heard = None
-            self._finish()
+            self._silent = False
+        if self._was_left or (count == 1 and (before or 0) > 1):
+            self._drop_last()
             self._begin_anew()
+        if count == 0:
+            self._listens_since = None
+        elif count == 1:
+            self.listen(now)
 
     def heartbeat(self, stamp, now):
         if self._hear(stamp, now) is None:
             return TOO_OLD
-        if self._in_sets(stamp):
-            self._begin_set_if_due(stamp, now)
-            if abs(self._set_start - stamp) <= nanoseconds(self.settings.set_window):
+        if self._has_sets:
+            self._follow(stamp, now)
+            if stamp and abs(self._set_start - stamp) <= nanoseconds(self.settings.set_window):
                 self._finish()
-        elif self._has_sets:
-            self._quiet_since = now
         return None
 
     def place(self, ring, stamp, now, instance):
@@ -293,17 +345,19 @@ class SourceModel:
         if time is None:
             return TOO_OLD
         if self._in_sets(stamp):
-            key = self._next_in_set(ring, stamp, now)
+            self._follow(stamp, now)
+            key = self._next_in_set(ring)
             held = self._newest
             full = key == self.settings.max_count
             if not full:
-                self.told.append((self._number, ring, time))
+                self.sent.append((self._set, ring, time))
         else:
             held = self._keyed
-            held.pop(_UNPLACED, None)
             key = instance if self._by_id else ring
-            if self._has_sets and key not in held:
-                self._quiet_since = now
+            if not self._has_sets:
+                held.pop(_UNPLACED, None)
+            elif key not in held or self._lost_at is not None or _UNPLACED in held:
+                self._follow(0, now)
             key = self._admitted(key)
             full = key == _EXCESS
         if full:
@@ -316,16 +370,17 @@ class SourceModel:
         return None
 
     def refuse(self, reason, stamp, now, instance):
-        time = self._hear(stamp, now)
+        time = self._hear(stamp or 0, now)
         if time is None:
             return TOO_OLD
         key, held = _UNPLACED, self._keyed
         if self._in_sets(stamp or 0):
-            key = self._next_in_set(None, stamp, now)
+            self._follow(stamp, now)
+            key = self._next_in_set(None)
             held = self._newest
         elif self._has_sets:
-            self._quiet_since = now
-            self._unsettled = True
+            self._follow(0, now)
+            self._miss()
         elif self._by_id and instance is not None:
             key = self._admitted(instance)
         if key == _EXCESS:
@@ -350,7 +405,9 @@ class SourceModel:
         self.look(now)
         if is_past(self.settings, time, now):
             return None
-        self._heard = time if self._heard is None else max(time, self._heard)
+        if self._heard is None or time > self._heard:
+            self._heard = time
+            self._silent = False
         return time
 
     def _hold_refused(self, held, key, reason, time):
@@ -362,9 +419,8 @@ class SourceModel:
         known = self._keyed.keys() - {_UNPLACED, _EXCESS}
         return key if key in known or len(known) < self.settings.max_count else _EXCESS
 
-    def _next_in_set(self, ring, stamp, now):
+    def _next_in_set(self, ring):
         """Return the place of an equal body of this set, else the next; beyond all is one more."""
-        self._begin_set_if_due(stamp, now)
         if ring in self._place_of:
             return self._place_of[ring]
         place = min(self._taken, self.settings.max_count)
@@ -373,22 +429,28 @@ class SourceModel:
             self._place_of[ring] = place
         return place
 
-    def _begin_set_if_due(self, stamp, now):
-        if not self._continues(stamp):
-            self._finish()
-            self._number += 1
-            if self._set_start is not None and (
-                    0 < stamp - self._latest < nanoseconds(self.settings.set_window)):
-                self._cut_in = self._number
+    def _follow(self, stamp, now):
+        """Let a message join what is coming in, or begin the next set."""
+        if stamp and not self._continues(stamp):
+            if not self._whole:
+                self._finish()
+            self._set += 1
+            self._turn += 1
+            self._is_cut = self._set_start is not None and (
+                0 < stamp - self._latest < nanoseconds(self.settings.set_window))
+            self._doubts_window |= self._is_cut
             self._set_start = self._latest = stamp
             self._taken, self._place_of = 0, {}
             self._last, self._newest = self._newest, {}
             self._whole = False
-        self._latest = max(stamp, self._latest)
-        if self._unsettled:
-            self._unsettled = False
-            self._unsettled_in = self._number
-        self._quiet_since = now
+        elif stamp:
+            self._latest = max(stamp, self._latest)
+        elif self._before is None:
+            self._turn += 1
+        if self._first_to_count is None:
+            self._first_to_count = self._turn + 1
+        self._before = stamp
+        self._listens_since = now
 
     def _continues(self, stamp):
         if self._set_start is None:
@@ -398,20 +460,19 @@ class SourceModel:
                 or 0 < late < nanoseconds(self.settings.timeout))
 
     def _finish(self):
-        """Take the newest set for whole."""
-        if self._whole:
-            return
-        self._whole = self._known = True
-        self._last = {}
-        if self._cut_in != self._number:
-            self._cut_in = None
-        if not self._unsettled and self._unsettled_in < self._number:
-            self._get_over_loss()
+        """Take what came in last for whole."""
+        self._drop_last()
+        if self._first_to_count is not None and self._turn >= self._first_to_count:
+            self._lost_at = None
+            if self._has_sets:
+                self._keyed.pop(_UNPLACED, None)
+            self._known = True
+            self._doubts_window = self._is_cut
 
-    def _get_over_loss(self):
-        self._lost_at = None
-        if self._has_sets:
-            self._keyed.pop(_UNPLACED, None)
+    def _drop_last(self):
+        if not self._whole:
+            self._whole = True
+            self._last = {}
 
 
 def nanoseconds(seconds):

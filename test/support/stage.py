@@ -50,15 +50,17 @@ class Stage:
     One scene and its clock, which begins at START; all times are seconds since then.
 
     Without other settings: a footprint 'robot', stale after 1 s, and a source 'lidar' of sets,
-    silent after 2 s.
+    silent after 2 s. It has listened for a while, so that what comes is seen from its beginning.
     """
 
-    def __init__(self, *sources, footprints=(ROBOT,), start=START, **settings):
+    def __init__(self, *sources, footprints=(ROBOT,), start=START, listens=True, **settings):
         sources = sources or (LIDAR,)
         self.settings = Settings(tuple(footprints), sources, **settings)
         self.scene = Scene(self.settings)
         self.start = start
         self.time = 0.0
+        if listens:
+            self.scene.advance(self.now - nanoseconds(1.0))
         self.scene.advance(self.now)
 
     @property

@@ -149,8 +149,10 @@ class Monitor:
             if number is None:
                 self.is_numbered = False
             elif (lost := missing(number)) != 0:
-                news = News.LOST if lost else News.BEGUN if number == 1 else News.MET
-                self.lost[name] += lost or 0
+                news = News.BEGUN if number == 1 else News.MET
+                if lost:
+                    news = News.LOST
+                    self.lost[name] += lost
                 if name in self.waiting:
                     rejections += self._hold(settings, news, now)
                 else:

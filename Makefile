@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test docs bench report accuracy adversary clean
+.PHONY: demo test docs bench report accuracy adversary fuzz clean
 
 demo: $(VENV)/demo.stamp
 	$(BIN)/python -m sat_collision.demo
@@ -34,6 +34,11 @@ accuracy: $(VENV)/bench.stamp
 EVALUATIONS ?= 1e7
 adversary: $(VENV)/test.stamp
 	PYTHONPATH=.:test/support $(BIN)/python test/geometry/adversary.py --evaluations $(EVALUATIONS)
+
+# Damaged recordings, parameter files and stored results, made by chance: make fuzz INPUTS=1e5
+INPUTS ?= 1e6
+fuzz: $(VENV)/test.stamp
+	PYTHONPATH=.:test/support $(BIN)/python test/fuzz/fuzz_files.py --count $(INPUTS)
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)

@@ -20,13 +20,14 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 
 from sat_collision.geometry.polygon import PlaneMap, PolygonError
-from sat_collision.messages.cdr import decode, MessageError
-from sat_collision.messages.losses import Losses, News
+from sat_collision.messages.cdr import decode, MessageError, Points
+from sat_collision.messages.losses import Losses, News, Overload
 from sat_collision.messages.packer import Packer
 from sat_collision.messages.rejections import detail_of, EMPTY_FRAME_ID, Rejection, UNDECODABLE
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.deadlines import NEVER
 from sat_collision.scene.frames import NoTransform
+from sat_collision.scene.observer import Observer
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
@@ -55,11 +56,16 @@ class Monitor:
     settings : Settings
     transforms : bool, optional
         Whether /tf is heard; else what is not in the fixed frame is refused.
+    observer : Observer, optional
+        Of the scene.
 
     Attributes
     ----------
     scene : Scene
         Tells the states, and is where settings are changed.
+    stamp, points, plane : int, Points, PlaneMap or None
+        Of the message that the scene is told of: its own, and the map that takes the points to
+        the fixed frame, None where they are in it.
     received : Counter
         All messages, by name of the footprint or source.
     rejected : Counter
@@ -75,15 +81,18 @@ class Monitor:
 
     """
 
-    def __init__(self, settings: Settings, transforms: bool = False) -> None:
-        self.scene = Scene(settings)
+    def __init__(self, settings: Settings, transforms: bool = False,
+                 observer: Observer | None = None) -> None:
+        self.scene = Scene(settings, observer)
+        self.stamp = 0
+        self.points: Points = b'', 0, 0
+        self.plane: PlaneMap | None = None
         self.received: Counter[str] = Counter()
         self.rejected: Counter[tuple[str, str]] = Counter()
         self.lost: Counter[str] = Counter()
         self.is_numbered = True
         self._losses: defaultdict[str, Losses] = defaultdict(Losses)
-        self._overwhelmed: set[str] = set()
-        self._lost_when_behind: dict[str, int] = {}
+        self._overloads: defaultdict[str, Overload] = defaultdict(Overload)
         self._with_ids = {source.name for source in settings.obstacles
                           if source.type == POLYGON_INSTANCE}
         self._packer = Packer(settings.max_vertices)
@@ -163,23 +172,11 @@ class Monitor:
         return rejections
 
     def note_backlog(self, name: str, seconds: float | None) -> None:
-        """
-        Take note of how old messages are before they are taken, None where none is waiting.
-
-        A source that is behind by more than its timeout, or goes on losing messages while it is
-        behind, cannot be trusted until it has caught up.
-        """
+        """Take note of how old messages are before they are taken, None where none is waiting."""
         settings = self.scene.settings_of(name)
-        if isinstance(settings, FootprintSettings):
-            return
-        lost, lost_before = self.lost[name], self._lost_when_behind.pop(name, self.lost[name])
-        if seconds is None:
-            self._overwhelmed.discard(name)
-        else:
-            self._lost_when_behind[name] = lost
-            if lost > lost_before or seconds > settings.timeout > 0.0:
-                self._overwhelmed.add(name)
-        self.scene.overwhelm(name, name in self._overwhelmed)
+        if isinstance(settings, ObstacleSettings):
+            self.scene.overwhelm(name, self._overloads[name].note(
+                seconds, settings.timeout, self.lost[name]))
 
     def receive_transforms(self, topic: str, data: bytes, now: int) -> list[Rejection]:
         """Take a message of /tf or /tf_static, and what has waited for it."""
@@ -248,10 +245,10 @@ class Monitor:
               may_wait: bool = True) -> Rejection | Wait | None:
         """Tell the scene of a message; return WAIT if its transform may come, and it may wait."""
         scene, name = self.scene, settings.name
-        plane: PlaneMap | None = None
         stamp = instance = None
         try:
             stamp, frame_id, points, instance = decode(data, name in self._with_ids)
+            self.stamp, self.points, self.plane = stamp, points, None
             if not frame_id:
                 return self._refuse(settings, EMPTY_FRAME_ID, 'its header names no frame', now,
                                     stamp, instance)
@@ -263,13 +260,13 @@ class Monitor:
                         return WAIT
                     return self._refuse(settings, found.reason, found.detail, now, stamp,
                                         instance)
-                plane, _ = found
+                self.plane, _ = found
                 frame_id = self._fixed
             if isinstance(settings, FootprintSettings):
-                refusal = scene.footprint(name, self._packer.pack(points, plane), frame_id,
+                refusal = scene.footprint(name, self._packer.pack(points, self.plane), frame_id,
                                           stamp, now)
             else:
-                body = self._packer.pack(points, plane) if points[2] else None
+                body = self._packer.pack(points, self.plane) if points[2] else None
                 refusal = scene.obstacle(name, body, frame_id, stamp, now, instance)
         except MessageError as error:
             return self._refuse(settings, UNDECODABLE, str(error), now)

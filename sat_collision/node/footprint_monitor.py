@@ -36,7 +36,7 @@ from sat_collision.messages.outputs import Outputs
 from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
-from sat_collision.node import kernels, loop
+from sat_collision.node import kernels, loop, waiting
 from sat_collision.node.fallback import ExecutorLoop
 from sat_collision.node.health import Health
 from sat_collision.node.parameters import Parameters
@@ -141,7 +141,7 @@ class FootprintMonitor(Node):
                               {'kernel': KERNEL, 'kept kernels': cache_problem() or 'in order'})
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._logged: dict[tuple[str, str], float] = {}
-        in_loop = loop.is_supported()
+        in_loop = waiting.is_supported()
         self._taken_by = loop.Reserved() if in_loop else self.default_callback_group
         inputs = [self._subscribe(footprint, PolygonStamped, _FOOTPRINT_DEPTH)
                   for footprint in settings.footprints]

@@ -91,11 +91,13 @@ class Footprint(Body[Obstacle]):
         The status reported: CLEAR only after the release delay.
     evaluation : Evaluation
         What was found when it was evaluated last.
+    doubts : tuple of str
+        Why it was not known then what the footprint touches, whatever it is known to touch.
 
     """
 
     __slots__ = ('settings', 'timeout', 'time', 'stamp', 'frame_id', 'heard', 'fault', 'stale',
-                 'status', 'evaluation', 'watched', '_clear_since', '_release', '_due')
+                 'status', 'evaluation', 'doubts', 'watched', '_clear_since', '_release', '_due')
 
     evaluation: Evaluation
 
@@ -108,6 +110,7 @@ class Footprint(Body[Obstacle]):
         self.fault = ''
         self.stale = False
         self.status = Status.UNKNOWN
+        self.doubts: tuple[str, ...] = ()
         self.watched: float = NEVER
         self._clear_since: int | None = None
         self._release: float = NEVER
@@ -164,6 +167,7 @@ class Footprint(Body[Obstacle]):
             status, contacts = Status.COLLISION, tuple(sorted({*map(_NAME, self.contacts)}))
         else:
             status = Status.UNKNOWN if source_faults else Status.CLEAR
+        self.doubts = reasons
         if status is not Status.CLEAR:
             self._clear_since = None
         else:

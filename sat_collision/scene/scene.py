@@ -23,6 +23,7 @@ from sat_collision.scene.deadlines import Deadlines
 from sat_collision.scene.evaluations import Evaluations
 from sat_collision.scene.footprints import Evaluation, Footprint
 from sat_collision.scene.holders import OTHER_FRAME
+from sat_collision.scene.observer import Observer
 from sat_collision.scene.settings import Settings
 from sat_collision.scene.sources import Source
 
@@ -55,6 +56,8 @@ class Scene(Circumstances):
     Parameters
     ----------
     settings : Settings
+    observer : Observer, optional
+        Is told of what is taken and of what is dropped.
 
     Attributes
     ----------
@@ -65,8 +68,9 @@ class Scene(Circumstances):
 
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, observer: Observer | None = None) -> None:
         self.settings = settings
+        self._observer = observer
         self._now = 0
         self._clock_stands = False
         self._reported: dict[str, Evaluation] = {}
@@ -77,7 +81,7 @@ class Scene(Circumstances):
 
     def _forget_all(self) -> None:
         self.frame_id = self.settings.frame_id
-        self._contacts = Contacts(self.settings.margin)
+        self._contacts = Contacts(self.settings.margin, self._observer)
         self._deadlines = Deadlines()
         self._pauses = Deadlines()
         self._sources = {source.name: Source(source, self._contacts, self._deadlines, self._pauses)

@@ -38,8 +38,8 @@ class Source:
     The source is known from its first whole set on of which nothing was missed, or the
     first pause after polygons without stamps; one without sets from its first message on.
 
-    While a source holds a refused message it is at fault: there may be an obstacle where nobody
-    looks. So it is after a loss, until a set has come whole or, without sets, for the timeout.
+    While a source holds a message that was refused it is at fault: there may be an obstacle where
+    nobody looks. So it is after a loss until all is told anew: by a whole set, or in the timeout.
 
     Times are in ns. A message counts from its stamp, from now if that is 0 or in the future. One
     past its timeout is refused as TOO_OLD and changes nothing: what is held is known better.
@@ -66,8 +66,8 @@ class Source:
 
     def __init__(self, settings: ObstacleSettings, contacts: Contacts, deadlines: Deadlines,
                  pauses: Deadlines) -> None:
-        self._deadlines = deadlines
-        self._pauses = pauses
+        self._note_set = contacts.begin_set
+        self._deadlines, self._pauses = deadlines, pauses
         self._doubts = Doubts()
         self.obstacles = Holdings(settings.name, contacts, deadlines, self._count_refusals)
         self._sets = ObstacleSets()
@@ -230,8 +230,7 @@ class Source:
             self._heard = time
             doubts = self._doubts
             if not doubts.is_heard or doubts.is_silent:
-                doubts.is_heard = True
-                doubts.is_silent = False
+                doubts.is_heard, doubts.is_silent = True, False
                 self._deadlines.watch(self)
                 self._find_faults()
         return time
@@ -245,6 +244,7 @@ class Source:
             if not sets.is_whole:
                 self._end_set()
             sets.begin(stamp)
+            self._note_set(self.settings.name, stamp)
             self._doubts.is_cut |= sets.is_cut
             self._find_faults()
         self._await_pause(now)

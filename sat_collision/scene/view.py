@@ -50,6 +50,10 @@ class View:
         source = self._sources.get(name)
         return source.settings if source else self._footprints[name].settings
 
+    def doubts(self, name: str) -> tuple[str, ...]:
+        """Return why it is not known what a footprint touches, whatever it is known to touch."""
+        return self._footprints[name].doubts
+
     def changes(self) -> list[str]:
         """Return the names of footprints whose state, age apart, changed since the last call."""
         return self.evaluations.changes()

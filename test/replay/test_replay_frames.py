@@ -69,6 +69,18 @@ def test_a_post_is_met_when_the_robot_is_there(tmp_path, clock):
     """The robot covers x from its origin to 1 m beyond: in contact from 2 to 3.25 s."""
     result = run(tmp_path / 'bag', drive(), clock=clock)
     assert result.problems == [] and result.verdict is Verdict.COLLISION
+    assert seconds(result, result.origin) == (0.03 if clock == HEADER else 0.0)
+    assert seconds(result, min(contact.first for contact in result.contacts)) == (
+        pytest.approx(2.0, abs=1e-6))
+    assert seconds(result, max(contact.last for contact in result.contacts)) == (
+        pytest.approx(3.25, abs=1e-6))
+    assert not any(source.rejected for source in result.sources)
+
+
+@pytest.mark.parametrize('clock', ('receive', HEADER))
+def test_as_live_a_post_is_met_soon_after(tmp_path, clock):
+    result = run(tmp_path / 'bag', drive(), clock=clock, as_live=True)
+    assert result.problems == [] and result.verdict is Verdict.COLLISION
     first = min(contact.first for contact in result.contacts)
     last = max(contact.last for contact in result.contacts)
     assert 2.03 <= seconds(result, first) <= 2.2
@@ -77,10 +89,10 @@ def test_a_post_is_met_when_the_robot_is_there(tmp_path, clock):
 
 
 def test_what_waits_is_told_in_time(tmp_path):
-    """Later transforms delay what is found by as much, and change nothing else."""
+    """As live, later transforms delay what is found by as much, and change nothing else."""
     begins = []
     for delay in (0.0, 0.1):
-        result = run(tmp_path / f'bag{delay}', drive(delay))
+        result = run(tmp_path / f'bag{delay}', drive(delay), as_live=True)
         begins.append(min(seconds(result, contact.first) for contact in result.contacts))
     assert begins[1] - begins[0] == pytest.approx(0.1, abs=0.01)
 

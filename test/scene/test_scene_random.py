@@ -73,6 +73,11 @@ instances = st.integers(0, 4)
 sources = st.runner().flatmap(lambda machine: st.sampled_from(machine.sources))
 
 
+def _has_sets(name):
+    """Tell whether what a source sends together is a set."""
+    return SOURCES[name].type == 'polygon' and not SOURCES[name].accumulate
+
+
 class SceneMachine(RuleBasedStateMachine):
     """
     A scene and its model, told of the same events.
@@ -167,7 +172,7 @@ class SceneMachine(RuleBasedStateMachine):
         """Lose one, as the number of the next message tells."""
         self.lose(name)
         self._place(name, next_one, age, 0)
-        if SOURCES[name].type == 'polygon' and not SOURCES[name].accumulate:
+        if _has_sets(name):
             self.model.miss_body(name, BODIES[lost], self.now)
 
     @rule(name=sources, from_beginning=st.booleans(), missed=bodies, body=bodies)
@@ -176,7 +181,7 @@ class SceneMachine(RuleBasedStateMachine):
         self.scene.meet_publisher(name, from_beginning)
         self.model.meet_publisher(name, from_beginning)
         self._place(name, body, 0, 0)
-        if SOURCES[name].type == 'polygon' and not from_beginning:
+        if _has_sets(name) and not from_beginning:
             self.model.miss_body(name, BODIES[missed], self.now)
 
     @rule(name=sources, count=st.sampled_from((0, 1, 1, 2)))

@@ -95,10 +95,11 @@ class NamedTrail:
         if not is_over and now <= self._rested + self._patience:
             return
         self._rested = now
+        since = now if is_over else now - self._patience
         standing: defaultdict[int, dict[int, int]] = defaultdict(dict)
         found: dict[int, Bodies] = {}
         for sighting in self._seen.values():
-            if sighting.row not in sighting.bodies.moving and sighting.stamp < now:
+            if sighting.row not in sighting.bodies.moving and sighting.stamp < since:
                 found[id(sighting.bodies)] = sighting.bodies
                 standing[id(sighting.bodies)][sighting.row] = now
             elif is_over:

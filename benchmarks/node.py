@@ -34,6 +34,7 @@ from traffic import SET_RATE, Traffic
 
 matplotlib.use('Agg')
 from matplotlib import pyplot  # noqa: E402, I100
+from matplotlib.ticker import LogLocator  # noqa: E402
 
 HERE = Path(__file__).parent
 NODES = {'monitor': ['-m', 'sat_collision.node'],
@@ -198,6 +199,7 @@ def plot(figures, path):
     axes[1].set(xlabel='obstacles at 10 Hz', ylabel='publish() to flag, 99 of 100 below [ms]')
     for one in axes:
         one.set_xticks(sizes, [f'{size:,}' for size in sizes])
+        one.yaxis.set_minor_locator(LogLocator(subs=(2, 3, 5)))
         one.yaxis.set_major_formatter('{x:g}')
         one.yaxis.set_minor_formatter('{x:g}')
         one.grid(alpha=0.3, which='both')

@@ -107,6 +107,57 @@ def pack_convex(data, start, received, packed, most):
     return count if verdict == CONVEX else 0
 
 
+@kernel
+def pack_convex_moved(data, start, received, packed, most, plane):
+    """
+    Pack a polygon as `pack_convex` does, in the frame that a map of the plane takes it to.
+
+    Parameters
+    ----------
+    data, start, received, packed, most
+        As for `pack_convex`.
+    plane : PlaneMap
+
+    Returns
+    -------
+    int
+        As `pack_convex`.
+
+    """
+    verdict, count, _, _, _ = pack(moved_points(data, start, received, plane), packed, most)
+    return count if verdict == CONVEX else 0
+
+
+@kernel
+def moved_points(data, start, received, plane):
+    """
+    Return where a map of the plane takes the points of a message.
+
+    Each coordinate is rounded four times, see docs/exactness.md, lemma 14.
+
+    Parameters
+    ----------
+    data, start, received
+        As for `pack_convex`.
+    plane : PlaneMap
+
+    Returns
+    -------
+    (2 n,) flat array of float64
+        x, y of each point.
+
+    """
+    a, b, c, d, e, f = plane
+    values = float32_values(data, start)
+    points = scratch(2 * received)
+    for i in range(received):
+        x = values[3 * i]
+        y = values[3 * i + 1]
+        points[2 * i] = a * x + b * y + c
+        points[2 * i + 1] = d * x + e * y + f
+    return points
+
+
 @inner
 def _fingerprint(packed):
     return (packed[0] + 3.0 * packed[1] + 0.7 * packed[2] + 1.9 * packed[3] + 5.3 * packed[4]

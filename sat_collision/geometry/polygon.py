@@ -26,7 +26,7 @@ from sat_collision.geometry import ring
 from sat_collision.geometry.convex_parts import convex_parts
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.layout import BOUNDS, HEADER, packed_size
-from sat_collision.geometry.packing import pack
+from sat_collision.geometry.packing import moved_points, pack
 from sat_collision.geometry.plane import centroid
 
 MAX_VERTICES = 1024
@@ -34,6 +34,9 @@ MAX_VERTICES = 1024
 # A packed polygon, see `layout`, and its count: vertices if convex, else minus the convex parts.
 # The array may be longer than the polygon.
 PackedBody: TypeAlias = tuple[NDArray[np.float64], int]
+
+# Takes (x, y) to (a x + b y + c, d x + e y + f), as a, b, c, d, e, f; c and f in metres.
+PlaneMap: TypeAlias = tuple[float, float, float, float, float, float]
 
 
 class Reason(enum.Enum):
@@ -99,7 +102,8 @@ class Polygon:
 
     @classmethod
     def from_float32(cls, data: bytes, start: int, count: int,
-                     max_vertices: int = MAX_VERTICES) -> Polygon:
+                     max_vertices: int = MAX_VERTICES,
+                     plane: PlaneMap | None = None) -> Polygon:
         """
         Make a polygon of the points of a serialised message.
 
@@ -111,13 +115,19 @@ class Polygon:
             float32 in this machine's byte order.
         max_vertices : int, optional
             As for the constructor, as are the errors raised.
+        plane : PlaneMap, optional
+            Takes the points to another frame.
 
         """
         if count == 0:
             raise _empty()
-        points = np.frombuffer(data, np.float32, 3 * count, start).reshape(-1, 3)
+        if plane is None:
+            received = np.frombuffer(data, np.float32, 3 * count, start).reshape(-1, 3)
+            points = received[:, :2].astype(np.float64)
+        else:
+            points = np.asarray(moved_points(data, start, count, plane)).reshape(-1, 2)
         polygon = cls.__new__(cls)
-        polygon._pack(points[:, :2].astype(np.float64), max_vertices)
+        polygon._pack(points, max_vertices)
         return polygon
 
     @classmethod

@@ -26,13 +26,14 @@ import numpy as np
 from sat_collision.geometry import kernel_cache
 from sat_collision.geometry.jit import COMPILED, indexable
 from sat_collision.geometry.layout import packed_size
-from sat_collision.geometry.packing import pack_convex
+from sat_collision.geometry.packing import pack_convex, pack_convex_moved
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.polygon_set import PolygonSet
 from sat_collision.geometry.query import closest_points, intersects, intersects_pairs
 from sat_collision.geometry.scan import nearest_row
 
 _TRIANGLE = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
+_UNMOVED = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 _NOTCHED = [(0, 0), (4, 0), (4, 4), (2, 1)]
 
 
@@ -44,8 +45,11 @@ def is_prepared() -> bool:
 def prepare_packing() -> None:
     """Have ready what makes polygons of messages."""
     packed = indexable(np.empty(packed_size(len(_TRIANGLE))))
-    pack_convex(_TRIANGLE.tobytes(), 0, len(_TRIANGLE), packed, len(_TRIANGLE))
+    points = _TRIANGLE.tobytes(), 0, len(_TRIANGLE)
+    pack_convex(*points, packed, len(_TRIANGLE))
+    pack_convex_moved(*points, packed, len(_TRIANGLE), _UNMOVED)
     Polygon(_TRIANGLE)
+    Polygon.from_float32(*points, plane=_UNMOVED)
 
 
 def prepare_contacts() -> None:

@@ -33,12 +33,15 @@ from rclpy.qos import (
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sat_collision.geometry.jit import cache_problem, KERNEL
 from sat_collision.messages.outputs import Outputs
-from sat_collision.monitor import Monitor, Rejection
+from sat_collision.messages.rejections import Rejection
+from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
+from sat_collision.monitor import Monitor
 from sat_collision.node import kernels, loop, waiting
 from sat_collision.node.fallback import ExecutorLoop
 from sat_collision.node.health import Health
 from sat_collision.node.parameters import Parameters
 from sat_collision.node.receiver import Backlog
+from sat_collision.node.transforms import subscribe, transform_type
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
@@ -130,7 +133,8 @@ class FootprintMonitor(Node):
         self._clock_changes = self.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=None, on_clock_change=True),
             post_callback=self._choose_clock)
-        self._monitor = Monitor(settings)
+        transforms = transform_type(self, settings)
+        self._monitor = Monitor(settings, transforms is not None)
         self._scene = self._monitor.scene
         self._outputs = Outputs(self, settings, self._scene)
         self._health = Health(self.get_name(), self.get_fully_qualified_name(),
@@ -145,13 +149,16 @@ class FootprintMonitor(Node):
             kind = PolygonInstanceStamped if source.type == POLYGON_INSTANCE else PolygonStamped
             inputs.append(self._subscribe(source, kind, _SETS_IN_QUEUE * source.max_count))
         self._inputs = inputs
+        transform_inputs = transforms and subscribe(self, transforms, self._receive_alone,
+                                                    self._taken_by)
         self._clock_watch = ClockWatch()
         self._warns_of_losses = True
         self._reporting = _Every(_HEALTH_PERIOD)
         self._set_rates(settings)
         if in_loop:
             self.loop: loop.Loop | ExecutorLoop = loop.Loop(
-                self, inputs, self, lambda: self._scene.settings.max_batch_delay)
+                self, [*(transform_inputs or ()), *inputs], self,
+                lambda: self._scene.settings.max_batch_delay)
         else:
             self.get_logger().warning('this rclpy has not what the loop of this node stands on: '
                                       'using the single-threaded executor, which costs more')
@@ -187,7 +194,7 @@ class FootprintMonitor(Node):
     def _configure(self, settings: Settings) -> None:
         """Apply changed parameters and publish what follows from them."""
         self._set_rates(settings)
-        self._scene.update(settings)
+        self._monitor.update(settings)
         self._outputs.configure(settings)
         self._outputs.publish()
 
@@ -199,11 +206,17 @@ class FootprintMonitor(Node):
             self.present = lambda: int(clock.now().nanoseconds)
 
     def receive(self, name: str, messages: Iterable[tuple[bytes, int | None]], now: int) -> int:
-        """Take messages as `Monitor.receive_batch` does; return how many there were."""
-        before = self._monitor.received[name]
-        for rejection in self._monitor.receive_batch(name, messages, now):
-            self._log(rejection)
-        return self._monitor.received[name] - before
+        """Take messages as `Monitor` does; return how many there were."""
+        monitor = self._monitor
+        if name in TRANSFORM_TOPICS:
+            count = 0
+            for data, _ in messages:
+                self._log(monitor.receive_transforms(name, data, now))
+                count += 1
+            return count
+        before = monitor.received[name]
+        self._log(monitor.receive_batch(name, messages, now))
+        return monitor.received[name] - before
 
     def end_batch(self, messages: int, seconds: float) -> None:
         """Publish what has changed, after so many messages that took so long."""
@@ -214,7 +227,8 @@ class FootprintMonitor(Node):
     def note_backlog(self, name: str, backlog: Backlog | None) -> None:
         """Take note of how far behind a topic is, None where it is not any more."""
         self._health.note_backlog(name, backlog)
-        self._monitor.note_backlog(name, backlog.seconds if backlog else None)
+        if name not in TRANSFORM_TOPICS:
+            self._monitor.note_backlog(name, backlog.seconds if backlog else None)
 
     def tick(self, now: int, is_all_taken: bool) -> float:
         """Do what is due without a message; return in how many s the next tick is due."""
@@ -228,10 +242,7 @@ class FootprintMonitor(Node):
             self._warns_of_losses = False
             self.get_logger().warning(
                 'this middleware does not number messages: what is lost on the way goes unseen')
-        if is_all_taken:
-            self._scene.advance(now)
-        else:
-            self._scene.pass_time(now)
+        self._log(self._monitor.advance(now, is_all_taken))
         self._publish_changes()
         if self._publishing.due(steady):
             self._outputs.publish()
@@ -240,7 +251,7 @@ class FootprintMonitor(Node):
         if self._reporting.due(steady):
             self._health_publisher.publish(self._health.message(
                 self.get_clock().now().to_msg(), self._monitor))
-        due = (self._scene.deadline - now) / 1e9
+        due = (self._monitor.deadline - now) / 1e9
         return min(self._tick_period, max(due, _SHORTEST_TICK))
 
     def _receive_alone(self, name: str, data: bytes, info: dict[str, Any]) -> None:
@@ -248,13 +259,14 @@ class FootprintMonitor(Node):
         self.receive(name, [(data, info['publication_sequence_number'])], self.present())
         self.end_batch(1, time.perf_counter() - start)
 
-    def _log(self, rejection: Rejection) -> None:
-        """Log a rejected message, once a second at most for each source and reason."""
-        key = rejection.name, rejection.reason
-        now = time.monotonic()
-        if now - self._logged.get(key, -_LOG_PERIOD) >= _LOG_PERIOD:
-            self._logged[key] = now
-            self.get_logger().warning(rejection.text)
+    def _log(self, rejections: Iterable[Rejection]) -> None:
+        """Log rejected messages, once a second at most for each source and reason."""
+        for rejection in rejections:
+            key = rejection.name, rejection.reason
+            now = time.monotonic()
+            if now - self._logged.get(key, -_LOG_PERIOD) >= _LOG_PERIOD:
+                self._logged[key] = now
+                self.get_logger().warning(rejection.text)
 
     def _report_incompatible_qos(self, topic: str,
                                  event: QoSRequestedIncompatibleQoSInfo) -> None:

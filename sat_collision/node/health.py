@@ -90,13 +90,20 @@ class Health:
         """
         now = time.monotonic()
         period = now - self._begun
-        refused, lost = monitor.rejected.total(), monitor.lost.total()
+        transforms = monitor.transforms
+        refused = monitor.rejected.total() + transforms.rejected.total()
+        lost = monitor.lost.total()
         values = dict(self._facts)
         values['check time mean [ms]'] = f'{1e3 * self._seconds / max(self._messages, 1):.3f}'
         values['longest batch [ms]'] = f'{1e3 * self._longest:.3f}'
-        for name, count in monitor.received.items():
+        received = monitor.received + transforms.received
+        for name, count in received.items():
             values[f'{name}: received'] = str(count)
             values[f'{name}: rate [Hz]'] = f'{(count - self._received[name]) / period:.1f}'
+        for name, count in monitor.waiting.counts().items():
+            values[f'{name}: waiting for transforms'] = str(count)
+        for (child, reason), count in transforms.rejected.items():
+            values[f'transforms of {child}: rejected, {reason}'] = str(count)
         for (name, reason), count in monitor.rejected.items():
             values[f'{name}: rejected, {reason}'] = str(count)
         for name, count in monitor.lost.items():
@@ -120,7 +127,7 @@ class Health:
         self._news.clear()
         self._status.level = DiagnosticStatus.WARN if problems else DiagnosticStatus.OK
         self._status.message = '; '.join(problems) or 'running'
-        self._received = monitor.received.copy()
+        self._received = received
         self._refused, self._lost = refused, lost
         self._begun = now
         self._messages, self._seconds, self._longest = 0, 0.0, 0.0

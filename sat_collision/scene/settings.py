@@ -127,8 +127,20 @@ class Settings:
         'names of the sources of obstacles; each has parameters of its own, such as '
         'obstacle.topic'))
     frame_id: str = field(default='', metadata=_setting(
-        'the frame that everything must be in; empty for the one that the footprints of the last '
-        'second agree on'))
+        'the frame of all bodies, to which messages in another one are transformed by /tf; empty '
+        'for the one that the footprints of the last second agree on, which all must be in'))
+    transform_timeout: float = field(default=0.2, metadata=_setting(
+        's; a message waits so long for the transform at its stamp, then it is refused',
+        live=True, limits=(0.0, 10.0)))
+    max_tf_gap: float = field(default=0.5, metadata=_setting(
+        's; between two transforms further apart in time it is not known where a frame was',
+        live=True, limits=(0.0, _DAY)))
+    max_tilt: float = field(default=0.0873, metadata=_setting(
+        'rad; a message is refused if its frame is tilted out of the plane by more; 0.0873 is 5 '
+        'degrees', live=True, limits=(0.0, 1.5)))
+    tf_cache_time: float = field(default=10.0, metadata=_setting(
+        's; for so long before the newest transform of a frame its others are kept',
+        limits=(0.1, 3600.0)))
     future_tolerance: float = field(default=1.0, metadata=_setting(
         's; a message stamped further ahead of the clock is refused', live=True,
         # A batch may bring messages that were stamped after the clock was read for it.

@@ -17,10 +17,13 @@ Kernels compiled, or loaded, before they are needed, so that no message has to w
 Compiling takes seconds where nothing is kept from an earlier process, see `kernel_cache`. Two
 processes may share the work, as what one has compiled the other finds on disk: while one prepares
 contacts, ``python -m sat_collision.geometry.warm_up`` prepares packing, says so, and goes on with
-convex parts; with ``--all`` it prepares everything.
+convex parts, until it is done or its standard input ends, which the other one holds; with ``--all``
+it prepares everything.
 """
 
+import os
 import sys
+import threading
 
 import numpy as np
 from sat_collision.geometry import kernel_cache
@@ -77,7 +80,15 @@ def prepare_distances() -> None:
     closest_points(body, body)
 
 
+def _end_with_input() -> None:
+    # Not by sys.stdin, whose lock would be held when the interpreter ends.
+    os.read(0, 1)
+    os._exit(0)
+
+
 if __name__ == '__main__':
+    if '--all' not in sys.argv:
+        threading.Thread(target=_end_with_input, daemon=True).start()
     prepare_packing()
     print('packing', flush=True)
     prepare_parts()

@@ -28,7 +28,8 @@ from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEve
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from sat_collision.geometry.jit import cache_problem, KERNEL
+from sat_collision.geometry.jit import KERNEL
+from sat_collision.geometry.kernel_problem import kernel_problem
 from sat_collision.messages.outputs import Outputs
 from sat_collision.monitor import Monitor, Rejection
 from sat_collision.node import kernels, loop
@@ -102,7 +103,7 @@ class FootprintMonitor(Node):
         self._scene = self._monitor.scene
         self._outputs = Outputs(self, settings, self._scene)
         self._health = Health(self.get_name(), self.get_fully_qualified_name(),
-                              {'kernel': KERNEL, 'kept kernels': cache_problem() or 'in order'})
+                              {'kernel': KERNEL, 'problem of kernels': kernel_problem() or 'none'})
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._logged: dict[tuple[str, str], float] = {}
         in_loop = loop.is_supported()

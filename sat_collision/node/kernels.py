@@ -22,7 +22,8 @@ import time
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from sat_collision.geometry import warm_up
-from sat_collision.geometry.jit import cache_problem, KERNEL
+from sat_collision.geometry.jit import KERNEL
+from sat_collision.geometry.kernel_problem import kernel_problem
 
 
 def prepare(logger: RcutilsLogger) -> None:
@@ -30,17 +31,18 @@ def prepare(logger: RcutilsLogger) -> None:
     Compile or load all kernels, and say so.
 
     The first start after an installation compiles them. A second process takes half of that; what
-    it has compiled is loaded from disk here.
+    it has compiled is loaded from disk here. It ends with this one, however this one ends.
     """
     begun = time.monotonic()
     other = None
-    if warm_up.is_prepared():
+    if warm_up.is_prepared() or kernel_problem():
         logger.info(f'preparing kernels ({KERNEL})')
     else:
         logger.info(f'preparing kernels ({KERNEL}); '
                     'the first start after an installation compiles them')
-        other = subprocess.Popen([sys.executable, '-m', warm_up.__name__], stdout=subprocess.PIPE,
-                                 stderr=subprocess.DEVNULL, text=True)
+        other = subprocess.Popen(
+            [sys.executable, '-m', warm_up.__name__], stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     warm_up.prepare_contacts()
     if other and other.stdout:
         other.stdout.readline()
@@ -50,5 +52,5 @@ def prepare(logger: RcutilsLogger) -> None:
         other.communicate()
     warm_up.prepare_parts()
     logger.info(f'kernels ({KERNEL}) ready after {time.monotonic() - begun:.1f} s')
-    if problem := cache_problem():
+    if problem := kernel_problem():
         logger.warning(problem)

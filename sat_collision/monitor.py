@@ -27,16 +27,19 @@ from sat_collision.geometry.packing import pack_convex
 from sat_collision.geometry.polygon import PackedBody, Polygon, PolygonError, Reason
 from sat_collision.messages.cdr import decode, MessageError, Points
 from sat_collision.messages.losses import Losses
+from sat_collision.scene.frame_ids import in_quotes, LONGEST_FRAME_ID
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
 from sat_collision.scene.sources import OTHER_FRAME, TOO_MANY, TOO_OLD
 
 EMPTY_FRAME_ID = 'empty frame_id'
+LONG_FRAME_ID = 'long frame_id'
 UNDECODABLE = 'undecodable'
 
 _ADVICE = {
     EMPTY_FRAME_ID: 'the publisher must say which frame the polygon is in',
+    LONG_FRAME_ID: 'the publisher must name a frame as tf2 has it',
     OTHER_FRAME: 'publish in that frame, or choose another by the parameter frame_id',
     Reason.EMPTY.value: 'the publisher must send where the footprint is',
     Reason.NOT_FINITE.value: 'the publisher must send finite coordinates only',
@@ -194,6 +197,10 @@ class Monitor:
             if not frame_id:
                 return self._refuse(settings, EMPTY_FRAME_ID, 'its header names no frame', now,
                                     stamp, instance)
+            if len(frame_id) > LONGEST_FRAME_ID:
+                return self._refuse(
+                    settings, LONG_FRAME_ID, f'{len(frame_id)} characters where '
+                    f'{LONGEST_FRAME_ID} are accepted', now, stamp, instance)
             if isinstance(settings, FootprintSettings):
                 refusal = scene.footprint(name, self._packer.pack(points), frame_id, stamp, now)
             else:
@@ -206,7 +213,7 @@ class Monitor:
         if refusal is None:
             return None
         if refusal == OTHER_FRAME:
-            detail = f"it is in '{frame_id}', all else in '{scene.frame_id}'"
+            detail = f'it is in {in_quotes(frame_id)}, all else in {in_quotes(scene.frame_id)}'
         elif refusal == TOO_OLD:
             detail = (f'its stamp is {(now - stamp) / 1e9:.3f} s old, past the timeout of '
                       f'{settings.timeout:g} s')

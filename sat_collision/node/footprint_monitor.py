@@ -24,9 +24,11 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 from rclpy.clock import JumpThreshold, TimeJump
+from rclpy.duration import Duration
 from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import qos_policy_name_from_kind, QoSPolicyKind, QoSProfile
+from rclpy.qos import (
+    LivelinessPolicy, qos_policy_name_from_kind, QoSPolicyKind, QoSProfile)
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sat_collision.geometry.jit import KERNEL
 from sat_collision.geometry.kernel_problem import kernel_problem
@@ -36,6 +38,8 @@ from sat_collision.node import kernels, loop
 from sat_collision.node.fallback import ExecutorLoop
 from sat_collision.node.health import Health
 from sat_collision.node.parameters import Parameters
+from sat_collision.node.systemd import Systemd
+from sat_collision.node.watchdog import Watchdog
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
@@ -47,6 +51,12 @@ NAME = 'footprint_monitor'
 _TICK = 0.1
 _HEALTH_PERIOD = 1.0
 _LOG_PERIOD = 1.0
+# Flags are published within this time, or three of their periods if that is longer: what DDS
+# promises to those who subscribe. After so much longer without one the monitor counts as dead.
+_DEADLINE = 0.3
+_LEASE = 0.5
+# The node ticks so many times, at least, in the time after which the watchdog calls it stalled.
+_TICKS_IN_TIME = 3.0
 _FOOTPRINT_DEPTH = 1
 _OBSTACLES_DEPTH = 1000
 _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
@@ -101,7 +111,7 @@ class FootprintMonitor(Node):
             post_callback=self._choose_clock)
         self._monitor = Monitor(settings)
         self._scene = self._monitor.scene
-        self._outputs = Outputs(self, settings, self._scene)
+        self._outputs = Outputs(self, settings, self._scene, _flag_qos(settings))
         self._health = Health(self.get_name(), self.get_fully_qualified_name(),
                               {'kernel': KERNEL, 'problem of kernels': kernel_problem() or 'none'})
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
@@ -114,6 +124,9 @@ class FootprintMonitor(Node):
             kind = PolygonInstanceStamped if source.type == POLYGON_INSTANCE else PolygonStamped
             inputs.append(self._subscribe(source, kind, _OBSTACLES_DEPTH))
         self._reporting = _Every(_HEALTH_PERIOD)
+        self._systemd = Systemd()
+        self._watchdog = Watchdog(self._raise_alarm, self._end_alarm)
+        self._is_stalled = False
         self._set_rates(settings)
         if in_loop:
             self.loop: loop.Loop | ExecutorLoop = loop.Loop(
@@ -122,7 +135,7 @@ class FootprintMonitor(Node):
             self.get_logger().warning('this rclpy has not what the loop of this node stands on: '
                                       'using the single-threaded executor, which costs more')
             self.loop = ExecutorLoop(self, self)
-        parameters.on_change(self._configure)
+        parameters.on_change(self._configure, self._health.note_change)
 
     def _subscribe(self, source: FootprintSettings | ObstacleSettings, kind: type,
                    depth: int) -> loop.Input:
@@ -143,7 +156,9 @@ class FootprintMonitor(Node):
     def _set_rates(self, settings: Settings) -> None:
         self._publishing = _Every(1.0 / settings.publish_rate)
         self._marking = _Every(1.0 / settings.marker_rate)
-        self._tick_period = min(_TICK, 1.0 / settings.publish_rate, 1.0 / settings.marker_rate)
+        self._tick_period = min(_TICK, 1.0 / settings.publish_rate, 1.0 / settings.marker_rate,
+                                (settings.watchdog or 1.0) / _TICKS_IN_TIME)
+        self._watchdog.use(settings.watchdog)
 
     def _configure(self, settings: Settings) -> None:
         """Apply changed parameters and publish what follows from them."""
@@ -180,6 +195,8 @@ class FootprintMonitor(Node):
 
     def tick(self) -> float:
         """Do what is due without a message; return in how many s the next tick is due."""
+        self._systemd.turned()
+        self._watchdog.turned()
         self._scene.advance(self.present())
         self._publish_changes()
         now = time.monotonic()
@@ -191,6 +208,29 @@ class FootprintMonitor(Node):
             self._health_publisher.publish(self._health.message(
                 self.get_clock().now().to_msg(), self._monitor))
         return self._tick_period
+
+    def destroy_node(self) -> None:
+        """End what belongs to the node, its watchdog first."""
+        self._watchdog.close()
+        self._systemd.ends()
+        super().destroy_node()
+
+    def _raise_alarm(self, stalled: float) -> None:
+        """Say that nothing is known, from the watchdog's thread."""
+        reason = f'the monitor has been stalled for {stalled:.1f} s'
+        if not self._is_stalled:
+            self._is_stalled = True
+            self.get_logger().error(f'{reason}: all flags are raised until it goes on')
+        self._outputs.publish_unknown(reason)
+
+    def _end_alarm(self, stalled: float) -> None:
+        """Say again what is known."""
+        self._is_stalled = False
+        self._health.count_stall(stalled)
+        self.get_logger().error(f'the monitor goes on after a stall of {stalled:.1f} s')
+        self._scene.advance(self.present())
+        self._publish_changes()
+        self._outputs.publish()
 
     def _receive_alone(self, name: str, data: bytes, info: dict[str, Any]) -> None:
         start = time.perf_counter()
@@ -223,3 +263,11 @@ class FootprintMonitor(Node):
             self._outputs.publish_rise(brief)
         if brief or changed:
             self._outputs.publish({*brief, *changed})
+
+
+def _flag_qos(settings: Settings) -> QoSProfile:
+    """Return what the publishers of flags offer: to be heard of often, or to be dead."""
+    late = max(_DEADLINE, 3.0 / settings.publish_rate)
+    return QoSProfile(
+        depth=10, deadline=Duration(seconds=late), liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
+        liveliness_lease_duration=Duration(seconds=late + _LEASE - _DEADLINE))

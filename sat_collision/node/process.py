@@ -21,27 +21,26 @@ import gc
 import sys
 
 import rclpy
+from rclpy.context import Context
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 from sat_collision.node.footprint_monitor import FootprintMonitor, NAME
 from sat_collision.node.signals import Signalled
 from sat_collision.scene.parameters import ParameterError
 
-_NO_LOG_FILE = ('--ros-args', '--disable-external-lib-logs')
-
 
 def run(args: Sequence[str] | None = None) -> int:
     """Run the node until SIGINT, SIGTERM or SIGHUP and return the exit status."""
     try:
-        _begin_ros(args)
+        context = _begin_ros(args)
     except RuntimeError as error:  # what rcl raises for an unreadable parameter file
         print(f'{NAME}: cannot start: {_in_one_line(error)}', file=sys.stderr)
         return 1
     try:
-        node = FootprintMonitor()
+        node = FootprintMonitor(context=context)
     except ParameterError as error:
         get_logger(NAME).fatal(str(error))
-        rclpy.shutdown()
+        rclpy.shutdown(context=context)
         return 1
     # No later collection goes through all that the start has made, which takes some 70 ms.
     gc.freeze()
@@ -49,21 +48,25 @@ def run(args: Sequence[str] | None = None) -> int:
     node.get_logger().info('stopped by a signal')
     node.loop.close()
     node.destroy_node()
-    rclpy.shutdown()
+    rclpy.shutdown(context=context)
     return 0
 
 
-def _begin_ros(args: Sequence[str] | None) -> None:
+def _begin_ros(args: Sequence[str] | None) -> Context:
     """Initialise ROS; without a file for the log where there can be none."""
+    def begin(*more: str) -> Context:
+        context = Context()
+        rclpy.init(args=[*(sys.argv if args is None else args), *more], context=context,
+                   signal_handler_options=SignalHandlerOptions.NO)
+        return context
     try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        return begin()
     except RuntimeError as error:
         if 'failed to initialize logging' not in str(error):
             raise
         print(f'{NAME}: the log goes to this stream only, not to a file: {_in_one_line(error)}',
               file=sys.stderr)
-        rclpy.init(args=[*(sys.argv if args is None else args), *_NO_LOG_FILE],
-                   signal_handler_options=SignalHandlerOptions.NO)
+        return begin('--ros-args', '--disable-external-lib-logs')
 
 
 def _in_one_line(error: Exception) -> str:

@@ -22,6 +22,7 @@ from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.deadlines import Deadlines
 from sat_collision.scene.evaluations import Evaluations
 from sat_collision.scene.footprints import Evaluation, Footprint, State
+from sat_collision.scene.frame_ids import in_quotes
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from sat_collision.scene.sources import OTHER_FRAME, Source
@@ -137,7 +138,7 @@ class Scene:
                 source.refuse_other_frames(frame_id)
             self._reevaluate_all()
         if frame_id != self.frame_id:
-            self._invalidate(footprint, f"is not in the frame '{self.frame_id}'")
+            self._invalidate(footprint, f'is not in the frame {in_quotes(self.frame_id)}')
             self._evaluate()
             return OTHER_FRAME
         self._contacts.place_footprint(footprint, body)

@@ -43,6 +43,7 @@ TOLERANCE = 2.0 ** -51
 # Where the depth, in parts of the largest coordinate, may be nothing but rounding.
 _DOUBTFUL = 1e-12
 _LEAST = 5e-324
+_ALLOWANCE = 1.0 + 1e-9
 
 
 @kernel
@@ -77,25 +78,80 @@ def _goes_first(p, q):
 
 @kernel
 def _measure_parts(p, q):
-    least = math.inf
-    found = (0.0, 0.0, 0.0, 0.0)
-    meeting = False
+    """Measure the pairs of parts whose boxes leave open that they are nearest, or deepest."""
+    first, other_first = _nearest_boxes(p, q)
+    meeting, least, found = _measure_pair(convex_part(p, first), convex_part(q, other_first))
     for i in range(max(1, -p.n)):
         a = convex_part(p, i)
+        if not _may_be_less(a, q, least, meeting):
+            continue
         for j in range(max(1, -q.n)):
             b = convex_part(q, j)
-            meet = convex_meet(a, b)
+            if (i == first and j == other_first) or not _may_be_less(a, b, least, meeting):
+                continue
+            meet, value, points = _measure_pair(a, b)
             if meeting and not meet:
                 continue
-            if meet:
-                value, points = _penetration(a, b)
-            else:
-                value, points = _distance(a, b)
             if value < least or (meet and not meeting):
                 least = value
                 found = points
             meeting = meeting or meet
     return least, found[0], found[1], found[2], found[3]
+
+
+@kernel
+def _measure_pair(a, b):
+    """Return whether two convex polygons meet, their separation and what realises it."""
+    meet = convex_meet(a, b)
+    if meet:
+        value, points = _penetration(a, b)
+    else:
+        value, points = _distance(a, b)
+    return meet, value, points
+
+
+@kernel
+def _nearest_boxes(p, q):
+    """Return which convex part of P and which of Q have the nearest boxes, or overlap most."""
+    best = -math.inf
+    first = 0
+    other_first = 0
+    for i in range(max(1, -p.n)):
+        a = convex_part(p, i)
+        if _overlap(a, q) <= best:
+            continue
+        for j in range(max(1, -q.n)):
+            overlap = _overlap(a, convex_part(q, j))
+            if overlap > best:
+                best = overlap
+                first = i
+                other_first = j
+    return first, other_first
+
+
+@kernel
+def _overlap(p, q):
+    """Return how far to move P along x or y until its box leaves that of Q, < 0 if it has."""
+    a = p.array
+    b = q.array
+    i = p.start
+    j = q.start
+    return min(min(a[i + 4] - b[j + 2], b[j + 4] - a[i + 2]),
+               min(a[i + 5] - b[j + 3], b[j + 5] - a[i + 3]))
+
+
+@kernel
+def _may_be_less(p, q, least, meeting):
+    """
+    Tell whether the separation of two polygons may be less than one found, going by their boxes.
+
+    Bodies are no nearer than their boxes, and overlap no deeper: the move that parts the boxes
+    parts the bodies. A little more is allowed for, as the separation is rounded.
+    """
+    overlap = _overlap(p, q)
+    if meeting:
+        return overlap >= 0.0 and overlap * _ALLOWANCE >= -least
+    return -overlap <= least * _ALLOWANCE
 
 
 @kernel

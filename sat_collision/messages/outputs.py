@@ -93,7 +93,7 @@ class Outputs:
     def update(self, names: Iterable[str]) -> None:
         """Take note of the new states of footprints."""
         for name in names:
-            if self._scene.state(name).status in self._raising:
+            if self._scene.status(name) in self._raising:
                 self._raised.add(name)
             else:
                 self._raised.discard(name)

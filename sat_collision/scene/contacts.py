@@ -159,6 +159,6 @@ def update_contacts(body: Body[Any], others: Iterable[_Other]) -> set[_Other]:
     """Let a body meet these others and no more; return those for which this is a change."""
     gained_or_lost = body.contacts.symmetric_difference(others)
     for other in gained_or_lost:
-        other.contacts.symmetric_difference_update((body,))
-    body.contacts ^= gained_or_lost
+        other.toggle((body,))
+    body.toggle(gained_or_lost)
     return gained_or_lost

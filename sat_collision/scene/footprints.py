@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 import enum
 from operator import attrgetter
 from typing import NamedTuple, TypeAlias
@@ -59,8 +60,8 @@ class State(NamedTuple):
     age: float | None
 
 
-# Status, contacts and reasons of a State.
-Evaluation: TypeAlias = tuple[Status, tuple[ObstacleId, ...], tuple[str, ...]]
+# Status and reasons of a State.
+Evaluation: TypeAlias = tuple[Status, tuple[str, ...]]
 
 
 class Footprint(Body[Obstacle]):
@@ -85,11 +86,13 @@ class Footprint(Body[Obstacle]):
         The status reported: CLEAR only after the release delay.
     evaluation : Evaluation
         What was found when it was evaluated last.
+    gained_or_lost : set of Obstacle
+        The contacts that are other than they were when the reader emptied it last.
 
     """
 
     __slots__ = ('settings', 'timeout', 'time', 'fault', 'stale', 'status', 'evaluation',
-                 'watched', '_clear_since', '_release', '_due')
+                 'gained_or_lost', 'watched', '_clear_since', '_release', '_due', '_names')
 
     evaluation: Evaluation
 
@@ -99,6 +102,8 @@ class Footprint(Body[Obstacle]):
         self.fault = ''
         self.stale = False
         self.status = Status.UNKNOWN
+        self.gained_or_lost: set[Obstacle] = set()
+        self._names: tuple[ObstacleId, ...] | None = None
         self.watched: float = NEVER
         self._clear_since: int | None = None
         self._release: float = NEVER
@@ -116,6 +121,22 @@ class Footprint(Body[Obstacle]):
         if self.time is None or self.stale:
             return self._release
         return min(self._release, self.time + self.timeout)
+
+    @property
+    def contacts_reported(self) -> tuple[ObstacleId, ...]:
+        """The names of the obstacles that make its collision, sorted; empty if in none."""
+        if self.status is not Status.COLLISION:
+            return ()
+        # Only where somebody asks: with many contacts, sorting for each new one takes very long.
+        if self._names is None:
+            self._names = tuple(sorted(map(_NAME, self.contacts)))
+        return self._names
+
+    def toggle(self, others: Collection[Obstacle]) -> None:
+        """Take note that it meets each of these if it did not, and not if it did."""
+        super().toggle(others)
+        self.gained_or_lost.symmetric_difference_update(others)
+        self._names = None
 
     def expire(self) -> None:
         """Ask for another evaluation, now that the deadline is past."""
@@ -138,7 +159,6 @@ class Footprint(Body[Obstacle]):
         """
         self.stale = self.time is not None and self.time + self.timeout < now
         self._release = NEVER
-        contacts: tuple[ObstacleId, ...] = ()
         reasons = source_faults
         if monitor_fault:
             status, reasons = Status.UNKNOWN, (monitor_fault,)
@@ -147,7 +167,7 @@ class Footprint(Body[Obstacle]):
         elif self.fault or self.stale:
             status, reasons = Status.UNKNOWN, (self._fault_in_words(), *source_faults)
         elif self.contacts:
-            status, contacts = Status.COLLISION, tuple(sorted(map(_NAME, self.contacts)))
+            status = Status.COLLISION
         else:
             status = Status.UNKNOWN if source_faults else Status.CLEAR
         if status is not Status.CLEAR:
@@ -161,7 +181,7 @@ class Footprint(Body[Obstacle]):
                     status = self.status
                     reasons = f'clear for less than release_delay, {release_delay / 1e9:g} s',
         self.status = status
-        self.evaluation = status, contacts, reasons
+        self.evaluation = status, reasons
 
     def _fault_in_words(self) -> str:
         """Return what is wrong with the footprint itself, as a sentence."""

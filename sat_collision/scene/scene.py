@@ -21,7 +21,7 @@ from sat_collision.geometry.polygon_set import Point
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.deadlines import Deadlines
 from sat_collision.scene.evaluations import Evaluations
-from sat_collision.scene.footprints import Evaluation, Footprint, State
+from sat_collision.scene.footprints import Evaluation, Footprint, State, Status
 from sat_collision.scene.frame_ids import in_quotes
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
@@ -232,11 +232,16 @@ class Scene:
         """Return the names of footprints whose state, age apart, changed since the last call."""
         return self.evaluations.changes()
 
+    def status(self, name: str) -> Status:
+        """Return the Status of a footprint."""
+        return self._footprints[name].status
+
     def state(self, name: str) -> State:
         """Return the State of a footprint at the time that was passed last."""
         footprint = self._footprints[name]
         age = None if footprint.time is None else (self._now - footprint.time) / 1e9
-        return State(*footprint.evaluation, age)
+        status, reasons = footprint.evaluation
+        return State(status, footprint.contacts_reported, reasons, age)
 
     @property
     def deadline(self) -> float:

@@ -73,7 +73,7 @@ def test_other_faults_concern_all_footprints(footprints, changed, evaluations):
     evaluations.find_faults(settings, SECOND, [lidar])
     assert changed == set(footprints.values())
     evaluations.evaluate(now=0, release_delay=0)
-    assert [footprint.evaluation[2] for footprint in footprints.values()] == [lidar.faults] * 2
+    assert [footprint.evaluation[1] for footprint in footprints.values()] == [lidar.faults] * 2
     evaluations.find_faults(settings, 2 * SECOND, [lidar])
     assert not changed
 

@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test docs bench report accuracy adversary clean
+.PHONY: demo test docs bench report accuracy adversary faults soak fuzz clean
 
 demo: $(VENV)/demo.stamp
 	$(BIN)/python -m sat_collision.demo
@@ -34,6 +34,21 @@ accuracy: $(VENV)/bench.stamp
 EVALUATIONS ?= 1e7
 adversary: $(VENV)/test.stamp
 	PYTHONPATH=.:test/support $(BIN)/python test/geometry/adversary.py --evaluations $(EVALUATIONS)
+
+# What faults do to a real process, measured and written to docs/reliability.md: make faults REPEAT=3
+REPEAT ?= 10
+faults: $(VENV)/test.stamp
+	$(BIN)/python test/faults/faults.py --repeat $(REPEAT) --write docs/reliability.md
+
+# The node under load for a long time: make soak MINUTES=2
+MINUTES ?= 30
+soak: $(VENV)/bench.stamp
+	$(BIN)/python benchmarks/endurance.py --starts 0 --publishers 0 --soak $(MINUTES)
+
+# Random bytes, polygons and parameters: make fuzz INPUTS=1e5
+INPUTS ?= 1e7
+fuzz: $(VENV)/test.stamp
+	$(BIN)/python test/fuzz/fuzz.py --inputs $(INPUTS)
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)

@@ -21,7 +21,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from sat_collision.geometry.jit import indexable
+from sat_collision.geometry.jit import COMPILED, indexable
 from sat_collision.geometry.layout import packed_size
 from sat_collision.geometry.packing import pack_convex
 from sat_collision.geometry.polygon import PackedBody, Polygon, PolygonError, Reason
@@ -233,11 +233,18 @@ class Monitor:
         return Rejection(settings.name, settings.topic, reason, detail)
 
 
+# What plain Python cuts into convex parts and measures in some 50 ms, see docs/reliability.md.
+_MOST_NOTCHED = 256
+# More points than this for each vertex accepted are not looked at.
+_POINTS_FOR_A_VERTEX = 8
+
+
 class _Packer:
     """Packs the points of one message after another, convex ones into one array."""
 
     def __init__(self, max_vertices: int) -> None:
         self._max_vertices = max_vertices
+        self._max_notched = max_vertices if COMPILED else min(max_vertices, _MOST_NOTCHED)
         # One more for a closing point; whoever sends yet more points is in no hurry.
         self._most_points = max_vertices + 1
         self._array = indexable(np.empty(packed_size(self._most_points)))
@@ -257,4 +264,8 @@ class _Packer:
             vertices = pack_convex(*points, self._array, self._max_vertices)
             if vertices:
                 return self._array, vertices
-        return Polygon.from_float32(*points, self._max_vertices).packed
+        most = _POINTS_FOR_A_VERTEX * self._max_vertices
+        if count > most:
+            raise PolygonError(Reason.TOO_MANY_VERTICES,
+                               f'{count} points, of which at most {most} are looked at')
+        return Polygon.from_float32(*points, self._max_vertices, self._max_notched).packed

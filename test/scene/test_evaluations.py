@@ -21,7 +21,7 @@ from sat_collision.scene.evaluations import Evaluations
 from sat_collision.scene.footprints import Footprint
 from sat_collision.scene.settings import Settings
 from sat_collision.scene.sources import Source
-from stage import CART, clear_stage, LIDAR, ROBOT, Stage
+from stage import ACCUMULATED, CART, clear_stage, LIDAR, ROBOT, Stage
 
 SECOND = 10**9
 
@@ -173,3 +173,21 @@ def test_time_alone_makes_no_change_until_something_is_due():
         assert stage.scene.changes() == []
     stage.wait_until(1.01)
     assert stage.scene.changes() == ['robot']
+
+
+def test_contacts_that_begin_one_by_one_are_not_sorted_each_time(monkeypatch):
+    """What a new contact costs does not depend on how many there are, until somebody asks."""
+    named = []
+
+    def name(obstacle):
+        named.append(obstacle)
+        return obstacle.name
+    monkeypatch.setattr('sat_collision.scene.footprints._NAME', name)
+    stage = Stage(ACCUMULATED)
+    stage.robot()
+    for k in range(200):
+        stage.see(0.001 * k, stamp='none')
+        assert stage.scene.changes() == ['robot']
+    assert not named
+    assert len(stage.state().contacts) == 200
+    assert len(named) == len(stage.state().contacts)

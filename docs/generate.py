@@ -34,8 +34,8 @@ from sat_collision.scene.settings import DEFAULT_FOOTPRINT, DEFAULT_SOURCE  # no
 
 _PLACEHOLDERS = {DEFAULT_FOOTPRINT: '<footprint>', DEFAULT_SOURCE: '<source>'}
 _FILE_HEAD = """\
-# Every parameter of footprint_monitor with its default; those marked * are fixed at the start, those
-# marked + too where lock_parameters is true.
+# Every parameter of footprint_monitor with its default; those marked * are fixed at the start,
+# those marked + too where lock_parameters is true.
 # Written by docs/generate.py from sat_collision/scene/settings.py: copy this file, do not edit it.
 /**:
   ros__parameters:

@@ -234,7 +234,7 @@ class Monitor:
 
 
 # What plain Python cuts into convex parts and measures in some 50 ms, see docs/reliability.md.
-_MOST_NOTCHED = 256
+_MOST_NOTCHED = 128
 # More points than this for each vertex accepted are not looked at.
 _POINTS_FOR_A_VERTEX = 8
 

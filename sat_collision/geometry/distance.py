@@ -35,7 +35,9 @@ from sat_collision.geometry.edges import height, to_segment
 from sat_collision.geometry.intersection import convex_meet, interiors_apart
 from sat_collision.geometry.jit import kernel
 from sat_collision.geometry.layout import body_size, convex_part, first_vertex, Packed
-from sat_collision.geometry.plane import nearest_of_segment, unit
+from sat_collision.geometry.part_boxes import (
+    ALLOWANCE, may_be_less, nearest_boxes, open_pairs, overlap)
+from sat_collision.geometry.plane import length, nearest_of_segment, unit
 from sat_collision.geometry.separating_axis import support
 
 # How far, in parts of the largest coordinate, the distance may be from its lower bound: 4 u.
@@ -43,7 +45,6 @@ TOLERANCE = 2.0 ** -51
 # Where the depth, in parts of the largest coordinate, may be nothing but rounding.
 _DOUBTFUL = 1e-12
 _LEAST = 5e-324
-_ALLOWANCE = 1.0 + 1e-9
 
 
 @kernel
@@ -78,24 +79,30 @@ def _goes_first(p, q):
 
 @kernel
 def _measure_parts(p, q):
-    """Measure the pairs of parts whose boxes leave open that they are nearest, or deepest."""
-    first, other_first = _nearest_boxes(p, q)
-    meeting, least, found = _measure_pair(convex_part(p, first), convex_part(q, other_first))
-    for i in range(max(1, -p.n)):
-        a = convex_part(p, i)
-        if not _may_be_less(a, q, least, meeting):
+    """Measure the pairs of parts of which it is open whether they are nearest, or deepest."""
+    if p.n > 0 and q.n > 0:
+        _, least, found = _measure_pair(p, q)
+        return least, found[0], found[1], found[2], found[3]
+    parts = max(1, -q.n)
+    first = nearest_boxes(p, q)
+    meeting, least, found = _measure_pair(
+        convex_part(p, first // parts), convex_part(q, first % parts))
+    pairs = open_pairs(p, q, least, meeting)
+    for k in range(len(pairs)):
+        if pairs[k] == first:
             continue
-        for j in range(max(1, -q.n)):
-            b = convex_part(q, j)
-            if (i == first and j == other_first) or not _may_be_less(a, b, least, meeting):
-                continue
-            meet, value, points = _measure_pair(a, b)
-            if meeting and not meet:
-                continue
-            if value < least or (meet and not meeting):
-                least = value
-                found = points
-            meeting = meeting or meet
+        a = convex_part(p, pairs[k] // parts)
+        b = convex_part(q, pairs[k] % parts)
+        if (not may_be_less(overlap(a, b), least, meeting)
+                or (meeting and (_is_shallow(a, b, -least) or _is_shallow(b, a, -least)))):
+            continue
+        meet, value, points = _measure_pair(a, b)
+        if meeting and not meet:
+            continue
+        if value < least or (meet and not meeting):
+            least = value
+            found = points
+        meeting = meeting or meet
     return least, found[0], found[1], found[2], found[3]
 
 
@@ -111,47 +118,26 @@ def _measure_pair(a, b):
 
 
 @kernel
-def _nearest_boxes(p, q):
-    """Return which convex part of P and which of Q have the nearest boxes, or overlap most."""
-    best = -math.inf
-    first = 0
-    other_first = 0
-    for i in range(max(1, -p.n)):
-        a = convex_part(p, i)
-        if _overlap(a, q) <= best:
-            continue
-        for j in range(max(1, -q.n)):
-            overlap = _overlap(a, convex_part(q, j))
-            if overlap > best:
-                best = overlap
-                first = i
-                other_first = j
-    return first, other_first
-
-
-@kernel
-def _overlap(p, q):
-    """Return how far to move P along x or y until its box leaves that of Q, < 0 if it has."""
-    a = p.array
-    b = q.array
-    i = p.start
-    j = q.start
-    return min(min(a[i + 4] - b[j + 2], b[j + 4] - a[i + 2]),
-               min(a[i + 5] - b[j + 3], b[j + 5] - a[i + 3]))
-
-
-@kernel
-def _may_be_less(p, q, least, meeting):
-    """
-    Tell whether the separation of two polygons may be less than one found, going by their boxes.
-
-    Bodies are no nearer than their boxes, and overlap no deeper: the move that parts the boxes
-    parts the bodies. A little more is allowed for, as the separation is rounded.
-    """
-    overlap = _overlap(p, q)
-    if meeting:
-        return overlap >= 0.0 and overlap * _ALLOWANCE >= -least
-    return -overlap <= least * _ALLOWANCE
+def _is_shallow(p, q, depth):
+    """Tell whether Q reaches less deep than that beyond some edge of P, be it for rounding."""
+    v = p.array
+    w = q.array
+    first = first_vertex(p)
+    other_first = first_vertex(q)
+    for i in range(p.n if p.n > 2 else 0):
+        a = first + 2 * i
+        b = first + 2 * (i + 1 if i + 1 < p.n else 0)
+        ex = v[b] - v[a]
+        ey = v[b + 1] - v[a + 1]
+        enough = depth / ALLOWANCE * length(ex, ey)
+        shallow = True
+        for k in range(other_first, other_first + 2 * q.n, 2):
+            if ex * (w[k + 1] - v[a + 1]) - ey * (w[k] - v[a]) >= enough:
+                shallow = False
+                break
+        if shallow:
+            return True
+    return False
 
 
 @kernel

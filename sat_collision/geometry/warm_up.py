@@ -17,8 +17,8 @@ Kernels compiled, or loaded, before they are needed, so that no message has to w
 Compiling takes seconds where nothing is kept from an earlier process, see `kernel_cache`. Two
 processes may share the work, as what one has compiled the other finds on disk: while one prepares
 contacts, ``python -m sat_collision.geometry.warm_up`` prepares packing, says so, and goes on with
-convex parts, until it is done or its standard input ends, which the other one holds; with ``--all``
-it prepares everything.
+convex parts, until it is done or its standard input ends, which the other one holds; with
+``--all`` it prepares everything.
 """
 
 import os

@@ -85,7 +85,8 @@ class Parameters:
             spec = self._specs.get(parameter.name)
             if self._is_locked(parameter.name):
                 return SetParametersResult(
-                    successful=False, reason=f'{parameter.name} is locked: lock_parameters is true')
+                    successful=False,
+                    reason=f'{parameter.name} is locked: lock_parameters is true')
             if spec and spec.choices and parameter.value not in spec.choices:
                 return SetParametersResult(
                     successful=False, reason=f"{parameter.name}: '{parameter.value}' is not one "

@@ -216,7 +216,7 @@ def _contact(rig: Rig) -> Outcome:
 
 
 def _contact_in_flood(rig: Rig) -> Outcome:
-    """A robot that touches something while another topic is flooded."""
+    """Let the robot touch something while another publisher floods the topic."""
     flooded = threading.Event()
     noise = rig._node.create_publisher(PolygonStamped, 'obstacles', 1000)
 

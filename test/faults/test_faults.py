@@ -17,7 +17,7 @@
 from faults import FAULTS, rig
 import pytest
 
-# Beside what a fault is given to show: the rule's 0.3 s, a timeout of 0.5 s. The machine may be busy.
+# More than the rule's 0.3 s and a timeout of 0.5 s, for the machine may be busy.
 _SLOW = 3.0
 
 

@@ -20,7 +20,7 @@ from xml.etree import ElementTree
 
 from builders import serialised
 from geometry_msgs.msg import PolygonStamped
-from harness import box, values
+from harness import box, health
 import pytest
 
 LOCKED = {'enabled': False, 'unknown_is_collision': False, 'margin': 0.5, 'release_delay': 5.0,
@@ -32,7 +32,7 @@ LOCKED = {'enabled': False, 'unknown_is_collision': False, 'margin': 0.5, 'relea
 @pytest.mark.parametrize('name', LOCKED)
 def test_locked_parameters_stay(start, name):
     """Refused, with a reason; nothing is changed by the attempt."""
-    running = start(lock_parameters=True)
+    running = start(lock_parameters=True, watchdog=0.5)
     reason, = running.set_parameters(**{name: LOCKED[name]})
     assert 'lock_parameters' in reason
     dotted = name.replace('__', '.')
@@ -54,7 +54,7 @@ def test_without_a_lock_each_change_is_told(start):
     assert running.set_parameters(margin=0.25, use_sim_time=True) == [None, None]
     running.logged('parameter margin was changed from 0.0 to 0.25')
     running.logged('parameter use_sim_time was changed from False to True')
-    running.until(lambda: values(running.health()).get('margin: changed') == 'from 0.0 to 0.25')
+    running.until(lambda: health(running).get('margin: changed') == 'from 0.0 to 0.25')
 
 
 def test_a_frame_id_cannot_forge_a_line_of_the_log(start):
@@ -74,8 +74,8 @@ def test_a_long_frame_id_is_refused(start, length, reason):
     running = start(frame_id='map')
     running.send('footprint', box(0, 0), frame_id='x' * length)
     running.logged(reason)
-    running.until(lambda: values(running.health()).get(f'footprint: rejected, {reason}'))
-    assert len(running.status().message) < 400
+    running.until(lambda: health(running).get(f'footprint: rejected, {reason}'))
+    assert len(running.await_state('unknown').message) < 400
 
 
 @pytest.mark.parametrize('order', '<>')
@@ -91,10 +91,10 @@ def test_an_absurd_length_costs_no_line_of_the_middleware(start, capfd, where, o
         publisher.publish(bytes(data))
         running.spin(0.01)
     running.until(
-        lambda: int(values(running.health()).get('footprint: rejected, undecodable', 0)) >= 1)
+        lambda: int(health(running).get('footprint: rejected, undecodable', 0)) >= 1)
     written = capfd.readouterr().err
     assert 'cdr' not in written.lower() and written.count('\n') < 10, written
-    assert running.state() == 'unknown'
+    running.await_state('unknown')
 
 
 POLICY = Path(__file__).resolve().parents[2] / 'config' / 'sros2_policy.xml'
@@ -108,7 +108,8 @@ def test_the_policy_allows_exactly_what_the_node_has(start):
     def allowed(kind, how):
         return sorted(one.text for group in profile.iter(kind) if group.get(how) == 'ALLOW'
                       for one in group)
-    assert allowed('topics', 'publish') == sorted(one.topic_name for one in node.publishers)
+    assert allowed('topics', 'publish') == sorted(
+        ['/rosout', *(one.topic_name for one in node.publishers)])
     assert allowed('topics', 'subscribe') == sorted(one.topic_name for one in node.subscriptions)
     assert allowed('services', 'reply') == sorted(one.service_name for one in node.services)
     assert not list(node.clients)

@@ -22,7 +22,7 @@ import sys
 import threading
 import time
 
-from harness import box, Peer, values
+from harness import box, health, Peer, values
 import pytest
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -70,7 +70,7 @@ def clear(running):
     running.until(lambda: running.flag() is False)
 
 
-PARAMETERS = {'footprint__timeout': 0.0, 'obstacle__timeout': 0.0}
+PARAMETERS = {'footprint__timeout': 0.0, 'obstacle__timeout': 0.0, 'watchdog': 0.3}
 
 
 def test_a_stalled_loop_raises_the_flags(start, stall):
@@ -89,7 +89,7 @@ def test_a_stalled_loop_raises_the_flags(start, stall):
     running.await_state('clear')
     running.until(lambda: running.flag() is False and running.flag('footprint') is False)
     running.logged('goes on after a stall')
-    running.until(lambda: '1, the longest' in values(running.health()).get('stalls', ''))
+    running.until(lambda: '1, the longest' in health(running).get('stalls', ''))
 
 
 def test_the_alarm_ends_with_the_stall(start, stall):
@@ -109,7 +109,7 @@ def test_the_alarm_ends_with_the_stall(start, stall):
 
 def test_without_a_watchdog(start, stall):
     """With watchdog 0.0 nobody speaks while the loop stands still."""
-    running = start(watchdog=0.0, **PARAMETERS)
+    running = start(**{**PARAMETERS, 'watchdog': 0.0})
     running.send('obstacles', box(5, 5))
     clear(running)
     stalled = stall(running)
@@ -126,7 +126,7 @@ def test_watchdog_may_be_changed(start, stall):
     clear(running)
     assert running.set_parameters(watchdog=30.0) == [None]
     running.logged('parameter watchdog was changed from 0.3 to 30.0')
-    running.until(lambda: values(running.health()).get('watchdog: changed') == 'from 0.3 to 30.0')
+    running.until(lambda: health(running).get('watchdog: changed') == 'from 0.3 to 30.0')
     stalled = stall(running)
     heard = len(running.listen('~/collision'))
     running.spin(0.7)

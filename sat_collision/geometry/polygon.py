@@ -119,7 +119,9 @@ class Polygon:
             raise _empty()
         points = np.frombuffer(data, np.float32, 3 * count, start).reshape(-1, 3)
         polygon = cls.__new__(cls)
-        polygon._pack(points[:, :2].astype(np.float64), max_vertices,
+        with np.errstate(invalid='ignore'):  # what is no number is refused below
+            doubles = points[:, :2].astype(np.float64)
+        polygon._pack(doubles, max_vertices,
                       max_vertices if max_notched is None else max_notched)
         return polygon
 

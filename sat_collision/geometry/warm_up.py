@@ -26,7 +26,6 @@ import sys
 import threading
 
 import numpy as np
-from sat_collision.geometry import kernel_cache
 from sat_collision.geometry.jit import COMPILED, indexable
 from sat_collision.geometry.layout import packed_size
 from sat_collision.geometry.packing import pack_convex
@@ -41,7 +40,11 @@ _NOTCHED = [(0, 0), (4, 0), (4, 4), (2, 1)]
 
 def is_prepared() -> bool:
     """Tell whether an earlier process has left the kernels compiled; without numba they are."""
-    return not COMPILED or kernel_cache.is_kept(nearest_row)
+    if not COMPILED:
+        return True
+    # It imports numba, which may not be there, or not work.
+    from sat_collision.geometry.kernel_cache import is_kept
+    return is_kept(nearest_row)
 
 
 def prepare_packing() -> None:

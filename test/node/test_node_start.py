@@ -91,6 +91,16 @@ def test_import_and_replay_that_may_write_nowhere(start, place, arguments):
     assert len(lines) == 1 and 'Traceback' not in output, output
 
 
+def test_node_without_a_compiler(start, place):
+    """It need not be there, and nothing is said of it but the kernel."""
+    (place / 'numba.py').write_text("raise ModuleNotFoundError('no numba', name='numba')")
+    node = start('-m', 'sat_collision.node')
+    text = ''.join(lines_until(node, 'on /obstacles'))
+    assert 'kernels (plain Python) ready' in text and 'WARN' not in text
+    node.terminate()
+    assert node.wait(30) == 0
+
+
 def test_node_with_a_compiler_that_does_not_work(start, place):
     """It runs in plain Python; the log says why."""
     (place / 'llvmlite').mkdir()

@@ -193,7 +193,7 @@ def values(status):
 
 
 def health(peer):
-    """Return the values that /diagnostics reported last as a dictionary, empty before the first."""
+    """Return the values that /diagnostics reported last by key, empty before the first."""
     status = peer.health()
     return values(status) if status else {}
 

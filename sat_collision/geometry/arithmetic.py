@@ -15,9 +15,9 @@
 The arithmetic that the proofs assume, checked; where another is set, nothing is answered.
 
 Doubles must be rounded to nearest, below 2^-1022 too, and products before they are added, see
-docs/exactness.md. All is computed and compared once, at the import. The first two are modes of a
-thread, which any library may change at any time (one linked with ``-ffast-math`` does so when it
-is loaded), so every kernel that Python calls asks for them again.
+docs/exactness.md. All is computed and compared once, when this is imported. The first two are
+modes of a thread, which any library may change at any time (one linked with ``-ffast-math`` does
+so when it is loaded), so every kernel that Python calls asks for them again.
 """
 
 from sat_collision.geometry.jit import HAS_CONTROL_WORD, kernel
@@ -86,3 +86,6 @@ else:
             raise FloatingPointError(FLUSHED)
         if found == _IS_DIRECTED:
             raise FloatingPointError(DIRECTED)
+
+
+require_proved()

@@ -56,6 +56,7 @@ class Parameters:
         self._node = node
         self._specs: dict[str, Spec] = {}
         self._on_change: Callable[[Settings], None] | None = None
+        self._note: Callable[[str, Any, Any], None] | None = None
         self._values: dict[str, Any] = {}
         node.add_on_set_parameters_callback(self._validate)
         self._footprints, self._obstacles = declare_parameters(self._declare)
@@ -63,8 +64,12 @@ class Parameters:
         node.add_post_set_parameters_callback(self._apply)
 
     def on_change(self, callback: Callable[[Settings], None],
-                  note: Callable[[str, Any, Any], None]) -> None:
-        """Call `callback(settings)` whenever parameters have been changed, `note` for each."""
+                  note: Callable[[str, Any, Any], None] | None = None) -> None:
+        """
+        Call `callback(settings)` whenever parameters have been changed.
+
+        Before, `note(name, old, new)` is called for each of them.
+        """
         self._on_change = callback
         self._note = note
         self._values = {name: self._node.get_parameter(name).value
@@ -107,7 +112,8 @@ class Parameters:
                 old, self._values[name] = self._values[name], parameter.value
                 self._node.get_logger().warning(
                     f'parameter {name} was changed from {old} to {parameter.value}')
-                self._note(name, old, parameter.value)
+                if self._note:
+                    self._note(name, old, parameter.value)
         if any(parameter.name in self._specs for parameter in parameters):
             self.settings = self._read()
             self._on_change(self.settings)

@@ -80,7 +80,7 @@ def test_node_that_may_write_nowhere(start, place):
     assert node.returncode == 0 and 'Traceback' not in ''.join([*lines, rest])
 
 
-@pytest.mark.parametrize('arguments', [('-c', 'import sat_collision'),
+@pytest.mark.parametrize('arguments', [('-c', 'from sat_collision import intersects'),
                                        ('-m', 'sat_collision.replay', 'nowhere')])
 def test_import_and_replay_that_may_write_nowhere(start, place, arguments):
     """One line about kernels, where any are compiled, and no traceback."""

@@ -233,7 +233,7 @@ class Monitor:
         return Rejection(settings.name, settings.topic, reason, detail)
 
 
-# What plain Python cuts into convex parts and measures in some 50 ms, see docs/reliability.md.
+# What plain Python has the time to cut into convex parts and to measure, see docs/reliability.md.
 _MOST_NOTCHED = 128
 # More points than this for each vertex accepted are not looked at.
 _POINTS_FOR_A_VERTEX = 8

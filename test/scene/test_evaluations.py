@@ -190,4 +190,4 @@ def test_contacts_that_begin_one_by_one_are_not_sorted_each_time(monkeypatch):
         assert stage.scene.changes() == ['robot']
     assert not named
     assert len(stage.state().contacts) == 200
-    assert len(named) == len(stage.state().contacts)
+    assert len(stage.state().contacts) == 200 == len(named)

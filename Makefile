@@ -45,10 +45,13 @@ MINUTES ?= 30
 soak: $(VENV)/bench.stamp
 	$(BIN)/python benchmarks/endurance.py --starts 0 --publishers 0 --soak $(MINUTES)
 
-# Random bytes, polygons and parameters: make fuzz INPUTS=1e5
+# Random bytes, polygons and parameters, and damaged files, recordings and stored results among
+# them: make fuzz INPUTS=1e5 FILES=1e4
 INPUTS ?= 1e7
+FILES ?= 1e6
 fuzz: $(VENV)/test.stamp
 	$(BIN)/python test/fuzz/fuzz.py --inputs $(INPUTS)
+	PYTHONPATH=.:test/support $(BIN)/python test/fuzz/fuzz_files.py --count $(FILES)
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)

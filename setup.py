@@ -25,6 +25,7 @@ extras = {
         'flake8-import-order',
         'flake8-quotes',
         'hypothesis',
+        'mcap',
         'mypy',
         'pytest',
         'pytest-xdist',

@@ -69,7 +69,7 @@ def start_and_stop():
     with monitor() as node:
         ticked = threading.Event()
         tick = node.tick
-        node.tick = lambda: (ticked.set(), tick())[1]
+        node.tick = lambda *arguments: (ticked.set(), tick(*arguments))[1]
         if not ticked.wait(PATIENCE):
             raise TimeoutError('the node does not tick')
 

@@ -85,7 +85,7 @@ class Floor(Node):
     def note_backlog(self, name, backlog):
         """Do nothing."""
 
-    def tick(self):
+    def tick(self, now=0, is_all_taken=True):
         """Publish the flags, and once a second how many messages there were."""
         self._publish()
         if time.monotonic() >= self._next_count:

@@ -40,6 +40,7 @@ NODES = {'monitor': ['-m', 'sat_collision.node'],
          'floor': [str(HERE / 'floor_node.py')],
          'loop floor': [str(HERE / 'floor_node.py'), '--loop'],
          'rival': [str(HERE / 'rival_node.py')]}
+_TOGETHER = 'monitor', 'floor', 'loop floor'
 OBSTACLES = 10, 100, 1000
 VERTICES = 4, 32
 RATES = 10_000, 20_000, 30_000, 60_000
@@ -102,8 +103,7 @@ def load(kind, obstacles, vertices, seconds, burst=False, rate=SET_RATE, seed=1)
     with running(kind) as process, contextlib.closing(counts.Reader()) as reader, \
             contextlib.closing(Traffic(obstacles, vertices, seed)) as traffic:
         traffic.connect()
-        for thread in os.listdir(f'/proc/{process.pid}/task'):
-            os.sched_setaffinity(int(thread), {core})
+        _pin(process.pid, core)
         traffic.run(0.5, burst, rate)
         count = reader.steady()
         used = cpu_time(process.pid)
@@ -115,6 +115,42 @@ def load(kind, obstacles, vertices, seconds, burst=False, rate=SET_RATE, seed=1)
             'unanswered': footprints - len(latencies),
             **{name: 1e3 * float(np.percentile(latencies, share)) for name, share in (
                 ('p50_ms', 50), ('p99_ms', 99), ('max_ms', 100))}}
+
+
+def together(kinds, obstacles, vertices, seconds, repeats, seed=1):
+    """
+    Give the same messages at once to nodes of some kinds, which share a core.
+
+    So they have the same machine, whose speed changes from one second to the next by more than
+    they differ.
+
+    Returns
+    -------
+    dict
+        Processor time in us a message of each: median of the repeats.
+
+    """
+    core = max(os.sched_getaffinity(0))
+    with contextlib.ExitStack() as stack:
+        nodes = {kind: stack.enter_context(running(kind)).pid for kind in kinds}
+        traffic = stack.enter_context(contextlib.closing(Traffic(obstacles, vertices, seed)))
+        traffic.connect(len(nodes))
+        for pid in nodes.values():
+            _pin(pid, core)
+        traffic.run(0.5)
+        costs = {kind: [] for kind in kinds}
+        for _ in range(repeats):
+            used = {kind: cpu_time(pid) for kind, pid in nodes.items()}
+            footprints, sent, _ = traffic.run(seconds)
+            for kind, pid in nodes.items():
+                costs[kind].append(1e6 * (cpu_time(pid) - used[kind]) / (footprints + sent))
+    return {kind: statistics.median(cost) for kind, cost in costs.items()}
+
+
+def _pin(pid, core):
+    """Have all threads of a process run on one core."""
+    for thread in os.listdir(f'/proc/{pid}/task'):
+        os.sched_setaffinity(int(thread), {core})
 
 
 def _by_turns(kinds, repeats, *arguments, **options):
@@ -138,6 +174,8 @@ def measure(seconds, repeats):
     return {
         'repeats': repeats,
         'loads': [{'obstacles': obstacles, 'vertices': vertices,
+                   'together_us': together(_TOGETHER, obstacles, vertices, seconds,
+                                           3 * repeats),
                    **_by_turns(NODES, repeats, obstacles, vertices, seconds)}
                   for vertices in VERTICES for obstacles in OBSTACLES],
         'bursts': [{'obstacles': obstacles,
@@ -153,7 +191,8 @@ def plot(figures, path):
     loads = [one for one in figures['loads'] if one['vertices'] == VERTICES[0]]
     sizes = [one['obstacles'] for one in loads]
     for kind, style in zip(NODES, ('o-', 's--', 'd-.', '^:')):
-        axes[0].loglog(sizes, [one[kind]['cpu_us'] for one in loads], style, label=kind)
+        axes[0].loglog(sizes, [one['together_us'].get(kind, one[kind]['cpu_us']) for one in loads],
+                       style, label=kind)
         axes[1].loglog(sizes, [one[kind]['p99_ms'] for one in loads], style, label=kind)
     axes[0].set(xlabel='obstacles at 10 Hz', ylabel='processor time a message [µs]')
     axes[1].set(xlabel='obstacles at 10 Hz', ylabel='publish() to flag, 99 of 100 below [ms]')

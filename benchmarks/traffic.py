@@ -96,8 +96,8 @@ class Traffic:
     def close(self):
         self._node.destroy_node()
 
-    def connect(self):
-        """Wait until node and traffic see each other and a footprint is answered."""
+    def connect(self, nodes=1):
+        """Wait until traffic and so many nodes see each other and a footprint is answered."""
         end = time.monotonic() + PATIENCE
         while time.monotonic() < end:
             stamp = time.time_ns()
@@ -106,7 +106,8 @@ class Traffic:
             body, hit = next(self._footprints)
             self._footprint.publish(_head(stamp) + body)
             time.sleep(0.2)
-            if hit in self._arrived() and self._obstacle.get_subscription_count():
+            if hit in self._arrived() and all(publisher.get_subscription_count() >= nodes
+                                              for publisher in (self._obstacle, self._footprint)):
                 return
         raise TimeoutError('the node under test does not answer')
 

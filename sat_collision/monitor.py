@@ -28,10 +28,12 @@ from sat_collision.geometry.polygon import PackedBody, Polygon, PolygonError, Re
 from sat_collision.messages.cdr import decode, MessageError, Points
 from sat_collision.messages.losses import Losses
 from sat_collision.scene.frame_ids import in_quotes, LONGEST_FRAME_ID
-from sat_collision.scene.scene import Scene
+from sat_collision.scene.holders import OTHER_FRAME, TOO_MANY
+from sat_collision.scene.observer import Observer
+from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN, Scene
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
-from sat_collision.scene.sources import OTHER_FRAME, TOO_MANY, TOO_OLD
+from sat_collision.scene.sources import TOO_OLD
 
 EMPTY_FRAME_ID = 'empty frame_id'
 LONG_FRAME_ID = 'long frame_id'
@@ -39,8 +41,10 @@ UNDECODABLE = 'undecodable'
 
 _ADVICE = {
     EMPTY_FRAME_ID: 'the publisher must say which frame the polygon is in',
+    FROM_FUTURE: 'set the clocks of both machines by one, or raise the parameter future_tolerance',
     LONG_FRAME_ID: 'the publisher must name a frame as tf2 has it',
     OTHER_FRAME: 'publish in that frame, or choose another by the parameter frame_id',
+    OVERTAKEN: 'let one publisher send the footprint, in the order of its stamps',
     Reason.EMPTY.value: 'the publisher must send where the footprint is',
     Reason.NOT_FINITE.value: 'the publisher must send finite coordinates only',
     Reason.SELF_INTERSECTING.value: 'the publisher must send the outline of a simple polygon',
@@ -88,25 +92,34 @@ class Monitor:
     Parameters
     ----------
     settings : Settings
+    observer : Observer, optional
+        Of the scene.
 
     Attributes
     ----------
     scene : Scene
         Tells the states, and is where settings are changed.
+    stamp, points : int, Points
+        Those of the last message that could be decoded.
     received : Counter
         All messages, by name of the footprint or source.
     rejected : Counter
         The messages that were not taken, by (name, reason).
     lost : Counter
         The messages that were sent but never came, by name.
+    is_numbered : bool
+        Whether the messages of all batches have numbers, without which no loss shows.
 
     """
 
-    def __init__(self, settings: Settings) -> None:
-        self.scene = Scene(settings)
+    def __init__(self, settings: Settings, observer: Observer | None = None) -> None:
+        self.scene = Scene(settings, observer)
+        self.stamp = 0
+        self.points: Points = b'', 0, 0
         self.received: Counter[str] = Counter()
         self.rejected: Counter[tuple[str, str]] = Counter()
         self.lost: Counter[str] = Counter()
+        self.is_numbered = True
         self._losses: defaultdict[str, Losses] = defaultdict(Losses)
         self._overwhelmed: set[str] = set()
         self._lost_when_behind: dict[str, int] = {}
@@ -139,7 +152,7 @@ class Monitor:
     def receive_batch(self, name: str, messages: Iterable[tuple[bytes, int | None]],
                       now: int) -> list[Rejection]:
         """
-        Take messages as `receive` does, and count those that are missing among them.
+        Take messages as `receive` does, and find out what is missing among them.
 
         Parameters
         ----------
@@ -156,16 +169,19 @@ class Monitor:
         rejections = []
         settings = self.scene.settings_of(name)
         missing = self._losses[name].missing
-        received = lost = 0
+        received = 0
         for data, number in messages:
             received += 1
-            if number is not None:
-                lost += missing(number)
+            if number is None:
+                self.is_numbered = False
+            elif (lost := missing(number)) is None:
+                self.scene.meet_publisher(name, number == 1)
+            elif lost:
+                self.lost[name] += lost
+                self.scene.lose(name, now)
             if settings.enabled and (rejection := self._take(settings, data, now)):
                 rejections.append(rejection)
         self.received[name] += received
-        if lost:
-            self.lost[name] += lost
         return rejections
 
     def note_backlog(self, name: str, seconds: float | None) -> None:
@@ -179,14 +195,13 @@ class Monitor:
         if isinstance(settings, FootprintSettings):
             return
         lost, lost_before = self.lost[name], self._lost_when_behind.pop(name, self.lost[name])
-        if seconds is not None:
+        if seconds is None:
+            self._overwhelmed.discard(name)
+        else:
             self._lost_when_behind[name] = lost
             if lost > lost_before or seconds > settings.timeout > 0.0:
                 self._overwhelmed.add(name)
-        if name in self._overwhelmed:
-            self.scene.overwhelm(name, seconds is not None)
-            if seconds is None:
-                self._overwhelmed.remove(name)
+        self.scene.overwhelm(name, name in self._overwhelmed)
 
     def _take(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
               now: int) -> Rejection | None:
@@ -194,6 +209,7 @@ class Monitor:
         stamp = instance = None
         try:
             stamp, frame_id, points, instance = decode(data, name in self._with_ids)
+            self.stamp, self.points = stamp, points
             if not frame_id:
                 return self._refuse(settings, EMPTY_FRAME_ID, 'its header names no frame', now,
                                     stamp, instance)
@@ -217,9 +233,18 @@ class Monitor:
         elif refusal == TOO_OLD:
             detail = (f'its stamp is {(now - stamp) / 1e9:.3f} s old, past the timeout of '
                       f'{settings.timeout:g} s')
+        elif refusal == FROM_FUTURE:
+            detail = f'its stamp is {(stamp - now) / 1e9:.3f} s ahead of the clock'
+        elif refusal == OVERTAKEN:
+            detail = 'a footprint with a later stamp came before it'
         else:
             detail = 'the source holds max_count obstacles already'
         return self._reject(settings, refusal, detail)
+
+    def count_publishers(self, name: str, count: int) -> None:
+        """Take note of how many publishers a footprint or source has; called again and again."""
+        self._losses[name].most = max(count, 1)
+        self.scene.count_publishers(name, count)
 
     def _refuse(self, settings: FootprintSettings | ObstacleSettings, reason: str, detail: str,
                 now: int, stamp: int | None = None, instance: int | None = None) -> Rejection:

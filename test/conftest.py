@@ -73,7 +73,7 @@ def domain():
 def runner(request, monkeypatch):
     """Name what the node runs in: its own loop, or rclpy's executor where that must do."""
     if request.param == 'executor':
-        monkeypatch.setattr('sat_collision.node.loop.is_supported', lambda: False)
+        monkeypatch.setattr('sat_collision.node.waiting.is_supported', lambda: False)
     return request.param
 
 

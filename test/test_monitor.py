@@ -23,12 +23,13 @@ from builders import box, SECOND, serialised
 import pytest
 from sat_collision.geometry.jit import COMPILED
 from sat_collision.monitor import Monitor
+from sat_collision.scene.holders import TOO_MANY
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
-from sat_collision.scene.sources import TOO_MANY
 
 NOW = 1000 * SECOND
 SETTINGS = Settings(
+    frame_id='map',
     footprints=(FootprintSettings('robot', '/footprint'),),
     obstacles=(ObstacleSettings('lidar', '/polygons'),
                ObstacleSettings('tracks', '/tracks', type='polygon_instance', max_count=2)))
@@ -39,8 +40,11 @@ CIRCLE = [(math.cos(k / 500), math.sin(k / 500)) for k in range(2000)]
 def clear_monitor(settings=SETTINGS):
     """Return a monitor that has heard a footprint at 0 and of obstacles far from it."""
     monitor = Monitor(settings)
+    for seconds in (2, 1):
+        monitor.scene.advance(NOW - seconds * SECOND)
     assert monitor.receive('robot', serialised(box(0)), NOW) is None
     assert monitor.receive('lidar', serialised(box(10)), NOW) is None
+    assert monitor.receive('lidar', serialised([]), NOW) is None
     if len(settings.obstacles) > 1:
         assert monitor.receive('tracks', serialised(box(20), instance=1), NOW) is None
     assert status(monitor) == 'clear'
@@ -59,7 +63,7 @@ def test_messages_become_contacts():
     assert status(monitor) == 'collision'
     assert monitor.scene.state('robot').contacts == (
         ObstacleId('lidar', 1), ObstacleId('tracks', -7))
-    assert monitor.received == {'robot': 1, 'lidar': 2, 'tracks': 2}
+    assert monitor.received == {'robot': 1, 'lidar': 3, 'tracks': 2}
     assert not monitor.rejected
 
 
@@ -93,9 +97,10 @@ def test_bad_message_is_rejected_until_good_data_arrives(
     assert monitor.rejected == {(name, reason): 1}
     assert status(monitor) == 'unknown'
     assert any(name in sentence for sentence in monitor.scene.state('robot').reasons)
-    later = NOW + SECOND // 2
-    for x in (30, 0.5):
+    for later, x in ((NOW + SECOND // 2, 30), (NOW + SECOND, 0.5)):
         assert monitor.receive(name, serialised(box(x), later, 'map', instance), later) is None
+    if name == 'lidar':
+        monitor.receive(name, serialised([], later), later)
     assert status(monitor) == ('clear' if name == 'robot' else 'collision')
     assert monitor.scene.state('robot').reasons == ()
 
@@ -143,7 +148,7 @@ def test_message_of_what_is_disabled_is_neither_taken_nor_rejected():
     monitor.scene.update(replace(SETTINGS, obstacles=(replace(lidar, enabled=False), tracks)))
     for data in (serialised(box(0)), serialised(BOW_TIE), b''):
         assert monitor.receive('lidar', data, NOW) is None
-    assert monitor.received['lidar'] == 4
+    assert monitor.received['lidar'] == 5
     assert not monitor.rejected
     assert status(monitor) == 'clear'
 
@@ -164,6 +169,53 @@ def test_numbers_that_are_missing_are_counted_as_lost():
     assert monitor.lost == {'lidar': 2, 'robot': 1}
 
 
+def test_numbers_of_several_publishers_are_told_apart():
+    """Each counts its own; as many are followed as there are."""
+    monitor = clear_monitor()
+    monitor.count_publishers('tracks', 2)
+    for number in (100, 7, 101, 8, 102, 9, 11, 105, 12):
+        monitor.receive_batch('tracks', [(serialised(box(20), instance=1), number)], NOW)
+    assert monitor.lost == {'tracks': 3}
+
+
+def test_lost_message_makes_unknown_until_a_set_is_whole():
+    """One in ten is dropped on the way; one obstacle lies on the robot all the time."""
+    monitor = clear_monitor(replace(SETTINGS, obstacles=SETTINGS.obstacles[:1]))
+    rng = random.Random(0)
+    statuses, number = [], 0
+    for scan in range(200):
+        stamp = NOW + scan * SECOND // 10 + SECOND
+        monitor.receive('robot', serialised(box(0), stamp), stamp)
+        for x in (10, 20, 0.5, 30, 40):
+            number += 1
+            if rng.random() > 0.1:
+                monitor.receive_batch('lidar', [(serialised(box(x), stamp), number)], stamp)
+                statuses.append(status(monitor))
+    assert 50 < monitor.lost['lidar'] < 150
+    assert 'clear' not in statuses[5:]
+    assert statuses.count('collision') > 500
+
+
+@pytest.mark.parametrize('name, instance', [('robot', None), ('lidar', None), ('tracks', 5)])
+def test_stamp_from_the_future_is_rejected(name, instance):
+    """The clocks of two machines differ by an hour: the log says what to do."""
+    monitor = clear_monitor()
+    rejection = monitor.receive(
+        name, serialised(box(30), NOW + 3600 * SECOND, instance=instance), NOW)
+    assert rejection.reason == 'from the future'
+    assert '3600.000 s ahead' in rejection.text and 'future_tolerance' in rejection.text
+    assert status(monitor) == 'unknown'
+
+
+def test_older_footprint_is_rejected_and_changes_nothing():
+    """Two publishers send it, or the network changes their order."""
+    monitor = clear_monitor()
+    rejection = monitor.receive('robot', serialised(box(10), NOW - 1), NOW)
+    assert rejection.reason == 'older than the last'
+    assert monitor.rejected == {('robot', 'older than the last'): 1}
+    assert status(monitor) == 'clear'
+
+
 def test_damaged_messages_never_raise():
     """Random bytes are changed, inserted and cut in messages of every kind."""
     rng = random.Random(0)
@@ -177,7 +229,7 @@ def test_damaged_messages_never_raise():
             del data[rng.randrange(len(data)):]
         rejection = monitor.receive(name, bytes(data), NOW + step)
         assert rejection is None or rejection.text
-    assert sum(monitor.received.values()) == 3003
+    assert sum(monitor.received.values()) == 3004
     assert {reason for _, reason in monitor.rejected} > {'undecodable', 'other frame', 'too old'}
 
 
@@ -191,7 +243,7 @@ def test_accumulating_begins_in_the_middle_of_a_set():
                 monitor.scene.update(replace(SETTINGS, obstacles=(
                     replace(lidar, accumulate=True), tracks)))
             monitor.receive('lidar', serialised(box(x + stamp / SECOND), stamp), stamp)
-    assert len([name for name, _ in monitor.scene.obstacles if name.source == 'lidar']) == 5
+    assert len([name for name, _ in monitor.scene.obstacles if name.source == 'lidar']) == 6
 
 
 def monitor_in_a_set(settings=SETTINGS):
@@ -205,6 +257,11 @@ def monitor_in_a_set(settings=SETTINGS):
     return monitor, stamp
 
 
+def end_set(monitor, stamp):
+    """Say that the set is whole."""
+    assert monitor.receive('lidar', serialised([], stamp), stamp) is None
+
+
 def places(monitor):
     """Return where the obstacles of the set are, by number."""
     return {name.key: polygon.bounds[0] for name, polygon in monitor.scene.obstacles
@@ -215,7 +272,8 @@ def test_obstacle_of_a_set_replaces_its_predecessor():
     """In the middle of a set, where hardly anything else ever comes."""
     monitor, stamp = monitor_in_a_set()
     assert monitor.receive('lidar', serialised(box(21), stamp), stamp) is None
-    assert places(monitor) == {0: 11, 1: 21, 2: 30}
+    end_set(monitor, stamp)
+    assert places(monitor) == {0: 11, 1: 21}
 
 
 @pytest.mark.parametrize('data, reason', [
@@ -231,7 +289,10 @@ def test_bad_message_in_the_middle_of_a_set_is_rejected(data, reason):
     """It takes the place of the obstacle that it would have been."""
     monitor, stamp = monitor_in_a_set()
     assert monitor.receive('lidar', data, stamp).reason == reason
-    assert places(monitor) == {0: 11, 2: 30}
+    assert monitor.receive('lidar', serialised(box(31), stamp), stamp) is None
+    end_set(monitor, stamp)
+    assert places(monitor) == {0: 11, 1 if reason == 'undecodable' else 2: 31}
+    assert status(monitor) == 'unknown'
 
 
 def test_obstacle_ages_by_its_own_stamp():
@@ -242,6 +303,7 @@ def test_obstacle_ages_by_its_own_stamp():
     for stamp, x in ((0, 10), (19, 20), (21, 11), (5, 21)):
         stamp = first + stamp * millisecond
         monitor.receive('lidar', serialised(box(x), stamp), first + 21 * millisecond)
+    end_set(monitor, first + 21 * millisecond)
     assert places(monitor) == {0: 11, 1: 21}
     monitor.scene.advance(first + 2 * SECOND + 6 * millisecond)
     assert places(monitor) == {0: 11}
@@ -254,6 +316,7 @@ def test_source_is_silent_from_its_last_message_on():
     for stamp, x in ((0, 10), (1, 20), (30, 11), (45, 21)):
         stamp = NOW + SECOND + stamp * millisecond
         assert monitor.receive('lidar', serialised(box(x), stamp), stamp) is None
+    end_set(monitor, stamp)
     now = NOW + 3 * SECOND + 45 * millisecond
     monitor.receive('robot', serialised(box(0), now), now)
     assert status(monitor) == 'clear'
@@ -269,13 +332,15 @@ def test_limit_of_obstacles_can_be_lowered_in_the_middle_of_a_set():
     assert monitor.receive('lidar', serialised(box(21), stamp), stamp).reason == TOO_MANY
 
 
-def test_good_obstacle_ends_the_doubt_in_the_middle_of_a_set():
+def test_whole_set_ends_the_doubt_about_a_message_of_no_set():
     """A refused message without a stamp has no place of its own, where another could end it."""
     monitor, stamp = monitor_in_a_set(replace(SETTINGS, obstacles=SETTINGS.obstacles[:1]))
     monitor.receive('robot', serialised(box(0), stamp), stamp)
     monitor.receive('lidar', serialised([(0, math.nan)], 0), stamp)
-    assert status(monitor) == 'unknown'
-    monitor.receive('lidar', serialised(box(21), stamp), stamp)
+    for later in (stamp, stamp + SECOND // 10):
+        monitor.receive('lidar', serialised(box(21), later), later)
+        assert status(monitor) == 'unknown'
+        end_set(monitor, later)
     assert status(monitor) == 'clear'
 
 
@@ -284,6 +349,7 @@ def test_body_that_is_not_convex_in_the_middle_of_a_set():
     monitor, stamp = monitor_in_a_set()
     notched = [(-2, -2), (3, -2), (3, 3), (2, 3), (2, -1), (-2, -1)]
     assert monitor.receive('lidar', serialised(notched, stamp), stamp) is None
+    end_set(monitor, stamp)
     monitor.receive('robot', serialised(box(0), stamp), stamp)
     assert status(monitor) == 'clear'
     monitor.receive('robot', serialised(box(1), stamp), stamp)
@@ -355,3 +421,26 @@ def test_long_names_of_frames_are_refused():
     rejection = monitor.receive('robot', serialised(box(0), frame_id='a' * 256), NOW)
     assert rejection.reason == 'long frame_id' and '256' in rejection.detail
     assert status(monitor) == 'unknown'
+
+
+@pytest.mark.parametrize('number, known', [(1, 'clear'), (5, 'unknown')])
+def test_first_set_counts_where_the_publisher_began_with_it(number, known):
+    """Its first message has the number 1; where others went before, they may be of this set."""
+    monitor = Monitor(replace(SETTINGS, obstacles=SETTINGS.obstacles[:1]))
+    monitor.scene.advance(NOW)
+    monitor.receive('robot', serialised(box(0)), NOW)
+    monitor.receive_batch('lidar', [(serialised(box(10)), number), (serialised([]), number + 1)],
+                          NOW)
+    assert status(monitor) == known
+    later = NOW + SECOND // 10
+    monitor.receive_batch('lidar', [(serialised(box(10), later), number + 2),
+                                    (serialised([], later), number + 3)], later)
+    assert status(monitor) == 'clear'
+
+
+def test_messages_without_numbers_are_noted():
+    """No loss shows where the middleware does not count."""
+    monitor = clear_monitor()
+    assert monitor.is_numbered
+    monitor.receive_batch('lidar', [(serialised(box(10)), None)], NOW)
+    assert not monitor.is_numbered

@@ -33,7 +33,8 @@ os.environ['NUMBA_CACHE_DIR'] = FRESH_CACHE.name
 ROOT = Path(__file__).parents[2]
 sys.path += [str(ROOT / 'benchmarks'), str(ROOT / 'test' / 'support')]
 
-import appendix  # noqa: E402, I100
+import ages  # noqa: E402, I100
+import appendix  # noqa: E402
 import claims  # noqa: E402
 import condition  # noqa: E402
 import cost  # noqa: E402
@@ -86,7 +87,8 @@ def measure(scale):
             'by_offset': lambda rng: stability.by_offset(rng, int(4000 * scale)),
             'float32': lambda rng: float32.measure(rng, int(4000 * scale)),
             'separations': lambda rng: stability.separations(rng, int(300 * scale)),
-            'cost': lambda rng: cost.measure()}.items():
+            'cost': lambda rng: cost.measure(),
+            'ages': lambda rng: ages.measure()}.items():
         print(f'{time.perf_counter() - start:6.0f} s  {name}', file=sys.stderr)
         figures[name] = measured(np.random.default_rng(SEEDS[0]))
     figures['warning'] = float32.warning()

@@ -19,6 +19,7 @@ from methods import LABELS, METHODS
 import page_cost
 import page_errors
 import page_paper
+import page_time
 from words import (
     compared, counted, duration, listed, none_wrong, power, ratio, share, spread, table, wrapped)
 
@@ -29,7 +30,8 @@ RATED = 16
 def text(figures):
     """Return the page in Markdown."""
     sections = [_first(figures), _theorem(), page_errors.condition(figures),
-                page_errors.growth(figures), page_cost.cost(figures), page_cost.left_out(figures),
+                page_errors.growth(figures), page_time.time(figures), page_cost.cost(figures),
+                page_cost.left_out(figures),
                 page_paper.claims(figures), _methods(figures), _measured(figures)]
     return wrapped('\n\n'.join(sections)) + '\n'
 

@@ -81,8 +81,8 @@ def _rotation(rows):
     bulge = max(row['bulge'] for row in rows)
     return (f'**Rotation between frames**: from one recorded frame to the next the footprint '
             f'turns by up to {math.degrees(turn):.0f}°, so its vertices leave the straight lines '
-            f'between their places by up to {metres(bulge)}. A decision is about the places '
-            f'received; what lies between two messages is not guessed.')
+            f'between their places by up to {metres(bulge)}. The node decides '
+            f'about the places received; replay takes the straight lines.')
 
 
 def _among(rows):

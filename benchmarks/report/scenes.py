@@ -49,19 +49,26 @@ def scenes():
 
 def recorded(path):
     """Return the frames of a recording, footprint and obstacles of equal stamps, with z."""
+    return [frame[1:] for frame in stamped(path)]
+
+
+def stamped(path):
+    """Return (stamp in s since the first, footprint, obstacles) of each frame of a recording."""
     footprints, obstacles = {}, {}
     with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
         for connection, _, data in reader.messages():
             if connection.topic in ('/footprint', '/obstacles'):
                 message = reader.deserialize(data, connection.msgtype)
-                stamp = message.header.stamp.sec, message.header.stamp.nanosec
+                stamp = 10**9 * message.header.stamp.sec + message.header.stamp.nanosec
                 points = np.array([(point.x, point.y, point.z)
                                    for point in message.polygon.points])
                 if connection.topic == '/footprint':
                     footprints[stamp] = points
                 else:
                     obstacles.setdefault(stamp, []).append(points)
-    return [(footprints[stamp], obstacles.get(stamp, [])) for stamp in sorted(footprints)]
+    first = min(footprints)
+    return [((stamp - first) / 1e9, footprints[stamp], obstacles.get(stamp, []))
+            for stamp in sorted(footprints)]
 
 
 def docking(angle):

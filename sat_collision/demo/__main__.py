@@ -162,7 +162,10 @@ def _watch(viewer: _Viewer) -> bool:
             return False
         publisher = subprocess.Popen([sys.executable, '-m', 'sat_collision.demo', '--publish'])
         return (_spin(viewer, lambda: publisher.poll() is not None, 2 * warehouse.DURATION)
-                and publisher.returncode == 0 and monitor.poll() is None)
+                and publisher.returncode == 0
+                and _spin(viewer, lambda: all(flags[-1] for flags in viewer.flags.values()),
+                          2 * _TIMEOUT)
+                and monitor.poll() is None)
     finally:
         for process in filter(None, (publisher, monitor)):
             process.terminate()
@@ -171,10 +174,11 @@ def _watch(viewer: _Viewer) -> bool:
 
 def _verdict(viewer: _Viewer) -> bool:
     """Print and return whether what was received is what the scene causes."""
-    # Nothing is known at first, then clear, and a rise and a fall for each contact.
+    # Nothing is known at first, then clear, and a rise and a fall for each contact; nothing is
+    # known again once the publisher has ended.
     right = True
     for name, contacts in warehouse.CONTACTS.items():
-        flags = [True, False] + [True, False] * len(contacts)
+        flags = [True, False] + [True, False] * len(contacts) + [True]
         touched = [f'{source}/{number}' for source, number in contacts]
         right &= viewer.flags[name] == flags and viewer.touched[name] == touched
         _print(f'{name:8} touched {", ".join(viewer.touched[name]) or "nothing"}, '

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.intersection import bodies_meet, meet_near
 from sat_collision.geometry.jit import (
-    borrowed, inlined, kernel, prefetch, scratch, scratch_integers, unchecked_view)
+    borrowed, inlined, inner, kernel, prefetch, scratch, scratch_integers, unchecked_view)
 from sat_collision.geometry.layout import (
     HEADER, near_support, Packed, SCAN_LIMIT, table_place, table_sector)
 from sat_collision.geometry.rows import body_of, Rows, rows_of
@@ -112,7 +112,7 @@ def _unchecked(pairs):
                  unchecked_view(pairs.pending))
 
 
-@kernel
+@inner
 def _begin(pairs, start, end, used):
     """Decide pairs with few vertices, begin with the others; list and count those still open."""
     rows, others, verdicts, searches, places, pending = _unchecked(pairs)
@@ -146,7 +146,7 @@ def _begin(pairs, start, end, used):
     return count
 
 
-@kernel
+@inner
 def _go_on(pairs, start, count):
     """Search on as `find_separating_axis` does, all pending pairs one axis further a round."""
     rows, others, verdicts, searches, places, pending = _unchecked(pairs)

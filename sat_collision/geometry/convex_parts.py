@@ -22,7 +22,7 @@ decision is the exact sign of an orientation; see docs/exactness.md, lemma 13.
 
 import numpy as np
 
-from sat_collision.geometry.jit import kernel
+from sat_collision.geometry.jit import inner, kernel
 from sat_collision.geometry.predicates import orient
 
 
@@ -71,13 +71,13 @@ def convex_parts(vertices):
     return corners[:used], ends[:parts]
 
 
-@kernel
+@inner
 def _turn(vertices, i, j, k):
     return orient(vertices[2 * i], vertices[2 * i + 1], vertices[2 * j], vertices[2 * j + 1],
                   vertices[2 * k], vertices[2 * k + 1])
 
 
-@kernel
+@inner
 def _triangulate(vertices):
     """
     Clip ears until nothing is left.
@@ -148,7 +148,7 @@ def _triangulate(vertices):
     return corner_vertex[:corners], following[:corners], previous[:corners], diagonals[:cuts]
 
 
-@kernel
+@inner
 def _vertex_inside(vertices, after, i, j, k):
     """Return a vertex of the remaining ring in the closed triangle i, j, k, _UNKNOWN if none."""
     ax = vertices[2 * i]
@@ -173,7 +173,7 @@ def _vertex_inside(vertices, after, i, j, k):
     return _UNKNOWN
 
 
-@kernel
+@inner
 def _merge(vertices, corner_vertex, following, previous, diagonals):
     """Join the parts on both sides of each diagonal whose removal leaves both ends convex."""
     for d in range(len(diagonals)):

@@ -33,7 +33,7 @@ import math
 from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.edges import height, to_segment
 from sat_collision.geometry.intersection import convex_meet, interiors_apart
-from sat_collision.geometry.jit import kernel
+from sat_collision.geometry.jit import inner, kernel
 from sat_collision.geometry.layout import body_size, convex_part, first_vertex, Packed
 from sat_collision.geometry.part_boxes import (
     ALLOWANCE, may_be_less, nearest_boxes, open_pairs, overlap)
@@ -64,7 +64,7 @@ def measure(p, q):
     return value, ax, ay, bx, by
 
 
-@kernel
+@inner
 def _goes_first(p, q):
     """Tell whether the numbers of P come before those of Q in lexicographic order."""
     size = body_size(p)
@@ -77,7 +77,7 @@ def _goes_first(p, q):
     return size < other_size
 
 
-@kernel
+@inner
 def _measure_parts(p, q):
     """Measure the pairs of parts of which it is open whether they are nearest, or deepest."""
     if p.n > 0 and q.n > 0:
@@ -106,7 +106,7 @@ def _measure_parts(p, q):
     return least, found[0], found[1], found[2], found[3]
 
 
-@kernel
+@inner
 def _measure_pair(a, b):
     """Return whether two convex polygons meet, their separation and what realises it."""
     meet = convex_meet(a, b)
@@ -117,7 +117,7 @@ def _measure_pair(a, b):
     return meet, value, points
 
 
-@kernel
+@inner
 def _is_shallow(p, q, depth):
     """Tell whether Q reaches less deep than that beyond some edge of P, be it for rounding."""
     v = p.array
@@ -151,7 +151,7 @@ def _reach(p, q):
                max(max(-b[j + 2], b[j + 4]), max(-b[j + 3], b[j + 5])))
 
 
-@kernel
+@inner
 def _furthest(p, ux, uy):
     """Return where the vertex of P furthest along u stands, but for what rounding hides."""
     v = p.array
@@ -177,7 +177,7 @@ def _furthest(p, ux, uy):
     return i
 
 
-@kernel
+@inner
 def _distance(p, q):
     """
     Return distance and closest points of two convex polygons without a common point.
@@ -215,7 +215,7 @@ def _distance(p, q):
     return _of_all_edges(p, q)
 
 
-@kernel
+@inner
 def _near_segment(p, q, pa, qa, pb, qb):
     """Return `nearest_of_segment` of the one from q[qa] - p[pa] to q[qb] - p[pb]."""
     return nearest_of_segment(q[qa] - p[pa], q[qa + 1] - p[pa + 1],
@@ -240,7 +240,7 @@ def _of_all_edges(p, q):
     return best, points
 
 
-@kernel
+@inner
 def _of_edges(p, q, a, b, c, d):
     """Return distance and closest points of the segments from a to b of P and from c to d of Q."""
     v = p.array
@@ -257,7 +257,7 @@ def _of_edges(p, q, a, b, c, d):
     return max(best[0], _LEAST), best[1:]
 
 
-@kernel
+@inner
 def _penetration(p, q):
     """Return minus the depth, or 0 if they only touch, and the points that realise it."""
     depth, x, y, ux, uy = _least_reach(p, q)
@@ -273,7 +273,7 @@ def _penetration(p, q):
     return -depth, (x + depth * ux, y + depth * uy, x, y)
 
 
-@kernel
+@inner
 def _least_reach(p, q):
     """
     Return how far Q reaches beyond the edge of P behind which it reaches least.

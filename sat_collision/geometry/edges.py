@@ -14,7 +14,7 @@
 
 """How far points are from edges, given by where their ends stand in an array of vertices."""
 
-from sat_collision.geometry.jit import kernel
+from sat_collision.geometry.jit import inner, kernel
 from sat_collision.geometry.plane import length, scale_to_one, unit
 from sat_collision.geometry.predicates import difference_error, product_error
 
@@ -58,7 +58,7 @@ def height(v, a, b, x, y):
     return (turn + error) / length(ex, ey) / scale
 
 
-@kernel
+@inner
 def _difference(a, b):
     """Return a - b rounded, and what is lost by it."""
     difference = a - b

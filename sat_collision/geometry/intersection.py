@@ -17,7 +17,7 @@
 from typing import Any, NamedTuple
 
 from sat_collision.geometry.arithmetic import require_nearest
-from sat_collision.geometry.jit import inlined, kernel, unchecked_view
+from sat_collision.geometry.jit import inlined, inner, kernel, unchecked_view
 from sat_collision.geometry.layout import convex_part, first_vertex, Packed
 from sat_collision.geometry.predicates import orient, segments_meet
 from sat_collision.geometry.separating_axis import (
@@ -129,7 +129,7 @@ def _ring(p):
     return Ring(unchecked_view(p.array), first_vertex(p), p.n)
 
 
-@kernel
+@inner
 def _edges_meet(p, i, q, j):
     """Tell whether the edge of P that leaves vertex i shares a point with that of Q and j."""
     a = p.first + 2 * i
@@ -140,7 +140,7 @@ def _edges_meet(p, i, q, j):
                          q.array[c], q.array[c + 1], q.array[d], q.array[d + 1])
 
 
-@kernel
+@inner
 def _some_edge_separates(p, q, i, j, inner):
     """Tell exactly whether all of Q is on the right of an edge of P: its turns less than inner."""
     if p.n < 2:

@@ -66,13 +66,22 @@ def kernel(function: Callable[..., Any]) -> Any:
     return _compiled(function) if COMPILED else function
 
 
+def inner(function: Callable[..., Any]) -> Any:
+    """
+    Compile like `kernel`, for other kernels to call, in less time.
+
+    Python must not call it: there is no wrapper for that.
+    """
+    return _compiled(function, no_cpython_wrapper=True) if COMPILED else function
+
+
 def inlined(function: Callable[..., Any]) -> Any:
     """Compile like `kernel`, and always inline: for the steps of a hot loop."""
     return _compiled(function, forceinline=True) if COMPILED else function
 
 
 def _compiled(function: Callable[..., Any], **options: Any) -> Any:
-    compiled = numba.njit(error_model='numpy', **options)(function)
+    compiled = numba.njit(error_model='numpy', no_cfunc_wrapper=True, **options)(function)
     keep_compiled(compiled)
     # For numba a literal 0 and an integer are two types, and it would compile for either.
     template = compiled.get_call_template

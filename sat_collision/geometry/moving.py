@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from sat_collision.geometry.convex_parts import convex_parts
-from sat_collision.geometry.jit import indexable, kernel
+from sat_collision.geometry.jit import indexable, inner, kernel
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.predicates import orient
 
@@ -156,25 +156,30 @@ def on_boundary(vertices, part, points):
 
 
 @kernel
-def stays_apart(a, b):
+def stays_apart(a, b, apart):
     """Tell the same as `boxes_stay_apart` of moving bodies, given by their arrays."""
-    return boxes_stay_apart(Part(a, 0, len(a)), Part(b, 0, len(b)))
+    return boxes_stay_apart(Part(a, 0, len(a)), Part(b, 0, len(b)), apart)
 
 
 @kernel
-def boxes_stay_apart(p, q):
-    """Tell whether a level line, or an upright one, is between two parts all the way; exact."""
-    return _is_below(p, q, 0) or _is_below(q, p, 0) or _is_below(p, q, 1) or _is_below(q, p, 1)
+def boxes_stay_apart(p, q, apart):
+    """
+    Tell whether a level strip, or an upright one, is between two parts all the way.
+
+    It is wider than `apart`; exact if that is 0, where it is a line.
+    """
+    return (_is_below(p, q, 0, apart) or _is_below(q, p, 0, apart)
+            or _is_below(p, q, 1, apart) or _is_below(q, p, 1, apart))
 
 
-@kernel
-def _is_below(p, q, axis):
-    """Tell whether all of P is below all of Q along x or y, 0 or 1, at both ends of time."""
+@inner
+def _is_below(p, q, axis, apart):
+    """Tell whether P is below Q by more than a length along x or y, 0 or 1, at both ends."""
     for k in (axis, axis + 2):
         most = -math.inf
         for i in range(p.first + k, p.end, STRIDE):
             most = max(most, p.array[i])
         for j in range(q.first + k, q.end, STRIDE):
-            if not q.array[j] > most:
+            if not q.array[j] - most > apart:
                 return False
     return True

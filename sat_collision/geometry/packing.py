@@ -15,7 +15,7 @@
 """Make packed polygons, see `layout`, of received points."""
 
 from sat_collision.geometry.arithmetic import require_nearest
-from sat_collision.geometry.jit import float32_values, kernel, scratch
+from sat_collision.geometry.jit import float32_values, inner, kernel, scratch
 from sat_collision.geometry.layout import ENTRY_BITS, entry_step, FINGERPRINT, HEADER, table_size
 from sat_collision.geometry.plane import centroid, length
 from sat_collision.geometry.predicates import orient
@@ -109,13 +109,13 @@ def pack_convex(data, start, received, packed, most):
     return count if verdict == CONVEX else 0
 
 
-@kernel
+@inner
 def _fingerprint(packed):
     return (packed[0] + 3.0 * packed[1] + 0.7 * packed[2] + 1.9 * packed[3] + 5.3 * packed[4]
             + 11.0 * packed[5] + 0.4 * packed[6])
 
 
-@kernel
+@inner
 def _write_bounds(ring, count, packed):
     min_x = max_x = ring[0]
     min_y = max_y = ring[1]
@@ -130,7 +130,7 @@ def _write_bounds(ring, count, packed):
     packed[5] = max_y
 
 
-@kernel
+@inner
 def _write_inner_disc(ring, count, packed):
     """
     Write the centroid (paper section 2.2) where it is proved to lie in the polygon.
@@ -162,7 +162,7 @@ def _write_inner_disc(ring, count, packed):
         packed[6] = radius
 
 
-@kernel
+@inner
 def _write_table(ring, count, packed):
     """March around the boundary once while the direction turns once, sector by sector."""
     size = table_size(count)

@@ -22,13 +22,13 @@ what is in them. A little more is allowed for, as separations are rounded.
 import math
 
 import numpy as np
-from sat_collision.geometry.jit import COMPILED, kernel
+from sat_collision.geometry.jit import COMPILED, inner
 from sat_collision.geometry.layout import convex_part, HEADER
 
 ALLOWANCE = 1.0 + 1e-9
 
 
-@kernel
+@inner
 def overlap(p, q):
     """Return how far to move P along x or y until its box leaves that of Q, < 0 if it has."""
     a = p.array
@@ -39,7 +39,7 @@ def overlap(p, q):
                min(a[i + 5] - b[j + 3], b[j + 5] - a[i + 3]))
 
 
-@kernel
+@inner
 def may_be_less(gap, least, meeting):
     """Tell whether a separation may be less than the one found, given the `overlap` of boxes."""
     if meeting:
@@ -48,7 +48,7 @@ def may_be_less(gap, least, meeting):
 
 
 if COMPILED:
-    @kernel
+    @inner
     def nearest_boxes(p, q):
         """Return the first pair of parts whose boxes overlap most, or are nearest, as below."""
         best = -math.inf
@@ -64,7 +64,7 @@ if COMPILED:
                         pair = i * parts + j
         return pair
 
-    @kernel
+    @inner
     def open_pairs(p, q, least, meeting):
         """
         Return the pairs of parts that may be nearer or deeper than what is found: an array.

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -141,6 +141,10 @@ class PolygonSet:
         """Take the body of a row out; the row number may be given to a later body."""
         self._rows.n[row] = 0
         self._free.append(row)
+
+    def hide(self, rows: Sequence[int]) -> None:
+        """Empty rows, each of which stays in use until it is filled anew or removed."""
+        self._rows.n[rows] = 0
 
     def is_same(self, row: int, body: PackedBody) -> bool:
         """Tell whether the body of a row is this one, in the very same vertices."""

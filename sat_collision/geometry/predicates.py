@@ -36,7 +36,7 @@ import math
 import numpy as np
 
 from sat_collision.geometry.arithmetic import require_nearest
-from sat_collision.geometry.jit import kernel
+from sat_collision.geometry.jit import inner, kernel
 
 # Shewchuk's ccwerrboundA, (3 + 16 u) u with u = 2^-53; the absolute term covers products that
 # underflow. See docs/exactness.md, lemma 1.
@@ -94,7 +94,7 @@ def orient(ax, ay, bx, by, cx, cy):
     return _orient_adaptive(ax, ay, bx, by, cx, cy)
 
 
-@kernel
+@inner
 def _orient_adaptive(ax, ay, bx, by, cx, cy):
     acx = ax - cx
     bcx = bx - cx
@@ -136,7 +136,7 @@ def product_error(a, b, product):
     return a_low * b_low - (((product - a_high * b_high) - a_low * b_high) - a_high * b_low)
 
 
-@kernel
+@inner
 def _orient_exact(ax, ay, bx, by, cx, cy):
     total = np.zeros(_LIMBS, np.int64)
     _accumulate(total, ax, by, 1)
@@ -157,7 +157,7 @@ def _orient_exact(ax, ay, bx, by, cx, cy):
     return 1 if nonzero else 0
 
 
-@kernel
+@inner
 def _accumulate(total, x, y, sign):
     """Add sign * x * y to the fixed-point number whose 24-bit limbs, lowest first, are total."""
     if x == 0.0 or y == 0.0:
@@ -177,7 +177,7 @@ def _accumulate(total, x, y, sign):
     total[start + 6] += sign * (x3 * y3)
 
 
-@kernel
+@inner
 def _limbs(x):
     """Return the four 24-bit limbs of x > 0, lowest first, and the index of the lowest."""
     fraction, exponent = math.frexp(x)

@@ -18,7 +18,7 @@ From a ring of received points to a clean counter-clockwise one, or to what is w
 All decisions here are exact: they compare coordinates or take the sign of `predicates.orient`.
 """
 
-from sat_collision.geometry.jit import kernel, scratch, scratch_integers
+from sat_collision.geometry.jit import inner, kernel, scratch, scratch_integers
 from sat_collision.geometry.predicates import orient, segments_meet
 
 CONVEX = 0
@@ -73,7 +73,7 @@ def clean(points, ring, most, most_notched):
     return verdict, count, i, j
 
 
-@kernel
+@inner
 def _classify(points, ring):
     """
     Write the clean ring; return verdict, vertex count, clockwise and place.
@@ -131,7 +131,7 @@ def _classify(points, ring):
     return (CONVEX if convex else NON_CONVEX), kept, turn_at_least < 0, -1
 
 
-@kernel
+@inner
 def _drop_repeated(points):
     """
     Return the points without consecutive repetitions.
@@ -159,7 +159,7 @@ def _drop_repeated(points):
     return walk, count, least
 
 
-@kernel
+@inner
 def _span(walk, count, ring):
     """Write the two ends of collinear points into the ring."""
     low = 0
@@ -176,7 +176,7 @@ def _span(walk, count, ring):
         ring[2 + k] = walk[2 * high + k]
 
 
-@kernel
+@inner
 def _first_crossing(ring, count):
     """
     Return two edges of the ring that share a point they should not, or (-1, -1).
@@ -214,7 +214,7 @@ def _first_crossing(ring, count):
     return -1, -1
 
 
-@kernel
+@inner
 def _sorted(keys, count):
     """Return the numbers from 0 to count in order of their keys, sorted as D. L. Shell does."""
     order = scratch_integers(count)
@@ -234,7 +234,7 @@ def _sorted(keys, count):
     return order
 
 
-@kernel
+@inner
 def _reverse(ring, count):
     """Reverse the order of the vertices, keeping the first one first."""
     i = 1

@@ -31,7 +31,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sat_collision.geometry.jit import kernel
+from sat_collision.geometry.jit import inner, kernel
 from sat_collision.geometry.plane import centroid
 from sat_collision.geometry.query import intersects
 
@@ -196,7 +196,7 @@ def separates(p, q, x, y):
     return high_p < low_q or high_q < low_p
 
 
-@kernel
+@inner
 def _project(polygon, x, y):
     low = high = polygon[0, 0] * x + polygon[0, 1] * y
     for i in range(1, len(polygon)):
@@ -206,7 +206,7 @@ def _project(polygon, x, y):
     return low, high
 
 
-@kernel
+@inner
 def _furthest(polygon, x, y):
     best, most = 0, polygon[0, 0] * x + polygon[0, 1] * y
     for i in range(1, len(polygon)):

@@ -24,7 +24,7 @@ import numpy as np
 from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.distance import measure
 from sat_collision.geometry.intersection import bodies_meet, filtered_verdict
-from sat_collision.geometry.jit import borrowed, COMPILED, kernel
+from sat_collision.geometry.jit import borrowed, COMPILED, inner, kernel
 from sat_collision.geometry.layout import body_size, Packed
 from sat_collision.geometry.plane import length
 from sat_collision.geometry.rows import body_of, rows_of
@@ -117,7 +117,7 @@ def intersecting_rows(set_array, body, count):
     return hits
 
 
-@kernel
+@inner
 def _candidates(rows, body, count):
     """Write the rows that meet a body, and -1 - row where that has to be decided exactly."""
     body = borrowed(body)
@@ -134,7 +134,7 @@ def _candidates(rows, body, count):
 
 
 if COMPILED:
-    @kernel
+    @inner
     def _near_rows(rows, body):
         """Write the rows whose bounds overlap a body's into found, ascending; return how many."""
         found = rows.found
@@ -213,7 +213,7 @@ def nearest_row(set_array, body, count, skipped):
     return best, found[0], found[1], found[2], found[3], found[4]
 
 
-@kernel
+@inner
 def _contains(numbers, number):
     for k in range(len(numbers)):
         if numbers[k] == number:
@@ -221,7 +221,7 @@ def _contains(numbers, number):
     return False
 
 
-@kernel
+@inner
 def _box_gap(rows, row, body):
     """Return the distance between the bounding boxes of a row and a body."""
     return length(max(max(rows.min_x[row] - body[4], body[2] - rows.max_x[row]), 0.0),

@@ -32,8 +32,9 @@ from __future__ import annotations
 import math
 
 from numpy.typing import ArrayLike
+from sat_collision.geometry.distance import measure_arrays
 from sat_collision.geometry.intersection import arrays_meet
-from sat_collision.geometry.jit import inlined, kernel, scratch
+from sat_collision.geometry.jit import inlined, inner, kernel, scratch
 from sat_collision.geometry.moving import boxes_stay_apart, moving_body, Part, stays_apart, STRIDE
 from sat_collision.geometry.plane import nearest_of_segment
 from sat_collision.geometry.polygon import coordinates, Polygon
@@ -51,7 +52,7 @@ _LEAST = 5e-324
 
 
 def time_of_contact(a0: ArrayLike, a1: ArrayLike, b0: ArrayLike, b1: ArrayLike,
-                    tolerance: float = 1e-6) -> float | None:
+                    tolerance: float = 1e-6, margin: float = 0.0) -> float | None:
     """
     Return the first time at which two moving bodies share a point.
 
@@ -68,6 +69,8 @@ def time_of_contact(a0: ArrayLike, a1: ArrayLike, b0: ArrayLike, b1: ArrayLike,
         Vertices of the other, in the same frame.
     tolerance : float, optional
         Bodies that come nearer than this count as in contact, metres.
+    margin : float, optional
+        Bodies no further apart than this are sought, instead of those in contact; metres.
 
     Returns
     -------
@@ -82,33 +85,38 @@ def time_of_contact(a0: ArrayLike, a1: ArrayLike, b0: ArrayLike, b1: ArrayLike,
     PolygonError
         Vertices that do not make a polygon at time 0 or at time 1.
     ValueError
-        A body with different numbers of vertices; a tolerance that is not positive and finite.
+        A body with different numbers of vertices; a tolerance that is not positive and finite; a
+        margin that is negative or not finite.
 
     """
     if not 0.0 < tolerance < math.inf:
         raise ValueError(f'tolerance {tolerance}, but it has to be positive and finite')
+    if not 0.0 <= margin < math.inf:
+        raise ValueError(f'margin {margin}, but it has to be 0 or more, and finite')
     p0, p1, q0, q1 = (coordinates(pose) for pose in (a0, a1, b0, b1))
     a_start, a_end, b_start, b_end = (Polygon(pose) for pose in (p0, p1, q0, q1))
     a, a_ends = moving_body(p0, p1, a_start, a_end)
     b, b_ends = moving_body(q0, q1, b_start, b_end)
-    if stays_apart(a, b):
+    if stays_apart(a, b, margin):
         return None
-    if arrays_meet(*a_start.packed, *b_start.packed):
+    if arrays_meet(*a_start.packed, *b_start.packed) or (
+            margin > 0.0 and measure_arrays(*a_start.packed, *b_start.packed)[0] <= margin):
         return 0.0
-    time = float(first_contact(a, a_ends, b, b_ends, tolerance))
+    time = float(first_contact(a, a_ends, b, b_ends, tolerance, margin))
     return None if time == math.inf else time
 
 
 @kernel
-def first_contact(a, a_ends, b, b_ends, tolerance):
+def first_contact(a, a_ends, b, b_ends, tolerance, apart):
     """
-    Return when two moving bodies that are apart at time 0 come within a tolerance.
+    Return when two moving bodies that are further apart at time 0 come within a distance.
 
     Parameters
     ----------
     a, a_ends, b, b_ends
         As `moving.MovingBody` has them.
-    tolerance : float
+    tolerance, apart : float
+        The distance, `apart`, may be exceeded by the tolerance.
 
     Returns
     -------
@@ -131,12 +139,12 @@ def first_contact(a, a_ends, b, b_ends, tolerance):
         for j in range(len(b_ends)):
             q = Part(b, other_first, b_ends[j])
             other_first = q.end
-            if not boxes_stay_apart(p, q):
-                time = min(time, _first_contact_of_parts(p, q, tolerance, time))
+            if not boxes_stay_apart(p, q, apart):
+                time = min(time, _first_contact_of_parts(p, q, tolerance, apart, time))
     return time
 
 
-@kernel
+@inner
 def _stands(array):
     for k in range(0, len(array), STRIDE):
         if array[k] != array[k + 2] or array[k + 1] != array[k + 3]:
@@ -144,7 +152,7 @@ def _stands(array):
     return True
 
 
-@kernel
+@inner
 def _least_coordinate(array, k):
     """Return the least of the numbers that stand at k for each vertex."""
     least = array[k]
@@ -153,7 +161,7 @@ def _least_coordinate(array, k):
     return least
 
 
-@kernel
+@inner
 def _relative_to(x, y, array):
     moved = scratch(len(array))
     for k in range(0, len(array), 2):
@@ -162,21 +170,21 @@ def _relative_to(x, y, array):
     return moved
 
 
-@kernel
-def _first_contact_of_parts(p, q, tolerance, before):
+@inner
+def _first_contact_of_parts(p, q, tolerance, apart, before):
     """Return what `first_contact` does of two parts; infinity also if it is not before a time."""
     reach = max(_reach(p), _reach(q))
-    margin = _MARGIN * reach + UNDERFLOW_BOUND
-    near = max(tolerance / 2.0, 8.0 * margin)
+    margin = _MARGIN * (reach + apart) + UNDERFLOW_BOUND
+    near = apart + max(tolerance / 2.0, 8.0 * margin)
     clear = 0.0
     touching = 0.0
     while clear < before:
         distance, ux, uy = _separation(p, q, clear, margin)
         if distance <= near and clear > 0.0:
             # The time at which the gap closes, if they are still within the tolerance then.
-            return min(touching, clear + near / (_FASTEST * reach))
+            return min(touching, clear + (near - apart) / (_FASTEST * reach))
         last = clear
-        clear, touching = _separated_until(p, q, clear, ux, uy, margin)
+        clear, touching = _separated_until(p, q, clear, ux, uy, margin, apart)
         if clear == 1.0:
             return math.inf
         if not clear > last:
@@ -184,7 +192,7 @@ def _first_contact_of_parts(p, q, tolerance, before):
     return math.inf
 
 
-@kernel
+@inner
 def _reach(p):
     reach = 0.0
     for k in range(p.first, p.end):
@@ -192,7 +200,7 @@ def _reach(p):
     return reach
 
 
-@kernel
+@inner
 def _separation(p, q, time, enough):
     """
     Return how far two parts are apart at a time and, if they are, the unit axis that shows it.
@@ -220,10 +228,10 @@ def _separation(p, q, time, enough):
             ay = wy
 
 
-@kernel
-def _separated_until(p, q, clear, ux, uy, margin):
+@inner
+def _separated_until(p, q, clear, ux, uy, margin, apart):
     """
-    Return until when an axis proves two parts apart, from a time on at which they are.
+    Return until when an axis proves two parts apart by more than a distance, from when they are.
 
     Returned with it is when the gap closes but for rounding. The gap is the least of those of
     pairs of vertices, which are linear in time. From time 1 on, the time at which the pair with
@@ -231,15 +239,16 @@ def _separated_until(p, q, clear, ux, uy, margin):
     concave it falls until it is that of all. If the axis proves nothing the time stays.
     """
     touching = clear
-    if not _gap(p, q, ux, uy, clear)[0] > 3.0 * margin:
+    if not _gap(p, q, ux, uy, clear)[0] - apart > 3.0 * margin:
         return clear, touching
     time = 1.0
     while True:
         late, i, j = _gap(p, q, ux, uy, time)
+        late -= apart
         if late > margin:
             return time, touching
         wx, wy = _between(p, i, q, j, clear)
-        early = wx * ux + wy * uy
+        early = wx * ux + wy * uy - apart
         touching = min(clear + (time - clear) * (early / (early - late)), 1.0)
         sooner = clear + (time - clear) * ((early - 2.0 * margin) / (early - late))
         if not sooner < time:
@@ -247,7 +256,7 @@ def _separated_until(p, q, clear, ux, uy, margin):
         time = sooner
 
 
-@kernel
+@inner
 def _gap(p, q, ux, uy, time):
     """Return the gap between two parts along an axis, and the vertices at its ends."""
     i = _support(p, ux, uy, time)
@@ -256,7 +265,7 @@ def _gap(p, q, ux, uy, time):
     return wx * ux + wy * uy, i, j
 
 
-@kernel
+@inner
 def _support(p, ux, uy, time):
     """Return where the vertex of a part stands that is furthest along an axis at a time."""
     v = p.array

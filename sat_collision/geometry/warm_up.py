@@ -16,9 +16,9 @@ Kernels compiled, or loaded, before they are needed, so that no message has to w
 
 Compiling takes seconds where nothing is kept from an earlier process, see `kernel_cache`. Two
 processes may share the work, as what one has compiled the other finds on disk: while one prepares
-contacts, ``python -m sat_collision.geometry.warm_up`` prepares packing, says so, and goes on with
-convex parts, until it is done or its standard input ends, which the other one holds; with
-``--all`` it prepares everything.
+contacts and what is nearest, ``python -m sat_collision.geometry.warm_up`` prepares packing, says
+so, and goes on with convex parts and margins, until it is done or its standard input ends, which
+the other one holds; with ``--all`` it prepares everything.
 """
 
 import os
@@ -64,22 +64,31 @@ def prepare_contacts() -> None:
 
 
 def prepare_parts() -> None:
-    """Have ready what cuts bodies into convex parts, and decides bodies and pairs of them."""
-    body = Polygon(_NOTCHED)
-    bodies = PolygonSet([body])
-    bodies.intersecting_rows(body)
-    intersects(body, body)
-    intersects_pairs(bodies, bodies)
-    body.centroid
+    """Have ready what cuts bodies into convex parts, and finds their centroids."""
+    Polygon(_NOTCHED).centroid
 
 
-def prepare_distances() -> None:
-    """Have ready what finds separations, and what is nearest or within a margin."""
+def prepare_nearest() -> None:
+    """Have ready what finds the body of a set that is nearest to a body."""
+    body = Polygon(_TRIANGLE)
+    PolygonSet([body]).nearest(body)
+
+
+def prepare_margins() -> None:
+    """Have ready what finds the bodies of a set within a margin of a body."""
     body = Polygon(_TRIANGLE)
     bodies = PolygonSet([body])
     bodies.place(0, Polygon(2 * _TRIANGLE).packed, PolygonSet(), 1.0)
     bodies.rows_within(body, 1.0)
-    bodies.nearest(body)
+    bodies.rows_within(body, 0.0)
+
+
+def prepare_pairs() -> None:
+    """Have ready what only the functions on two bodies, or two sets, need."""
+    body = Polygon(_TRIANGLE)
+    bodies = PolygonSet([body])
+    intersects(body, body)
+    intersects_pairs(bodies, bodies)
     closest_points(body, body)
 
 
@@ -95,6 +104,8 @@ if __name__ == '__main__':
     prepare_packing()
     print('packing', flush=True)
     prepare_parts()
+    prepare_margins()
     if '--all' in sys.argv:
         prepare_contacts()
-        prepare_distances()
+        prepare_nearest()
+        prepare_pairs()

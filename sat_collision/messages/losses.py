@@ -16,8 +16,6 @@
 
 from __future__ import annotations
 
-_MOST_PUBLISHERS = 16
-
 
 class Losses:
     """
@@ -25,23 +23,29 @@ class Losses:
 
     Each publisher counts its own messages, and a message does not say whose it is: it is taken
     for the next one of the publisher whose last number lies nearest below its own. One below all
-    is the first of a publisher, be it a new one or one that has begun again.
+    is the first that is heard of a publisher, be it a new one or one that has begun again.
+
+    Attributes
+    ----------
+    most : int
+        How many publishers there are.
+
     """
 
     def __init__(self) -> None:
+        self.most = 1
         self._last: list[int] = []
 
-    def missing(self, number: int) -> int:
-        """Return how many messages are missing before the one with this number."""
+    def missing(self, number: int) -> int | None:
+        """Return how many are missing before a message, None if its publisher is a new one."""
         last = self._last
-        if last and last[-1] == number - 1:
-            last[-1] = number
+        if last and last[0] == number - 1:
+            last[0] = number
             return 0
         before = max((other for other in last if other < number), default=None)
         if before is not None:
             last.remove(before)
-        elif len(last) == _MOST_PUBLISHERS:
-            del last[0]
-        # The publisher heard last stands at the end.
-        last.append(number)
-        return 0 if before is None else number - before - 1
+        # The publisher heard last stands first.
+        last.insert(0, number)
+        del last[self.most:]
+        return None if before is None else number - before - 1

@@ -138,7 +138,9 @@ class Outputs:
             step = coordinate_step(polygons.get(name))
             if name in self._unwritten or not self._states.is_current(name, step):
                 self._states.write(name, state, step)
-            self._states.write_moving(name, state.age, self._scene.nearest(name))
+            nearest = self._scene.nearest(name)
+            named = {*state.contacts, *((nearest[0],) if nearest else ())}
+            self._states.write_moving(name, state.age, nearest, self._scene.newer_by(name, named))
         self._unwritten.clear()
         self._state_publisher.publish(self._states.message(self._clock.now().to_msg()))
 

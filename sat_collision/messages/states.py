@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,8 @@ _LEVELS = {
     Status.UNKNOWN: DiagnosticStatus.STALE,
 }
 _NAMED_IN_MESSAGE = 3
-_MOVING = ('age', 'least separation', 'nearest obstacle')
+_MOVING = ('age', 'least separation', 'nearest obstacle', 'nearest obstacle is newer by',
+           'contacts are newer by')
 
 
 def in_words(state: State, margin: float = 0.0) -> str:
@@ -70,6 +72,7 @@ class States:
                                              hardware_id=footprint.topic)
             for footprint in settings.footprints}
         self._moving = {name: [KeyValue(key=key) for key in _MOVING] for name in self._statuses}
+        self._contacts: dict[str, tuple[ObstacleId, ...]] = dict.fromkeys(self._statuses, ())
         self._coarse: dict[str, bool | None] = dict.fromkeys(self._statuses)
         self._message = DiagnosticArray(status=list(self._statuses.values()))
 
@@ -87,6 +90,7 @@ class States:
         """
         coarse = step > self.settings.resolution
         self._coarse[name] = coarse
+        self._contacts[name] = state.contacts
         status = self._statuses[name]
         status.level = _LEVELS[state.status]
         status.message = in_words(state, self.settings.margin)
@@ -107,7 +111,8 @@ class States:
         return self._coarse[name] == (step > self.settings.resolution)
 
     def write_moving(self, name: str, age: float | None,
-                     nearest: tuple[ObstacleId, float, Point, Point] | None) -> None:
+                     nearest: tuple[ObstacleId, float, Point, Point] | None,
+                     newer: Mapping[ObstacleId, float]) -> None:
         """
         Write down what changes all the time.
 
@@ -118,12 +123,20 @@ class States:
             Seconds since the footprint's stamp.
         nearest : tuple or None
             As `Scene.nearest` returns it.
+        newer : dict
+            By how many s the nearest obstacle, and each in contact, is newer than the footprint.
 
         """
-        age_value, separation_value, obstacle_value = self._moving[name]
+        age_value, separation_value, obstacle_value, nearest_value, contacts_value = (
+            self._moving[name])
         age_value.value = '' if age is None else f'{age:.3f}'
         separation_value.value = f'{nearest[1]:.6g}' if nearest else ''
         obstacle_value.value = str(nearest[0]) if nearest else ''
+        nearest_value.value = (f'{newer[nearest[0]]:.3f}' if nearest and nearest[0] in newer
+                               else '')
+        contacts_value.value = ', '.join(f'{obstacle} {newer[obstacle]:.3f}'
+                                         for obstacle in self._contacts[name]
+                                         if obstacle in newer)
 
     def message(self, stamp: Any) -> Any:
         """Return the message as of a stamp."""

@@ -17,13 +17,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import time
 
-from rclpy.clock import Clock, ClockType
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import ShutdownException, SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
-from sat_collision.node.loop import Receiver
+from sat_collision.node.loop import HELD_UP
+from sat_collision.node.receiver import Receiver
 
-_LONGEST_WAIT = 0.1
+# How many messages are taken before a tick at most.
+_MOST = 100
 
 
 class ExecutorLoop:
@@ -43,18 +45,46 @@ class ExecutorLoop:
         self._receiver = receiver
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
-        self._timer = node.create_timer(_LONGEST_WAIT, self._tick,
-                                        clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._next_tick = 0.0
+        self._was_held_up = False
 
     def run(self, ended: Callable[[], bool]) -> None:
         """Run until `ended` is true, which is looked at after each message and tick."""
+        is_busy = False
         while not ended():
-            self._executor.spin_once(_LONGEST_WAIT)
+            late = time.monotonic() - self._next_tick
+            if late < 0.0:
+                is_busy = self._do_one(0.0 if is_busy else -late)
+            else:
+                self._was_held_up = late > HELD_UP and not self._was_held_up
+                now, is_all_taken = self._take_all()
+                wait = self._receiver.tick(now, is_all_taken and not self._was_held_up)
+                self._next_tick = time.monotonic() + wait
 
     def close(self) -> None:
         """End what belongs to the loop, once it runs no more."""
         self._executor.remove_node(self._node)
         self._executor.shutdown()
 
-    def _tick(self) -> None:
-        self._timer.timer_period_ns = round(self._receiver.tick() * 1e9)
+    def _take_all(self) -> tuple[int, bool]:
+        """Take what has come; return the time until when, and whether that was all."""
+        now, was_idle = self._receiver.present(), False
+        for _ in range(_MOST):
+            if not self._do_one(0.0):
+                # The executor says so, too, when it is through with what it found before.
+                if was_idle:
+                    return now, True
+                now, was_idle = self._receiver.present(), True
+            else:
+                was_idle = False
+        return self._receiver.present(), False
+
+    def _do_one(self, seconds: float) -> bool:
+        """Do one thing as soon as it is ready, within so many s; tell whether there was one."""
+        try:
+            task, _, _ = self._executor.wait_for_ready_callbacks(seconds)
+        except (ShutdownException, TimeoutException):
+            return False
+        task()
+        task.result()
+        return True

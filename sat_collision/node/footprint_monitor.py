@@ -25,20 +25,24 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 from rclpy.clock import JumpThreshold, TimeJump
 from rclpy.duration import Duration
-from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
+from rclpy.event_handler import (
+    QoSLivelinessChangedInfo, QoSRequestedDeadlineMissedInfo, QoSRequestedIncompatibleQoSInfo,
+    SubscriptionEventCallbacks)
 from rclpy.node import Node
 from rclpy.qos import (
-    LivelinessPolicy, qos_policy_name_from_kind, QoSPolicyKind, QoSProfile)
+    qos_policy_name_from_kind, QoSDurabilityPolicy, QoSLivelinessPolicy, QoSPolicyKind, QoSProfile)
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sat_collision.geometry.jit import KERNEL
 from sat_collision.geometry.kernel_problem import kernel_problem
 from sat_collision.messages.outputs import Outputs
 from sat_collision.monitor import Monitor, Rejection
-from sat_collision.node import kernels, loop
+from sat_collision.node import kernels, loop, waiting
 from sat_collision.node.fallback import ExecutorLoop
 from sat_collision.node.health import Health
 from sat_collision.node.parameters import Parameters
+from sat_collision.node.receiver import Backlog
 from sat_collision.node.systemd import Systemd
+from sat_collision.node.timing import ClockWatch, Every
 from sat_collision.node.watchdog import Watchdog
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
@@ -58,26 +62,11 @@ _LEASE = 0.5
 # The node ticks so many times, at least, in the time after which the watchdog calls it stalled.
 _TICKS_IN_TIME = 3.0
 _FOOTPRINT_DEPTH = 1
-_OBSTACLES_DEPTH = 1000
+_SETS_IN_QUEUE = 2
+_SHORTEST_TICK = 0.02
 _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
-                QoSPolicyKind.DURABILITY)
-
-
-class _Every:
-    """Tells when something that recurs is due, by a clock in seconds."""
-
-    def __init__(self, period: float) -> None:
-        self._period = period
-        self._next = 0.0
-
-    def due(self, now: float) -> bool:
-        """Tell whether it is due; if so, the next time is a period later."""
-        if now < self._next:
-            return False
-        self._next += self._period
-        if self._next <= now:
-            self._next = now + self._period
-        return True
+                QoSPolicyKind.DURABILITY, QoSPolicyKind.DEADLINE, QoSPolicyKind.LIVELINESS,
+                QoSPolicyKind.LIVELINESS_LEASE_DURATION)
 
 
 class FootprintMonitor(Node):
@@ -116,14 +105,17 @@ class FootprintMonitor(Node):
                               {'kernel': KERNEL, 'problem of kernels': kernel_problem() or 'none'})
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._logged: dict[tuple[str, str], float] = {}
-        in_loop = loop.is_supported()
+        in_loop = waiting.is_supported()
         self._taken_by = loop.Reserved() if in_loop else self.default_callback_group
         inputs = [self._subscribe(footprint, PolygonStamped, _FOOTPRINT_DEPTH)
                   for footprint in settings.footprints]
         for source in settings.obstacles:
             kind = PolygonInstanceStamped if source.type == POLYGON_INSTANCE else PolygonStamped
-            inputs.append(self._subscribe(source, kind, _OBSTACLES_DEPTH))
-        self._reporting = _Every(_HEALTH_PERIOD)
+            inputs.append(self._subscribe(source, kind, _SETS_IN_QUEUE * source.max_count))
+        self._inputs = inputs
+        self._clock_watch = ClockWatch()
+        self._warns_of_losses = True
+        self._reporting = Every(_HEALTH_PERIOD)
         self._systemd = Systemd()
         self._watchdog = Watchdog(self._raise_alarm, self._end_alarm)
         self._is_stalled = False
@@ -140,7 +132,9 @@ class FootprintMonitor(Node):
     def _subscribe(self, source: FootprintSettings | ObstacleSettings, kind: type,
                    depth: int) -> loop.Input:
         events = SubscriptionEventCallbacks(
-            incompatible_qos=partial(self._report_incompatible_qos, source.topic))
+            incompatible_qos=partial(self._report_incompatible_qos, source.topic),
+            deadline=partial(self._count_missed_deadlines, source.topic),
+            liveliness=partial(self._count_lost_liveliness, source.topic))
         try:
             subscription = self.create_subscription(
                 # The settings have the remapped name, which must not be remapped again.
@@ -150,12 +144,15 @@ class FootprintMonitor(Node):
                 qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE))
         except RuntimeError as error:
             raise ParameterError(f'{source.topic}: {error}') from error
+        if subscription.qos_profile.durability is QoSDurabilityPolicy.TRANSIENT_LOCAL:
+            # What was sent before is delivered, too.
+            self._scene.meet_publisher(source.name, True)
         self.get_logger().info(f'{source.name}: {kind.__name__} on {source.topic}')
         return loop.Input(source.name, subscription)
 
     def _set_rates(self, settings: Settings) -> None:
-        self._publishing = _Every(1.0 / settings.publish_rate)
-        self._marking = _Every(1.0 / settings.marker_rate)
+        self._publishing = Every(1.0 / settings.publish_rate)
+        self._marking = Every(1.0 / settings.marker_rate)
         self._tick_period = min(_TICK, 1.0 / settings.publish_rate, 1.0 / settings.marker_rate,
                                 (settings.watchdog or 1.0) / _TICKS_IN_TIME)
         self._watchdog.use(settings.watchdog)
@@ -164,7 +161,6 @@ class FootprintMonitor(Node):
         """Apply changed parameters and publish what follows from them."""
         self._set_rates(settings)
         self._scene.update(settings)
-        self._scene.advance(self.present())
         self._outputs.configure(settings)
         self._outputs.publish()
 
@@ -188,26 +184,42 @@ class FootprintMonitor(Node):
         self._outputs.markers_current = False
         self._publish_changes()
 
-    def note_backlog(self, name: str, backlog: loop.Backlog | None) -> None:
+    def note_backlog(self, name: str, backlog: Backlog | None) -> None:
         """Take note of how far behind a topic is, None where it is not any more."""
         self._health.note_backlog(name, backlog)
         self._monitor.note_backlog(name, backlog.seconds if backlog else None)
 
-    def tick(self) -> float:
+    def tick(self, now: int, is_all_taken: bool) -> float:
         """Do what is due without a message; return in how many s the next tick is due."""
+        steady = time.monotonic()
         self._systemd.turned()
-        self._watchdog.turned()
-        self._scene.advance(self.present())
+        goes_on = self._watchdog.turned()
+        if goes_on:
+            # The time was read before the stall, perhaps, and what came in it may wait still.
+            now, is_all_taken = self.present(), False
+        for one in self._inputs:
+            self._monitor.count_publishers(one.name, one.subscription.get_publisher_count())
+        self._scene.stop_clock(
+            self.get_clock().ros_time_is_active and now > 0
+            and self._clock_watch.stands(now, steady, self._scene.settings.clock_timeout))
+        if self._warns_of_losses and not self._monitor.is_numbered:
+            self._warns_of_losses = False
+            self.get_logger().warning(
+                'this middleware does not number messages: what is lost on the way goes unseen')
+        if is_all_taken:
+            self._scene.advance(now)
+        else:
+            self._scene.pass_time(now)
         self._publish_changes()
-        now = time.monotonic()
-        if self._publishing.due(now):
+        if self._publishing.due(steady) or goes_on:
             self._outputs.publish()
-        if self._marking.due(now):
+        if self._marking.due(steady):
             self._outputs.publish_markers()
-        if self._reporting.due(now):
+        if self._reporting.due(steady):
             self._health_publisher.publish(self._health.message(
                 self.get_clock().now().to_msg(), self._monitor))
-        return self._tick_period
+        due = (self._scene.deadline - now) / 1e9
+        return min(self._tick_period, max(due, _SHORTEST_TICK))
 
     def destroy_node(self) -> None:
         """End what belongs to the node, its watchdog first."""
@@ -224,13 +236,10 @@ class FootprintMonitor(Node):
         self._outputs.publish_unknown(reason)
 
     def _end_alarm(self, stalled: float) -> None:
-        """Say again what is known."""
+        """Say that the stall is over; what is known follows."""
         self._is_stalled = False
         self._health.count_stall(stalled)
         self.get_logger().error(f'the monitor goes on after a stall of {stalled:.1f} s')
-        self._scene.advance(self.present())
-        self._publish_changes()
-        self._outputs.publish()
 
     def _receive_alone(self, name: str, data: bytes, info: dict[str, Any]) -> None:
         start = time.perf_counter()
@@ -254,6 +263,12 @@ class FootprintMonitor(Node):
             f'from it arrives; set qos_overrides.{topic}.subscription.{policy.lower()} to what '
             'it offers, or change the publisher')
 
+    def _count_missed_deadlines(self, topic: str, event: QoSRequestedDeadlineMissedInfo) -> None:
+        self._health.count_event(topic, 'deadlines missed', event.total_count_change)
+
+    def _count_lost_liveliness(self, topic: str, event: QoSLivelinessChangedInfo) -> None:
+        self._health.count_event(topic, 'liveliness lost', max(event.not_alive_count_change, 0))
+
     def _publish_changes(self) -> None:
         brief = self._scene.evaluations.brief_contacts()
         changed = self._scene.changes()
@@ -269,5 +284,5 @@ def _flag_qos(settings: Settings) -> QoSProfile:
     """Return what the publishers of flags offer: to be heard of often, or to be dead."""
     late = max(_DEADLINE, 3.0 / settings.publish_rate)
     return QoSProfile(
-        depth=10, deadline=Duration(seconds=late), liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
+        depth=10, deadline=Duration(seconds=late), liveliness=QoSLivelinessPolicy.MANUAL_BY_TOPIC,
         liveliness_lease_duration=Duration(seconds=late + _LEASE - _DEADLINE))

@@ -23,7 +23,7 @@ import time
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from sat_collision.monitor import Monitor
-from sat_collision.node.loop import Backlog
+from sat_collision.node.receiver import Backlog
 
 # What is behind by less, in s, is a burst that is just being taken.
 _NOTEWORTHY = 0.1
@@ -45,6 +45,8 @@ class Health:
         self._status = DiagnosticStatus(name=f'{node_name}: health', hardware_id=hardware_id)
         self._facts = facts
         self._incompatible: dict[str, str] = {}
+        self._events: Counter[tuple[str, str]] = Counter()
+        self._news: Counter[str] = Counter()
         self._received: Counter[str] = Counter()
         self._refused = self._lost = 0
         self._begun = time.monotonic()
@@ -68,6 +70,11 @@ class Health:
     def incompatible_qos(self, topic: str, policy: str) -> None:
         """Note that a publisher on a topic cannot be heard."""
         self._incompatible[topic] = policy
+
+    def count_event(self, topic: str, what: str, count: int) -> None:
+        """Count what the quality of service of a topic promised and did not keep."""
+        self._events[topic, what] += count
+        self._news[f'{what} on {topic}'] += count
 
     def count_batch(self, messages: int, seconds: float) -> None:
         """Count messages that were checked together, and how long that took."""
@@ -106,6 +113,8 @@ class Health:
             values[f'{name}: rejected, {reason}'] = str(count)
         for name, count in monitor.lost.items():
             values[f'{name}: lost'] = str(count)
+        for (topic, what), count in self._events.items():
+            values[f'{topic}: {what}'] = str(count)
         for name, backlog in self._backlogs.items():
             values[f'{name}: behind'] = f'{backlog.seconds:.3f} s, {backlog.messages} messages'
         if self._stalls:
@@ -123,6 +132,8 @@ class Health:
         problems += [f'{name} is behind by {backlog.seconds:.3f} s'
                      for name, backlog in self._backlogs.items()
                      if backlog.seconds > _NOTEWORTHY]
+        problems += [f'{what}: {count}' for what, count in (+self._news).items()]
+        self._news.clear()
         self._status.level = DiagnosticStatus.WARN if problems else DiagnosticStatus.OK
         self._status.message = '; '.join(problems) or 'running'
         self._received = monitor.received.copy()

@@ -47,10 +47,12 @@ def prepare(logger: RcutilsLogger) -> None:
     if other and other.stdout:
         other.stdout.readline()
     warm_up.prepare_packing()
-    warm_up.prepare_distances()
+    warm_up.prepare_nearest()
     if other:
+        other.wait()
         other.communicate()
     warm_up.prepare_parts()
+    warm_up.prepare_margins()
     logger.info(f'kernels ({KERNEL}) ready after {time.monotonic() - begun:.1f} s')
     if problem := kernel_problem():
         logger.warning(problem)

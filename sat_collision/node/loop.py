@@ -21,16 +21,18 @@ subscriptions, and leaves all that is no message of a footprint or obstacle to r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
+from functools import partial
 import time
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.subscription import Subscription
+from sat_collision.node.receiver import Backlog, Receiver
+from sat_collision.node.waiting import Waiting
 
 # The longest that messages are taken for before all else has its turn, shared evenly among the
 # topics, in s. A message that has been begun is finished.
@@ -39,17 +41,12 @@ _LONGEST_TURN = 0.01
 _WORTH_A_REST = 2.0
 # Fewer since the last tick say nothing of how often messages come.
 _FEW = 5
-# How often is looked at what is not waited for, such as that a publisher does not fit, in s.
+# How often the executor is run for what is not waited for, such as a publisher that does not
+# fit, in s.
 _OTHERS_PERIOD = 0.5
-
-
-def is_supported() -> bool:
-    """Tell whether this rclpy has the pieces that the loop stands on."""
-    wait_set = getattr(rclpy_implementation, 'WaitSet', None)
-    subscription = getattr(rclpy_implementation, 'Subscription', None)
-    return all(hasattr(wait_set, name) for name in (
-        'add_subscription', 'add_service', 'clear_entities', 'get_ready_entities', 'wait')
-    ) and hasattr(subscription, 'take_message')
+# A process that comes so much too late was held up, and what was sent meanwhile may still be on
+# its way to the queues, in s.
+HELD_UP = 0.03
 
 
 class Input(NamedTuple):
@@ -57,44 +54,6 @@ class Input(NamedTuple):
 
     name: str
     subscription: Subscription
-
-
-class Backlog(NamedTuple):
-    """How far behind the taking of a topic is: in seconds, and about how many messages."""
-
-    seconds: float
-    messages: int
-
-
-class Receiver(Protocol):
-    """What the loop calls."""
-
-    def receive(self, name: str, messages: Iterable[tuple[bytes, int | None]], now: int) -> int:
-        """
-        Take all messages of a footprint or source and return how many there were.
-
-        Parameters
-        ----------
-        name : str
-        messages : iterable of tuple
-            The serialised message, and which one of its publisher it is, where that is known.
-            Each is taken from the middleware when it is asked for.
-        now : int
-            Present time in ns.
-
-        """
-
-    def end_batch(self, messages: int, seconds: float) -> None:
-        """Publish what has changed, after so many messages that took so long."""
-
-    def note_backlog(self, name: str, backlog: Backlog | None) -> None:
-        """Take note of how far behind a topic is, None where it is not any more."""
-
-    def tick(self) -> float:
-        """Do what is due by time alone; return in how many s the next tick is due."""
-
-    def present(self) -> int:
-        """Return the present time in ns by the clock of the header stamps."""
 
 
 class Reserved(CallbackGroup):
@@ -118,8 +77,9 @@ class Loop:
 
     In each turn it waits for messages, takes those of each topic in turn, footprints first, for
     no longer than a budget, and has published once what has changed by all of them. Where
-    messages are many it rests between turns: fewer wakes, larger batches. What else the node has
-    is done by an executor of rclpy's, when a service is called and now and then.
+    messages are many it rests between turns instead of waiting: fewer wakes, larger batches. What
+    else the node has is done by an executor of rclpy's now and then, and when a service is
+    called, which is looked at once a tick: each thing waited for costs with every wake.
 
     Parameters
     ----------
@@ -142,7 +102,10 @@ class Loop:
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
         self._rest = 0.0
+        self._has_rested = False
+        self._ticked = True
         self._next_tick = 0.0
+        self._was_held_up = False
         self._next_others = 0.0
         self._taken = 0
         self._counted_since = time.monotonic()
@@ -151,9 +114,9 @@ class Loop:
         """Run until `ended` is true, which is looked at after each turn."""
         while not ended():
             with ExitStack() as held:
-                waiting = _Waiting(self._node, {topic.pointer for topic in self._topics}, held)
+                waiting = Waiting(self._node, {topic.pointer for topic in self._topics}, held)
                 # What is waited for changes seldom, such as with use_sim_time.
-                while not ended() and waiting.is_current():
+                while not ended() and not (self._ticked and waiting.is_outdated()):
                     self._turn(waiting)
 
     def close(self) -> None:
@@ -161,25 +124,45 @@ class Loop:
         self._executor.remove_node(self._node)
         self._executor.shutdown()
 
-    def _turn(self, waiting: _Waiting) -> None:
+    def _turn(self, waiting: Waiting) -> None:
         """Wait, take and publish; do what else is due; rest."""
-        behind = any(topic.is_behind for topic in self._topics)
-        ready = waiting.wait(0.0 if behind else self._until_tick())
+        ready = self._wait(waiting)
+        late = time.monotonic() - self._next_tick
+        present = self._receiver.present()
         begun = time.perf_counter()
-        taken = sum(topic.take(self._budget) for topic in self._topics
-                    if topic.is_behind or topic.pointer in ready)
+        taken = sum(topic.take(self._budget, present) for topic in self._topics
+                    if late >= 0.0 or ready is None or topic.is_behind or topic.pointer in ready)
         if taken:
             self._taken += taken
             self._receiver.end_batch(taken, time.perf_counter() - begun)
+        waiting.take_others(ready)
         now = time.monotonic()
-        if waiting.do_others(ready) or now >= self._next_others:
+        if waiting.is_service_called or now >= self._next_others:
             self._executor.spin_once(0.0)
             self._next_others = now + _OTHERS_PERIOD
-        if now >= self._next_tick:
-            self._next_tick = now + self._receiver.tick()
+        if late >= 0.0:
+            self._was_held_up = late > HELD_UP and not self._was_held_up
+            self._next_tick = now + self._receiver.tick(
+                present, not (self._was_held_up or self._is_behind))
             self._choose_rest(now)
-        if self._rest and taken and not any(topic.is_behind for topic in self._topics):
+            self._ticked = True
+        self._has_rested = bool(self._rest and taken)
+        if self._has_rested:
             time.sleep(min(self._rest, self._until_tick()))
+
+    def _wait(self, waiting: Waiting) -> set[int] | None:
+        """Return the pointers of the subscriptions to look at, None for all."""
+        look_at_all = self._has_rested or self._is_behind
+        if look_at_all and not self._ticked:
+            return None
+        ready = waiting.wait(0.0 if look_at_all else self._until_tick(), self._ticked)
+        self._ticked = False
+        return ready
+
+    @property
+    def _is_behind(self) -> bool:
+        """Whether messages wait that the last turn had no time for."""
+        return any(topic.is_behind for topic in self._topics)
 
     def _until_tick(self) -> float:
         return max(self._next_tick - time.monotonic(), 0.0)
@@ -201,93 +184,40 @@ class _Topic:
         self.is_behind = False
         self.pointer = one.subscription.handle.pointer
         self._name = one.name
-        self._subscription = one.subscription
         self._receiver = receiver
+        self._depth = one.subscription.qos_profile.depth
+        self._take: Callable[[], tuple[bytes, dict[str, Any]] | None] = partial(
+            one.subscription.handle.take_message, one.subscription.msg_type, True)
 
-    def take(self, budget: float) -> int:
+    def take(self, budget: float, now: int) -> int:
         """Have what has come received, for so many s at most; return how many messages."""
-        was_behind = self.is_behind
-        self._first: dict[str, Any] | None = None
-        count = self._receiver.receive(
-            self._name, self._messages(time.monotonic() + budget), self._receiver.present())
+        was_behind, self.is_behind = self.is_behind, False
+        first = self._take()
+        count = 0
+        if first is not None:
+            self._first = first[1]
+            count = self._receiver.receive(
+                self._name, self._messages(first, time.monotonic() + budget), now)
         if self.is_behind:
             self._receiver.note_backlog(self._name, self._backlog(count))
         elif was_behind:
             self._receiver.note_backlog(self._name, None)
         return count
 
-    def _messages(self, end: float) -> Iterator[tuple[bytes, int | None]]:
-        """Take message by message until there is none or time has come to an end."""
-        take_message = self._subscription.handle.take_message
-        kind = self._subscription.msg_type
-        self.is_behind = False
-        while (taken := take_message(kind, True)) is not None:
+    def _messages(self, taken: tuple[bytes, dict[str, Any]] | None,
+                  end: float) -> Iterator[tuple[bytes, int | None]]:
+        """Give this message and all that come until there is none or time comes to an end."""
+        while taken is not None:
             data, self._last = taken
-            if self._first is None:
-                self._first = self._last
             yield data, self._last['publication_sequence_number']
             if time.monotonic() >= end:
                 self.is_behind = True
                 break
+            taken = self._take()
 
     def _backlog(self, count: int) -> Backlog:
         """Return how far behind the last message is, and how many wait, going by their rate."""
-        assert self._first is not None
         first, last = (info['received_timestamp'] for info in (self._first, self._last))
         behind = max(time.time_ns() - last, 0)
         waiting = 1 + round(behind * (count - 1) / max(last - first, 1))
-        return Backlog(behind / 1e9, min(waiting, self._subscription.qos_profile.depth))
-
-
-class _Waiting:
-    """
-    The subscriptions and services of a node, as they are now, to be waited for.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    taken_elsewhere : set of int
-        Pointers of the subscriptions whose messages the loop takes itself.
-    held : ExitStack
-        Keeps what is waited for until it is closed.
-
-    """
-
-    def __init__(self, node: Node, taken_elsewhere: set[int], held: ExitStack) -> None:
-        self._node = node
-        self._entities = [*node.subscriptions, *node.services]
-        held.enter_context(node.context.handle)
-        for one in self._entities:
-            held.enter_context(one.handle)
-        self._subscriptions = [one.handle for one in node.subscriptions]
-        self._services = [one.handle for one in node.services]
-        self._wait_set = rclpy_implementation.WaitSet(
-            len(self._subscriptions), 0, 0, 0, len(self._services), 0, node.context.handle)
-        self._service_ready = False
-        self._others = {one.handle.pointer: one for one in node.subscriptions
-                        if one.handle.pointer not in taken_elsewhere}
-
-    def is_current(self) -> bool:
-        """Tell whether the node still has just these."""
-        return self._entities == [*self._node.subscriptions, *self._node.services]
-
-    def wait(self, seconds: float) -> set[int]:
-        """Wait until something is ready; return the pointers of what is."""
-        wait_set = self._wait_set
-        wait_set.clear_entities()
-        for handle in self._subscriptions:
-            wait_set.add_subscription(handle)
-        for handle in self._services:
-            wait_set.add_service(handle)
-        wait_set.wait(int(seconds * 1e9))
-        self._service_ready = bool(wait_set.get_ready_entities('service'))
-        return set(wait_set.get_ready_entities('subscription'))
-
-    def do_others(self, ready: set[int]) -> bool:
-        """Take what else has come, such as /clock; tell whether a service is ready."""
-        for pointer in ready & self._others.keys():
-            other = self._others[pointer]
-            taken = other.handle.take_message(other.msg_type, other.raw)
-            if taken is not None:
-                other.callback(taken[0])
-        return self._service_ready
+        return Backlog(behind / 1e9, min(waiting, self._depth))

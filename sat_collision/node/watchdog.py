@@ -57,8 +57,8 @@ class Watchdog:
             self._period = period
             self._changed.notify()
 
-    def turned(self) -> None:
-        """Take note that the loop has turned."""
+    def turned(self) -> bool:
+        """Take note that the loop has turned; tell whether that ends an alarm."""
         now = time.monotonic()
         with self._changed:
             stalled, self._turned_at = now - self._turned_at, now
@@ -68,6 +68,7 @@ class Watchdog:
         if self._thread is None and not self._closed:
             self._thread = threading.Thread(target=self._watch, name='watchdog', daemon=True)
             self._thread.start()
+        return alarm
 
     def close(self) -> None:
         """End the thread."""

@@ -18,22 +18,27 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Iterator, Sequence
+import os
 from pathlib import Path
 import sys
+import traceback
 from typing import NoReturn
 
 from rosbags.rosbag2 import WriterError
 from sat_collision.replay.configuration import (
     NODE, parameter_of_text, parameters_of_file, settings_of)
+from sat_collision.replay.destinations import check_outputs, check_picture, OutputError
 from sat_collision.replay.example import write_example
 from sat_collision.replay.expectation import differences, ExpectationError
 from sat_collision.replay.formats import write_csv, write_json, write_junit
 from sat_collision.replay.options import HEADER, Options, RECEIVE
-from sat_collision.replay.parallel import check_here, check_on_cluster, check_one
+from sat_collision.replay.parallel import (
+    check_here, check_on_cluster, check_one, failed, unforeseen)
 from sat_collision.replay.progress import Progress
 from sat_collision.replay.report import report, report_all
 from sat_collision.replay.result import overall, Result, Verdict
 from sat_collision.replay.run import check
+from sat_collision.replay.unpacking import in_words, Limits
 from sat_collision.scene.parameters import ParameterError
 
 _DESCRIPTION = """\
@@ -41,7 +46,7 @@ Check recordings for collisions with the scene of the live node.
 
 Exit status: 0 clear; 1 collision; 2 unknown (for longer than --max-unknown, or no data); 3 bad
 input. Where several apply, a collision comes before bad input, and bad input before unknown.
-With --expect: 0 as expected; 1 different; 3 bad input.
+With --expect: 0 as expected; 1 different; 3 bad input. What nobody foresaw is bad input too.
 """
 
 
@@ -51,12 +56,18 @@ def main(args: Sequence[str] | None = None) -> int:
     options = parser.parse_args(args)
     try:
         return _run(options, parser)
-    except (ParameterError, ExpectationError, WriterError, OSError) as error:
-        print(f'replay_check: {error}', file=sys.stderr)
-        return int(Verdict.BAD_INPUT)
+    except (ParameterError, ExpectationError, OutputError, WriterError, OSError) as error:
+        print(f'replay_check: {in_words(error)}', file=sys.stderr)
+    except ModuleNotFoundError as error:
+        print(f'replay_check: {error.name} is not installed', file=sys.stderr)
     except KeyboardInterrupt:
         print('replay_check: interrupted', file=sys.stderr)
         return int(Verdict.UNKNOWN)
+    except Exception as error:
+        if options.debug:
+            traceback.print_exc()
+        print(f'replay_check: {unforeseen(error)}', file=sys.stderr)
+    return int(Verdict.BAD_INPUT)
 
 
 def _run(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
@@ -68,26 +79,28 @@ def _run(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     if not options.bags:
         parser.error('name at least one recording (BAG)')
     several = len(options.bags) > 1
-    if options.write_bag and not several and Path(options.write_bag).exists():
-        raise ParameterError(f'{options.write_bag} already exists')
+    _check_destinations(options, several)
+    strays = [bag for bag in options.bags if not Path(bag).exists()]
+    if strays and (options.footprint or options.obstacles):
+        print(f'replay_check: {strays[0]} is taken for a recording; each topic needs an option '
+              'of its own, --obstacles A --obstacles B', file=sys.stderr)
     results: list[Result] = []
     for result in _results(options, several):
-        print('\n'.join(report(result)), flush=True)
-        results.append(result)
         if options.plot:
-            from sat_collision.replay.plot import plot
-            plot(result, _of_bag(options.plot, result.bag, '.png') if several else options.plot)
+            _draw(result, options, several)
+        _say(report(result))
+        results.append(result)
     if several:
         order = {bag: place for place, bag in enumerate(options.bags)}
         results.sort(key=lambda result: order[result.bag])
-        print('\n'.join(report_all(results)))
+        _say(report_all(results))
     for path, write in ((options.json, write_json), (options.csv, write_csv),
                         (options.junit, write_junit)):
         if path:
             write(results, path)
     if options.expect:
         lines = differences(results, options.expect)
-        print('\n'.join(lines) or f'as expected by {options.expect}')
+        _say(lines or [f'as expected by {options.expect}'])
         return int(Verdict.COLLISION if lines else Verdict.CLEAR)
     return int(overall(results))
 
@@ -105,8 +118,12 @@ def _results(options: argparse.Namespace, several: bool) -> Iterator[Result]:
 def _one_by_one(bags: Iterable[str], settings: Options, several: bool) -> Iterator[Result]:
     for bag in bags:
         progress = Progress()
-        result = (check_one if several else check)(bag, settings, progress.show)
-        progress.clear()
+        try:
+            result = (check_one if several else check)(bag, settings, progress.show)
+        except Exception as error:
+            result = failed(bag, settings, error)
+        finally:
+            progress.clear()
         yield result
 
 
@@ -119,9 +136,41 @@ def _options(options: argparse.Namespace) -> Options:
     settings_of(parameters, options.node)
     return Options(
         parameters=parameters, footprints=tuple(options.footprint),
-        obstacles=tuple(options.obstacles), node=options.node, clock=options.clock,
+        obstacles=tuple(options.obstacles), node=options.node, as_live=options.as_live,
+        clock=options.clock,
         start=options.start, duration=options.duration, max_unknown=options.max_unknown,
-        sample=options.sample, picture=bool(options.plot), write_bag=options.write_bag)
+        sample=options.sample, picture=bool(options.plot), write_bag=options.write_bag,
+        limits=Limits(options.max_memory, options.max_disk), debug=options.debug)
+
+
+def _check_destinations(options: argparse.Namespace, several: bool) -> None:
+    if options.write_bag and not several and Path(options.write_bag).exists():
+        raise OutputError(f'--write-bag: {options.write_bag} already exists')
+    if options.plot and not several:
+        check_picture(options.plot)
+    files = {'--json': options.json, '--csv': options.csv, '--junit': options.junit}
+    folders = {'--write-bag': options.write_bag, '--plot': options.plot if several else None}
+    check_outputs(files if several else {**files, '--plot': options.plot}, folders,
+                  [*options.bags, *options.params_file, *filter(None, [options.expect])])
+
+
+def _say(lines: Iterable[str]) -> None:
+    """Print lines; once nobody reads them any more, as behind `head`, go on without."""
+    try:
+        print('\n'.join(lines), flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _draw(result: Result, options: argparse.Namespace, several: bool) -> None:
+    """Draw a picture; one that cannot be drawn is a problem of its recording only."""
+    from sat_collision.replay.plot import plot
+    try:
+        plot(result, _of_bag(options.plot, result.bag, '.png') if several else options.plot)
+    except Exception as error:
+        if options.debug:
+            traceback.print_exc()
+        result.problems.append(f'{result.bag}: no picture: {unforeseen(error)}')
 
 
 def _of_bag(folder: str, bag: str, suffix: str) -> str:
@@ -134,6 +183,8 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         self.print_usage(sys.stderr)
+        if message.startswith('unrecognized arguments'):
+            message += ' (each topic needs an option of its own: --obstacles A --obstacles B)'
         self.exit(int(Verdict.BAD_INPUT), f'{self.prog}: {message}\n')
 
 
@@ -155,13 +206,15 @@ def _parser() -> argparse.ArgumentParser:
         help='a source of obstacles and its topic')
     add('--node', type=_node, default=NODE,
         help='full name of the node, for parameter files and topics (%(default)s)')
+    add('--as-live', action='store_true',
+        help='tell what the monitor would have said; without, what touched by recorded motion')
     add('--clock', choices=(RECEIVE, HEADER), default=RECEIVE,
         help='time of a message: when it was received, or its header stamp (%(default)s)')
     add('--start', type=_seconds, default=0.0, metavar='S',
         help='start S seconds into the recording')
     add('--duration', type=_seconds, metavar='S', help='check S seconds of it')
     add('--sample', type=_period, default=0.1, metavar='S',
-        help='measure separations every S seconds (%(default)s)')
+        help='with --as-live, measure separations every S seconds (%(default)s)')
     verdict = parser.add_argument_group('verdict')
     add = verdict.add_argument
     add('--max-unknown', type=_seconds, default=1.0, metavar='S',
@@ -180,8 +233,15 @@ def _parser() -> argparse.ArgumentParser:
         help='only write an example recording, of the demo scene')
     many = parser.add_argument_group('many recordings')
     add = many.add_argument
-    add('--jobs', type=int, default=1, metavar='N', help='check N recordings at a time')
+    add('--jobs', type=_count, default=1, metavar='N', help='check N recordings at a time')
     add('--dask', metavar='ADDRESS', help='check on the Dask cluster with this scheduler')
+    limits = parser.add_argument_group('limits, for each recording')
+    add = limits.add_argument
+    add('--max-memory', type=_bytes, default=Limits.memory, metavar='GB',
+        help=f'memory for what is unpacked ({Limits.memory / 1e9:g})')
+    add('--max-disk', type=_bytes, default=Limits.disk, metavar='GB',
+        help=f'disk for temporary files ({Limits.disk / 1e9:g})')
+    add('--debug', action='store_true', help='show where an error that nobody foresaw is raised')
     return parser
 
 
@@ -190,17 +250,31 @@ def _node(text: str) -> str:
 
 
 def _seconds(text: str) -> float:
-    value = float(text)
-    if not 0.0 <= value < float('inf'):
-        raise argparse.ArgumentTypeError(f'{text} is not a number of seconds, 0 or more')
-    return value
+    return _number(text, 0.0, sys.float_info.max, 'a number of seconds, 0 or more')
 
 
 def _period(text: str) -> float:
-    value = float(text)
-    if not 1e-3 <= value <= 1e6:
-        raise argparse.ArgumentTypeError(
-            f'{text} is not a number of seconds between 0.001 and 1000000')
+    return _number(text, 1e-3, 1e6, 'a number of seconds between 0.001 and 1000000')
+
+
+def _count(text: str) -> int:
+    value = _number(text, 1, 1000, 'a whole number from 1 to 1000')
+    if value != int(value):
+        raise argparse.ArgumentTypeError(f'{text} is not a whole number')
+    return int(value)
+
+
+def _bytes(text: str) -> int:
+    return int(1e9 * _number(text, 1e-3, 1e6, 'a number of GB between 0.001 and 1000000'))
+
+
+def _number(text: str, least: float, most: float, words: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = float('nan')
+    if not least <= value <= most:
+        raise argparse.ArgumentTypeError(f"'{text}' is not {words}")
     return value
 
 

@@ -23,6 +23,7 @@ from pathlib import Path
 import re
 from typing import Any
 
+from sat_collision.replay.unpacking import in_words
 from sat_collision.scene.parameters import declare_parameters, ParameterError, read_settings
 from sat_collision.scene.settings import Settings, Spec
 import yaml
@@ -35,7 +36,12 @@ _TYPES = {bool: 'a bool', int: 'an integer', float: 'a double', str: 'a string',
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML as rcl reads it: 1e3 is a number too."""
+    """YAML as rcl reads it: 1e3 is a number too, and there are no aliases."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.YAMLError('it has an alias (*), which no parameter file can have')
+        return super().compose_node(parent, index)
 
 
 _Loader.add_implicit_resolver(
@@ -57,8 +63,8 @@ def parameters_of_file(path: str | Path, node: str = NODE) -> dict[str, Any]:
             content = yaml.load(file, _Loader)
     except OSError as error:
         raise ParameterError(f'cannot read {path}: {error.strerror}') from error
-    except (UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ParameterError(f'{path} is not a parameter file: {error}') from error
+    except Exception as error:  # whatever the constructors of YAML's types raise
+        raise ParameterError(f'{path} is not a parameter file: {in_words(error)}') from error
     if not isinstance(content, dict):
         raise ParameterError(f'{path} is not a parameter file: it does not list nodes by name')
     found = dict(_sections(content, ''))
@@ -80,8 +86,8 @@ def parameter_of_text(text: str) -> tuple[str, Any]:
         raise ParameterError(f"'{text}' does not have the form NAME:=VALUE")
     try:
         return name, yaml.load(value, _Loader)
-    except yaml.YAMLError as error:
-        raise ParameterError(f'{text}: {error}') from error
+    except Exception as error:  # as above
+        raise ParameterError(f'{text}: {in_words(error)}') from error
 
 
 def settings_of(parameters: Mapping[str, Any], node: str = NODE) -> Settings:

@@ -20,15 +20,17 @@ from collections.abc import Iterable, Iterator
 import json
 import math
 from pathlib import PurePath
-from typing import Any
+from typing import Any, TypeAlias
 
 from sat_collision.replay.formats import as_dict, SCHEMA
 from sat_collision.replay.result import Result
 
+_Bag: TypeAlias = dict[str, Any]
+
 # Separations are rounded: another processor or NumPy may round otherwise.
 _TOLERANCE = 1e-9
 _PLACES = {'x', 'y', 'depth', 'separation'}
-_LEFT_OUT = {'bag', 'problems', 'notes', 'max_unknown'}
+_LEFT_OUT = {'bag', 'content', 'problems', 'notes', 'max_unknown'}
 
 
 class ExpectationError(ValueError):
@@ -39,8 +41,9 @@ def differences(results: list[Result], path: str) -> list[str]:
     """
     Return lines that say what differs from a file that --json wrote.
 
-    Recordings are known by the last part of their path, and contacts and unknown intervals by
-    footprint and obstacle, in order. The words of problems and notes are not compared.
+    Recordings are known by their content, wherever they lie and whatever stores them; those whose
+    content was never seen by the last part of their path. Contacts and unknown intervals are
+    known by footprint and obstacle, in order. The words of problems and notes are not compared.
 
     Raises
     ------
@@ -54,39 +57,63 @@ def differences(results: list[Result], path: str) -> list[str]:
         if stored['schema'] != SCHEMA:
             raise ExpectationError(
                 f'{path} has the schema {stored["schema"]}, this version needs {SCHEMA}')
-        expected = _by_name(stored['bags'])
+        pairs = _pairs(stored['bags'], as_dict(results)['bags'])
+        compared = [(name, expected and _comparable(expected), found and _comparable(found))
+                    for name, expected, found in pairs]
     except ExpectationError:
         raise
     except OSError as error:
         raise ExpectationError(f'cannot read {path}: {error.strerror}') from error
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise ExpectationError(f'{path} is not a result that --json wrote') from error
-    found = _by_name(as_dict(results)['bags'])
-    lines = [f'{name}: expected, but not checked' for name in expected if name not in found]
-    lines += [f'{name}: checked, but not expected' for name in found if name not in expected]
-    for name in found:
-        if name in expected:
-            lines += [f'{name}: {line}' for line in _compared('', expected[name], found[name])]
+    lines = []
+    for name, expected, found in compared:
+        if found is None:
+            lines.append(f'{name}: expected, but not checked')
+        elif expected is None:
+            lines.append(f'{name}: checked, but not expected')
+        else:
+            lines += [f'{name}: {line}' for line in _compared('', expected, found)]
     return lines
 
 
-def _by_name(bags: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Return what is to be compared of each recording, by name."""
-    named: dict[str, dict[str, Any]] = {}
-    for bag in bags:
-        name = PurePath(bag['bag']).name
-        while name in named:
-            name += "'"
-        named[name] = {
-            **{key: value for key, value in bag.items() if key not in _LEFT_OUT},
-            'footprints': {footprint['name']: {key: value for key, value in footprint.items()
-                                               if key != 'separation'}
-                           for footprint in bag['footprints']},
-            'sources': {source['name']: {key: value for key, value in source.items()
-                                         if key != 'examples'} for source in bag['sources']},
-            'contacts': _numbered(bag['contacts'], 'footprint', 'obstacle'),
-            'unknown': _numbered(bag['unknown'], 'footprint')}
-    return named
+def _pairs(stored: list[_Bag], checked: list[_Bag]) -> list[tuple[str, _Bag | None, _Bag | None]]:
+    """Return name, what is stored and what was checked of each recording; None if there is not."""
+    left = list(stored)
+    partners: dict[int, _Bag] = {}
+    for conditions in ((_same_content, _same_name), (_same_content,), (_same_name,)):
+        for place, bag in enumerate(checked):
+            found = [number for number, other in enumerate(left)
+                     if all(is_same(other, bag) for is_same in conditions)]
+            if found and place not in partners:
+                partners[place] = left.pop(found[0])
+    return [*((_name(bag), bag, None) for bag in left),
+            *((_name(bag), partners.get(place), bag) for place, bag in enumerate(checked))]
+
+
+def _same_content(bag: _Bag, other: _Bag) -> bool:
+    return bag.get('content') is not None and bag['content'] == other['content']
+
+
+def _same_name(bag: _Bag, other: _Bag) -> bool:
+    return _name(bag) == _name(other)
+
+
+def _name(bag: _Bag) -> str:
+    return PurePath(bag['bag']).name
+
+
+def _comparable(bag: _Bag) -> _Bag:
+    """Return what is to be compared of a recording."""
+    return {
+        **{key: value for key, value in bag.items() if key not in _LEFT_OUT},
+        'footprints': {footprint['name']: {key: value for key, value in footprint.items()
+                                           if key != 'separation'}
+                       for footprint in bag['footprints']},
+        'sources': {source['name']: {key: value for key, value in source.items()
+                                     if key != 'examples'} for source in bag['sources']},
+        'contacts': _numbered(bag['contacts'], 'footprint', 'obstacle'),
+        'unknown': _numbered(bag['unknown'], 'footprint')}
 
 
 def _numbered(intervals: Iterable[dict[str, Any]], *keys: str) -> dict[str, Any]:

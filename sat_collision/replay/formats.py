@@ -23,10 +23,10 @@ import json
 from typing import Any
 from xml.etree import ElementTree
 
-from sat_collision.replay.report import report, summary
+from sat_collision.replay.report import how_found, lasting, report, summary
 from sat_collision.replay.result import FootprintResult, overall, Result
 
-SCHEMA = 'sat_collision.replay/1'
+SCHEMA = 'sat_collision.replay/2'
 
 
 def as_dict(results: list[Result]) -> dict[str, Any]:
@@ -48,18 +48,18 @@ def write_csv(results: list[Result], path: str) -> None:
     with open(path, 'w', encoding='utf-8', newline='') as file:
         writer = csv.writer(file)
         writer.writerow(('bag', 'kind', 'footprint', 'obstacle', 'first_ns', 'last_ns',
-                         'duration_s', 'depth_m', 'deepest_ns', 'x_m', 'y_m', 'reason'))
+                         'duration_s', 'depth_m', 'deepest_ns', 'x_m', 'y_m', 'reason', 'found'))
         for result in results:
             for contact in result.contacts:
                 writer.writerow((
                     result.bag, 'contact', contact.footprint, contact.obstacle, contact.first,
                     contact.last, (contact.last - contact.first) / 1e9, contact.depth,
-                    contact.deepest, contact.x, contact.y, ''))
+                    contact.deepest, contact.x, contact.y, '', contact.found))
             for unknown in result.unknown:
                 writer.writerow((
                     result.bag, 'unknown', unknown.footprint, '', unknown.first, unknown.last,
                     (unknown.last - unknown.first) / 1e9, '', '', '', '',
-                    '; '.join(unknown.reasons)))
+                    '; '.join(unknown.reasons), ''))
 
 
 def write_junit(results: list[Result], path: str) -> None:
@@ -98,17 +98,19 @@ def _failures(footprint: FootprintResult, result: Result) -> Iterator[str]:
         if contact.footprint == footprint.name:
             yield (f'in contact with {contact.obstacle} from '
                    f'{result.since(contact.first):.3f} s on for '
-                   f'{(contact.last - contact.first) / 1e9:.3f} s, {contact.depth:.4f} m deep')
+                   f'{lasting(contact.last - contact.first)} s, {contact.depth:.4f} m deep, '
+                   f'found {how_found(contact, result)}')
     if footprint.unknown > 1e9 * result.max_unknown or not footprint.ever_known:
         yield f'unknown for {footprint.unknown / 1e9:.3f} s'
 
 
 def _bag(result: Result) -> dict[str, Any]:
     bag: dict[str, Any] = {
-        'bag': result.bag, 'verdict': result.verdict.words, 'duration': result.duration,
+        'bag': result.bag, 'question': 'as live' if result.as_live else 'recorded motion',
+        'verdict': result.verdict.words, 'duration': result.duration,
         'messages': result.messages,
         **dataclasses.asdict(dataclasses.replace(result, picture=None))}
-    del bag['picture']
+    del bag['picture'], bag['as_live']
     for footprint, values in zip(result.footprints, bag['footprints']):
         values['coverage'] = footprint.coverage
     return bag

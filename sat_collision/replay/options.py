@@ -20,6 +20,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from sat_collision.replay.configuration import NODE
+from sat_collision.replay.unpacking import Limits
 
 RECEIVE = 'receive'
 HEADER = 'header'
@@ -38,6 +39,8 @@ class Options:
         Topics, or NAME:=TOPIC.
     node : str
         Full name of the node.
+    as_live : bool
+        Tell what the monitor would have said, instead of what touched by recorded motion.
     clock : str
         RECEIVE or HEADER: the time of a message is when it was received, or its stamp.
     start, duration : float
@@ -45,11 +48,15 @@ class Options:
     max_unknown : float
         For how long in all a footprint may be unknown.
     sample : float
-        How often to measure the separation from the nearest obstacle.
+        As live, how often to measure the separation from the nearest obstacle.
     picture : bool
         Keep the bodies at the least separation.
     write_bag : str or None
         Where to write what the node would have published.
+    limits : Limits
+        How much memory and disk may be taken.
+    debug : bool
+        Show where an error that nobody foresaw is raised.
 
     """
 
@@ -57,6 +64,7 @@ class Options:
     footprints: tuple[str, ...] = ()
     obstacles: tuple[str, ...] = ()
     node: str = NODE
+    as_live: bool = False
     clock: str = RECEIVE
     start: float = 0.0
     duration: float | None = None
@@ -64,3 +72,5 @@ class Options:
     sample: float = 0.1
     picture: bool = False
     write_bag: str | None = None
+    limits: Limits = Limits()
+    debug: bool = False

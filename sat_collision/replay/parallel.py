@@ -22,10 +22,13 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 import multiprocessing
 from pathlib import Path
+import signal
+import traceback
 
 from sat_collision.replay.options import Options
 from sat_collision.replay.result import Result
 from sat_collision.replay.run import check, OnProgress
+from sat_collision.replay.unpacking import in_words
 
 _ATTEMPTS = 3
 
@@ -43,17 +46,22 @@ def check_here(paths: Iterable[str], options: Options, jobs: int) -> Iterator[Re
 
     A recording whose process died or failed is tried again, up to three times in all.
     """
-    failed = []
-    with _pool(jobs) as pool:
+    again = []
+    pool = _pool(jobs)
+    try:
         futures = {pool.submit(check_one, path, options): path for path in paths}
         for future in as_completed(futures):
             if future.exception():
-                failed.append(futures[future])
+                again.append(futures[future])
             else:
                 yield future.result()
+    except BaseException:
+        _abandon(pool)
+        raise
+    pool.shutdown()
     # When a process dies all that was under way fails, so the culprit is found one by one.
     pool = _pool(1)
-    for path in failed:
+    for path in again:
         for _ in range(_ATTEMPTS - 1):
             future = pool.submit(check_one, path, options)
             error = future.exception()
@@ -62,12 +70,21 @@ def check_here(paths: Iterable[str], options: Options, jobs: int) -> Iterator[Re
             if isinstance(error, BrokenProcessPool):
                 pool.shutdown()
                 pool = _pool(1)
-        yield _failed(path, options, error) if error else future.result()
+        yield failed(path, options, error, _ATTEMPTS) if error else future.result()
     pool.shutdown()
 
 
 def _pool(jobs: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context('spawn'))
+    # A process that is interrupted at the terminal ends without a word.
+    return ProcessPoolExecutor(jobs, multiprocessing.get_context('spawn'),
+                               signal.signal, (signal.SIGINT, signal.SIG_DFL))
+
+
+def _abandon(pool: ProcessPoolExecutor) -> None:
+    """End what is under way, and do not begin what waits."""
+    pool.shutdown(wait=False, cancel_futures=True)
+    for process in multiprocessing.active_children():
+        process.terminate()
 
 
 def check_on_cluster(paths: Iterable[str], options: Options, address: str) -> Iterator[Result]:
@@ -91,10 +108,19 @@ def check_on_cluster(paths: Iterable[str], options: Options, address: str) -> It
         for future in distributed.as_completed(list(futures), loop=client.loop):
             path = futures[future]
             error = future.exception()
-            yield _failed(path, options, error) if error else future.result()
+            yield failed(path, options, error, _ATTEMPTS) if error else future.result()
 
 
-def _failed(path: str, options: Options, error: BaseException) -> Result:
-    result = Result(str(path), options.clock, options.max_unknown)
-    result.problems.append(f'{path}: not checked, {_ATTEMPTS} attempts failed: {error}')
+def failed(path: str, options: Options, error: BaseException, attempts: int = 1) -> Result:
+    """Return the Result of a recording that could not be checked."""
+    if options.debug:
+        traceback.print_exception(type(error), error, error.__traceback__)
+    result = Result(str(path), options.clock, options.max_unknown, options.as_live)
+    tried = f', {attempts} attempts failed' if attempts > 1 else ''
+    result.problems.append(f'{path}: not checked{tried}: {unforeseen(error)}')
     return result
+
+
+def unforeseen(error: BaseException) -> str:
+    """Return what an error says that nobody foresaw."""
+    return f'{type(error).__name__}: {in_words(error)} (--debug shows where)'

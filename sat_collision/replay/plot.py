@@ -55,7 +55,7 @@ def plot(result: Result, path: str) -> None:
 
 def _draw_timeline(result: Result, axes: Axes) -> None:
     """Draw separations as lines, contacts and unknown times as shades behind them."""
-    axes.set_xlabel('time since the beginning [s]')
+    axes.set_xlabel('time since the recording begins [s]')
     axes.set_ylabel('separation from the nearest obstacle [m]')
     axes.set_title('Separation over time (red: contact, grey: unknown)')
     if result.start is None or result.end is None:
@@ -69,14 +69,17 @@ def _draw_timeline(result: Result, axes: Axes) -> None:
     for footprint, colour in zip(result.footprints, _LINES * len(result.footprints)):
         if footprint.separation:
             times, values = zip(*footprint.separation)
-            axes.step([result.since(time) for time in times],
+            # Sampled values last until the next one; those of moments are joined.
+            axes.plot([result.since(time) for time in times],
                       [np.nan if value is None else value for value in values],
-                      where='post', color=colour, label=footprint.name, linewidth=1.4)
+                      drawstyle='steps-post' if result.as_live else 'default', color=colour,
+                      label=footprint.name, linewidth=1.4)
     for contact in result.contacts:
         axes.plot(result.since(contact.deepest), -contact.depth, 'o', color=_COLLISION,
                   markersize=4)
     axes.axhline(0.0, color='black', linewidth=0.8)
-    axes.set_xlim(0.0, max(result.duration, 1e-9))
+    first, last = result.since(result.start), result.since(result.end)
+    axes.set_xlim(first, max(last, first + 1e-9))
     axes.grid(alpha=0.25)
     if axes.get_legend_handles_labels()[0]:
         low, high = axes.get_ylim()

@@ -12,217 +12,202 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings: what rosbags reads of a bag, and of a damaged one what is left."""
+"""Recordings: what is read of a bag, and of a damaged one what is left."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Iterator
+import hashlib
 from pathlib import Path
 import re
-import tempfile
 from types import TracebackType
-from typing import Protocol, TypeAlias
+import zlib
 
-from rosbags.rosbag2 import Reader
-from sat_collision.replay.recovery import Damage, recovered, unpack, WRONG_TYPES
-
-Message: TypeAlias = tuple[str, int, bytes]  # topic, time in ns, data
+from sat_collision.replay.faults import Faults
+from sat_collision.replay.mcap import McapFile
+from sat_collision.replay.metadata import Metadata, read_metadata
+from sat_collision.replay.sqlite import SqliteFile
+from sat_collision.replay.storage import Message, Storage
+from sat_collision.replay.unpacking import (
+    Damage, in_words, Limits, Scratch, unpacked, ZSTD_MAGIC)
 
 _STORAGE = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
+_ROS_1 = b'#ROSBAG V'
+_LOW = 2**32 - 1
 
 
 class Recording:
     """
     A rosbag2 recording: a directory with metadata.yaml, or one storage file.
 
-    What rosbags does not open is read file by file for as far as that goes, and every fault is
-    noted, so that a damaged recording still tells what it can. To be used as a context manager.
+    Every file is read for as far as that goes, and every fault is noted, so that a damaged
+    recording still tells what it can. What metadata.yaml announces is compared with what is
+    there. To be used as a context manager.
 
     Parameters
     ----------
     path : str or Path
+    limits : Limits
 
     Attributes
     ----------
-    problems : list of str
-        The faults found so far, each with the file that has it.
     topics, counts : dict
         Type and number of messages of each topic.
+    latched : set of str
+        Topics whose publishers had what they sent last delivered to who came later.
     start, end : int
         Times of the first and the last message in ns, None if there is none.
 
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, limits: Limits = Limits()) -> None:
         self.path = Path(path)
-        self.problems: list[str] = []
         self.topics: dict[str, str] = {}
         self.counts: Counter[str] = Counter()
+        self.latched: set[str] = set()
         self.start: int | None = None
         self.end: int | None = None
-        self._parts: list[_Part] = []
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._limits = limits
+        self._scratch = Scratch(limits.disk)
+        self._faults: list[Faults] = []
+        self._own = self._faults_of(self.path)
+        self._metadata: Metadata | None = None
+        self._parts: list[Storage] = []
+        self._sums: Counter[str] = Counter()
 
     def __enter__(self) -> Recording:
-        if not self.path.exists():
-            self.problems.append(f'{self.path}: no such file or directory')
-        elif not self._open(self.path):
+        try:
+            if not self.path.exists():
+                self._own.damaged('no such file or directory')
             for file in self._files():
-                plain = self._unpacked(file)
-                if plain == self.path or not self._open(plain, shown=file):
-                    self._add(_Recovered(plain, file, self.problems))
+                self._open(file)
+        except OSError as error:
+            self._own.damaged(in_words(error))
+        self._compare(self.counts)
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  traceback: TracebackType | None) -> None:
         for part in self._parts:
             part.close()
-        if self._folder:
-            self._folder.cleanup()
+        self._scratch.close()
+
+    @property
+    def problems(self) -> list[str]:
+        """The faults found so far, in one line for each file."""
+        return [str(faults) for faults in self._faults if faults]
+
+    @property
+    def content(self) -> str | None:
+        """What the messages that were read are known by, whatever they are stored in."""
+        if not self._sums:
+            return None
+        return hashlib.sha256(repr(sorted(self._sums.items())).encode()).hexdigest()[:16]
 
     def messages(self, topics: Collection[str], start: int | None = None,
                  stop: int | None = None) -> Iterator[Message]:
-        """
-        Yield (topic, time in ns, data) of some topics, from start on and before stop (ns).
-
-        A fault ends what can be read of its file, and is noted.
-        """
+        """Yield (topic, time in ns, data) of some topics, from start on and before stop (ns)."""
+        sums, crc32 = self._sums, zlib.crc32
+        read: Counter[str] = Counter()
+        unfit = 0
         for part in self._parts:
-            yield from part.messages(topics, start, stop)
+            for topic, time, data in part.messages(topics, start, stop):
+                # A message in CDR begins otherwise.
+                if data.startswith(ZSTD_MAGIC):
+                    try:
+                        data = unpacked(data, 'zstd', self._limits.chunk)
+                    except Damage:
+                        unfit += 1
+                        data = b''
+                read[topic] += 1
+                sums[topic] += crc32(data, (time ^ time >> 32) & _LOW)
+                yield topic, time, data
+        if unfit:
+            self._own.differs('unfit', f'{unfit} messages are compressed and damaged')
+        if start is None and stop is None:
+            self._compare(Counter({**self.counts, **{topic: read[topic] for topic in topics}}))
 
-    def _open(self, path: Path, shown: Path | None = None) -> bool:
-        """Open with rosbags; return whether that went well, and note the fault if not."""
+    def _faults_of(self, file: Path) -> Faults:
+        self._faults.append(Faults(file))
+        return self._faults[-1]
+
+    def _files(self) -> list[Path]:
+        """Return the storage files, in the order in which they were written."""
+        if not self.path.is_dir():
+            return [self.path] if self.path.exists() else []
+        present = sorted(
+            (file for file in self.path.iterdir() if file.name.endswith(_STORAGE)),
+            key=lambda file: [int(part) if part.isdigit() else part
+                              for part in re.split(r'(\d+)', file.name)])
+        metadata = self.path / 'metadata.yaml'
+        faults = self._faults_of(metadata)
         try:
-            self._add(_Whole(path, shown or path, self.problems))
-        except Exception as error:  # rosbags raises anything for damaged files
-            problem = f'{shown or path}: {_in_words(error)}'
-            if (path / 'metadata.yaml').is_file() or not path.is_dir():
-                self.problems.append(problem)
-            else:
-                self.problems.append(f'{path / "metadata.yaml"} is missing; '
-                                     "'ros2 bag reindex' restores it")
-            return False
-        return True
+            self._metadata = read_metadata(metadata, self._limits.memory // 100)
+        except FileNotFoundError:
+            faults.damaged("is missing; 'ros2 bag reindex' restores it")
+        except (Damage, OSError) as error:
+            faults.damaged(in_words(error))
+        if not self._metadata:
+            if not present:
+                self._own.damaged('no .mcap or .db3 file in this directory')
+            return present
+        self.latched = self._metadata.latched
+        total = sum(self._metadata.counts.values())
+        if total != self._metadata.total:
+            faults.differs('total', f'announces {self._metadata.total} messages in all, but '
+                                    f'{total} by topic')
+        listed = [self.path / name for name in self._metadata.files]
+        missing = [file.name for file in listed if not file.exists()]
+        if missing:
+            self._own.differs('missing', f'{", ".join(missing)} is missing')
+        more = [file.name for file in present if file not in listed]
+        if more:
+            self._own.differs('more', f'metadata.yaml does not list {", ".join(more)}')
+        return [file for file in listed if file.exists()]
 
-    def _add(self, part: _Part) -> None:
+    def _open(self, file: Path) -> None:
+        """Open a storage file or, compressed as a whole, what it holds."""
+        faults = self._faults_of(file)
+        plain = file
+        try:
+            if file.suffix == '.zstd':
+                plain, damage = self._scratch.unpack(file)
+                if damage:
+                    faults.damaged(in_words(damage))
+            with plain.open('rb') as opened:
+                ros_1 = opened.read(len(_ROS_1)) == _ROS_1
+        except OSError as error:
+            faults.damaged(in_words(error))
+            return
+        if ros_1:
+            faults.damaged(f'a ROS 1 bag; convert it first: rosbags-convert --src {file} '
+                           f'--dst {file.with_suffix("")}')
+        elif plain.suffix == '.db3':
+            self._add(SqliteFile(plain, faults, self._scratch, self._limits))
+        elif plain.suffix == '.mcap':
+            self._add(McapFile(plain, faults, self._limits))
+        else:
+            faults.damaged('neither a .mcap nor a .db3 file')
+
+    def _add(self, part: Storage) -> None:
         self._parts.append(part)
-        self.topics = {**part.topics, **self.topics}
-        self.counts += part.counts
+        for topic, kind in part.topics.items():
+            if self.topics.setdefault(topic, kind) != kind:
+                self._own.differs(('type', topic),
+                                  f'{topic} has the types {self.topics[topic]} and {kind}')
+        self.counts.update(part.counts)
         times = [time for time in (self.start, self.end, part.start, part.end) if time is not None]
         if times:
             self.start, self.end = min(times), max(times)
 
-    def _files(self) -> list[Path]:
-        """Return the storage files that are there, in the order in which they were written."""
-        if not self.path.is_dir():
-            return [self.path]
-        files = [file for file in self.path.iterdir() if file.name.endswith(_STORAGE)]
-        if not files:
-            self.problems.append(f'{self.path}: no .mcap or .db3 file in this directory')
-        return sorted(files, key=lambda file: [int(part) if part.isdigit() else part
-                                               for part in re.split(r'(\d+)', file.name)])
-
-    def _unpacked(self, file: Path) -> Path:
-        """Return a storage file itself or, compressed as a whole, what it holds."""
-        if file.suffix != '.zstd':
-            return file
-        self._folder = self._folder or tempfile.TemporaryDirectory(prefix='replay_check_')
-        plain = Path(self._folder.name, file.stem)
-        try:
-            unpack(file, plain)
-        except Damage as damage:
-            self.problems.append(f'{file}: {_in_words(damage)}')
-        return plain
-
-
-class _Part(Protocol):
-    """What a recording is read from; the attributes are those of Recording."""
-
-    topics: dict[str, str]
-    counts: Counter[str]
-    start: int | None
-    end: int | None
-
-    def close(self) -> None:
-        ...
-
-    def messages(self, topics: Collection[str], start: int | None,
-                 stop: int | None) -> Iterator[Message]:
-        ...
-
-
-class _Whole:
-    """What rosbags opens: a bag or a storage file."""
-
-    def __init__(self, path: Path, shown: Path, problems: list[str]) -> None:
-        self._shown = shown
-        self._problems = problems
-        self._reader = Reader(path)
-        self._reader.open()
-        self.topics = {connection.topic: connection.msgtype
-                       for connection in self._reader.connections}
-        self.counts: Counter[str] = Counter()
-        for connection in self._reader.connections:
-            self.counts[connection.topic] += connection.msgcount
-        empty = not self._reader.message_count
-        self.start = None if empty else self._reader.start_time
-        self.end = None if empty else self._reader.end_time - 1
-
-    def close(self) -> None:
-        self._reader.close()
-
-    def messages(self, topics: Collection[str], start: int | None,
-                 stop: int | None) -> Iterator[Message]:
-        connections = [connection for connection in self._reader.connections
-                       if connection.topic in topics]
-        if not connections:
+    def _compare(self, found: Counter[str]) -> None:
+        """Compare numbers of messages with what metadata.yaml announces."""
+        if not self._metadata:
             return
-        try:
-            for connection, time, data in self._reader.messages(connections, start, stop):
-                # SQLite's rows have no types, so damage may make anything of them.
-                if not (isinstance(time, int) and isinstance(data, bytes)):
-                    raise TypeError(WRONG_TYPES)
-                yield connection.topic, time, data
-        except Exception as error:  # as above
-            self._problems.append(
-                f'{self._shown}: could not be read to its end: {_in_words(error)}')
-
-
-class _Recovered:
-    """A storage file that rosbags does not open."""
-
-    def __init__(self, path: Path, shown: Path, problems: list[str]) -> None:
-        self._path = path
-        self.topics: dict[str, str] = {}
-        self.counts: Counter[str] = Counter()
-        self.start: int | None = None
-        self.end: int | None = None
-        try:
-            for topic, kind, time, _ in recovered(path):
-                self.topics[topic] = kind
-                self.counts[topic] += 1
-                self.start = time if self.start is None else min(time, self.start)
-                self.end = time if self.end is None else max(time, self.end)
-        except Damage as damage:
-            problems.append(f'{shown}: {damage}')
-        except OSError as error:
-            problems.append(f'{shown}: {_in_words(error)}')
-
-    def close(self) -> None:
-        pass
-
-    def messages(self, topics: Collection[str], start: int | None,
-                 stop: int | None) -> Iterator[Message]:
-        try:
-            for topic, _, time, data in recovered(self._path):
-                if topic in topics and (start is None or time >= start) and (
-                        stop is None or time < stop):
-                    yield topic, time, data
-        except (Damage, OSError):
-            return  # noted when the file was first read
-
-
-def _in_words(error: Exception) -> str:
-    """Return what an exception says, or its kind if it says nothing."""
-    return ' '.join(str(error).split()) or type(error).__name__
+        announced = self._metadata.counts
+        for topic in sorted(found.keys() | announced.keys()):
+            if found[topic] != announced.get(topic, 0):
+                self._own.differs(('count', topic), (
+                    f'metadata.yaml announces {announced.get(topic, 0)} messages of {topic}, '
+                    f'but {found[topic]} are there'))

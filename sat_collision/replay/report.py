@@ -19,9 +19,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from sat_collision.replay.result import FootprintResult, overall, Result, Verdict
+from sat_collision.replay.result import (
+    BETWEEN_FRAMES, Contact, FootprintResult, overall, Result, Verdict)
 
 _MOST_ROWS = 20
+_SHORT = 500_000
 _CLOCKS = {'receive': 'receive time', 'header': 'header stamps'}
 
 
@@ -32,23 +34,42 @@ def report(result: Result) -> list[str]:
     lines += [f'  note: {note}' for note in result.notes]
     if result.start is None:
         return lines
-    lines.append(f'  {result.duration:.3f} s by {_CLOCKS[result.clock]}, {_counts(result)}')
+    question = 'as live' if result.as_live else 'recorded motion'
+    lines.append(f'  {question}, {result.duration:.3f} s by {_CLOCKS[result.clock]}, '
+                 f'{_counts(result)}')
     lines += _rejections(result)
+    lines += [f'  {source.name}: for {source.undecided / 1e9:.3f} s it is not known how something '
+              'moved; only its frames were decided' for source in result.sources
+              if source.undecided]
     lines += _table(
         ('footprint', 'known', 'clear [s]', 'collision [s]', 'unknown [s]', 'least separation'),
         [_footprint_row(footprint, result) for footprint in result.footprints], 'footprints')
     lines += _table(
-        ('footprint', 'obstacle', 'first [s]', 'duration [s]', 'depth [m]', 'x [m]', 'y [m]'),
+        ('footprint', 'obstacle', 'first [s]', 'duration [s]', 'depth [m]', 'x [m]', 'y [m]',
+         'found'),
         [(contact.footprint, contact.obstacle, f'{result.since(contact.first):.3f}',
-          f'{(contact.last - contact.first) / 1e9:.3f}{"+" if contact.at_end else ""}',
-          f'{contact.depth:.4g}', f'{contact.x:.3f}', f'{contact.y:.3f}')
-         for contact in result.contacts], 'contacts')
+          lasting(contact.last - contact.first) + ('+' if contact.at_end else ''),
+          f'{contact.depth:.4g}', f'{contact.x:.3f}', f'{contact.y:.3f}',
+          how_found(contact, result)) for contact in result.contacts], 'contacts')
     lines += _table(
         ('footprint', 'first [s]', 'duration [s]', 'reason'),
         [(unknown.footprint, f'{result.since(unknown.first):.3f}',
           f'{(unknown.last - unknown.first) / 1e9:.3f}', '; '.join(unknown.reasons))
-         for unknown in result.unknown], 'unknown')
+         for unknown in result.unknown if unknown.last - unknown.first >= _SHORT], 'unknown')
     return lines
+
+
+def lasting(duration: int) -> str:
+    """Return a duration in s of one that is in ns; a short one is not said to be 0."""
+    return f'{duration / 1e9:.3f}' if duration >= _SHORT else '<0.001'
+
+
+def how_found(contact: Contact, result: Result) -> str:
+    """Return in words how a contact was found: at a frame, or between which times."""
+    before, after = contact.between
+    if contact.found != BETWEEN_FRAMES or before is None or after is None:
+        return contact.found
+    return f'between {result.since(before):.3f} and {result.since(after):.3f} s'
 
 
 def report_all(results: list[Result]) -> list[str]:
@@ -123,7 +144,7 @@ def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]], title: str) -
 
 def _is_number(cell: str) -> bool:
     try:
-        float(cell.rstrip('+ %') or 0)
+        float(cell.lstrip('<').rstrip('+ %') or 0)
     except ValueError:
         return False
     return True

@@ -22,6 +22,13 @@ import enum
 
 import numpy as np
 from numpy.typing import NDArray
+from sat_collision.geometry.polygon import Polygon
+
+
+# How a contact or a separation was found.
+AT_A_FRAME = 'at a frame'
+BETWEEN_FRAMES = 'between frames'
+AT_A_MESSAGE = 'at a message'
 
 
 class Verdict(enum.IntEnum):
@@ -42,9 +49,12 @@ class Contact:
     """
     A footprint and an obstacle share a point, from `first` until just before `last`.
 
-    `depth` is the deepest penetration in m, at the time `deepest`: 0 if they only touch, negative
-    if they were apart within the margin; (x, y) is the middle of where their bounds overlapped
-    then. `at_end` says that they were still in contact at the end.
+    `found` says how: AT_A_MESSAGE as the monitor, of recorded motion AT_A_FRAME or only
+    BETWEEN_FRAMES. `between` has the last time before and the first time after at which recorded
+    motion has them apart, each None where it is not known. `depth` is the deepest penetration in
+    m, at the time `deepest`: 0 if they only touch, negative if they were apart within the margin;
+    (x, y) is the middle of where their bounds overlapped then. `at_end` says that they were still
+    in contact at the end.
     """
 
     footprint: str
@@ -56,6 +66,8 @@ class Contact:
     x: float = 0.0
     y: float = 0.0
     at_end: bool = False
+    found: str = AT_A_MESSAGE
+    between: list[int | None] = field(default_factory=lambda: [None, None])
 
 
 @dataclass
@@ -70,13 +82,14 @@ class Unknown:
 
 @dataclass
 class Least:
-    """The least separation in m found of a footprint, at a time, from an obstacle, at (x, y)."""
+    """The least separation in m of a footprint, at a time, from an obstacle, at (x, y)."""
 
     separation: float
     time: int
     obstacle: str
     x: float
     y: float
+    found: str = AT_A_MESSAGE
 
 
 @dataclass
@@ -107,13 +120,19 @@ class FootprintResult:
 
 @dataclass
 class SourceResult:
-    """How many messages a footprint or source of obstacles had, and why some were rejected."""
+    """
+    How many messages a footprint or source of obstacles had, and why some were rejected.
+
+    `undecided` is for how long (ns) recorded motion does not know how something of it moved,
+    because it was not known to be the same at both ends: only the ends were decided.
+    """
 
     name: str
     topic: str
     received: int
     rejected: dict[str, int]
     examples: dict[str, str]
+    undecided: int = 0
 
 
 @dataclass
@@ -133,15 +152,21 @@ class Result:
     """
     What was found in one recording.
 
-    `problems` say what is wrong with the recording, `notes` what else a reader should know.
-    `picture` has the bodies at the moment to draw, if that was asked for.
+    `as_live` tells which question is answered: what the monitor would have said, or what touched.
+    `origin` is when the recording begins, `start` what part of it was checked. `problems` say
+    what is wrong with the recording, `notes` what else a reader should know.
+    `picture` has the bodies at the moment to draw, if that was asked for. `content` is what the
+    messages are known by, wherever they lie.
     """
 
     bag: str
     clock: str
     max_unknown: float
+    as_live: bool = False
+    origin: int | None = None
     start: int | None = None
     end: int | None = None
+    content: str | None = None
     footprints: list[FootprintResult] = field(default_factory=list)
     sources: list[SourceResult] = field(default_factory=list)
     contacts: list[Contact] = field(default_factory=list)
@@ -158,8 +183,8 @@ class Result:
         return (self.end - self.start) / 1e9
 
     def since(self, time: int) -> float:
-        """Return a time in s since the start."""
-        return 0.0 if self.start is None else (time - self.start) / 1e9
+        """Return a time in s since the recording begins."""
+        return 0.0 if self.origin is None else (time - self.origin) / 1e9
 
     @property
     def messages(self) -> int:
@@ -183,6 +208,12 @@ class Result:
                 footprint.unknown > 1e9 * self.max_unknown for footprint in watched):
             return Verdict.UNKNOWN
         return Verdict.CLEAR
+
+
+def middle_of_overlap(body: Polygon, other: Polygon) -> tuple[float, float]:
+    """Return the middle of where the bounds of two bodies in contact overlap."""
+    a, b = body.bounds, other.bounds
+    return ((max(a[0], b[0]) + min(a[2], b[2])) / 2, (max(a[1], b[1]) + min(a[3], b[3])) / 2)
 
 
 def overall(results: Iterable[Result]) -> Verdict:

@@ -24,11 +24,15 @@ from typing import TYPE_CHECKING, TypeAlias
 from rosbags.rosbag2 import WriterError
 from sat_collision.messages.cdr import header_stamp
 from sat_collision.monitor import Monitor
+from sat_collision.replay.motion.motion import Motion
+from sat_collision.replay.motion.timeline import MotionTimeline
 from sat_collision.replay.options import HEADER, Options, RECEIVE
-from sat_collision.replay.recording import Message, Recording
-from sat_collision.replay.result import Result, SourceResult
+from sat_collision.replay.recording import Recording
+from sat_collision.replay.result import FootprintResult, Result, SourceResult
+from sat_collision.replay.storage import Message
 from sat_collision.replay.timeline import Timeline
 from sat_collision.replay.topics import all_sources, missing_topics, settings_for, wrong_types
+from sat_collision.scene.deadlines import NEVER
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import Settings
 
@@ -61,8 +65,8 @@ def check(path: str | Path, options: Options = Options(),
         Whatever is wrong with the recording or the parameters is in its problems.
 
     """
-    result = Result(str(path), options.clock, options.max_unknown)
-    with Recording(path) as recording:
+    result = Result(str(path), options.clock, options.max_unknown, options.as_live)
+    with Recording(path, options.limits) as recording:
         try:
             settings = settings_for(recording.topics, options.parameters, options.footprints,
                                     options.obstacles, options.node)
@@ -70,6 +74,7 @@ def check(path: str | Path, options: Options = Options(),
         except (ParameterError, WriterError, OSError) as error:
             result.problems.append(f'{path}: {error}')
         result.problems[:0] = recording.problems
+        result.content = recording.content
     return result
 
 
@@ -91,13 +96,23 @@ class _Run:
         self._settings = settings
         self._options = options
         self._result = result
-        self._monitor = Monitor(settings)
+        footprints = [FootprintResult(footprint.name, footprint.topic, footprint.enabled)
+                      for footprint in settings.footprints]
+        self._motion = None if options.as_live else Motion(settings, footprints, options.picture)
+        self._monitor = Monitor(settings, self._motion)
         self._scene = self._monitor.scene
-        self._timeline = Timeline(self._scene, settings, options.picture)
-        self._timers = [_Timer(options.sample, self._timeline.sample)]
+        self._timers: list[_Timer] = []
+        self._live: Timeline | None = None
+        self._timeline: Timeline | MotionTimeline
+        if self._motion:
+            self._motion.monitor = self._monitor
+            self._timeline = MotionTimeline(self._scene, self._motion, footprints)
+        else:
+            self._timeline = self._live = Timeline(self._scene, footprints, options.picture)
+            self._timers.append(_Timer(options.sample, self._live.sample))
         self._outputs: BagOutputs | None = None
         self._now = 0
-        self._due = 0
+        self._due: float = NEVER
         self._examples: dict[str, dict[str, str]] = {}
 
     def run(self, progress: OnProgress | None) -> None:
@@ -126,16 +141,19 @@ class _Run:
             SourceResult(source.name, source.topic, self._monitor.received[source.name],
                          {reason: count for (name, reason), count in
                           sorted(self._monitor.rejected.items()) if name == source.name},
-                         self._examples.get(source.name, {}))
+                         self._examples.get(source.name, {}),
+                         self._motion.undecided(source.name) if self._motion else 0)
             for source in all_sources(self._settings)]
         result.footprints = self._timeline.footprints
         result.contacts = self._timeline.contacts
         result.unknown = self._timeline.unknown
         result.picture = self._timeline.picture
+        result.notes += self._timeline.notes
 
     def _play(self, names: dict[str, list[str]], start: int, stop: int | None, end: int,
               progress: OnProgress | None) -> None:
-        by_header = self._options.clock == HEADER
+        by_header, result = self._options.clock == HEADER, self._result
+        result.origin = self._first_stamp(names) if by_header else self._recording.start
         # What metadata.yaml says of the recording's bounds is not taken as a reason to drop any.
         messages = self._with_clocks_compared(
             self._recording.messages(names, start if self._options.start else None, stop))
@@ -143,12 +161,15 @@ class _Run:
             messages = self._with_progress(messages, names, progress)
         if self._options.write_bag:
             self._write_outputs(self._options.write_bag)
+        for topic in self._recording.latched & names.keys():
+            for name in names[topic]:
+                self._scene.meet_publisher(name, True)
         if not by_header:
             self._begin(start)
         now = self._now
-        receive, scene, timeline = self._monitor.receive, self._scene, self._timeline
+        receive, scene, motion, live = self._monitor.receive, self._scene, self._motion, self._live
         changes = scene.changes
-        touching = timeline.touching
+        touching = live.touching if live else None
         for topic, time, data in messages:
             if by_header:
                 time = header_stamp(data)
@@ -158,6 +179,8 @@ class _Run:
                 now = time
                 if now > scene.deadline or now >= self._due:
                     self._pass_until(now)
+                if motion:
+                    motion.now = now
             for name in names[topic]:
                 rejection = receive(name, data, now)
                 if rejection:
@@ -166,8 +189,8 @@ class _Run:
                 changed = changes()
                 if changed:
                     self._change(changed, now)
-                if touching:
-                    timeline.deepen(now)
+                if touching and live:
+                    live.deepen(now)
         if self._result.start is None:
             return
         end = now if by_header else max(now, end)
@@ -180,6 +203,11 @@ class _Run:
         if self._outputs:
             self._outputs.close()
 
+    def _first_stamp(self, names: Iterable[str]) -> int | None:
+        """Return the header stamp with which the recording begins, None if there is none."""
+        stamps = (header_stamp(data) for _, _, data in self._recording.messages([*names]))
+        return next(filter(None, stamps), None)
+
     def _write_outputs(self, path: str) -> None:
         from sat_collision.replay.outputs import BagOutputs
         self._outputs = BagOutputs(path, self._options.node, self._settings, self._scene)
@@ -189,11 +217,13 @@ class _Run:
     def _begin(self, start: int) -> None:
         """Let the time begin."""
         self._result.start = self._now = start
+        if self._motion:
+            self._motion.now = start
         self._scene.advance(start)
         self._change(self._scene.changes(), start)
         for timer in self._timers:
             timer.due = start
-        self._due = start
+        self._due = start if self._timers else NEVER
 
     def _change(self, changed: Iterable[str], now: int) -> None:
         self._timeline.change(changed, now)
@@ -205,15 +235,17 @@ class _Run:
         while True:
             # A bound may lie in the past, but the scene's time must not go back.
             deadline = max(self._scene.deadline + 1, self._now)
-            timer = min(self._timers, key=lambda timer: timer.due)
-            if deadline <= min(now, timer.due):
+            timer = min(self._timers, key=lambda timer: timer.due, default=None)
+            if deadline <= (min(now, timer.due) if timer else now):
                 self._now = int(deadline)
+                if self._motion:
+                    self._motion.now = self._now
                 self._scene.advance(self._now)
                 changed = self._scene.changes()
                 if changed:
                     self._change(changed, self._now)
                 continue
-            if timer.due >= now:
+            if timer is None or timer.due >= now:
                 break
             timer.action(timer.due)
             timer.due += timer.period
@@ -221,7 +253,7 @@ class _Run:
             if quiet > _LONGEST_QUIET:
                 timer.due += quiet
         self._now = now
-        self._due = timer.due
+        self._due = timer.due if timer else NEVER
 
     def _with_progress(self, messages: Iterable[Message], names: Iterable[str],
                        progress: OnProgress) -> Iterator[Message]:

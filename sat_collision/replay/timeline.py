@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The states of a scene over time, joined to intervals."""
+"""The states of a scene over time, joined to intervals: what the monitor would have said."""
 
 from __future__ import annotations
 
@@ -20,13 +20,12 @@ from collections.abc import Iterable
 
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.query import separation
-from sat_collision.replay.result import Contact, FootprintResult, Least, Picture, Unknown
+from sat_collision.replay.result import (
+    Contact, FootprintResult, Least, middle_of_overlap, Picture, Unknown)
+from sat_collision.replay.series import Series
 from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
-from sat_collision.scene.settings import Settings
-
-_MOST_SAMPLES = 4096
 
 
 class Timeline:
@@ -36,7 +35,8 @@ class Timeline:
     Parameters
     ----------
     scene : Scene
-    settings : Settings
+    footprints : list of FootprintResult
+        To be filled in.
     with_picture : bool
         Keep the bodies at the least separation of all.
 
@@ -45,6 +45,8 @@ class Timeline:
     contacts, unknown : list
         The Contact and Unknown intervals, in the order of their beginning.
     footprints : list of FootprintResult
+    notes : list of str
+        What a reader should know.
     touching : dict
         The open Contacts by footprint and ObstacleId, only of footprints that have any.
     picture : Picture or None
@@ -52,17 +54,18 @@ class Timeline:
 
     """
 
-    def __init__(self, scene: Scene, settings: Settings, with_picture: bool = False) -> None:
+    def __init__(self, scene: Scene, footprints: list[FootprintResult],
+                 with_picture: bool = False) -> None:
         self._scene = scene
         self._with_picture = with_picture
         self.contacts: list[Contact] = []
         self.unknown: list[Unknown] = []
         self.touching: dict[str, dict[ObstacleId, Contact]] = {}
         self.picture: Picture | None = None
-        self.footprints = [FootprintResult(footprint.name, footprint.topic, footprint.enabled)
-                           for footprint in settings.footprints]
+        self.footprints = footprints
+        self.notes: list[str] = []
         self._results = {result.name: result for result in self.footprints}
-        self._series = {result.name: _Series(result.separation) for result in self.footprints}
+        self._series = {result.name: Series(result.separation) for result in self.footprints}
         self._since: dict[str, tuple[int, Status]] = {}
         self._open_unknown: dict[str, Unknown] = {}
         self._measured: dict[tuple[str, ObstacleId], list[Polygon]] = {}
@@ -91,7 +94,7 @@ class Timeline:
                 if contact.deepest == 0 or depth > contact.depth:
                     contact.depth = depth
                     contact.deepest = now
-                    contact.x, contact.y = _place(*bodies)
+                    contact.x, contact.y = middle_of_overlap(*bodies)
                     self._note_least(name, Least(0.0 - depth, now, contact.obstacle,
                                                  contact.x, contact.y))
 
@@ -161,39 +164,3 @@ class Timeline:
                     found.separation, found.time, name, found.obstacle,
                     {other: polygon.vertices for other, polygon in self._scene.footprints},
                     {str(other): polygon.vertices for other, polygon in self._scene.obstacles})
-
-
-class _Series:
-    """
-    Separations (time in ns, metres or None) in a list that never grows beyond a fixed length.
-
-    Where it would, neighbours are merged to their least.
-    """
-
-    def __init__(self, samples: list[tuple[int, float | None]]) -> None:
-        self._samples = samples
-        self._merged = 1
-        self._pending = 0
-
-    def add(self, time: int, value: float | None) -> None:
-        samples = self._samples
-        if self._pending:
-            last, least = samples[-1]
-            samples[-1] = last, _least(least, value)
-        else:
-            if len(samples) == _MOST_SAMPLES:
-                samples[:] = [(time_a, _least(a, b)) for (time_a, a), (_, b)
-                              in zip(samples[::2], samples[1::2])]
-                self._merged *= 2
-            samples.append((time, value))
-        self._pending = (self._pending + 1) % self._merged
-
-
-def _place(body: Polygon, other: Polygon) -> tuple[float, float]:
-    """Return the middle of where the bounds of two bodies in contact overlap."""
-    a, b = body.bounds, other.bounds
-    return ((max(a[0], b[0]) + min(a[2], b[2])) / 2, (max(a[1], b[1]) + min(a[3], b[3])) / 2)
-
-
-def _least(a: float | None, b: float | None) -> float | None:
-    return min((value for value in (a, b) if value is not None), default=None)

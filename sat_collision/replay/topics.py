@@ -99,8 +99,12 @@ def wrong_types(settings: Settings, types: Mapping[str, str]) -> Iterator[tuple[
 
 
 def missing_topics(settings: Settings, types: Mapping[str, str]) -> list[str]:
-    """Return a sentence for each source whose topic the recording does not have."""
-    return [f'{source.name}: the recording has no topic {source.topic}'
+    """Return a sentence for each source whose topic the recording lacks, with what it has."""
+    taken = {source.topic for source in all_sources(settings)}
+    candidates = [f'{topic} ({_KINDS[kind]})' for topic, kind in types.items()
+                  if kind in _KINDS and topic not in taken]
+    instead = f'; it has {", ".join(candidates)}' if candidates else ''
+    return [f'{source.name}: the recording has no topic {source.topic}{instead}'
             for source in all_sources(settings)
             if source.enabled and source.topic not in types]
 

@@ -23,7 +23,8 @@ from sat_collision.geometry.polygon import PackedBody
 from sat_collision.geometry.polygon_set import Point, PolygonSet
 from sat_collision.scene.bodies import Body
 from sat_collision.scene.footprints import Footprint
-from sat_collision.scene.obstacles import Obstacle
+from sat_collision.scene.observer import Observer
+from sat_collision.scene.obstacles import Obstacle, Owner
 
 _Kind = TypeVar('_Kind', bound=Body[Any])
 _Other = TypeVar('_Other', bound=Body[Any])
@@ -40,6 +41,8 @@ class Contacts:
     ----------
     margin : float
         Metres up to which bodies apart count as meeting.
+    observer : Observer, optional
+        Is told of each body that is placed or taken away.
 
     Attributes
     ----------
@@ -48,7 +51,8 @@ class Contacts:
 
     """
 
-    def __init__(self, margin: float = 0.0) -> None:
+    def __init__(self, margin: float = 0.0, observer: Observer | None = None) -> None:
+        self.observer = observer
         self.changed: set[Footprint] = set()
         self._margin = margin
         self._footprints: _Placed[Footprint] = _Placed()
@@ -69,6 +73,8 @@ class Contacts:
         row = footprint.row
         if row is None:
             row = self._footprints.new_row(footprint)
+        if self.observer:
+            self.observer.place_footprint(footprint)
         met = self._footprints.polygons.place(row, where, self._obstacles.polygons, self._margin)
         if met is not None:
             footprint.moved()
@@ -81,6 +87,8 @@ class Contacts:
         row = obstacle.row
         if row is None:
             row = self._obstacles.new_row(obstacle)
+        if self.observer:
+            self.observer.place_obstacle(obstacle)
         met = self._obstacles.polygons.place(row, where, self._footprints.polygons, self._margin)
         if met is None:
             return False
@@ -89,19 +97,39 @@ class Contacts:
             self.changed.update(update_contacts(obstacle, self._footprints.of_rows(met)))
         return True
 
+    def begin_set(self, source: str, stamp: int) -> None:
+        """Let the observer know that obstacles of another set of a source come now."""
+        if self.observer:
+            self.observer.begin_set(source, stamp)
+
     def is_at(self, obstacle: Obstacle, where: PackedBody) -> bool:
         """Tell whether an obstacle is there already."""
         return obstacle.row is not None and self._obstacles.polygons.is_same(obstacle.row, where)
 
     def remove_footprint(self, footprint: Footprint) -> None:
         """Take a footprint away, if it is placed."""
+        if self.observer:
+            self.observer.remove_footprint(footprint)
         if self._footprints.remove(footprint) and update_contacts(footprint, ()):
             self.changed.add(footprint)
 
     def remove_obstacle(self, obstacle: Obstacle) -> None:
         """Take an obstacle away, if it is placed."""
+        if self.observer:
+            self.observer.remove_obstacle(obstacle)
         if self._obstacles.remove(obstacle):
             self.changed.update(update_contacts(obstacle, ()))
+
+    def hide_obstacles(self, held_by: Owner, rows: list[int]) -> None:
+        """Take all obstacles of a holder away, which keep their rows to be placed again soon."""
+        self._obstacles.polygons.hide(rows)
+        for footprint in self._footprints.bodies.values():
+            lost = {one for one in footprint.contacts if one.held_by is held_by}
+            if lost:
+                footprint.toggle(lost)
+                self.changed.add(footprint)
+                for obstacle in lost:
+                    obstacle.contacts.discard(footprint)
 
     def nearest(self, footprint: Footprint, skipped: Iterable[Obstacle] = ()
                 ) -> tuple[Obstacle, float, Point, Point] | None:

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 import heapq
 import itertools
 from typing import Protocol
@@ -35,6 +35,32 @@ class Perishable(Protocol):
 
     def expire(self) -> None:
         """Do what is due when the deadline has passed."""
+
+
+class Alarm:
+    """
+    A moment at which something is to be done; it can be put off at no cost.
+
+    Parameters
+    ----------
+    ring : callable
+        What is to be done.
+
+    Attributes
+    ----------
+    deadline : int or float
+        The moment in ns, or NEVER.
+
+    """
+
+    def __init__(self, ring: Callable[[], None]) -> None:
+        self.deadline: float = NEVER
+        self.watched: float = NEVER
+        self._ring = ring
+
+    def expire(self) -> None:
+        """Do it."""
+        self._ring()
 
 
 class Deadlines:

@@ -26,6 +26,7 @@ from sat_collision.scene.sources import Source
 
 _DISABLED = 'checking is disabled'
 _NO_CLOCK = 'no clock yet: the time reads 0, as with use_sim_time before the first /clock'
+_CLOCK_STANDS = 'the clock stands still: /clock tells the same time, or comes no more'
 _NO_SOURCE = 'no obstacle source is enabled'
 
 
@@ -55,10 +56,16 @@ class Evaluations:
         self._in_collision: set[str] = set()
         self._faults: tuple[str, tuple[str, ...]] = '', ()
 
-    def find_faults(self, settings: Settings, now: int, sources: Iterable[Source]) -> None:
+    def find_faults(self, settings: Settings, now: int, clock_stands: bool,
+                    sources: Iterable[Source]) -> None:
         """Find out what is common to all footprints; have all evaluated anew if it is new."""
-        monitor_fault = '' if settings.enabled and now else (
-            _NO_CLOCK if settings.enabled else _DISABLED)
+        monitor_fault = ''
+        if not settings.enabled:
+            monitor_fault = _DISABLED
+        elif not now:
+            monitor_fault = _NO_CLOCK
+        elif clock_stands:
+            monitor_fault = _CLOCK_STANDS
         source_faults = tuple(chain.from_iterable(source.faults for source in sources))
         if not any(source.enabled for source in settings.obstacles):
             source_faults = _NO_SOURCE,

@@ -18,15 +18,12 @@ from __future__ import annotations
 
 from collections.abc import Collection
 import enum
-from operator import attrgetter
 from typing import NamedTuple, TypeAlias
 
 from sat_collision.scene.bodies import Body
 from sat_collision.scene.deadlines import NEVER
 from sat_collision.scene.obstacles import Obstacle, ObstacleId
 from sat_collision.scene.settings import FootprintSettings
-
-_NAME = attrgetter('name')
 
 
 class Status(enum.Enum):
@@ -77,7 +74,13 @@ class Footprint(Body[Obstacle]):
     Attributes
     ----------
     time : int or None
-        Stamp of the good footprint, None if there is none.
+        Stamp of the good footprint, None if there is none; not in the future.
+    stamp : int
+        The same as it came, with no stamp as the time of arrival.
+    frame_id : str
+        The frame of the message that came last.
+    heard : int or None
+        When that came.
     fault : str
         Why there is no good footprint; empty if there is one, be it stale.
     stale : bool
@@ -86,23 +89,32 @@ class Footprint(Body[Obstacle]):
         The status reported: CLEAR only after the release delay.
     evaluation : Evaluation
         What was found when it was evaluated last.
-    gained_or_lost : set of Obstacle
-        The contacts that are other than they were when the reader emptied it last.
+    gained_or_lost : set of ObstacleId
+        The contacts by name that are other than they were when the reader emptied it last.
+    doubts : tuple of str
+        Why it was not known then what the footprint touches, whatever it is known to touch.
 
     """
 
-    __slots__ = ('settings', 'timeout', 'time', 'fault', 'stale', 'status', 'evaluation',
-                 'gained_or_lost', 'watched', '_clear_since', '_release', '_due', '_names')
+    __slots__ = ('settings', 'timeout', 'time', 'stamp', 'frame_id', 'heard', 'fault', 'stale',
+                 'status', 'evaluation', 'doubts', 'gained_or_lost', 'watched', '_clear_since',
+                 '_release', '_due', '_held', '_names')
 
     evaluation: Evaluation
 
     def __init__(self, settings: FootprintSettings, due: set[Footprint]) -> None:
         super().__init__()
         self.time: int | None = None
+        self.stamp = 0
+        self.frame_id = ''
+        self.heard: int | None = None
         self.fault = ''
         self.stale = False
         self.status = Status.UNKNOWN
-        self.gained_or_lost: set[Obstacle] = set()
+        self.doubts: tuple[str, ...] = ()
+        self.gained_or_lost: set[ObstacleId] = set()
+        # How many contacts have a name: that of a set and that of the next may have the same.
+        self._held: dict[ObstacleId, int] = {}
         self._names: tuple[ObstacleId, ...] | None = None
         self.watched: float = NEVER
         self._clear_since: int | None = None
@@ -129,14 +141,28 @@ class Footprint(Body[Obstacle]):
             return ()
         # Only where somebody asks: with many contacts, sorting for each new one takes very long.
         if self._names is None:
-            self._names = tuple(sorted(map(_NAME, self.contacts)))
+            self._names = tuple(sorted(self._held))
         return self._names
 
     def toggle(self, others: Collection[Obstacle]) -> None:
         """Take note that it meets each of these if it did not, and not if it did."""
         super().toggle(others)
-        self.gained_or_lost.symmetric_difference_update(others)
-        self._names = None
+        for other in others:
+            name = other.name
+            before = self._held.get(name, 0)
+            now = before + 1 if other in self.contacts else before - 1
+            if now:
+                self._held[name] = now
+            else:
+                del self._held[name]
+            if not (now and before):
+                self.gained_or_lost ^= {name}
+                self._names = None
+
+    def is_newer_than(self, stamp: int) -> bool:
+        """Tell whether the good footprint is newer than a stamp, and not stale or for ever."""
+        return (0 < stamp < self.stamp and self.time is not None and not self.stale
+                and self.timeout != NEVER)
 
     def expire(self) -> None:
         """Ask for another evaluation, now that the deadline is past."""
@@ -170,6 +196,7 @@ class Footprint(Body[Obstacle]):
             status = Status.COLLISION
         else:
             status = Status.UNKNOWN if source_faults else Status.CLEAR
+        self.doubts = reasons
         if status is not Status.CLEAR:
             self._clear_since = None
         else:

@@ -20,9 +20,8 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 
 from sat_collision.scene.bodies import Body
 from sat_collision.scene.deadlines import NEVER
-from sat_collision.scene.settings import ObstacleSettings
 
-# A place in a set or an id; a shape; or the name of a place that is none.
+# A place in a set; an id; a shape; or the name of a place that is none.
 Key: TypeAlias = 'int | bytes | str'
 
 
@@ -48,9 +47,8 @@ class ObstacleId(NamedTuple):
 
 
 class Owner(Protocol):
-    """What an obstacle asks of its source."""
+    """What an obstacle asks of what holds it."""
 
-    settings: ObstacleSettings
     timeout: float
 
     def forget(self, obstacle: Obstacle) -> None:
@@ -63,11 +61,11 @@ class Obstacle(Body[Body[Any]]):
 
     Attributes
     ----------
-    source : Owner
+    held_by : Owner
     key : Key
-        What the source knows it by.
+        What it is known by there.
     name : ObstacleId
-    time : int
+    time : int or float
         Time in ns that it counts from.
     frame_id : str
     refused : str or None
@@ -75,13 +73,14 @@ class Obstacle(Body[Body[Any]]):
 
     """
 
-    __slots__ = ('source', 'key', 'name', 'time', 'frame_id', 'refused', 'watched')
+    __slots__ = ('held_by', 'key', 'name', 'time', 'frame_id', 'refused', 'watched')
 
-    def __init__(self, source: Owner, key: Key, number: int, time: int) -> None:
+    def __init__(self, held_by: Owner, source: str, key: Key, number: int,
+                 time: float) -> None:
         super().__init__()
-        self.source = source
+        self.held_by = held_by
         self.key = key
-        self.name = ObstacleId(source.settings.name, number)
+        self.name = ObstacleId(source, number)
         self.time = time
         self.frame_id = ''
         self.refused: str | None = None
@@ -90,8 +89,8 @@ class Obstacle(Body[Body[Any]]):
     @property
     def deadline(self) -> float:
         """Time in ns after which the obstacle is forgotten."""
-        return self.time + self.source.timeout
+        return self.time + self.held_by.timeout
 
     def expire(self) -> None:
         """Forget the obstacle, now that its deadline is past."""
-        self.source.forget(self)
+        self.held_by.forget(self)

@@ -16,21 +16,26 @@
 
 from __future__ import annotations
 
-from sat_collision.geometry.polygon import PackedBody, Polygon
-from sat_collision.geometry.polygon_set import Point
+from sat_collision.geometry.polygon import PackedBody
+from sat_collision.scene.circumstances import Circumstances
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.deadlines import Deadlines
 from sat_collision.scene.evaluations import Evaluations
-from sat_collision.scene.footprints import Evaluation, Footprint, State, Status
+from sat_collision.scene.footprints import Evaluation, Footprint
 from sat_collision.scene.frame_ids import in_quotes
-from sat_collision.scene.obstacles import ObstacleId
-from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
-from sat_collision.scene.sources import OTHER_FRAME, Source
+from sat_collision.scene.holders import OTHER_FRAME
+from sat_collision.scene.observer import Observer
+from sat_collision.scene.settings import Settings
+from sat_collision.scene.sources import Source
 
+FROM_FUTURE = 'from the future'
+OVERTAKEN = 'older than the last'
+
+_AGREEMENT = 10**9
 _UNHEARD = 'has not been heard yet'
 
 
-class Scene:
+class Scene(Circumstances):
     """
     Footprints and obstacles, and the state of each footprint.
 
@@ -45,37 +50,42 @@ class Scene:
       is enabled: there may be an obstacle that nobody told of;
     - else CLEAR, which is reported once it has been so for `release_delay`.
 
-    Every method that takes `now` first lets time pass until then, as `advance` does. Times are
+    Every method that takes `now` first lets time pass until then, as `pass_time` does. Times are
     ints in ns by one clock. A header stamp of 0 means now, and no stamp counts from the future.
     A body is a packed polygon, whose array may be used again once the method has returned.
 
     Parameters
     ----------
     settings : Settings
+    observer : Observer, optional
+        Is told of what is taken and of what is dropped.
 
     Attributes
     ----------
     settings : Settings
     frame_id : str
-        The frame of all bodies: that of the settings, else of the first good footprint; empty
-        until there is one.
-    evaluations : Evaluations
+        The frame of all bodies: that of the settings, else the one that the footprints heard in
+        the last second agree on; empty until there is one.
 
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, observer: Observer | None = None) -> None:
         self.settings = settings
+        self._observer = observer
         self._now = 0
+        self._clock_stands = False
         self._reported: dict[str, Evaluation] = {}
         self._release_delay = round(settings.release_delay * 1e9)
+        self._future_tolerance = round(settings.future_tolerance * 1e9)
         self._forget_all()
         self._reevaluate_all()
 
     def _forget_all(self) -> None:
         self.frame_id = self.settings.frame_id
-        self._contacts = Contacts(self.settings.margin)
+        self._contacts = Contacts(self.settings.margin, self._observer)
         self._deadlines = Deadlines()
-        self._sources = {source.name: Source(source, self._contacts, self._deadlines)
+        self._pauses = Deadlines()
+        self._sources = {source.name: Source(source, self._contacts, self._deadlines, self._pauses)
                          for source in self.settings.obstacles}
         self._footprints = {footprint.name: Footprint(footprint, self._contacts.changed)
                             for footprint in self.settings.footprints}
@@ -92,6 +102,7 @@ class Scene:
         """
         self.settings = settings
         self._release_delay = round(settings.release_delay * 1e9)
+        self._future_tolerance = round(settings.future_tolerance * 1e9)
         self._contacts.use_margin(settings.margin)
         for source in settings.obstacles:
             self._sources[source.name].configure(source, self._now)
@@ -102,12 +113,7 @@ class Scene:
             footprint.configure(new)
         self._contacts.changed.update(self._footprints.values())
         self._reevaluate_all()
-        self.advance(self._now)
-
-    def settings_of(self, name: str) -> FootprintSettings | ObstacleSettings:
-        """Return the settings of a footprint or source by its name."""
-        source = self._sources.get(name)
-        return source.settings if source else self._footprints[name].settings
+        self.pass_time(self._now)
 
     def footprint(self, name: str, body: PackedBody, frame_id: str, stamp: int,
                   now: int) -> str | None:
@@ -125,23 +131,30 @@ class Scene:
         Returns
         -------
         str or None
-            Why it was refused, if it was: OTHER_FRAME.
+            Why it was refused, if it was: FROM_FUTURE, OTHER_FRAME or OVERTAKEN; the last leaves
+            the footprint as it is.
 
         """
-        self.advance(now)
+        self.pass_time(now)
         footprint = self._footprints[name]
         if not footprint.settings.enabled:
             return None
-        if not self.frame_id:
-            self.frame_id = frame_id
-            for source in self._sources.values():
-                source.refuse_other_frames(frame_id)
-            self._reevaluate_all()
+        if self._is_from_future(stamp):
+            self._invalidate(footprint, f'was refused: {FROM_FUTURE}')
+            self._evaluate()
+            return FROM_FUTURE
+        footprint.frame_id = frame_id
+        footprint.heard = now
+        if frame_id != self.frame_id and not self.settings.frame_id:
+            self._choose_frame()
         if frame_id != self.frame_id:
             self._invalidate(footprint, f'is not in the frame {in_quotes(self.frame_id)}')
             self._evaluate()
             return OTHER_FRAME
+        if footprint.is_newer_than(stamp):
+            return OVERTAKEN
         self._contacts.place_footprint(footprint, body)
+        footprint.stamp = stamp or now
         footprint.time = time = min(stamp, now) if stamp else now
         if footprint.fault or footprint.stale or time + footprint.timeout < now:
             footprint.fault = ''
@@ -167,15 +180,19 @@ class Scene:
         Returns
         -------
         str or None
-            Why it was refused, if it was: OTHER_FRAME, TOO_MANY or TOO_OLD.
+            Why it was refused, if it was: FROM_FUTURE, OTHER_FRAME, TOO_MANY or TOO_OLD.
 
         """
-        self.advance(now)
+        self.pass_time(now)
         source = self._sources[name]
         if not source.settings.enabled:
             return None
         faults = source.faults
-        if body is None:
+        refusal: str | None
+        if self._is_from_future(stamp):
+            # With such a stamp it can be of no set; a heartbeat is of no instance.
+            refusal = source.refuse(FROM_FUTURE, None, now, None if body is None else instance)
+        elif body is None:
             refusal = source.heartbeat(stamp, now)
         elif self.frame_id and frame_id != self.frame_id:
             refusal = source.refuse(OTHER_FRAME, stamp, now, instance)
@@ -194,7 +211,9 @@ class Scene:
 
         The reason has no figures; stamp and instance are None where they could not be read.
         """
-        self.advance(now)
+        self.pass_time(now)
+        if stamp is not None and self._is_from_future(stamp):
+            stamp = None
         footprint = self._footprints.get(name)
         if footprint is None:
             if self._sources[name].settings.enabled:
@@ -203,12 +222,20 @@ class Scene:
             self._invalidate(footprint, f'was refused: {reason}')
         self._reevaluate_all()
 
-    def overwhelm(self, name: str, overwhelmed: bool) -> None:
-        """Take note of whether a source sends more than can be checked."""
-        self._sources[name].overwhelm(overwhelmed)
-        self._reevaluate_all()
-
     def advance(self, now: int) -> None:
+        """
+        Let time pass when all that was sent until now has been told: what paused is whole.
+
+        Where messages may wait to be told, only `pass_time` is right: a pause may be none.
+        """
+        pauses = tuple(self._pauses.missed(now)) if now >= self._now else ()
+        for pause in pauses:
+            pause.expire()
+        self.pass_time(now)
+        if pauses:
+            self._reevaluate_all()
+
+    def pass_time(self, now: int) -> None:
         """
         Let time pass: obstacles are forgotten, footprints become stale, sources fall silent.
 
@@ -218,77 +245,32 @@ class Scene:
         last, self._now = self._now, now
         if 0 < last <= now <= self._deadlines.earliest:
             return
-        changed = now > last == 0
+        begins = last == 0 or now < last
         if now < last:
             self._forget_all()
-            changed = True
+        if begins:
+            for source in self._sources.values():
+                source.listen(now)
+        changed = begins
         for thing in self._deadlines.missed(now):
             thing.expire()
             changed = True
         if changed:
             self._reevaluate_all()
 
-    def changes(self) -> list[str]:
-        """Return the names of footprints whose state, age apart, changed since the last call."""
-        return self.evaluations.changes()
+    def _is_from_future(self, stamp: int) -> bool:
+        return stamp > self._now + self._future_tolerance and self._now > 0
 
-    def status(self, name: str) -> Status:
-        """Return the Status of a footprint."""
-        return self._footprints[name].status
-
-    def state(self, name: str) -> State:
-        """Return the State of a footprint at the time that was passed last."""
-        footprint = self._footprints[name]
-        age = None if footprint.time is None else (self._now - footprint.time) / 1e9
-        status, reasons = footprint.evaluation
-        return State(status, footprint.contacts_reported, reasons, age)
-
-    @property
-    def deadline(self) -> float:
-        """The time in ns until which, at least, nothing changes by itself; NEVER if at no time."""
-        return self._deadlines.earliest
-
-    @property
-    def footprints(self) -> list[tuple[str, Polygon]]:
-        """The (name, Polygon) of every footprint that is somewhere, be it stale."""
-        return [(name, polygon) for name, footprint in self._footprints.items()
-                if (polygon := footprint.polygon) is not None]
-
-    @property
-    def obstacles(self) -> list[tuple[ObstacleId, Polygon]]:
-        """The (ObstacleId, Polygon) of every obstacle that is somewhere."""
-        return [(obstacle.name, polygon) for source in self._sources.values()
-                for obstacle in source.obstacles.values()
-                if (polygon := obstacle.polygon) is not None]
-
-    def contacts(self, name: str) -> list[tuple[ObstacleId, Polygon, Polygon]]:
-        """Return (ObstacleId, Polygon of the footprint, Polygon) of all that a footprint meets."""
-        footprint = self._footprints[name]
-        return [(obstacle.name, own, other) for obstacle in footprint.contacts
-                if (own := footprint.polygon) and (other := obstacle.polygon)]
-
-    def nearest(self, name: str, apart: bool = False
-                ) -> tuple[ObstacleId, float, Point, Point] | None:
-        """
-        Return what is nearest to a footprint, None if one of the two is nowhere.
-
-        It is an obstacle, its separation and the closest points, as `PolygonSet.nearest` has
-        them; with `apart` the obstacles in contact are left out.
-        """
-        footprint = self._footprints[name]
-        found = self._contacts.nearest(footprint, footprint.contacts if apart else ())
-        return found and (found[0].name, *found[1:])
-
-    def _invalidate(self, footprint: Footprint, fault: str) -> None:
-        footprint.time = None
-        footprint.fault = fault
-        self._contacts.remove_footprint(footprint)
-        self._contacts.changed.add(footprint)
-
-    def _reevaluate_all(self) -> None:
-        """Evaluate the footprints for which something has changed: all, if a common fault has."""
-        self.evaluations.find_faults(self.settings, self._now, self._sources.values())
-        self._evaluate()
-
-    def _evaluate(self) -> None:
-        self.evaluations.evaluate(self._now, self._release_delay)
+    def _choose_frame(self) -> None:
+        """Let the frame be the one that the footprints heard of late agree on, if they do."""
+        frames = {footprint.frame_id for footprint in self._footprints.values()
+                  if footprint.heard is not None and footprint.heard >= self._now - _AGREEMENT}
+        if len(frames) != 1 or self.frame_id in frames:
+            return
+        self.frame_id, = frames
+        for footprint in self._footprints.values():
+            if footprint.time is not None and footprint.frame_id != self.frame_id:
+                self._invalidate(footprint, f'is not in the frame {in_quotes(self.frame_id)}')
+        for source in self._sources.values():
+            source.refuse_other_frames(self.frame_id)
+        self._reevaluate_all()

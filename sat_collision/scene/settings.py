@@ -109,6 +109,9 @@ class ObstacleSettings:
     set_window: float = field(default=0.02, metadata=_setting(
         's; messages stamped within this time of the first of a set are different obstacles of '
         'that set', live=True, safety=True, limits=(0.0, 60.0)))
+    set_quiet: float = field(default=0.05, metadata=_setting(
+        's; a set is whole when nothing of it has come for so long, if no later set or empty '
+        'polygon with its stamp says so before', live=True, safety=True, limits=(0.001, 60.0)))
     accumulate: bool = field(default=False, metadata=_setting(
         'true keeps every polygon until its timeout, for publishers that send obstacles one by '
         'one', live=True, safety=True))
@@ -127,7 +130,15 @@ class Settings:
         'names of the sources of obstacles; each has parameters of its own, such as '
         'obstacle.topic'))
     frame_id: str = field(default='', metadata=_setting(
-        'the frame that everything must be in; empty for that of the first good footprint'))
+        'the frame that everything must be in; empty for the one that the footprints of the last '
+        'second agree on'))
+    future_tolerance: float = field(default=1.0, metadata=_setting(
+        's; a message stamped further ahead of the clock is refused', live=True, safety=True,
+        # A batch may bring messages that were stamped after the clock was read for it.
+        limits=(0.05, _DAY)))
+    clock_timeout: float = field(default=2.0, metadata=_setting(
+        's by the wall clock; simulated time that stands still for so long makes the footprints '
+        'unknown; 0.0 for never', live=True, safety=True, limits=(0.0, _DAY)))
     enabled: bool = field(default=True, metadata=_setting(
         'false checks nothing: every state is unknown', live=True, safety=True))
     unknown_is_collision: bool = field(default=True, metadata=_setting(

@@ -12,44 +12,37 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sources of obstacles: what each has told, for how long, and whether it can be trusted."""
+"""Sources of obstacles: what each has told, for how long, and whether that is all there is."""
 
 from __future__ import annotations
 
-from collections import Counter
-
-import numpy as np
-from sat_collision.geometry.layout import FINGERPRINT
-from sat_collision.geometry.polygon import PackedBody, size_of
+from sat_collision.geometry.polygon import PackedBody
 from sat_collision.scene.contacts import Contacts
-from sat_collision.scene.deadlines import Deadlines, NEVER
+from sat_collision.scene.deadlines import Alarm, Deadlines, NEVER
+from sat_collision.scene.doubts import Doubts
+from sat_collision.scene.holders import Holdings, shape_of
 from sat_collision.scene.obstacle_sets import ObstacleSets
-from sat_collision.scene.obstacles import Key, Obstacle
+from sat_collision.scene.obstacles import Key
 from sat_collision.scene.settings import ObstacleSettings, POLYGON_INSTANCE
 
-OTHER_FRAME = 'other frame'
-TOO_MANY = 'too many obstacles'
 TOO_OLD = 'too old'
-
-# Keys of what a source holds beside its obstacles: a refused message that has no place of its
-# own, and whatever came when the source was full.
-_UNPLACED = 'unplaced'
-_EXCESS = 'excess'
 
 
 class Source:
     """
     What one topic has told about obstacles.
 
-    A polygon with a stamp is an obstacle of a set, see `ObstacleSets`. Polygons with stamp 0, and
-    all those of a source that accumulates, are known by their shape; instances by their id.
+    A polygon with a stamp is an obstacle of a set, see `ObstacleSets`. While a set comes in it
+    only adds: what the last whole set held is forgotten when the new one is whole. Polygons with
+    stamp 0, and all those of a source that accumulates, go by their shape; instances by their id.
+    The source is known from its first whole set on of which nothing was missed, or the
+    first pause after polygons without stamps; one without sets from its first message on.
 
-    A refused message takes the place of the obstacle that it would have been. While the source
-    holds one, it is at fault: there may be an obstacle where nobody looks.
+    While a source holds a message that was refused it is at fault: there may be an obstacle where
+    nobody looks. So it is after a loss until all is told anew: by a whole set, or in the timeout.
 
     Times are in ns. A message counts from its stamp, from now if that is 0 or in the future. One
-    that is past its timeout when it comes is refused as TOO_OLD and changes nothing: it could
-    only push out obstacles that are known better.
+    past its timeout is refused as TOO_OLD and changes nothing: what is held is known better.
 
     Parameters
     ----------
@@ -58,78 +51,137 @@ class Source:
         Where obstacles are placed.
     deadlines : Deadlines
         Calls for `expire` of the source and of its obstacles.
+    pauses : Deadlines
+        Calls for the end of a set when nothing of it has come for a while, all that was sent
+        until then having been told.
 
     Attributes
     ----------
+    obstacles : Holdings
     faults : tuple of str
         Why the source cannot be trusted, in words; empty if it can. The same object as long as
         nothing about it changes.
-    obstacles : dict
-        Every Obstacle by its key: place in the set, id or shape.
-    timeout : int or float
-        NEVER if nothing times out.
 
     """
 
-    def __init__(self, settings: ObstacleSettings, contacts: Contacts,
-                 deadlines: Deadlines) -> None:
-        self._contacts = contacts
+    def __init__(self, settings: ObstacleSettings, contacts: Contacts, deadlines: Deadlines,
+                 pauses: Deadlines) -> None:
+        self._note_set = contacts.begin_set
         self._deadlines = deadlines
-        self.obstacles: dict[Key, Obstacle] = {}
+        self._pauses = pauses
+        self._doubts = Doubts()
+        self.obstacles = Holdings(settings.name, contacts, deadlines, self._count_refusals)
+        self._sets = ObstacleSets()
+        self._pause = Alarm(self._end_pause)
+        self._cure = Alarm(self._get_over_loss)
+        self.settings = settings
         self.faults: tuple[str, ...] = ()
         self.watched: float = NEVER
-        self._sets = ObstacleSets()
-        self._refusals: Counter[str] = Counter()
-        self._shapes_seen = 0
         self._clear()
         self.configure(settings, now=0)
 
     def _clear(self) -> None:
-        for obstacle in list(self.obstacles.values()):
-            self.forget(obstacle)
-        self._heard: int | None = None
-        self._silent = False
-        self._overwhelmed = False
+        self.obstacles.clear()
+        self._doubts = Doubts(publishers=self._doubts.publishers)
+        self._heard: float = -NEVER
+        self._pause.deadline = self._cure.deadline = NEVER
         self._sets.clear()
 
     def configure(self, settings: ObstacleSettings, now: int) -> None:
         """Apply settings; a disabled source forgets all that it was told."""
+        was_enabled = self.settings.enabled
         self.settings = settings
-        self.timeout = round(settings.timeout * 1e9) if settings.timeout > 0.0 else NEVER
+        self._timeout = round(settings.timeout * 1e9) if settings.timeout > 0.0 else NEVER
+        self.obstacles.configure(self._timeout, settings.max_count)
         self._sets.window = round(settings.set_window * 1e9)
-        self._sets.timeout = self.timeout
-        self._sets.most = settings.max_count
+        self._sets.timeout = self._timeout
+        self._quiet = round(settings.set_quiet * 1e9)
         self._by_id = settings.type == POLYGON_INSTANCE
         self._in_sets = not self._by_id and not settings.accumulate
         if not settings.enabled:
             self._clear()
-        self._silent = self.deadline < now
+        elif now and not was_enabled:
+            self.listen(now)
+        if self._doubts.is_silent and now <= self.deadline:
+            # What it held is forgotten: a longer timeout brings nothing back.
+            self._heard = -NEVER
+            self._doubts.is_silent = self._doubts.is_heard = False
+        if self.deadline < now:
+            self.expire()
         self._deadlines.watch(self)
-        for obstacle in self.obstacles.values():
-            self._deadlines.watch(obstacle)
         self._find_faults()
 
     @property
     def deadline(self) -> float:
         """Time in ns after which the source is silent, unless it is heard again."""
-        return NEVER if self._heard is None else self._heard + self.timeout
+        return self._heard + self._timeout if self._doubts.is_heard else NEVER
 
     def expire(self) -> None:
         """Note that the source is silent, now that its deadline is past."""
-        self._silent = True
+        self._doubts.is_silent = True
+        self._begin_anew()
+        if self._pause.deadline == NEVER:
+            self._sets.settle()
+        self._find_faults()
+
+    def listen(self, now: int) -> None:
+        """Take note that from now on all is told that is sent: after a pause, sets count."""
+        if self._in_sets and self.settings.enabled and self._doubts.publishers != 0:
+            self._await_pause(now)
+
+    def meet_publisher(self, from_beginning: bool) -> None:
+        """Take note that the next message is the first one heard of a publisher, or sent by it."""
+        if self._doubts.is_heard and not (from_beginning and self._sets.is_whole):
+            self._begin_anew()
+            self._find_faults()
+        if from_beginning:
+            self._sets.settle()
+
+    def _begin_anew(self) -> None:
+        """Trust the source from the first set on that begins after this and is whole."""
+        self._drop_last_set()
+        self._sets.clear()
+        self._doubts.is_known = False
+
+    def lose(self, now: int) -> None:
+        """Take note that messages were lost before the one that comes next."""
+        self._doubts.is_lossy = True
+        self._sets.miss()
+        self._cure.deadline = now + self._timeout
+        self._deadlines.watch(self._cure)
+        self._find_faults()
+
+    def count_publishers(self, count: int, now: int) -> None:
+        """Take note of how many publishers there are; without any, nothing is known any more."""
+        doubts = self._doubts
+        if count == doubts.publishers:
+            return
+        before, doubts.publishers = doubts.publishers, count
+        doubts.is_left = count == 0 and (bool(before) or doubts.is_heard)
+        if doubts.is_left:
+            doubts.is_heard = doubts.is_silent = False
+            self._heard = -NEVER
+        if doubts.is_left or count == 1 < (before or 0):  # what several sent was mixed up
+            self._begin_anew()
+        if count == 0:
+            self._pause.deadline = NEVER
+        elif count == 1:
+            self.listen(now)
         self._find_faults()
 
     def overwhelm(self, overwhelmed: bool) -> None:
         """Take note of whether the source sends more than can be checked."""
-        self._overwhelmed = overwhelmed
+        self._doubts.is_behind = overwhelmed
         self._find_faults()
 
     def heartbeat(self, stamp: int, now: int) -> str | None:
         """Take the message that the publisher lives and saw nothing; return a refusal or None."""
         if self._hear(stamp, now) is None:
             return TOO_OLD
-        if self._in_sets and stamp:
-            self._join_set(stamp)
+        if self._in_sets:
+            self._follow(stamp, now)
+            if stamp and self._sets.includes(stamp):
+                self._end_set()
         return None
 
     def place(self, body: PackedBody, frame_id: str, stamp: int, now: int,
@@ -138,151 +190,111 @@ class Source:
         time = self._hear(stamp, now)
         if time is None:
             return TOO_OLD
-        obstacles = self.obstacles
-        if _UNPLACED in obstacles:
-            self.forget(obstacles[_UNPLACED])
-        key: Key
         if self._in_sets and stamp:
-            if stamp != self._sets.start:
-                self._join_set(stamp)
-            key = self._place_of(body)
-            full = key >= self.settings.max_count
-        else:
-            key = _shape(body) if instance is None or not self._by_id else instance
-            key = self._admit(key)
-            full = key == _EXCESS
-        if full:
-            self._refuse(key, time, TOO_MANY)
-            return TOO_MANY
-        obstacle = obstacles.get(key) or self._new_obstacle(key, time)
-        obstacle.frame_id = frame_id
-        if self._contacts.place_obstacle(obstacle, body) or time > obstacle.time:
-            if obstacle.refused:
-                self._count_refusal(obstacle, None)
-            obstacle.time = time
-            if time + self.timeout < obstacle.watched:
-                self._deadlines.watch(obstacle)
-        return None
+            if stamp == self._sets.current:
+                self._await_pause(now)
+            else:
+                self._follow(stamp, now)
+            return self.obstacles.sides[self._sets.side].place(body, frame_id, time)
+        key: Key = shape_of(body) if instance is None or not self._by_id else instance
+        keyed = self.obstacles.keyed
+        if not self._in_sets:
+            keyed.forget_unplaced()
+        elif key not in keyed or self._doubts.is_lossy or None in keyed:
+            self._follow(0, now)
+        return keyed.place(key, body, frame_id, time)
 
     def refuse(self, reason: str, stamp: int | None, now: int, instance: int | None) -> str:
-        """
-        Take a message without a usable polygon; return the reason that counts.
-
-        `stamp` and `instance` are None where they could not be read.
-        """
-        time = self._hear(stamp, now)
+        """Take a message without a usable polygon, as `Scene.refuse`; return what counts."""
+        time = self._hear(stamp or 0, now)
         if time is None:
             return TOO_OLD
-        key: Key = _UNPLACED
-        if self._in_sets and stamp != 0:
-            if stamp is not None:
-                self._join_set(stamp)
-            key = self._sets.next_place()
-        elif self._by_id and instance is not None:
-            key = self._admit(instance)
-        if key == _EXCESS:
-            reason = TOO_MANY
-        self._refuse(key, time, reason)
-        return reason
+        if self._in_sets:
+            if stamp:
+                self._follow(stamp, now)
+                return self.obstacles.sides[self._sets.side].refuse(time, reason)
+            self._follow(0, now)
+            self._sets.miss()
+        return self.obstacles.keyed.refuse(instance if self._by_id else None, time, reason)
 
     def refuse_other_frames(self, frame_id: str) -> None:
         """Refuse the obstacles in another frame than this, which was not known when they came."""
-        for obstacle in list(self.obstacles.values()):
-            if obstacle.refused is None and obstacle.frame_id != frame_id:
-                if isinstance(obstacle.key, bytes):
-                    self.forget(obstacle)
-                    self._refuse(_UNPLACED, obstacle.time, OTHER_FRAME)
-                else:
-                    self._refuse(obstacle.key, obstacle.time, OTHER_FRAME)
+        if self.obstacles.refuse_other_frames(frame_id):
+            self._sets.miss()
 
-    def forget(self, obstacle: Obstacle) -> None:
-        """Drop an obstacle."""
-        del self.obstacles[obstacle.key]
-        obstacle.watched = NEVER
-        self._contacts.remove_obstacle(obstacle)
-        if obstacle.refused:
-            self._count_refusal(obstacle, None)
-
-    def _hear(self, stamp: int | None, now: int) -> int | None:
+    def _hear(self, stamp: int, now: int) -> int | None:
         """Note a sign of life; return the time it counts from, None if that is too long ago."""
-        time = stamp if stamp and stamp < now else now
-        if time + self.timeout < now:
+        time = stamp if 0 < stamp < now else now
+        if time + self._timeout < now:
             return None
-        if self._heard is None or time > self._heard:
-            first = self._heard is None
+        if time > self._heard:
             self._heard = time
-            if first or self._silent:
-                self._silent = False
+            doubts = self._doubts
+            if not doubts.is_heard or doubts.is_silent:
+                doubts.is_heard = True
+                doubts.is_silent = False
                 self._deadlines.watch(self)
                 self._find_faults()
         return time
 
-    def _join_set(self, stamp: int) -> None:
-        for place in self._sets.join(stamp):
-            obstacle = self.obstacles.get(place)
-            if obstacle is not None:
-                self.forget(obstacle)
+    def _follow(self, stamp: int, now: int) -> None:
+        """Let a message join the set that comes in, or begin the next one."""
+        sets = self._sets
+        if not stamp or sets.continues(stamp):
+            sets.join(stamp)
+        else:
+            if not sets.is_whole:
+                self._end_set()
+            sets.begin(stamp)
+            self._note_set(self.settings.name, stamp)
+            self._doubts.is_cut |= sets.is_cut
+            self._find_faults()
+        self._await_pause(now)
 
-    def _place_of(self, body: PackedBody) -> int:
-        """Return the place in the set of an equal body, be it forgotten, else the next one."""
-        fingerprint = body[0][FINGERPRINT]
-        place = self._sets.place_of_equal(fingerprint)
-        if place is not None:
-            obstacle = self.obstacles.get(place)
-            if obstacle is None or obstacle.refused or self._contacts.is_at(obstacle, body):
-                return place
-        return self._sets.next_place(fingerprint)
+    def _await_pause(self, now: float) -> None:
+        """Have what comes in be whole if nothing more of it comes for a while."""
+        self._pause.deadline = end = now + self._quiet
+        if end < self._pause.watched:
+            self._pauses.watch(self._pause)
 
-    def _admit(self, key: Key) -> Key:
-        """Return the key of an id or shape, or _EXCESS if there is no room for another one."""
-        obstacles = self.obstacles
-        room = self.settings.max_count + (_EXCESS in obstacles) + (_UNPLACED in obstacles)
-        return key if key in obstacles or len(obstacles) < room else _EXCESS
+    def _end_pause(self) -> None:
+        """Take what came in last for whole, now that nothing more of it comes."""
+        self._pause.deadline = NEVER
+        self._end_set()
+        self._sets.settle()
 
-    def _new_obstacle(self, key: Key, time: int) -> Obstacle:
-        number = key if isinstance(key, int) else 0
-        if isinstance(key, bytes):
-            self._shapes_seen += 1
-            number = -self._shapes_seen
-        obstacle = self.obstacles[key] = Obstacle(self, key, number, time)
-        return obstacle
+    def _end_set(self) -> None:
+        """Take the set that came in last for whole; trust the source if nothing was missed."""
+        sets, doubts = self._sets, self._doubts
+        self._drop_last_set()
+        if sets.counts:
+            if self._in_sets:
+                self.obstacles.keyed.forget_unplaced()
+            if doubts.is_lossy:
+                self._get_over_loss()
+            if not doubts.is_known or doubts.is_cut:
+                doubts.is_known = True
+                doubts.is_cut = sets.is_cut
+                self._find_faults()
 
-    def _refuse(self, key: Key, time: int, reason: str) -> None:
-        """Put a refused message in the place of what was there."""
-        obstacle = self.obstacles.get(key) or self._new_obstacle(key, time)
-        obstacle.time = max(obstacle.time, time)
-        self._deadlines.watch(obstacle)
-        self._contacts.remove_obstacle(obstacle)
-        if obstacle.refused != reason:
-            self._count_refusal(obstacle, reason)
+    def _drop_last_set(self) -> None:
+        """Forget what the set before held."""
+        if not self._sets.is_whole:
+            self._sets.is_whole = True
+            self.obstacles.sides[1 - self._sets.side].clear()
 
-    def _count_refusal(self, obstacle: Obstacle, reason: str | None) -> None:
-        """Change why an obstacle is refused: None if it is not any more."""
-        if obstacle.refused:
-            self._refusals[obstacle.refused] -= 1
-        if reason:
-            self._refusals[reason] += 1
-        obstacle.refused = reason
+    def _get_over_loss(self) -> None:
+        """Trust the source again after messages were lost."""
+        self._cure.deadline = NEVER
+        self._doubts.is_lossy = False
+        self._find_faults()
+
+    def _count_refusals(self, reason: str, more: int) -> None:
+        self._doubts.refusals[reason] += more
         self._find_faults()
 
     def _find_faults(self) -> None:
         """Put into words what is wrong with the source."""
-        faults = []
-        if self._heard is None:
-            faults.append('has not been heard yet')
-        elif self._silent:
-            faults.append(
-                f'has been silent for longer than its timeout of {self.settings.timeout:g} s')
-        if self._overwhelmed:
-            faults.append('sends more than can be checked: messages come too late or are lost')
-        faults += [f'sent what was refused: {reason}' for reason in sorted(+self._refusals)]
-        name, topic = self.settings.name, self.settings.topic
-        worded = tuple(f'obstacle source {name} on {topic} {fault}' for fault in faults
-                       if self.settings.enabled)
-        if worded != self.faults:
-            self.faults = worded
-
-
-def _shape(body: PackedBody) -> bytes:
-    """Return what is the same for equal bodies, and for no others."""
-    return np.asarray(body[0])[:size_of(body)].tobytes()
+        faults = self._doubts.in_words(self.settings, self._in_sets)
+        if faults != self.faults:
+            self.faults = faults

@@ -56,10 +56,10 @@ import os, sys, time
 from sat_collision.node.footprint_monitor import FootprintMonitor
 from sat_collision.node.__main__ import main
 tick = FootprintMonitor.tick
-def tick_or_hang(self):
+def tick_or_hang(self, *arguments):
     while os.path.exists(sys.argv[1]):
         time.sleep(0.001)
-    return tick(self)
+    return tick(self, *arguments)
 FootprintMonitor.tick = tick_or_hang
 sys.exit(main(sys.argv))
 """

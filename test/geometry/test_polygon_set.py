@@ -90,3 +90,14 @@ def test_unchanged_body_is_recognised():
     assert bodies.place(0, moved.packed, others) == [0]
     assert bodies.polygon(0).vertices.tolist() == moved.vertices.tolist()
     assert bodies.place(0, body.packed, others, 9.0) == [0, 1]
+
+
+def test_hidden_rows_meet_nothing_until_they_are_filled_anew():
+    """They stay in use: no other body is given their rows."""
+    square = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    bodies = PolygonSet([square, square, square])
+    bodies.hide([0, 2])
+    assert bodies.intersecting_rows(square).tolist() == [1]
+    assert bodies.append(square) == 3
+    bodies.replace(2, square)
+    assert bodies.intersecting_rows(square).tolist() == [1, 2, 3]

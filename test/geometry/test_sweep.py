@@ -20,7 +20,7 @@ import families
 import numpy as np
 import oracle
 import pytest
-from sat_collision import intersects, Polygon, PolygonError, time_of_contact
+from sat_collision import intersects, Polygon, PolygonError, separation, time_of_contact
 import shapes
 
 TOLERANCE = 1e-6
@@ -187,6 +187,37 @@ def test_a_nearer_pass_than_the_tolerance():
     bar, post = ([(0, 0), (1, 0)], [(0, 0), (0, 1)]), [(0.5 + 1e-7, 0.5 + 1e-7)]
     assert time_of_contact(*bar, post, post) == pytest.approx(0.5, abs=3 * TOLERANCE)
     assert time_of_contact(*bar, post, post, 1e-8) is None
+
+
+@pytest.mark.parametrize('margin, expected', [(0.0, 3 / 8), (0.5, 1 / 4), (1.25, 1 / 16),
+                                              (1.5, 0.0), (9.0, 0.0)])
+def test_bodies_that_come_within_a_margin(margin, expected):
+    """Of boxes 1.5 m apart one drives at the other: when the gap is left."""
+    way = BOX, BOX + [4, 0], BOX + [2.5, 0.5], BOX + [2.5, 0.5]
+    assert time_of_contact(*way, margin=margin) == pytest.approx(expected, abs=TOLERANCE)
+
+
+def test_random_ways_within_a_margin():
+    """Nothing comes as near before the time found, and then it is as near; else it never does."""
+    outcomes = {None: 0, 0.0: 0, 'later': 0}
+    for k, (a0, a1, b0, b1) in enumerate(pairs(6, 300)):
+        margin = (0.05, 0.3, 1.0)[k % 3]
+        time = time_of_contact(a0, a1, b0, b1, margin=margin)
+        times = TIMES[::8] if time is None else TIMES[::8][TIMES[::8] < time]
+        for a, b in zip(poses(a0, a1, times), poses(b0, b1, times)):
+            assert separation(a, b) > margin
+        outcomes['later' if time else time] += 1
+        if time is not None:
+            assert separation(*(poses(*way, [time])[0] for way in ((a0, a1), (b0, b1)))) <= (
+                margin + TOLERANCE)
+    assert min(outcomes.values()) > 10, outcomes
+
+
+@pytest.mark.parametrize('margin', [-1.0, math.inf, math.nan])
+def test_margin_that_is_none_is_refused(margin):
+    """It is a length."""
+    with pytest.raises(ValueError, match='margin'):
+        time_of_contact(BOX, BOX, BOX + 3, BOX + 3, margin=margin)
 
 
 def test_off_the_end_of_a_wall_that_is_all_but_parallel():

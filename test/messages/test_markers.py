@@ -31,15 +31,23 @@ GREEN, RED, GREY = 'green', 'red', 'grey'
 @pytest.fixture
 def scene():
     """Return a scene of two footprints and two sources, none of which ever expires."""
-    return Scene(Settings(
+    scene = Scene(Settings(
         tuple(FootprintSettings(name, f'/{name}', timeout=0.0) for name in ('a', 'b')),
         tuple(ObstacleSettings(name, f'/{name}', timeout=0.0) for name in ('map', 'people'))))
+    for seconds in (7, 8):
+        scene.advance(seconds * SECOND)
+    return scene
 
 
 def place(scene, name, points, stamp=SECOND, frame_id='map'):
     """Put a body where its points are."""
     put = scene.footprint if name in ('a', 'b') else scene.obstacle
     put(name, Polygon(points).packed if points else None, frame_id, stamp, 9 * SECOND)
+
+
+def whole(scene, name='map', stamp=SECOND):
+    """Have a source say that a set is whole."""
+    place(scene, name, None, stamp)
 
 
 def drawn(scene, markers=None):
@@ -70,7 +78,8 @@ def test_footprints_are_green_red_or_grey(scene):
     place(scene, 'a', box(0, 0))
     place(scene, 'b', box(5, 5))
     place(scene, 'map', box(5.5, 5.5))
-    place(scene, 'people', None)
+    whole(scene)
+    whole(scene, 'people')
     markers = drawn(scene)
     for part in ('fill', 'outline'):
         assert colour(markers[f'a/{part}', 0]) == GREEN
@@ -138,12 +147,15 @@ def test_nearest_clear_pair_and_its_axis(scene):
     place(scene, 'b', box(0, 20))
     place(scene, 'map', box(3, 0.5))
     place(scene, 'people', box(2, 30))
+    whole(scene)
+    whole(scene, 'people')
     markers = drawn(scene)
     assert xy(markers['nearest/points', 0])[:, 0].tolist() == [1, 3]
     assert markers['nearest/distance', 0].text == 'a - map/0: 2 m'
     start, end = xy(markers['nearest/axis', 0])
     assert start[1] == end[1] and start[0] < 1 and end[0] > 3
     place(scene, 'people', box(0, 21.5), 2 * SECOND)
+    whole(scene, 'people', 2 * SECOND)
     assert drawn(scene)['nearest/distance', 0].text == 'b - people/0: 0.5 m'
 
 
@@ -154,7 +166,8 @@ def test_pairs_in_contact_and_unknown_footprints_have_no_axis(scene):
         place(scene, 'map', box(x, 0), k * SECOND)
         assert ('nearest/axis', 0) not in drawn(scene)
     place(scene, 'map', box(3, 0), 3 * SECOND)
-    place(scene, 'people', None)
+    whole(scene, stamp=3 * SECOND)
+    whole(scene, 'people')
     assert ('nearest/axis', 0) in drawn(scene)
     scene.refuse('people', 'not finite', 9 * SECOND)
     assert ('nearest/axis', 0) not in drawn(scene)
@@ -180,6 +193,7 @@ def test_only_new_polygons_are_made_into_points_again(scene):
     place(scene, 'map', box(7, 7))
     before = drawn(scene, markers)
     place(scene, 'map', box(8, 7), 2 * SECOND)
+    whole(scene, stamp=2 * SECOND)
     after = drawn(scene, markers)
     assert after['a/fill', 0].points[0] is before['a/fill', 0].points[0]
     assert xy(after['map/outline', 0])[0].tolist() == [8, 7]

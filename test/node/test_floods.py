@@ -65,7 +65,7 @@ def test_flood_of_one_topic(process, domain, kind):
         def seen():
             peer.send('obstacles', polygon)
             peer.send('footprint', ROBOT)
-            peer.spin(0.02)
+            peer.spin(0.03)
             return peer.contacts() == met
         peer.until(seen, f'contact with {met}', SOON)
     heard = peer.listen('~/collision')

@@ -68,10 +68,10 @@ assert compiled() == before
 # What `python -m sat_collision.node` does, in what the node can run in.
 PROGRAM = """
 import sys
-from sat_collision.node import loop
+from sat_collision.node import waiting
 from sat_collision.node.__main__ import main
 if {runner!r} == 'executor':
-    loop.is_supported = lambda: False
+    waiting.is_supported = lambda: False
 sys.exit(main(sys.argv))
 """
 

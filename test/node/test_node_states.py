@@ -172,6 +172,30 @@ def test_body_in_another_frame_is_unknown_until_it_comes_in_the_right_one(start)
     monitor.await_state('clear')
 
 
+def test_first_footprint_in_a_wrong_frame_heals(start):
+    """Without frame_id, the one that footprints heard in the last second agree on is the frame."""
+    monitor = start(footprint__timeout=0.0, obstacle__timeout=0.0)
+    monitor.send('footprint', ROBOT, frame_id='odom')
+    monitor.send('obstacles', APART)
+    monitor.await_state('unknown')
+    monitor.until(lambda: 'other frame' in values(monitor.status())['reason'])
+    monitor.send('footprint', ROBOT)
+    monitor.send('obstacles', APART)
+    monitor.await_state('clear')
+
+
+def test_states_say_how_far_apart_in_time_things_are(start):
+    """The footprint is 0.1 s older than the obstacle that it touches."""
+    monitor = start(footprint__timeout=0.0, obstacle__timeout=0.0)
+    stamp = monitor.now() - SECOND
+    monitor.send('footprint', ROBOT, stamp)
+    monitor.send('obstacles', TOUCHING, stamp + SECOND // 10)
+    monitor.await_state('collision')
+    told = values(monitor.status())
+    assert told['contacts are newer by'] == 'obstacle/0 0.100'
+    assert told['nearest obstacle is newer by'] == '0.100'
+
+
 def test_first_footprint_gives_the_frame(start):
     """Without frame_id, what comes in its frame is accepted and what does not is refused."""
     monitor = start(footprint__timeout=0.0, obstacle__timeout=0.0)

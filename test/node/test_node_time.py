@@ -25,13 +25,14 @@ HOUR = 3600 * SECOND
 def send_pair(monitor, obstacle, stamp):
     monitor.send('footprint', ROBOT, stamp)
     monitor.send('obstacles', obstacle, stamp)
+    monitor.send('obstacles', [], stamp)
 
 
 def test_before_the_first_clock_nothing_is_known(start):
     """Contact or not, without time no age can be told; publishing goes on regardless."""
     monitor = start(use_sim_time=True)
     send_pair(monitor, APART, HOUR)
-    monitor.until(lambda: monitor.received.total() == 2)
+    monitor.until(lambda: monitor.received.total() == 3)
     status = monitor.await_state('unknown')
     assert 'clock' in values(status)['reason']
     monitor.until(lambda: monitor.flag() and monitor.flag('footprint'))
@@ -52,6 +53,18 @@ def test_ages_count_in_simulated_time(start):
     monitor.set_clock(HOUR + 3 * SECOND // 2)
     status = monitor.await_state('unknown')
     assert values(status)['age'] == '1.500'
+
+
+def test_clock_and_publishers_that_stop_together_make_unknown(start):
+    """The simulation hangs: no age grows any more, only the wall clock tells."""
+    monitor = start(use_sim_time=True, clock_timeout=0.5)
+    monitor.set_clock(HOUR)
+    send_pair(monitor, APART, HOUR)
+    monitor.await_state('unknown')
+    monitor.until(lambda: 'stands still' in values(monitor.status())['reason'])
+    assert monitor.state() == 'unknown'
+    monitor.set_clock(HOUR + SECOND // 10)
+    monitor.await_state('clear')
 
 
 def test_state_is_published_while_the_clock_stands_still(start):
@@ -75,7 +88,10 @@ def test_backward_jump_drops_everything_until_fresh_data(start):
     monitor.set_clock(HOUR - 60 * SECOND)
     status = monitor.await_state('unknown')
     assert values(status)['age'] == ''
-    send_pair(monitor, APART, HOUR - 60 * SECOND)
+    for tenths in (1, 2):
+        later = HOUR - 60 * SECOND + tenths * SECOND // 10
+        monitor.set_clock(later)
+        send_pair(monitor, APART, later)
     monitor.await_state('clear')
 
 
@@ -87,6 +103,7 @@ def test_release_delay_counts_in_simulated_time(start):
     send_pair(monitor, TOUCHING, HOUR)
     monitor.await_state('collision')
     monitor.send('obstacles', APART, HOUR + SECOND // 2)
+    monitor.send('obstacles', [], HOUR + SECOND // 2)
     monitor.until(lambda: not monitor.contacts())
     assert monitor.state() == 'collision'
     monitor.set_clock(HOUR + 2 * SECOND)

@@ -40,11 +40,11 @@ class Stall:
         self._tick = monitor.tick
         monitor.tick = self._hang
 
-    def _hang(self):
+    def _hang(self, now, is_all_taken):
         self.begun.set()
         self._released.wait()
         del self._monitor.tick
-        return self._tick()
+        return self._tick(now, is_all_taken)
 
     def release(self):
         self._released.set()

@@ -86,9 +86,11 @@ def test_nav2_parameter_file_takes_the_footprint_that_nav2_publishes(declare):
 def test_every_setting_can_be_given(declare):
     """All fields of all settings, two footprints and two sources."""
     footprints = (FootprintSettings('a', '/robot', 0.5, False), FootprintSettings('b', '/b'))
-    obstacles = (ObstacleSettings('c', '/map', 'polygon_instance', 0.0, False, 0.1, True, 7),
+    obstacles = (ObstacleSettings('c', '/map', 'polygon_instance', 0.0, False, 0.1, 0.2, True,
+                                  7),
                  ObstacleSettings('d', '/d'))
-    wanted = Settings(footprints, obstacles, frame_id='odom', enabled=False,
+    wanted = Settings(footprints, obstacles, frame_id='odom', future_tolerance=0.1,
+                      clock_timeout=5.0, enabled=False,
                       unknown_is_collision=False, margin=0.1, resolution=0.01, release_delay=0.5,
                       max_vertices=16, publish_rate=20.0, marker_rate=5.0,
                       max_batch_delay=0.005)

@@ -91,9 +91,16 @@ def test_table_tells_what_was_found(bags, capsys):
     """Times since the beginning, depth and place of the contact, coverage, rejections."""
     main([bags['collision']])
     out = capsys.readouterr().out
-    assert 'COLLISION' in out and f'202 messages (footprint 101, {SOURCE} 101)' in out
-    assert re.search(rf'footprint +100.00 % +9.000 +1.000 +0.000 +-0.25 m from {SOURCE}/0', out)
-    assert re.search(rf'footprint +{SOURCE}/0 +4.000 +1.000 +0.25 +0.875 +0.500', out)
+    assert 'COLLISION' in out and f'303 messages (footprint 101, {SOURCE} 202)' in out
+    assert 'recorded motion, 10.000 s by receive time' in out
+    assert re.search(rf'footprint +99.00 % +8.978 +0.922 +0.100 +-0.25 m from {SOURCE}/0', out)
+    assert re.search(
+        rf'footprint +{SOURCE}/0 +3.989 +0.922 +0.25 +0.875 +0.500 +at a frame', out)
+    main([bags['collision'], '--as-live'])
+    out = capsys.readouterr().out
+    assert 'as live, 10.000 s by receive time' in out
+    assert re.search(
+        rf'footprint +{SOURCE}/0 +4.000 +1.000 +0.25 +0.875 +0.500 +at a message', out)
     main([bags['unknown']])
     out = capsys.readouterr().out
     assert 'has not been heard yet' in out and 'no topic /obstacles' in out
@@ -104,14 +111,18 @@ def test_json_has_the_documented_schema(bags, tmp_path):
     path = tmp_path / 'result.json'
     main([*bags.values(), '--json', str(path)])
     content = json.loads(path.read_text(), parse_constant=pytest.fail)
-    assert content['schema'] == 'sat_collision.replay/1'
+    assert content['schema'] == 'sat_collision.replay/2'
     assert (content['verdict'], content['exit_status']) == ('collision', 1)
     assert [bag['verdict'] for bag in content['bags']] == ['clear', 'collision', 'unknown',
                                                            'bad input']
     contact, = content['bags'][1]['contacts']
-    assert contact == {'footprint': 'footprint', 'obstacle': f'{SOURCE}/0',
-                       'first': START + 4 * 10**9, 'last': START + 5 * 10**9, 'depth': 0.25,
-                       'deepest': START + 4 * 10**9, 'x': 0.875, 'y': 0.5, 'at_end': False}
+    first, last = contact.pop('first'), contact.pop('last')
+    assert [first - START, last - START] == pytest.approx(
+        [(3.9 + 0.2 / 2.25) * 10**9, (4.9 + 0.025 / 2.25) * 10**9], abs=1000)
+    assert contact == {'footprint': 'footprint', 'obstacle': f'{SOURCE}/0', 'depth': 0.25,
+                       'deepest': START + 4 * 10**9, 'x': 0.875, 'y': 0.5, 'at_end': False,
+                       'found': 'at a frame', 'between': [START + 39 * 10**8, START + 5 * 10**9]}
+    assert {bag['question'] for bag in content['bags']} == {'recorded motion'}
     documented = (DOCS / 'replay.md').read_text()
     for key in keys_of(content):
         assert f'`{key}`' in documented, key
@@ -134,7 +145,8 @@ def test_csv_and_junit(bags, tmp_path):
     main([*bags.values(), '--csv', str(table), '--junit', str(suites)])
     with table.open(newline='') as file:
         rows = list(csv.DictReader(file))
-    assert [row['kind'] for row in rows if row['bag'] == bags['collision']] == ['contact']
+    assert [row['kind'] for row in rows if row['bag'] == bags['collision']] == [
+        'contact', 'unknown']
     assert next(row for row in rows if row['kind'] == 'contact')['depth_m'] == '0.25'
     assert all('heard' in row['reason'] or 'older' in row['reason'] for row in rows
                if row['bag'] == bags['unknown'])

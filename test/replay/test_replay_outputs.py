@@ -62,7 +62,7 @@ def test_written_bag_has_the_flags_at_the_right_times(tmp_path):
     for name in ('collision', 'footprint/collision'):
         flags = [(time, flag.data) for time, flag in topics[f'/footprint_monitor/{name}']]
         changes = [flags[0]] + [b for a, b in zip(flags, flags[1:]) if a[1] != b[1]]
-        assert changes == [(0.0, True), (0.0, False), (4.0, True), (5.0, False)]
+        assert changes == [(0.0, True), (0.1, False), (4.0, True), (5.0, False)]
         assert len(flags) >= 100
     for time, array in topics['/footprint_monitor/state']:
         status, = array.status

@@ -119,4 +119,4 @@ def test_command_on_jobs_and_cluster(cluster, capsys):
         out = capsys.readouterr().out
         outs.append(out[out.index('3 recordings'):])
     assert outs[0] == outs[1] == outs[2]
-    assert '9 contacts' in outs[0]
+    assert '8 contacts' in outs[0]

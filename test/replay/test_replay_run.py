@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What replay finds in recordings whose answer is known, and when."""
+"""What replay says as live of recordings whose answer is known, and when."""
 
 import json
 
@@ -25,6 +25,9 @@ from sat_collision.replay.options import HEADER, Options
 from sat_collision.replay.recording import Recording
 from sat_collision.replay.result import Verdict
 from sat_collision.replay.run import check
+
+
+LIVE = Options(as_live=True)
 
 
 def since(result, *times):
@@ -44,20 +47,30 @@ def standing(end, topics=('/footprint', '/obstacles'), rate=10):
 @pytest.mark.parametrize('name', NAMES)
 def test_contacts_after_each_stamp_are_exactly_those_of_the_recording(
         monkeypatch, name, storage, clock):
-    """After a stamp's last message the contacts are those computed with rational arithmetic."""
+    """When the set of a stamp is whole the contacts are those computed with exact arithmetic."""
     expected = json.loads((SHARED / f'{name}_expected.json').read_text())['frames']
     seen = {}
 
     class Watched(replay.Monitor):
+        stamp = None
 
         def receive(self, name, data, now):
-            rejection = super().receive(name, data, now)
+            stamp = decode(data, False)[0]
+            if stamp != self.stamp:
+                self.look()
+            Watched.current, self.stamp = self, stamp
+            return super().receive(name, data, now)
+
+        def look(self):
             contacts = self.scene.state('footprint').contacts
-            seen[decode(data, False)[0]] = [str(obstacle) for obstacle in contacts]
-            return rejection
+            if self.stamp:
+                seen[self.stamp] = [str(obstacle) for obstacle in contacts]
 
     monkeypatch.setattr(replay, 'Monitor', Watched)
-    result = check(SHARED / f'{name}_{storage}', Options(clock=clock))
+    result = check(SHARED / f'{name}_{storage}', Options(as_live=True, clock=clock, parameters={
+        f'{SOURCE}.set_quiet': 0.001}))
+    Watched.current.scene.advance(result.end + SECOND // 100)
+    Watched.current.look()
     assert seen == {frame['stamp_ns']: [f'{SOURCE}/{index}' for index, _, _ in frame['hits']]
                     for frame in expected}
     assert result.problems == [] and result.verdict is Verdict.COLLISION
@@ -74,8 +87,9 @@ def test_contact_is_an_interval_with_its_deepest_moment(tmp_path):
     """The obstacle comes nearer in steps and goes; it is deepest in the third of five."""
     places = [3.0, 1.0, 0.9, 0.5, 0.9, 1.0, 3.0, 3.0]
     messages = [message for k, x in enumerate(places)
-                for message in (('/footprint', k, box(0)), ('/obstacles', k, box(x)))]
-    result = check(write(tmp_path / 'bag', messages))
+                for message in (('/footprint', k, box(0)), ('/obstacles', k, box(x)),
+                                ('/obstacles', k, []))]
+    result = check(write(tmp_path / 'bag', messages), LIVE)
     contact, = result.contacts
     assert since(result, contact.first, contact.deepest, contact.last) == [1, 3, 6]
     assert (contact.depth, contact.x, contact.y) == (0.5, 0.75, 0.5)
@@ -87,7 +101,7 @@ def test_contact_is_an_interval_with_its_deepest_moment(tmp_path):
 
 def test_contact_that_lasts_to_the_end_is_said_to(tmp_path):
     """It ends with the recording, not before."""
-    result = check(write(tmp_path / 'bag', drive(5.0, contact=(4.0, 9.0))))
+    result = check(write(tmp_path / 'bag', drive(5.0, contact=(4.0, 9.0))), LIVE)
     contact, = result.contacts
     assert contact.at_end and contact.last == result.end
 
@@ -96,7 +110,7 @@ def test_deepening_by_the_footprint_alone_is_seen(tmp_path):
     """The obstacle is told once, the robot drives into it."""
     messages = [('/obstacles', 0.0, box(2))]
     messages += [('/footprint', 0.1 + k / 10, box(x)) for k, x in enumerate([0, 1.25, 1.5, 1.0])]
-    result = check(write(tmp_path / 'bag', messages))
+    result = check(write(tmp_path / 'bag', messages), LIVE)
     assert [contact.depth for contact in result.contacts] == [0.5]
 
 
@@ -108,15 +122,15 @@ def test_silence_is_seen_at_its_time_although_no_message_comes(tmp_path):
     """
     messages = sorted(standing(3.0) + standing(8.0, ['/footprint'])[30:] + [
         ('/other', 12.0, box(0))], key=lambda message: message[1])
-    result = check(write(tmp_path / 'bag', messages))
+    result = check(write(tmp_path / 'bag', messages), LIVE)
     begins = [(round(since(result, unknown.first)[0], 6), unknown.reasons)
               for unknown in result.unknown]
-    assert [begin for begin, _ in begins] == [pytest.approx(4.9, abs=1e-6),
-                                              pytest.approx(8.9, abs=1e-6)]
-    assert 'silent' in begins[0][1][0]
-    assert 'older than its timeout' in begins[1][1][0]
+    assert [begin for begin, _ in begins] == pytest.approx([0.0, 4.9, 8.9], abs=1e-6)
+    assert 'whole set' in begins[0][1][0]
+    assert 'silent' in begins[1][1][0]
+    assert 'older than its timeout' in begins[2][1][0]
     assert result.unknown[-1].last == result.end == START + 12 * SECOND
-    assert result.footprints[0].coverage == pytest.approx(4.9 / 12, abs=1e-6)
+    assert result.footprints[0].coverage == pytest.approx((4.9 - 0.15) / 12, abs=1e-6)
     assert result.verdict is Verdict.UNKNOWN
 
 
@@ -129,7 +143,7 @@ def test_obstacle_is_forgotten_at_its_time(tmp_path):
         if k == 10:
             messages.append(('/tracks', k / 10, serialised(box(0.5), stamp, instance=7)))
         messages.append(('/tracks', k / 10, serialised(box(9), stamp, instance=8)))
-    result = check(write(tmp_path / 'bag', messages, types={'/tracks': INSTANCE}))
+    result = check(write(tmp_path / 'bag', messages, types={'/tracks': INSTANCE}), LIVE)
     contact, = result.contacts
     assert contact.obstacle == 'tracks/7'
     assert since(result, contact.first, contact.last) == [1.0, pytest.approx(3.0, abs=1e-6)]
@@ -143,7 +157,7 @@ def test_footprint_that_comes_too_late_does_not_set_the_time_back(tmp_path):
         messages += [('/robot', k / 10, box(0)), ('/obstacles', k / 10, box(0.5)),
                      ('/late', k / 10, serialised(box(9), late))]
     result = check(write(tmp_path / 'bag', messages), Options(
-        footprints=('robot:=/robot', 'late:=/late'), obstacles=('/obstacles',)))
+        as_live=True, footprints=('robot:=/robot', 'late:=/late'), obstacles=('/obstacles',)))
     contact, = result.contacts
     assert contact.at_end and result.end - contact.first == 39 * SECOND // 10
     assert [footprint.coverage for footprint in result.footprints] == [1.0, 0.0]
@@ -152,7 +166,7 @@ def test_footprint_that_comes_too_late_does_not_set_the_time_back(tmp_path):
 def test_release_delay_comes_from_the_parameters(tmp_path):
     """The state stays 'collision' for the delay, though the contact is over."""
     bag = write(tmp_path / 'bag', drive())
-    result = check(bag, Options(parameters={'release_delay': 0.55}))
+    result = check(bag, Options(as_live=True, parameters={'release_delay': 0.55}))
     assert since(result, result.contacts[0].last) == [5.0]
     assert result.footprints[0].collision == pytest.approx(1.55 * SECOND)
 
@@ -168,23 +182,24 @@ def test_messages_are_rejected_as_live_and_counted(tmp_path, data, reason):
     """A bad obstacle makes the footprint unknown until the place in the set is taken again."""
     messages = standing(4.0)
     messages[40:42] = [('/footprint', 2.0, box(0)), ('/obstacles', 2.0, data)]
-    result = check(write(tmp_path / 'bag', messages))
+    result = check(write(tmp_path / 'bag', messages), LIVE)
     source = next(source for source in result.sources if source.name == SOURCE)
     assert source.rejected == {reason: 1}
     assert '/obstacles' in source.examples[reason]
     assert any(reason in unknown.reasons[0] for unknown in result.unknown)
     assert result.verdict is Verdict.CLEAR
-    assert check(tmp_path / 'bag', Options(max_unknown=0.05)).verdict is Verdict.UNKNOWN
+    strict = check(tmp_path / 'bag', Options(as_live=True, max_unknown=0.05))
+    assert strict.verdict is Verdict.UNKNOWN
 
 
 def test_part_of_a_recording(tmp_path):
     """From 4.5 s on for 2 s: the contact that began before begins there."""
     bag = write(tmp_path / 'bag', drive())
-    result = check(bag, Options(start=4.5, duration=2.0))
+    result = check(bag, Options(as_live=True, start=4.5, duration=2.0))
     assert (result.start, result.end) == (START + 45 * SECOND // 10, START + 65 * SECOND // 10)
-    assert result.messages == 2 * 20
+    assert result.messages == 3 * 20
     assert since(result, result.contacts[0].first, result.contacts[0].last) == [0.0, 0.5]
-    assert check(bag, Options(start=99.0)).verdict is Verdict.UNKNOWN
+    assert check(bag, Options(as_live=True, start=99.0)).verdict is Verdict.UNKNOWN
 
 
 def test_recording_of_a_simulation_is_checked_by_its_stamps(tmp_path):
@@ -192,12 +207,24 @@ def test_recording_of_a_simulation_is_checked_by_its_stamps(tmp_path):
     messages = [(topic, time, serialised(points, 100 * SECOND + round(time * SECOND)))
                 for topic, time, points in drive()]
     bag = write(tmp_path / 'bag', messages)
-    result = check(bag)
+    result = check(bag, LIVE)
     assert result.verdict is Verdict.UNKNOWN
     assert any('--clock header' in note for note in result.notes)
-    result = check(bag, Options(clock=HEADER))
+    result = check(bag, Options(as_live=True, clock=HEADER))
     assert result.start == 100 * SECOND
     assert since(result, result.contacts[0].first, result.contacts[0].last) == [4.0, 5.0]
+
+
+@pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
+@pytest.mark.parametrize('latched, verdict', [
+    ((), Verdict.UNKNOWN), (('/obstacles',), Verdict.CLEAR)])
+def test_map_recorded_once_is_known_where_it_was_latched(tmp_path, storage, latched, verdict):
+    """Else it may have been under way when the recording began, and something was missed."""
+    messages = [('/obstacles', 0.0, serialised(box(x), 0)) for x in (3, 5)]
+    messages += [('/footprint', k / 10, box(0)) for k in range(50)]
+    bag = write(tmp_path / 'bag', messages, storage, latched=latched)
+    result = check(bag, Options(parameters={f'{SOURCE}.timeout': 0.0}))
+    assert result.verdict is verdict
 
 
 def test_stamps_that_jitter_between_topics_drop_nothing(tmp_path):
@@ -205,7 +232,7 @@ def test_stamps_that_jitter_between_topics_drop_nothing(tmp_path):
     messages = [(topic, time, serialised(points, START + round(
         (time - (0.05 if topic == '/obstacles' else 0.0)) * SECOND)))
         for topic, time, points in drive()]
-    result = check(write(tmp_path / 'bag', messages), Options(clock=HEADER))
+    result = check(write(tmp_path / 'bag', messages), Options(as_live=True, clock=HEADER))
     assert result.unknown == [] or max(u.last for u in result.unknown) < result.start + SECOND
     assert len(result.contacts) == 1
 
@@ -213,7 +240,7 @@ def test_stamps_that_jitter_between_topics_drop_nothing(tmp_path):
 def test_wild_gap_in_time_takes_no_time(tmp_path):
     """A message of 1970 before those of today: half a century is not sampled through."""
     bag = write(tmp_path / 'bag', [('/footprint', -1.6e9, box(0)), *standing(1.0)])
-    result = check(bag)
+    result = check(bag, LIVE)
     assert result.duration > 1.5e9
     assert len(result.footprints[0].separation) < 100
 
@@ -221,8 +248,8 @@ def test_wild_gap_in_time_takes_no_time(tmp_path):
 def test_series_does_not_grow_with_the_recording(tmp_path):
     """An hour sampled every 10 ms; neighbours are merged to their least."""
     bag = write(tmp_path / 'bag', drive(3600.0, rate=1.0, contact=(1800.0, 1801.0)))
-    result = check(bag, Options(parameters={'footprint.timeout': 3.0, f'{SOURCE}.timeout': 3.0},
-                                sample=0.01))
+    result = check(bag, Options(as_live=True, sample=0.01, parameters={
+        'footprint.timeout': 3.0, f'{SOURCE}.timeout': 3.0}))
     samples = result.footprints[0].separation
     assert 1000 < len(samples) <= 4096
     assert min(value for _, value in samples) == -0.25
@@ -232,7 +259,7 @@ def test_series_does_not_grow_with_the_recording(tmp_path):
 def test_one_topic_may_feed_several_sources(tmp_path):
     """The same polygons, once as sets and once accumulated."""
     result = check(write(tmp_path / 'bag', drive()), Options(
-        parameters={'kept.accumulate': True}, footprints=('/footprint',),
+        as_live=True, parameters={'kept.accumulate': True}, footprints=('/footprint',),
         obstacles=('sets:=/obstacles', 'kept:=/obstacles')))
     assert {contact.obstacle.partition('/')[0] for contact in result.contacts} == {'sets', 'kept'}
 

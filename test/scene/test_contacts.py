@@ -39,8 +39,8 @@ def robot():
 
 def obstacles(contacts, count):
     """Return obstacles that are nowhere."""
-    source = Source(LIDAR, contacts, Deadlines())
-    return [Obstacle(source, key, key, time=0) for key in range(count)]
+    source = Source(LIDAR, contacts, Deadlines(), Deadlines())
+    return [Obstacle(source, {}, key, key, time=0) for key in range(count)]
 
 
 def test_each_side_knows_of_the_contact_whichever_is_placed_last(contacts, robot):
@@ -145,6 +145,7 @@ def test_margin_makes_what_is_near_a_contact():
     stage = Stage(PATIENT_LIDAR, footprints=(PATIENT_ROBOT,), margin=0.5)
     stage.robot()
     stage.see(1.5)
+    stage.whole()
     assert stage.status() == 'collision'
     for margin, status in ((0.25, 'clear'), (0.75, 'collision'), (0.0, 'clear')):
         stage.scene.update(replace(stage.settings, margin=margin))

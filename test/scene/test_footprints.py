@@ -17,13 +17,14 @@
 from dataclasses import replace
 
 import pytest
-from stage import clear_stage, PATIENT_LIDAR, PATIENT_ROBOT, ROBOT, Stage, TOO_OLD, UNHEARD
+from stage import (
+    clear_stage, PATIENT_LIDAR, PATIENT_ROBOT, ROBOT, Stage, TOO_OLD, UNHEARD, with_robot)
 
 
 def test_footprint_goes_stale_by_its_stamp():
     """The localisation hangs: the footprint was 0.4 s old when it came."""
-    stage = clear_stage(PATIENT_LIDAR)
-    stage.robot(stamp=-0.4)
+    stage = with_robot(PATIENT_LIDAR, footprints=[ROBOT], stamp=-0.4)
+    stage.heartbeat()
     stage.wait_until(0.6)
     assert stage.status() == 'clear'
     stage.wait_until(0.601)
@@ -46,28 +47,67 @@ def test_stale_footprint_in_contact_is_unknown():
 
 
 def test_footprint_that_arrives_stale_is_stale_at_once():
-    """The latest message wins even if it is too old: an older place is no better."""
-    stage = clear_stage()
-    stage.robot(stamp=-1.001)
+    """It took longer than its timeout on the way."""
+    stage = clear_stage(PATIENT_LIDAR)
+    stage.wait_until(2.5)
+    stage.robot(stamp=1.499)
     assert stage.status() == 'unknown'
     assert stage.state().reasons == (TOO_OLD,)
 
 
-def test_latest_arrival_wins_even_with_an_earlier_stamp():
-    """Two footprints overtake each other on the way; the earlier stamp goes stale earlier."""
+def test_older_footprint_after_a_newer_one_is_refused():
+    """Two footprints overtake each other on the way: where the robot is now is known already."""
     stage = clear_stage(PATIENT_LIDAR)
     stage.wait_until(0.5)
-    stage.robot(20)
-    stage.robot(10.5, stamp=0.1)
+    stage.robot(10.5)
+    assert stage.robot(20, stamp=0.499) == 'older than the last'
     assert stage.status() == 'collision'
-    stage.wait_until(1.101)
-    assert stage.status() == 'unknown'
+    assert stage.robot(20, stamp=0.5) is None
+    assert stage.status() == 'clear'
+
+
+@pytest.mark.parametrize('footprint', [ROBOT, PATIENT_ROBOT])
+def test_older_footprint_is_taken_where_the_newer_one_means_nothing(footprint):
+    """The publisher's clock is set back: when the last one is stale, lost, or good for ever."""
+    stage = clear_stage(PATIENT_LIDAR, footprints=[footprint])
+    stage.robot(stamp=0.9)
+    if footprint is ROBOT:
+        assert stage.robot(10.5, stamp=0.1) == 'older than the last'
+        stage.wait_until(1.001)
+    assert stage.robot(10.5, stamp=0.1) is None
+    assert stage.status() == 'collision'
+    stage.refuse(name='robot')
+    assert stage.robot(20, stamp=0.05) is None
+    assert stage.status() == 'clear'
+
+
+def test_footprint_further_ahead_than_the_tolerance_is_refused():
+    """Its publisher's clock is an hour ahead: nobody knows how long it was on the way."""
+    stage = clear_stage(PATIENT_LIDAR, future_tolerance=0.5)
+    assert stage.robot(stamp=0.5) is None
+    assert stage.robot(stamp=0.501) == 'from the future'
+    assert stage.state().reasons == (
+        'footprint robot on /footprint was refused: from the future',)
+    assert stage.robot() is None
+    assert stage.status() == 'clear'
+
+
+def test_footprint_without_a_publisher_is_unknown_at_once():
+    """The localisation has ended, however long the timeout is."""
+    stage = clear_stage(PATIENT_LIDAR, footprints=[PATIENT_ROBOT])
+    stage.scene.count_publishers('robot', 1)
+    assert stage.status() == 'clear'
+    stage.scene.count_publishers('robot', 0)
+    assert stage.state().reasons == ('footprint robot on /footprint has no publisher any more',)
+    stage.scene.count_publishers('robot', 1)
+    stage.robot()
+    assert stage.status() == 'clear'
 
 
 def test_footprint_from_the_future_lives_no_longer():
-    """Its publisher's clock is an hour ahead."""
+    """Its publisher's clock is a little ahead."""
     stage = clear_stage(PATIENT_LIDAR)
-    stage.robot(stamp=3600.0)
+    stage.robot(stamp=1.0)
     assert stage.state().age == 0.0
     stage.wait_until(1.001)
     assert stage.status() == 'unknown'
@@ -95,6 +135,7 @@ def test_refused_footprint_is_unknown_until_a_good_one():
     stage = Stage()
     stage.robot()
     stage.see(0.5)
+    stage.whole()
     stage.refuse('not finite', name='robot')
     state = stage.state()
     assert (state.status.value, state.contacts, state.age) == ('unknown', (), None)
@@ -127,6 +168,7 @@ def test_release_waits_until_clear_without_interruption():
     for time, x in ((0.1, 5), (0.5, 0.5), (0.6, 5)):
         stage.wait_until(time)
         stage.see(x)
+        stage.whole()
         assert stage.status() == 'collision'
     assert stage.state().contacts == ()
     assert stage.state().reasons == ('clear for less than release_delay, 0.5 s',)
@@ -143,10 +185,12 @@ def test_interruption_counts_even_if_nobody_looked():
     stage = Stage(PATIENT_LIDAR, footprints=[PATIENT_ROBOT], release_delay=0.5)
     stage.robot()
     stage.see(5)
+    stage.whole()
     stage.wait_until(0.3)
     stage.see(0.5)
     stage.wait_until(0.4)
     stage.see(6)
+    stage.whole()
     stage.wait_until(0.8)
     assert stage.status() == 'collision'
     stage.wait_until(0.9)
@@ -158,6 +202,7 @@ def test_release_from_unknown_waits_too_and_keeps_its_status():
     stage = Stage(PATIENT_LIDAR, footprints=[PATIENT_ROBOT], release_delay=0.5)
     stage.robot()
     stage.see(5)
+    stage.whole()
     assert stage.status() == 'unknown'
     assert stage.state().reasons == ('clear for less than release_delay, 0.5 s',)
     stage.wait_until(0.5)
@@ -183,6 +228,7 @@ def test_rise_is_never_delayed():
     stage = Stage(footprints=[PATIENT_ROBOT], release_delay=0.5)
     stage.robot()
     stage.see(5)
+    stage.whole()
     stage.wait_until(1.0)
     assert stage.status() == 'clear'
     stage.see(0.5)

@@ -24,54 +24,100 @@ from stage import Stage
 
 @pytest.fixture
 def sets():
-    """Return sets of three places, with a window of 10 and a timeout of 100."""
+    """Return sets with a window of 10 and a timeout of 100."""
     sets = ObstacleSets()
-    sets.window, sets.timeout, sets.most = 10, 100, 3
+    sets.window, sets.timeout = 10, 100
     return sets
 
 
-def test_places_left_over_are_told_when_the_next_set_begins(sets):
-    """Sets of three, one, none and none."""
-    sets.join(1000)
-    assert [sets.next_place() for _ in range(3)] == [0, 1, 2]
-    assert list(sets.join(1020)) == []
-    assert sets.next_place() == 0
-    assert list(sets.join(1040)) == [1, 2]
-    assert list(sets.join(1060)) == [0]
-    assert sets.start == 1060
+def take(sets, *stamps):
+    """Let messages join their sets, which are begun if they are new; return whether each was."""
+    begun = []
+    for stamp in stamps:
+        begun.append(stamp != 0 and not sets.continues(stamp))
+        (sets.begin if begun[-1] else sets.join)(stamp)
+    return begun
+
+
+def test_sets_take_turns_on_two_sides(sets):
+    """Each is whole when it is said to be."""
+    sides = []
+    for number, stamp in enumerate((1000, 1020, 1040), 1):
+        assert take(sets, stamp, stamp + 1) == [True, False]
+        sides.append(sets.side)
+        assert (sets.start, sets.last, sets.number) == (stamp, stamp + 1, number)
+        assert not sets.is_whole
+    assert sides[0] == sides[2] != sides[1]
+
+
+@pytest.mark.parametrize('stamps, is_cut', [
+    ((1000, 1010, 1019), True), ((1000, 1010, 1020), False), ((1000, 1011), False),
+    ((1000, 995, 900), False)])
+def test_set_is_cut_off_where_no_pause_goes_before(sets, stamps, is_cut):
+    """A pause is as long as the window, counted from the last stamp before it."""
+    take(sets, *stamps)
+    assert sets.is_cut == is_cut
+
+
+def test_stamps_that_a_set_includes(sets):
+    """A late one joins the set, but does not lie in it."""
+    assert not sets.includes(1000)
+    take(sets, 1000)
+    assert [sets.includes(stamp) for stamp in (989, 990, 1010, 1011)] == [
+        False, True, True, False]
 
 
 def test_late_stamps_join_and_those_of_another_clock_do_not(sets):
     """A stamp is late if it is before the set by less than the timeout."""
-    sets.join(1000)
-    for stamp in (1010, 990, 901):
-        sets.join(stamp)
-        assert sets.start == 1000
-    sets.join(900)
-    assert sets.start == 900
+    assert take(sets, 1000, 1010, 990, 901) == [True, False, False, False]
+    assert (sets.start, sets.last) == (1000, 1010)
+    assert take(sets, 900) == [True]
 
 
-def test_place_beyond_the_last_is_shared(sets):
-    """What comes to it is not known again."""
-    sets.join(1000)
-    assert [sets.next_place(fingerprint) for fingerprint in (0.1, 0.2, 0.3, 0.4, 0.5)] == [
-        0, 1, 2, 3, 3]
-    assert [sets.place_of_equal(fingerprint) for fingerprint in (0.1, 0.3, 0.4, 0.5)] == [
-        0, 2, None, None]
-
-
-def test_equal_fingerprints_share_a_place_within_a_set_only(sets):
-    """And not after all was forgotten."""
-    sets.join(1000)
-    sets.next_place()
-    sets.next_place(0.5)
-    assert sets.place_of_equal(0.5) == 1
-    sets.join(1020)
-    assert sets.place_of_equal(0.5) is None
-    assert sets.next_place(0.5) == 0
+def test_first_set_does_not_count_unless_a_pause_went_before(sets):
+    """Its beginning may have been missed; that of the next one has been seen."""
+    take(sets, 1000)
+    assert not sets.counts
+    take(sets, 1020)
+    assert sets.counts
     sets.clear()
-    assert sets.start is None and sets.place_of_equal(0.5) is None
-    assert list(sets.join(1020)) == []
+    sets.settle()
+    take(sets, 1000)
+    assert sets.counts
+
+
+def test_set_with_a_loss_does_not_count(sets):
+    """Nor does one that begins with the first message after the loss."""
+    sets.settle()
+    take(sets, 1000, 1001)
+    sets.miss()
+    take(sets, 1002)
+    assert not sets.counts
+    take(sets, 1020)
+    assert sets.counts
+    sets.miss()
+    take(sets, 1040)
+    assert not sets.counts
+
+
+def test_messages_without_a_stamp_count_from_pause_to_pause(sets):
+    """Those after a pause are seen from their beginning."""
+    take(sets, 0, 0)
+    assert not sets.counts
+    sets.settle()
+    assert not sets.counts, 'nothing has come since'
+    take(sets, 0, 0)
+    assert sets.counts
+    assert sets.number == 2
+
+
+def test_message_before_is_remembered_until_a_pause_or_a_loss(sets):
+    """What comes with its stamp joins its set, whatever else is true of it."""
+    for forget in (sets.miss, sets.settle, sets.clear):
+        take(sets, 1000, 1003)
+        assert sets.current == 1003
+        forget()
+        assert sets.current is None
 
 
 def test_messages_with_a_copied_stamp_are_different_obstacles():
@@ -95,19 +141,97 @@ def test_window_counts_from_the_first_stamp_of_the_set():
     for x, time in ((10, 0.0), (20, 0.015), (30, 0.03)):
         stage.wait_until(time)
         stage.see(x)
-    assert stage.held == {0: 30, 1: 20}
+    assert stage.held == {0: (10, 30), 1: 20}
+    assert 'set_window cuts in two' in stage.state().reasons[-1]
 
 
-def test_next_set_replaces_in_order_while_it_comes_in():
-    """The k-th of the next set replaces the k-th of the last, the others stay meanwhile."""
+def test_next_set_only_adds_while_it_comes_in():
+    """What the last one held stays until the next is known to be whole."""
     stage = Stage()
     stage.burst(10, 20, 30)
     stage.wait_until(0.1)
     stage.see(11)
-    assert stage.held == {0: 11, 1: 20, 2: 30}
+    assert stage.held == {0: (10, 11), 1: 20, 2: 30}
     stage.see(21)
-    stage.see(31)
-    assert stage.held == {0: 11, 1: 21, 2: 31}
+    assert stage.held == {0: (10, 11), 1: (20, 21), 2: 30}
+    stage.whole()
+    assert stage.held == {0: 11, 1: 21}
+
+
+def test_set_is_whole_after_a_pause():
+    """Nothing of it came for set_quiet; what comes still later joins it all the same."""
+    stage = Stage()
+    stage.robot()
+    stage.burst(10, 20)
+    stage.wait_until(0.04)
+    stage.see(30, stamp=0.0)
+    stage.wait_until(0.09)
+    assert stage.status() == 'unknown'
+    stage.wait_until(0.0901)
+    assert stage.status() == 'clear'
+    stage.see(0.5, stamp=0.0)
+    assert stage.held == {0: 10, 1: 20, 2: 30, 3: 0.5}
+    assert stage.status() == 'collision'
+
+
+def test_set_is_whole_when_the_next_one_begins():
+    """At 100 Hz there is no pause of 50 ms."""
+    stage = Stage(ObstacleSettings('lidar', '/polygons', set_window=0.0))
+    stage.robot()
+    for time, status in ((0.0, 'unknown'), (0.01, 'clear'), (0.02, 'clear')):
+        stage.wait_until(time)
+        stage.burst(10, 20)
+        assert stage.status() == status
+
+
+@pytest.mark.parametrize('spacing', [0.0, 0.002])
+def test_order_within_a_set_means_nothing(spacing):
+    """One of eleven lies on the robot all the time: first of its set, then last, then between."""
+    stage = Stage()
+    stage.robot()
+    places = [0.5, *range(10, 110, 10)]
+    statuses = set()
+    for number in range(12):
+        order = places[::-1] if number % 2 else places[number:] + places[:number]
+        for k, x in enumerate(order):
+            stage.wait_until(number / 10 + k * spacing)
+            stage.robot()
+            stage.see(x)
+            if number:
+                statuses.add(stage.status())
+    assert statuses == {'collision'}
+
+
+def test_late_heartbeat_does_not_end_the_set_that_comes_in():
+    """The empty polygon that ended the last set was overtaken."""
+    stage = Stage()
+    stage.robot()
+    stage.see(0.5, stamp=0.0)
+    stage.wait_until(0.1)
+    stage.see(10)
+    stage.heartbeat(stamp=0.0)
+    assert stage.status() == 'collision'
+    stage.heartbeat(stamp=0.1)
+    assert stage.status() == 'clear'
+
+
+def test_set_cut_by_the_window_is_unknown_until_one_is_not():
+    """Each of ten obstacles is stamped when it was built, 5 ms apart."""
+    stage = Stage()
+    stage.robot()
+    for number in range(3):
+        for k in range(10):
+            stage.wait_until(number / 10 + k * 0.005)
+            stage.see(10 + 2 * k)
+            assert stage.status() == 'unknown'
+    assert stage.state().reasons == (
+        'obstacle source lidar on /polygons sends sets that set_window cuts in two: set it to '
+        'more than a set takes or to 0 with one stamp a set, use ids, or set accumulate',)
+    stage.wait_until(0.3)
+    stage.burst(10, 20)
+    assert stage.status() == 'unknown'
+    stage.whole()
+    assert stage.status() == 'clear'
 
 
 def test_lone_publisher_replaces_itself():
@@ -116,19 +240,19 @@ def test_lone_publisher_replaces_itself():
     for tenth in range(5):
         stage.wait_until(tenth / 10)
         stage.see(10 + tenth)
+        stage.wait_until(tenth / 10 + 0.051)
         assert stage.held == {0: 10 + tenth}
 
 
-def test_shrinking_set_leaves_a_ghost_for_one_period():
-    """What is gone from the scan stays for the time of one set: a ghost, not a lost obstacle."""
+def test_shrinking_set_leaves_no_ghost():
+    """What is gone from the scan goes when the scan is whole."""
     stage = Stage()
     stage.burst(10, 20, 30)
     stage.wait_until(0.1)
     stage.see(11)
-    assert stage.held == {0: 11, 1: 20, 2: 30}
+    assert stage.held == {0: (10, 11), 1: 20, 2: 30}
     stage.wait_until(0.2)
-    stage.see(12)
-    assert stage.held == {0: 12}
+    assert stage.held == {0: 11}
 
 
 def test_growing_set_takes_places_of_its_own():
@@ -138,8 +262,7 @@ def test_growing_set_takes_places_of_its_own():
     stage.wait_until(0.1)
     stage.burst(11, 21)
     stage.wait_until(0.2)
-    stage.burst(12, 22)
-    assert stage.held == {0: 12, 1: 22}
+    assert stage.held == {0: 11, 1: 21}
 
 
 def test_late_message_joins_the_set_that_is_coming_in():
@@ -150,20 +273,22 @@ def test_late_message_joins_the_set_that_is_coming_in():
     stage.see(11, stamp=0.1)
     stage.see(30, stamp=0.0)
     stage.see(21, stamp=0.1)
+    stage.whole()
     assert stage.held == {0: 11, 1: 30, 2: 21}
 
 
 @pytest.mark.parametrize('stamp', [58.0, 0.1])
 def test_clock_set_back_by_the_timeout_or_more_begins_a_set(stamp):
     """A publisher's clock ran ahead and is corrected: its obstacles go on replacing each other."""
-    stage = Stage()
+    stage = Stage(future_tolerance=100.0)
     stage.burst(10, 20, stamp=60.0)
     stage.wait_until(0.1)
     stage.burst(11, stamp=stamp)
-    assert stage.held == {0: 11, 1: 20}
+    assert stage.held == {0: (10, 11), 1: 20}
     stage.wait_until(0.2)
+    assert stage.held == {0: 11}
     stage.burst(12, stamp=stamp + 0.1)
-    assert stage.held == {0: 12}
+    assert stage.held == {0: (11, 12)}
 
 
 def test_earlier_stamp_begins_a_set_where_nothing_times_out():
@@ -172,6 +297,8 @@ def test_earlier_stamp_begins_a_set_where_nothing_times_out():
     stage.burst(10, 20, stamp=0.0)
     stage.burst(11, stamp=-0.1)
     stage.burst(12, stamp=-0.2)
+    assert stage.held == {0: (11, 12)}
+    stage.wait_until(0.051)
     assert stage.held == {0: 12}
 
 
@@ -192,6 +319,7 @@ def test_different_polygons_with_one_fingerprint_are_different_obstacles():
         stage.wait_until(time)
         for hook in order:
             stage.scene.obstacle('lidar', hook.packed, 'map', stage.now, stage.now)
+        stage.whole()
         assert [(name.key, polygon.vertices.tolist())
                 for name, polygon in stage.scene.obstacles] == [
             (key, hook.vertices.tolist()) for key, hook in enumerate(order)]
@@ -216,6 +344,7 @@ def test_obstacle_that_stands_still_is_refreshed_by_the_next_set():
     for second in range(5):
         stage.wait_until(float(second))
         stage.burst(10, 20)
+        stage.whole()
     assert stage.held == {0: 10, 1: 20}
 
 
@@ -227,15 +356,13 @@ def test_sources_do_not_share_sets():
     assert [tuple(name) for name, _ in stage.scene.obstacles] == [('lidar', 0), ('radar', 0)]
 
 
-def test_heartbeat_begins_a_set_and_places_nothing():
-    """Two empty scans in a row: nothing is there any more, and the source is trusted."""
+def test_heartbeat_is_a_set_of_nothing():
+    """An empty scan: nothing is there any more, and the source is trusted."""
     stage = Stage()
     stage.robot()
     stage.burst(0.5, 20)
     stage.wait_until(0.1)
-    stage.heartbeat()
-    assert stage.held == {0: 0.5, 1: 20}
-    stage.wait_until(0.2)
+    assert stage.status() == 'collision'
     stage.heartbeat()
     assert stage.held == {}
     assert stage.status() == 'clear'
@@ -280,9 +407,9 @@ def test_stamp_0_and_stamped_obstacles_of_one_topic_do_not_replace_each_other():
     stage.burst(10, 20)
     stage.wait_until(0.1)
     stage.burst(11)
-    stage.wait_until(0.2)
-    stage.burst(12)
-    assert stage.held == {-1: 50, 0: 12}
+    assert stage.held == {-1: 50, 0: (10, 11), 1: 20}
+    stage.whole()
+    assert stage.held == {-1: 50, 0: 11}
 
 
 def test_accumulate_keeps_every_polygon_until_its_timeout():

@@ -23,9 +23,9 @@ from stage import INSTANCES, PATIENT_LIDAR, square
 
 def placed(settings, key, time):
     """Return an obstacle that a source has placed, and the source."""
-    source = Source(settings, Contacts(), Deadlines())
+    source = Source(settings, Contacts(), Deadlines(), Deadlines())
     assert source.place(square(0).packed, 'map', time, time, key) is None
-    obstacle, = source.obstacles.values()
+    obstacle, = source.obstacles
     return obstacle, source
 
 
@@ -41,7 +41,7 @@ def test_obstacle_lasts_for_the_timeout_of_its_source():
     assert obstacle.name == ObstacleId('lidar', 7)
     assert obstacle.deadline == 1000 + 2 * 10**9
     obstacle.expire()
-    assert source.obstacles == {} and obstacle.polygon is None
+    assert not list(source.obstacles) and obstacle.polygon is None
 
 
 def test_obstacle_of_a_source_without_timeout_lasts_for_ever():

@@ -40,6 +40,7 @@ def test_contact_begins_and_ends_with_the_obstacle():
                             (0.4, -1.01, 'clear')):
         stage.wait_until(time)
         stage.see(x)
+        stage.whole()
         assert stage.status() == status
 
 
@@ -47,6 +48,7 @@ def test_contact_begins_and_ends_with_the_footprint():
     """The robot drives past obstacles that stand still."""
     stage = Stage()
     stage.burst(0, 4, 5)
+    stage.whole()
     for x, keys in ((2, []), (3, [1]), (4.5, [1, 2]), (6.5, []), (0, [0])):
         stage.robot(x)
         assert stage.state().contacts == tuple(ObstacleId('lidar', key) for key in keys)
@@ -69,6 +71,7 @@ def test_footprints_are_judged_each_for_itself():
     stage.robot(0)
     stage.robot(5, name='cart')
     stage.see(5.5)
+    stage.whole()
     assert (stage.status('robot'), stage.status('cart')) == ('clear', 'collision')
 
 
@@ -88,10 +91,13 @@ def test_contact_outweighs_a_source_in_trouble():
     stage = Stage(LIDAR, ObstacleSettings('radar', '/radar'))
     stage.robot()
     stage.see(0.5)
+    stage.whole()
     assert stage.status() == 'collision'
     assert stage.state().reasons == ('obstacle source radar on /radar has not been heard yet',)
     stage.wait_until(0.1)
     stage.see(5)
+    assert stage.status() == 'collision'
+    stage.whole()
     assert stage.status() == 'unknown'
 
 
@@ -140,7 +146,8 @@ def test_step_back_is_noticed_with_the_first_message_too():
     stage.time = -5.0
     stage.see(20)
     assert stage.held == {0: 20}
-    assert stage.state().reasons == (UNHEARD,)
+    assert stage.state().reasons == (
+        UNHEARD, 'obstacle source lidar on /polygons has not sent a whole set yet')
 
 
 def test_nearest_obstacle():

@@ -19,6 +19,35 @@ from dataclasses import replace
 from stage import CART, clear_stage, EVERY_KIND, ROBOT, Stage
 
 
+def test_frame_is_the_one_that_footprints_of_the_last_second_agree_on():
+    """The first footprint ever came in a wrong frame; the obstacles follow with their next set."""
+    stage = Stage(footprints=[ROBOT, CART])
+    stage.robot(frame='odom', name='cart')
+    stage.see(10)
+    stage.whole()
+    assert stage.robot(frame='map') == 'other frame', 'they do not agree'
+    stage.wait_until(0.5)
+    assert stage.robot(name='cart') is None
+    assert stage.scene.frame_id == 'map'
+    stage.robot()
+    assert stage.status('robot') == stage.status('cart') == 'unknown'
+    stage.see(10)
+    stage.whole()
+    assert stage.status('robot') == stage.status('cart') == 'clear'
+
+
+def test_frame_does_not_wait_for_a_footprint_that_was_not_heard_of_late():
+    """What is still in the old frame is unknown from then on."""
+    stage = Stage(footprints=[ROBOT, replace(CART, timeout=0.0)])
+    stage.robot(frame='odom', name='cart')
+    stage.wait_until(1.0)
+    assert stage.robot() == 'other frame'
+    stage.wait_until(1.001)
+    assert stage.robot() is None
+    assert stage.state('cart').reasons[0] == (
+        "footprint cart on /cart/footprint is not in the frame 'map'")
+
+
 def test_frame_of_the_first_footprint_is_that_of_the_scene():
     """No frame_id is configured."""
     stage = Stage()
@@ -26,6 +55,7 @@ def test_frame_of_the_first_footprint_is_that_of_the_scene():
     stage.robot(frame='odom')
     assert stage.scene.frame_id == 'odom'
     assert stage.see(0.5, frame='map') == 'other frame'
+    stage.whole()
     assert stage.status() == 'unknown'
     assert stage.state().reasons == (
         'obstacle source lidar on /polygons sent what was refused: other frame',)
@@ -40,6 +70,7 @@ def test_obstacles_that_came_before_the_frame_was_known(settings):
     stage = Stage(settings)
     stage.see(0.5, frame='odom', instance=1)
     stage.see(9.5, frame='map', instance=2)
+    stage.whole()
     stage.robot(frame='odom')
     assert list(stage.held.values()) == [0.5]
     assert stage.status() == 'collision'
@@ -48,6 +79,7 @@ def test_obstacles_that_came_before_the_frame_was_known(settings):
     stage.wait_until(0.1)
     stage.see(0.5, frame='odom', instance=1)
     stage.see(8.5, frame='odom', instance=2)
+    stage.whole()
     assert stage.status() == 'collision'
     assert stage.state().reasons == ()
 
@@ -56,6 +88,7 @@ def test_refusal_before_the_frame_was_known_keeps_its_reason():
     """What was not finite is not in another frame as well."""
     stage = Stage()
     stage.refuse('not finite')
+    stage.whole()
     stage.robot()
     assert stage.state().reasons == (
         'obstacle source lidar on /polygons sent what was refused: not finite',)
@@ -65,6 +98,7 @@ def test_configured_frame_holds_from_the_start():
     """With frame_id set, neither the first footprint nor the first obstacle decides."""
     stage = Stage(frame_id='map')
     assert stage.see(0.5, frame='odom') == 'other frame'
+    stage.whole()
     assert stage.robot(frame='odom') == 'other frame'
     assert stage.state().reasons == (
         "footprint robot on /footprint is not in the frame 'map'",
@@ -79,25 +113,29 @@ def test_second_footprint_in_another_frame_is_unknown():
     """The first one decides; it is not disturbed by the other."""
     stage = Stage(footprints=[ROBOT, CART])
     stage.see(10)
+    stage.whole()
     stage.robot()
     assert stage.robot(10, name='cart', frame='odom') == 'other frame'
     assert (stage.status('robot'), stage.status('cart')) == ('clear', 'unknown')
 
 
 def test_footprint_that_changes_its_frame_is_unknown():
-    """Its last place in the right frame is not kept."""
-    stage = clear_stage()
-    stage.robot(frame='odom')
-    assert stage.status() == 'unknown'
-    assert stage.scene.footprints == []
+    """Its last place is not kept; where the frame is not configured, the obstacles must follow."""
+    for settings in ({'frame_id': 'map'}, {}):
+        stage = clear_stage(**settings)
+        stage.robot(frame='odom')
+        assert stage.status() == 'unknown'
+        assert (stage.scene.footprints == []) == bool(settings)
 
 
 def test_step_back_in_time_lets_the_frame_be_chosen_anew():
     """The next recording may be in another frame."""
     stage = clear_stage()
-    stage.wait_until(-1.0)
+    for time in (-1.0, -0.9):
+        stage.wait_until(time)
     stage.robot(frame='odom')
     stage.see(10, frame='odom')
+    stage.whole()
     assert stage.status() == 'clear'
 
 

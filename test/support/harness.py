@@ -64,7 +64,7 @@ class Peer:
         self.name = name
         self._publishers = {}
         self._heard = {}
-        self._last_stamp = 0
+        self._last_stamps = {}
 
     def close(self):
         self._executor.shutdown()
@@ -98,7 +98,8 @@ class Peer:
     def send(self, topic, points, stamp=None, frame_id='map', instance=None):
         """Publish a polygon; unless told otherwise stamped about now, in a set of its own."""
         if stamp is None:
-            stamp = self._last_stamp = max(self.now(), self._last_stamp + SECOND // 10)
+            stamp = max(self.now(), self._last_stamps.get(topic, 0) + SECOND // 40)
+            self._last_stamps[topic] = stamp
         message = polygon_message(points, stamp, frame_id, instance)
         self.publisher(topic, type(message)).publish(message)
 
@@ -169,7 +170,7 @@ class Peer:
         """Publish a polygon again and again until the footprint is in a state."""
         def sent():
             self.send(topic, points, **options)
-            self.spin(0.02)
+            self.spin(0.03)
             return self.state() == state
         self.until(sent, state)
 

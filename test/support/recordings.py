@@ -21,6 +21,8 @@ import pytest
 
 pytest.importorskip('rosbags')
 
+from rosbags.interfaces import (  # noqa: E402
+    Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime)
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer  # noqa: E402
 from sat_collision.messages.rosbags_interfaces import STORE  # noqa: E402
 from sat_collision.replay.configuration import settings_of  # noqa: E402
@@ -33,6 +35,8 @@ needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason='the recordings ar
 START = 1_700_000_000 * 10**9
 POLYGON = 'geometry_msgs/msg/PolygonStamped'
 INSTANCE = 'geometry_msgs/msg/PolygonInstanceStamped'
+LATCHED = Qos(QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL,
+              *[QosTime(0, 0)] * 2, QosLiveliness.AUTOMATIC, QosTime(0, 0), False)
 # The source of obstacles that there is unless others are named.
 SOURCE = settings_of({}).obstacles[0].name
 
@@ -47,11 +51,12 @@ def box(x, y=0.0, size=1.0):
     return [(x, y), (x + size, y), (x + size, y + size), (x, y + size)]
 
 
-def write(path, messages, storage='mcap', compression=None, types=None):
+def write(path, messages, storage='mcap', compression=None, types=None, latched=()):
     """
     Write (topic, seconds, points) and (topic, seconds, bytes) to a bag; return its path.
 
-    `compression` is None, 'file', 'message' or 'storage'; types are POLYGON unless given.
+    `compression` is None, 'file', 'message' or 'storage'; types are POLYGON unless given; what
+    `latched` topics sent was delivered to late joiners.
     """
     writer = Writer(path, version=9, storage_plugin=StoragePlugin[storage.upper()])
     if compression:
@@ -61,7 +66,9 @@ def write(path, messages, storage='mcap', compression=None, types=None):
         for topic, time, content in messages:
             if topic not in topics:
                 kind = (types or {}).get(topic, POLYGON)
-                topics[topic] = writer.add_connection(topic, kind, typestore=STORE)
+                topics[topic] = writer.add_connection(
+                    topic, kind, typestore=STORE,
+                    offered_qos_profiles=[LATCHED] if topic in latched else ())
             stamp = nanoseconds(time)
             data = content if isinstance(content, bytes) else serialised(content, stamp)
             writer.write(topics[topic], stamp, data)
@@ -69,11 +76,16 @@ def write(path, messages, storage='mcap', compression=None, types=None):
 
 
 def drive(duration=10.0, rate=10.0, contact=(4.0, 5.0)):
-    """Return a robot that stands at 0 and one obstacle, in contact with it for a while."""
+    """
+    Return a robot that stands at 0 and one obstacle, in contact with it for a while.
+
+    An empty polygon ends each set: it is whole at its time.
+    """
     messages = []
     for tick in range(round(duration * rate) + 1):
         time = tick / rate
         touching = contact[0] <= time < contact[1]
         messages += [('/footprint', time, box(0.0)),
-                     ('/obstacles', time, box(0.75 if touching else 3.0))]
+                     ('/obstacles', time, box(0.75 if touching else 3.0)),
+                     ('/obstacles', time, [])]
     return messages

@@ -24,8 +24,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from builders import SECOND
+from sat_collision.scene.holders import OTHER_FRAME, TOO_MANY
+from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
 from sat_collision.scene.settings import POLYGON_INSTANCE
-from sat_collision.scene.sources import OTHER_FRAME, TOO_MANY, TOO_OLD
+from sat_collision.scene.sources import TOO_OLD
 import shapely
 
 _UNHEARD = 'has not been heard yet'
@@ -42,25 +44,32 @@ class SceneModel:
     What takes a message returns why it is refused, None if it is not.
     """
 
-    def __init__(self, settings):
+    def __init__(self, settings, now):
         self.settings = settings
-        self.forget_all()
+        self.forget_all(now)
 
-    def forget_all(self):
+    def forget_all(self, now):
         """Begin anew, as after a step back in time."""
         self._footprints = {settings.name: Place() for settings in self.settings.footprints}
-        self._sources = {settings.name: SourceModel(settings)
+        self._sources = {settings.name: SourceModel(settings, now)
                          for settings in self.settings.obstacles}
 
-    def use(self, settings):
+    def advance(self, now):
+        """Let time pass when all that was sent until now has been told."""
+        for source in self._sources.values():
+            source.advance(now)
+
+    def use(self, settings, now):
         """Apply other settings of the same names; what is disabled, or was, forgets all."""
         for settings_before, footprint in zip(self.settings.footprints, settings.footprints):
             if settings_before.enabled != footprint.enabled:
                 self._footprints[footprint.name] = Place()
         for source in settings.obstacles:
-            self._sources[source.name].settings = source
-            if not source.enabled:
-                self._sources[source.name] = SourceModel(source)
+            before = self._sources[source.name]
+            if source.enabled and before.settings.enabled:
+                before.settings = source
+            elif source.enabled or before.settings.enabled:
+                self._sources[source.name] = SourceModel(source, now, before.publishers)
         self.settings = settings
 
     def settings_of(self, name):
@@ -71,15 +80,25 @@ class SceneModel:
         """Take a body of a footprint or source."""
         if not self.settings_of(name).enabled:
             return None
+        if self._is_from_future(stamp, now):
+            return self.refuse(name, FROM_FUTURE, None, now, instance)
         if name in self._sources:
             return self._sources[name].place(ring, stamp, now, instance)
-        self._footprints[name] = Place(ring, min(stamp or now, now), '')
+        settings = self.settings_of(name)
+        last = self._footprints[name]
+        if not last.fault and settings.timeout and not is_past(settings, last.time, now) and (
+                0 < stamp < last.stamp):
+            return OVERTAKEN
+        self._footprints[name] = Place(ring, min(stamp or now, now), '', stamp or now)
         return None
 
     def refuse(self, name, reason, stamp, now, instance=None):
         """Take a message without a usable body; stamp and instance are None where unknown."""
         if not self.settings_of(name).enabled:
             return None
+        if stamp is not None and self._is_from_future(stamp, now):
+            stamp = None
+            reason = FROM_FUTURE if reason == OTHER_FRAME else reason
         if name in self._sources:
             return self._sources[name].refuse(reason, stamp, now, instance)
         self._footprints[name] = Place(fault=(
@@ -91,16 +110,45 @@ class SceneModel:
         """Take the message of a source that it lives and sees nothing."""
         if not self.settings_of(name).enabled:
             return None
+        if self._is_from_future(stamp, now):
+            return self.refuse(name, FROM_FUTURE, None, now)
         return self._sources[name].heartbeat(stamp, now)
+
+    def _is_from_future(self, stamp, now):
+        return stamp > now + nanoseconds(self.settings.future_tolerance)
 
     def overwhelm(self, name, overwhelmed):
         """Take note of whether a source sends more than can be checked."""
         self._sources[name].overwhelmed = overwhelmed
 
+    def lose(self, name, now):
+        """Take note that messages were lost; of a footprint that means nothing."""
+        if name in self._sources and self.settings_of(name).enabled:
+            self._sources[name].lose(now)
+
+    def miss_body(self, name, ring, now):
+        """Take note that a body was sent just before the last message, and never came."""
+        if self.settings_of(name).enabled:
+            self._sources[name].miss_body(ring, now)
+
+    def meet_publisher(self, name, from_beginning):
+        """Take note that the next message is the first heard of a publisher, or sent by it."""
+        self._sources[name].meet_publisher(from_beginning)
+
+    def count_publishers(self, name, count, now):
+        """Take note of how many publishers there are for a source."""
+        self._sources[name].count_publishers(count, now)
+
     def obstacles(self, now):
-        """Return the ring of every obstacle by source and key, which is the ring if no number."""
-        return {(name, key): place.ring for name, source in self._sources.items()
-                for key, place in source.held(now).items() if place.ring}
+        """Return source, key and ring of every obstacle; the key is the ring if no number."""
+        return [(name, key, place.ring) for name, source in self._sources.items()
+                for key, place in source.held(now) if place.ring]
+
+    def must_not_be_clear(self, name, now):
+        """Tell if a footprint meets a body of the last whole set, or of what is newer."""
+        return any(separation(self._footprints[name].ring, ring) <= self.settings.margin
+                   for source in self._sources.values() if source.settings.enabled
+                   for ring in source.last_whole_and_newer(now))
 
     def state(self, name, now):
         """Return a footprint's status in a word, source and key of its contacts, and reasons."""
@@ -108,12 +156,12 @@ class SceneModel:
         if not settings.enabled:
             return 'unknown', set(), [f'footprint {name} is disabled']
         doubts = self._doubts(now)
-        ring, time, fault = self._footprints[name]
+        ring, time, fault, _ = self._footprints[name]
         if not fault and is_past(settings, time, now):
             fault = f'is older than its timeout of {settings.timeout:g} s'
         if fault:
             return 'unknown', set(), [f'footprint {name} on {settings.topic} {fault}', *doubts]
-        contacts = {key for key, other in self.obstacles(now).items()
+        contacts = {(source, key) for source, key, other in self.obstacles(now)
                     if separation(ring, other) <= self.settings.margin}
         if contacts:
             return 'collision', contacts, doubts
@@ -139,110 +187,240 @@ class Place(NamedTuple):
     ring: tuple | None = None
     time: int | None = None
     fault: str = _UNHEARD
+    stamp: int | None = None
 
 
 class SourceModel:
-    """One source of obstacles: what it holds by key, as of the last look."""
+    """
+    One source of obstacles: what it holds, as of the last look.
 
-    def __init__(self, settings):
+    `sent` has every body of a set, those that never came included: which set, the ring and the
+    time.
+    """
+
+    def __init__(self, settings, now, publishers=None):
         self.settings = settings
+        self.publishers = publishers
         self.overwhelmed = False
-        self._held = {}
+        self.sent = []
+        self._was_left = False
+        self._keyed = {}
+        self._last, self._newest = {}, {}
         self._heard = None
+        self._silent = False
+        self._lost_at = None
+        self._doubts_window = False
+        self._set = 0
+        self._turn = 0
+        self._begin_anew()
+        self._listens_since = None
+        self.listen(now)
+
+    def _begin_anew(self):
+        """Count nothing that may have begun before now."""
+        self._known = False
+        self._whole = True
+        self._is_cut = False
         self._set_start = None
         self._taken = 0
         self._place_of = {}
+        self._miss()
+
+    def _miss(self):
+        self._before = None
+        self._first_to_count = None
+
+    def _settle(self):
+        self._before = None
+        self._first_to_count = self._turn + 1
+
+    def listen(self, now):
+        """Hear all that is sent from now on."""
+        if self._has_sets and self.settings.enabled and self.publishers != 0:
+            self._listens_since = now
+
+    def look(self, now):
+        """Let time pass."""
+        settings = self.settings
+        if not self._silent and self._heard is not None and is_past(settings, self._heard, now):
+            self._silent = True
+            self._drop_last()
+            self._begin_anew()
+            if self._listens_since is None:
+                self._settle()
+        if self._lost_at is not None and is_past(settings, self._lost_at, now):
+            self._lost_at = None
+        for held in (self._keyed, self._last, self._newest):
+            for key in [key for key, place in held.items() if is_past(settings, place.time, now)]:
+                del held[key]
+
+    def advance(self, now):
+        """Let time pass when all that was sent until now has been told."""
+        since = self._listens_since
+        if since is not None and since + nanoseconds(self.settings.set_quiet) < now:
+            self._listens_since = None
+            self._finish()
+            self._settle()
+        self.look(now)
 
     def held(self, now):
-        """Forget what is past its timeout; return the Place of what is left, by key."""
-        self._held = {key: place for key, place in self._held.items()
-                      if not is_past(self.settings, place.time, now)}
-        return self._held
+        """Return key and Place of all that is not past its timeout."""
+        self.look(now)
+        return [item for held in (self._keyed, self._last, self._newest) for item in held.items()]
+
+    def last_whole_and_newer(self, now):
+        """Return the rings of the last whole set and of all that was sent after it."""
+        last = self._set - (not self._whole)
+        return [ring for number, ring, time in self.sent
+                if number >= last and not is_past(self.settings, time, now)]
 
     def doubts(self, now):
         """Return why the source cannot be trusted."""
+        self.look(now)
         doubts = []
-        if self._heard is None:
+        if self._was_left:
+            doubts.append('has no publisher any more')
+        elif self._heard is None:
             doubts.append(_UNHEARD)
-        elif is_past(self.settings, self._heard, now):
+        elif self._silent:
             doubts.append(
                 f'has been silent for longer than its timeout of {self.settings.timeout:g} s')
+        elif self._has_sets and not self._known:
+            doubts.append('has not sent a whole set yet')
+        if self._has_sets and (self.publishers or 0) > 1:
+            doubts.append(f'has {self.publishers} publishers')
+        if self._lost_at is not None:
+            doubts.append('lost messages')
+        if self._has_sets and self._doubts_window:
+            doubts.append('sends sets that set_window cuts in two')
         if self.overwhelmed:
-            doubts.append('sends more than can be checked: messages come too late or are lost')
-        faults = {place.fault for place in self.held(now).values() if place.fault}
+            doubts.append('sends more than can be checked')
+        faults = {place.fault for _, place in self.held(now) if place.fault}
         return doubts + [f'sent what was refused: {fault}' for fault in sorted(faults)]
+
+    def lose(self, now):
+        """Take note that messages were lost before the next one."""
+        self.look(now)
+        self._lost_at = now
+        self._miss()
+
+    def miss_body(self, ring, now):
+        """Take note of a body of the set that the last message is of, which never came."""
+        self.sent.append((self._set, ring, now))
+
+    def meet_publisher(self, from_beginning):
+        if self._heard is not None and not (from_beginning and self._whole):
+            self._drop_last()
+            self._begin_anew()
+        if from_beginning:
+            self._settle()
+
+    def count_publishers(self, count, now):
+        before, self.publishers = self.publishers, count
+        if count == before:
+            return
+        self._was_left = count == 0 and bool(before or self._heard is not None)
+        if self._was_left:
+            self._heard = None
+            self._silent = False
+        if self._was_left or (count == 1 and (before or 0) > 1):
+            self._drop_last()
+            self._begin_anew()
+        if count == 0:
+            self._listens_since = None
+        elif count == 1:
+            self.listen(now)
 
     def heartbeat(self, stamp, now):
         if self._hear(stamp, now) is None:
             return TOO_OLD
-        if self._in_sets(stamp):
-            self._begin_set_if_due(stamp)
+        if self._has_sets:
+            self._follow(stamp, now)
+            if stamp and abs(self._set_start - stamp) <= nanoseconds(self.settings.set_window):
+                self._finish()
         return None
 
     def place(self, ring, stamp, now, instance):
         time = self._hear(stamp, now)
         if time is None:
             return TOO_OLD
-        self._held.pop(_UNPLACED, None)
         if self._in_sets(stamp):
-            key = self._next_in_set(ring, stamp)
+            self._follow(stamp, now)
+            key = self._next_in_set(ring)
+            held = self._newest
             full = key == self.settings.max_count
+            if not full:
+                self.sent.append((self._set, ring, time))
         else:
-            key = self._admitted(instance if self._by_id else ring)
+            held = self._keyed
+            key = instance if self._by_id else ring
+            if not self._has_sets:
+                held.pop(_UNPLACED, None)
+            elif key not in held or self._lost_at is not None or _UNPLACED in held:
+                self._follow(0, now)
+            key = self._admitted(key)
             full = key == _EXCESS
         if full:
-            self._hold_refused(key, TOO_MANY, time)
+            self._hold_refused(held, key, TOO_MANY, time)
             return TOO_MANY
-        last = self._held.get(key)
+        last = held.get(key)
         if last and last.ring == ring:
             time = max(time, last.time)
-        self._held[key] = Place(ring, time, '')
+        held[key] = Place(ring, time, '')
         return None
 
     def refuse(self, reason, stamp, now, instance):
-        time = self._hear(stamp, now)
+        time = self._hear(stamp or 0, now)
         if time is None:
             return TOO_OLD
-        key = _UNPLACED
-        if self._in_sets(stamp):
-            key = self._next_in_set(None, stamp)
+        key, held = _UNPLACED, self._keyed
+        if self._in_sets(stamp or 0):
+            self._follow(stamp, now)
+            key = self._next_in_set(None)
+            held = self._newest
+        elif self._has_sets:
+            self._follow(0, now)
+            self._miss()
         elif self._by_id and instance is not None:
             key = self._admitted(instance)
         if key == _EXCESS:
             reason = TOO_MANY
-        self._hold_refused(key, reason, time)
+        self._hold_refused(held, key, reason, time)
         return reason
 
     @property
     def _by_id(self):
         return self.settings.type == POLYGON_INSTANCE
 
+    @property
+    def _has_sets(self):
+        return not self._by_id and not self.settings.accumulate
+
     def _in_sets(self, stamp):
-        """Tell whether a message is one of a set; one with an unknown stamp counts as such."""
-        return stamp != 0 and not self._by_id and not self.settings.accumulate
+        return stamp != 0 and self._has_sets
 
     def _hear(self, stamp, now):
         """Return the time that a message counts from, None if that is too long ago."""
         time = min(stamp or now, now)
+        self.look(now)
         if is_past(self.settings, time, now):
             return None
-        self.held(now)
-        self._heard = time if self._heard is None else max(time, self._heard)
+        if self._heard is None or time > self._heard:
+            self._heard = time
+            self._silent = False
         return time
 
-    def _hold_refused(self, key, reason, time):
-        last = self._held.get(key)
-        self._held[key] = Place(None, max(time, last.time) if last else time, reason)
+    def _hold_refused(self, held, key, reason, time):
+        last = held.get(key)
+        held[key] = Place(None, max(time, last.time) if last else time, reason)
 
     def _admitted(self, key):
         """Return a key, or that of the excess if there is no room for another one."""
-        known = self._held.keys() - {_UNPLACED, _EXCESS}
+        known = self._keyed.keys() - {_UNPLACED, _EXCESS}
         return key if key in known or len(known) < self.settings.max_count else _EXCESS
 
-    def _next_in_set(self, ring, stamp):
+    def _next_in_set(self, ring):
         """Return the place of an equal body of this set, else the next; beyond all is one more."""
-        if stamp is not None:
-            self._begin_set_if_due(stamp)
         if ring in self._place_of:
             return self._place_of[ring]
         place = min(self._taken, self.settings.max_count)
@@ -251,16 +429,50 @@ class SourceModel:
             self._place_of[ring] = place
         return place
 
-    def _begin_set_if_due(self, stamp):
-        if self._set_start is not None:
-            late = self._set_start - stamp
-            if abs(late) <= nanoseconds(self.settings.set_window):
-                return
-            if 0 < late < nanoseconds(self.settings.timeout):
-                return
-        self._held = {key: place for key, place in self._held.items()
-                      if not isinstance(key, int) or key < self._taken}
-        self._set_start, self._taken, self._place_of = stamp, 0, {}
+    def _follow(self, stamp, now):
+        """Let a message join what is coming in, or begin the next set."""
+        if stamp and not self._continues(stamp):
+            if not self._whole:
+                self._finish()
+            self._set += 1
+            self._turn += 1
+            self._is_cut = self._set_start is not None and (
+                0 < stamp - self._latest < nanoseconds(self.settings.set_window))
+            self._doubts_window |= self._is_cut
+            self._set_start = self._latest = stamp
+            self._taken, self._place_of = 0, {}
+            self._last, self._newest = self._newest, {}
+            self._whole = False
+        elif stamp:
+            self._latest = max(stamp, self._latest)
+        elif self._before is None:
+            self._turn += 1
+        if self._first_to_count is None:
+            self._first_to_count = self._turn + 1
+        self._before = stamp
+        self._listens_since = now
+
+    def _continues(self, stamp):
+        if self._set_start is None:
+            return False
+        late = self._set_start - stamp
+        return (abs(late) <= nanoseconds(self.settings.set_window)
+                or 0 < late < nanoseconds(self.settings.timeout))
+
+    def _finish(self):
+        """Take what came in last for whole."""
+        self._drop_last()
+        if self._first_to_count is not None and self._turn >= self._first_to_count:
+            self._lost_at = None
+            if self._has_sets:
+                self._keyed.pop(_UNPLACED, None)
+            self._known = True
+            self._doubts_window = self._is_cut
+
+    def _drop_last(self):
+        if not self._whole:
+            self._whole = True
+            self._last = {}
 
 
 def nanoseconds(seconds):

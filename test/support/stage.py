@@ -50,15 +50,17 @@ class Stage:
     One scene and its clock, which begins at START; all times are seconds since then.
 
     Without other settings: a footprint 'robot', stale after 1 s, and a source 'lidar' of sets,
-    silent after 2 s.
+    silent after 2 s. It has listened for a while, so that what comes is seen from its beginning.
     """
 
-    def __init__(self, *sources, footprints=(ROBOT,), start=START, **settings):
+    def __init__(self, *sources, footprints=(ROBOT,), start=START, listens=True, **settings):
         sources = sources or (LIDAR,)
         self.settings = Settings(tuple(footprints), sources, **settings)
         self.scene = Scene(self.settings)
         self.start = start
         self.time = 0.0
+        if listens:
+            self.scene.advance(self.now - nanoseconds(1.0))
         self.scene.advance(self.now)
 
     @property
@@ -90,6 +92,10 @@ class Stage:
     def heartbeat(self, stamp=None, name='lidar'):
         return self.scene.obstacle(name, None, 'map', self.stamp(stamp), self.now)
 
+    def whole(self, name='lidar'):
+        """Let a source say that the set of just now is whole."""
+        return self.heartbeat(name=name)
+
     def refuse(self, reason='not finite', stamp=None, name='lidar', instance=None):
         self.scene.refuse(name, reason, self.now, self.stamp(stamp), instance)
 
@@ -102,8 +108,12 @@ class Stage:
 
     @property
     def held(self):
-        """The places of all obstacles by key."""
-        return {obstacle.key: polygon.bounds[0] for obstacle, polygon in self.scene.obstacles}
+        """The place of all obstacles by key: sorted places, where two sets have it."""
+        places = {}
+        for obstacle, polygon in self.scene.obstacles:
+            places.setdefault(obstacle.key, []).append(polygon.bounds[0])
+        return {key: found[0] if len(found) == 1 else tuple(sorted(found))
+                for key, found in places.items()}
 
 
 def clear_stage(*sources, **settings):
@@ -111,14 +121,15 @@ def clear_stage(*sources, **settings):
     stage = Stage(*sources, **settings)
     stage.robot()
     stage.see(10)
+    stage.whole()
     assert stage.status() == 'clear'
     return stage
 
 
-def with_robot(*sources):
-    """Return a stage with a footprint that stands at 0 and never ages."""
-    stage = Stage(*sources, footprints=[PATIENT_ROBOT])
-    stage.robot()
+def with_robot(*sources, footprints=(PATIENT_ROBOT,), stamp=None):
+    """Return a stage with a footprint that stands at 0 and, unless told otherwise, never ages."""
+    stage = Stage(*sources, footprints=footprints)
+    stage.robot(stamp=stamp)
     return stage
 
 

@@ -19,9 +19,9 @@ import math
 from builders import box, serialised
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.monitor import Monitor, UNDECODABLE
+from sat_collision.scene.holders import OTHER_FRAME
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import POLYGON_INSTANCE
-from sat_collision.scene.sources import OTHER_FRAME
 
 BAD_POINTS = {'not finite': ((0, 0), (1, math.nan), (1, 1)),
               'self-intersecting': ((5, 5), (6, 6), (6, 5), (5, 6))}

@@ -1,0 +1,68 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a loop calls: the node, as far as messages and time are concerned."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple, Protocol
+
+
+class Backlog(NamedTuple):
+    """How far behind the taking of a topic is: in seconds, and about how many messages."""
+
+    seconds: float
+    messages: int
+
+
+class Receiver(Protocol):
+    """What the loop calls."""
+
+    def receive(self, name: str, messages: Iterable[tuple[bytes, int | None]], now: int) -> int:
+        """
+        Take all messages of a footprint or source and return how many there were.
+
+        Parameters
+        ----------
+        name : str
+        messages : iterable of tuple
+            The serialised message, and which one of its publisher it is, where that is known.
+            Each is taken from the middleware when it is asked for.
+        now : int
+            Present time in ns.
+
+        """
+
+    def end_batch(self, messages: int, seconds: float) -> None:
+        """Publish what has changed, after so many messages that took so long."""
+
+    def note_backlog(self, name: str, backlog: Backlog | None) -> None:
+        """Take note of how far behind a topic is, None where it is not any more."""
+
+    def tick(self, now: int, is_all_taken: bool) -> float:
+        """
+        Do what is due by time alone; return in how many s the next tick is due.
+
+        Parameters
+        ----------
+        now : int
+            Present time in ns, read before the messages of this turn were taken.
+        is_all_taken : bool
+            Whether all that had been sent until then has been received.
+
+        """
+
+    def present(self) -> int:
+        """Return the present time in ns by the clock of the header stamps."""

@@ -1,0 +1,155 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is compressed, made plain within limits of memory and disk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+import sys
+import tempfile
+from typing import BinaryIO
+
+from lz4.frame import LZ4FrameDecompressor
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
+
+ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
+
+_PIECE = 2**20
+
+
+class Damage(Exception):
+    """Something cannot be read; the message says what is wrong."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """
+    How much may be taken for a recording, in bytes.
+
+    Attributes
+    ----------
+    memory : int
+        For what is unpacked and indexed. Python itself comes on top of it.
+    disk : int
+        For temporary files: storage files unpacked, and copies to be mended.
+
+    """
+
+    memory: int = 2 * 10**9
+    disk: int = 4 * 10**9
+
+    @property
+    def chunk(self) -> int:
+        """
+        What may be unpacked at a time.
+
+        A message takes at least 31 bytes of a chunk, and some 200 as an entry of a list.
+        """
+        return self.memory // 8
+
+
+def unpacked(packed: bytes, compression: str, most: int) -> bytes:
+    """
+    Return what data of a compression ('zstd', 'lz4' or '' for none) holds.
+
+    Raises
+    ------
+    Damage
+        If it is not whole, or holds more bytes than `most`.
+
+    """
+    if not compression:
+        return packed
+    if compression not in ('zstd', 'lz4'):
+        raise Damage(f"unknown compression '{compression}'")
+    decompressor = zstd.ZstdDecompressor() if compression == 'zstd' else LZ4FrameDecompressor()
+    try:
+        content: bytes = decompressor.decompress(packed, max_length=most + 1)
+    except (zstd.ZstdError, RuntimeError, EOFError) as error:
+        raise Damage(in_words(error)) from error
+    if len(content) > most:
+        raise Damage(f'it holds more than {most} bytes')
+    if not decompressor.eof:
+        raise Damage('compressed data that is cut off')
+    return content
+
+
+class Scratch:
+    """
+    A folder for temporary files, which take no more of the disk than is allowed.
+
+    Parameters
+    ----------
+    most : int
+        Bytes in all.
+
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = self._left = most
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+
+    def close(self) -> None:
+        """Remove all."""
+        if self._folder:
+            self._folder.cleanup()
+
+    def copy(self, file: Path) -> Path:
+        """
+        Copy a file, keeping its name, and return the copy.
+
+        Raises
+        ------
+        Damage
+            If it is too large.
+
+        """
+        plain = self._place(file.name)
+        with file.open('rb') as source, plain.open('wb') as target:
+            self._write(source.read, target)
+        return plain
+
+    def unpack(self, packed: Path) -> tuple[Path, Damage | None]:
+        """Return a file with what a zstd-compressed one holds, and why that is not all."""
+        plain = self._place(packed.stem)
+        try:
+            with zstd.open(packed, 'rb') as source, plain.open('wb') as target:
+                self._write(source.read, target)
+        except (EOFError, zstd.ZstdError) as error:
+            return plain, Damage(in_words(error))
+        except Damage as damage:
+            return plain, damage
+        return plain, None
+
+    def _place(self, name: str) -> Path:
+        self._folder = self._folder or tempfile.TemporaryDirectory(prefix='replay_check_')
+        return Path(self._folder.name, name)
+
+    def _write(self, read: Callable[[int], bytes], target: BinaryIO) -> None:
+        while piece := read(_PIECE):
+            if len(piece) > self._left:
+                raise Damage(f'temporary files would take more than {self._most / 1e9:g} GB: '
+                             'allow more with --max-disk')
+            self._left -= target.write(piece)
+
+
+def in_words(error: BaseException) -> str:
+    """Return in one line what an exception says, or its kind if it says nothing."""
+    return ' '.join(str(error).split()) or type(error).__name__

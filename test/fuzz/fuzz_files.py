@@ -1,0 +1,207 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Damaged recordings and parameter files, made by chance: python test/fuzz/fuzz_files.py --help.
+
+Whatever is done to a file, nothing is raised; and a recording that is told to be in order has
+every message that was written. Where a format has checksums the messages are the very same.
+"""
+
+import argparse
+import json
+from pathlib import Path
+import random
+import shutil
+import sys
+import tempfile
+import time
+
+from recordings import box, write
+from sat_collision.replay.configuration import parameters_of_file, settings_of
+from sat_collision.replay.expectation import differences, ExpectationError
+from sat_collision.replay.formats import write_json
+from sat_collision.replay.recording import Recording
+from sat_collision.replay.run import check
+from sat_collision.replay.unpacking import Limits
+from sat_collision.scene.parameters import ParameterError
+from storages import write_mcap
+
+TOPICS = {'/footprint', '/obstacles'}
+MESSAGES = [(topic, k / 10, box(x)) for k in range(40)
+            for topic, x in (('/footprint', 0.0), ('/obstacles', 0.5))]
+LIMITS = Limits(10**8, 10**8)
+EDGES = [b'\0' * 8, b'\xff' * 8, b'\xff' * 4, b'\1' + bytes(7), b'\0\0\0\x80', b'*a', b'&a', b': ']
+PARAMETERS = b"""\
+/**:
+  ros__parameters: {frame_id: "map", enabled: true}
+/robot/footprint_monitor:
+  ros__parameters:
+    footprints: [a, b]
+    obstacles: [c]
+    c.type: polygon_instance
+    c: {topic: ~/seen, timeout: 1e1, max_count: 7}
+    a.timeout: 0.5
+"""
+
+
+def mutated(data, rng):
+    """Return bytes with a few faults: flipped, zeroed, cut out, repeated, replaced or cut off."""
+    data = bytearray(data)
+    for _ in range(rng.choice((1, 1, 1, 2, 4))):
+        if not data:
+            break
+        at = rng.randrange(len(data))
+        end = min(len(data), at + rng.choice((1, 2, 8, 30, 200)))
+        match rng.randrange(8):
+            case 0 | 1:
+                data[at] ^= 1 << rng.randrange(8)
+            case 2:
+                data[at:end] = bytes(end - at)
+            case 3:
+                data[at:end] = rng.randbytes(end - at)
+            case 4:
+                del data[at:end]
+            case 5:
+                data[at:at] = data[at:end]
+            case 6:
+                edge = rng.choice(EDGES)
+                data[at:at + len(edge)] = edge
+            case 7:
+                if rng.random() < 0.2:
+                    del data[at:]
+    return bytes(data)
+
+
+def read(path):
+    """Return the topics, the messages and the problems of a recording."""
+    with Recording(path, LIMITS) as recording:
+        messages = list(recording.messages(TOPICS))
+        return dict(recording.topics), messages, recording.problems
+
+
+class Bag:
+    """A recording of which one file is damaged; `exact` where checksums protect its messages."""
+
+    def __init__(self, bag, name, exact):
+        self._bag = bag
+        self._file = bag / name
+        self._data = self._file.read_bytes()
+        self._exact = exact
+        self.name = f'{bag.name}/{name}'
+        self._topics, self._messages, problems = read(bag)
+        assert not problems and len(self._messages) == len(MESSAGES)
+
+    def try_one(self, rng):
+        """Damage the file and read it; every so often check it too."""
+        data = mutated(self._data, rng)
+        self._file.write_bytes(data)
+        topics, messages, problems = read(self._bag)
+        if not problems:
+            if self._exact:
+                assert (topics, messages) == (self._topics, self._messages)
+            assert len(messages) == len(MESSAGES)
+        if rng.random() < 0.05:
+            check(self._bag)
+
+
+class Parameters:
+    """A parameter file."""
+
+    name = 'params.yaml'
+
+    def __init__(self, folder):
+        self._file = folder / self.name
+
+    def try_one(self, rng):
+        """Damage it and read it: it has values that the node takes, or is refused."""
+        self._file.write_bytes(mutated(PARAMETERS, rng))
+        try:
+            settings_of(parameters_of_file(self._file, '/robot/footprint_monitor'))
+        except ParameterError:
+            pass
+
+
+class Expectation:
+    """A result that was stored."""
+
+    name = 'stored.json'
+
+    def __init__(self, folder, bag):
+        self._file = folder / self.name
+        self._results = [check(bag)]
+        write_json(self._results, str(self._file))
+        stored = json.loads(self._file.read_text())
+        stored['bags'][0]['footprints'][0]['separation'] = []
+        self._data = json.dumps(stored).encode()
+
+    def try_one(self, rng):
+        """Damage it and compare with it."""
+        self._file.write_bytes(mutated(self._data, rng))
+        try:
+            differences(self._results, str(self._file))
+        except ExpectationError:
+            pass
+
+
+def targets(folder):
+    """Return what there is to damage."""
+    made = []
+    for name, storage, compression, exact in (
+            ('rows', 'sqlite3', None, False), ('packed rows', 'sqlite3', 'message', False),
+            ('chunks', 'mcap', None, False)):
+        bag = write(folder / name, MESSAGES, storage, compression)
+        for file in sorted(path.name for path in bag.iterdir()):
+            copy = Path(shutil.copytree(bag, folder / f'{name} {file}'))
+            # What is wrong with metadata.yaml leaves the messages as they are.
+            made.append(Bag(copy, file, exact or file == 'metadata.yaml'))
+    for name, options in (('plain', {}), ('zstd', {'compression': 'zstd'}),
+                          ('lz4', {'compression': 'lz4'}),
+                          ('unindexed', {'use_statistics': False, 'repeat_channels': False})):
+        bag = folder / name
+        bag.mkdir()
+        write_mcap(bag / 'a.mcap', MESSAGES, **options)
+        shutil.copy(folder / 'chunks' / 'metadata.yaml', bag)
+        metadata = bag / 'metadata.yaml'
+        metadata.write_text(metadata.read_text().replace('chunks.mcap', 'a.mcap'))
+        made.append(Bag(bag, 'a.mcap', True))
+    return [*made, Parameters(folder), Expectation(folder, folder / 'rows')]
+
+
+def fuzz(count, seed, said=lambda text: None):
+    """Try so many damaged files; the first that fails is told, and kept."""
+    with tempfile.TemporaryDirectory() as folder:
+        made = targets(Path(folder))
+        begun = time.monotonic()
+        for number in range(count):
+            target = made[number % len(made)]
+            try:
+                target.try_one(random.Random(f'{seed} {number}'))
+            except Exception as error:
+                raise AssertionError(f'{target.name}, seed {seed}, number {number}') from error
+            if number % 10000 == 9999:
+                said(f'{number + 1} files, {time.monotonic() - begun:.0f} s')
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--count', type=lambda text: int(float(text)), default=100_000)
+    parser.add_argument('--seed', type=int, default=0)
+    options = parser.parse_args()
+    fuzz(options.count, options.seed, print)
+    print(f'{options.count} damaged files: nothing raised, nothing missed')
+
+
+if __name__ == '__main__':
+    sys.exit(main())

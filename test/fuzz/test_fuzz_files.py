@@ -1,0 +1,28 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The short form of the fuzzer: another thousand damaged files in every run."""
+
+import random
+
+import pytest
+
+pytest.importorskip('mcap')
+
+from fuzz_files import fuzz  # noqa: E402, I100
+
+
+def test_damaged_files_raise_nothing_and_miss_nothing():
+    """Recordings of every storage, parameter files and stored results."""
+    fuzz(1000, random.randrange(2**32))

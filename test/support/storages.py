@@ -1,0 +1,115 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Storage files as recorders leave them and as damage does, written without rosbags."""
+
+import shutil
+import sqlite3
+import struct
+
+from builders import serialised
+from mcap.writer import CompressionType, Writer
+from recordings import nanoseconds, POLYGON
+
+MAGIC = b'\x89MCAP0\r\n'
+HEADER, CHANNEL, MESSAGE, CHUNK, CHUNK_INDEX, STATISTICS, DATA_END = 1, 4, 5, 6, 8, 11, 15
+_TABLES = """
+CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL,
+  serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL);
+CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL,
+  timestamp INTEGER NOT NULL, data BLOB NOT NULL);
+CREATE INDEX timestamp_idx ON messages (timestamp ASC);
+"""
+
+
+def write_mcap(path, messages, chunk_size=2000, compression='', **options):
+    """Write (topic, seconds, points) to an MCAP file with checksums and indexes; return it."""
+    with path.open('wb') as file:
+        writer = Writer(file, chunk_size, CompressionType[compression.upper() or 'NONE'],
+                        **options)
+        writer.start('ros2')
+        schema = writer.register_schema(POLYGON, 'ros2msg', b'')
+        channels = {}
+        for topic, time, content in messages:
+            if topic not in channels:
+                channels[topic] = writer.register_channel(topic, 'cdr', schema)
+            stamp = nanoseconds(time)
+            data = content if isinstance(content, bytes) else serialised(content, stamp)
+            writer.add_message(channels[topic], stamp, data, stamp)
+        writer.finish()
+    return path
+
+
+def records(data, start=len(MAGIC)):
+    """Yield (place, kind, size) of the records of an MCAP file; the content follows 9 bytes on."""
+    while start < len(data) - len(MAGIC):
+        kind, size = struct.unpack_from('<BQ', data, start)
+        yield start, kind, size
+        start += 9 + size
+
+
+def record(kind, content):
+    """Return an MCAP record."""
+    return struct.pack('<BQ', kind, len(content)) + content
+
+
+def text(string):
+    """Return a text as MCAP has it."""
+    return struct.pack('<I', len(string)) + string
+
+
+def create_db3(path, messages, pragmas=''):
+    """Write (topic, seconds, points) to an SQLite storage; return the open connection."""
+    connection = sqlite3.connect(path)
+    connection.executescript(pragmas + _TABLES)
+    add_rows(connection, messages)
+    return connection
+
+
+def add_rows(connection, messages):
+    """Write more messages, and commit."""
+    topics = {name: key for key, name in connection.execute('SELECT id, name FROM topics')}
+    for topic, time, content in messages:
+        if topic not in topics:
+            topics[topic] = len(topics) + 1
+            connection.execute("INSERT INTO topics VALUES (?, ?, ?, 'cdr', '')",
+                               (topics[topic], topic, POLYGON))
+        stamp = nanoseconds(time)
+        connection.execute('INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)',
+                           (topics[topic], stamp, serialised(content, stamp)))
+    connection.commit()
+
+
+def killed_recorder(path, messages, in_file):
+    """Write messages of which only some are in the file, all others in its write-ahead log."""
+    path.parent.mkdir(exist_ok=True)
+    alive = path.with_name('alive.db3')
+    connection = create_db3(
+        alive, messages[:in_file], 'PRAGMA journal_mode=WAL; PRAGMA wal_autocheckpoint=0;')
+    connection.execute('PRAGMA wal_checkpoint(TRUNCATE)')
+    add_rows(connection, messages[in_file:])
+    for end in ('', '-wal'):
+        shutil.copy(f'{alive}{end}', f'{path}{end}')
+    connection.close()
+    alive.unlink()
+    return path
+
+
+def run_sql(path, *statements):
+    """Change an SQLite storage; a statement may be one with its values."""
+    connection = sqlite3.connect(path)
+    for statement in statements:
+        connection.execute(*([statement] if isinstance(statement, str) else statement))
+    connection.commit()
+    connection.close()

@@ -128,6 +128,31 @@ def test_changes_name_those_whose_state_differs():
     assert stage.scene.changes() == []
 
 
+def test_next_set_with_the_same_contacts_is_no_change():
+    """Nor is it while both sets are there; a name less or more is one."""
+    stage = clear_stage()
+    stage.wait_until(0.1)
+    stage.burst(0.5, 0.6)
+    stage.whole()
+    assert stage.scene.changes() == ['robot']
+    stage.wait_until(0.2)
+    stage.see(0.5)
+    assert stage.scene.changes() == []
+    stage.see(0.7)
+    assert stage.scene.changes() == []
+    stage.whole()
+    assert stage.scene.changes() == []
+    assert [contact.key for contact in stage.state().contacts] == [0, 1]
+    stage.wait_until(0.3)
+    stage.see(0.5)
+    stage.whole()
+    assert stage.scene.changes() == ['robot']
+    stage.wait_until(0.4)
+    stage.burst(0.5, 0.6)
+    assert stage.scene.changes() == ['robot']
+    assert [contact.key for contact in stage.state().contacts] == [0, 1]
+
+
 def test_state_that_came_and_went_is_no_change():
     """Only what is so at the time of the call is compared."""
     stage = clear_stage()

@@ -23,9 +23,11 @@ from sat_collision.geometry.polygon import PlaneMap, PolygonError
 from sat_collision.messages.cdr import decode, MessageError, Points
 from sat_collision.messages.losses import Losses, News, Overload
 from sat_collision.messages.packer import Packer
-from sat_collision.messages.rejections import detail_of, EMPTY_FRAME_ID, Rejection, UNDECODABLE
+from sat_collision.messages.rejections import (
+    detail_of, EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE)
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.deadlines import NEVER
+from sat_collision.scene.frame_ids import LONGEST_FRAME_ID
 from sat_collision.scene.frames import NoTransform
 from sat_collision.scene.observer import Observer
 from sat_collision.scene.scene import Scene
@@ -252,6 +254,10 @@ class Monitor:
             if not frame_id:
                 return self._refuse(settings, EMPTY_FRAME_ID, 'its header names no frame', now,
                                     stamp, instance)
+            if len(frame_id) > LONGEST_FRAME_ID:
+                return self._refuse(
+                    settings, LONG_FRAME_ID, f'{len(frame_id)} characters where '
+                    f'{LONGEST_FRAME_ID} are accepted', now, stamp, instance)
             if frame_id != self._fixed and self._fixed and points[2]:
                 self._watch_clock(now)
                 found = self.transforms.plane(frame_id, stamp, now, settings.timeout)

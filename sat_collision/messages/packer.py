@@ -17,11 +17,17 @@
 from __future__ import annotations
 
 import numpy as np
-from sat_collision.geometry.jit import indexable
+from sat_collision.geometry.jit import COMPILED, indexable
 from sat_collision.geometry.layout import packed_size
 from sat_collision.geometry.packing import pack_convex, pack_convex_moved
-from sat_collision.geometry.polygon import PackedBody, PlaneMap, Polygon
+from sat_collision.geometry.polygon import (
+    PackedBody, PlaneMap, Polygon, PolygonError, Reason)
 from sat_collision.messages.cdr import Points
+
+# What plain Python has the time to cut into convex parts and to measure, see docs/reliability.md.
+_MOST_NOTCHED = 128
+# More points than this for each vertex accepted are not looked at.
+_POINTS_FOR_A_VERTEX = 8
 
 
 class Packer:
@@ -37,6 +43,7 @@ class Packer:
 
     def __init__(self, max_vertices: int) -> None:
         self._max_vertices = max_vertices
+        self._max_notched = max_vertices if COMPILED else min(max_vertices, _MOST_NOTCHED)
         # One more for a closing point; whoever sends yet more points is in no hurry.
         self._most_points = max_vertices + 1
         self._array = indexable(np.empty(packed_size(self._most_points)))
@@ -65,4 +72,8 @@ class Packer:
                 vertices = pack_convex_moved(*points, self._array, self._max_vertices, plane)
             if vertices:
                 return self._array, vertices
-        return Polygon.from_float32(*points, self._max_vertices, plane).packed
+        most = _POINTS_FOR_A_VERTEX * self._max_vertices
+        if count > most:
+            raise PolygonError(Reason.TOO_MANY_VERTICES,
+                               f'{count} points, of which at most {most} are looked at')
+        return Polygon.from_float32(*points, self._max_vertices, self._max_notched, plane).packed

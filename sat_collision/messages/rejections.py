@@ -20,16 +20,19 @@ from typing import NamedTuple
 
 from sat_collision.geometry.polygon import Reason
 from sat_collision.scene import frame_tree, frames
+from sat_collision.scene.frame_ids import in_quotes
 from sat_collision.scene.holders import OTHER_FRAME, TOO_MANY
 from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
 from sat_collision.scene.sources import TOO_OLD
 
 EMPTY_FRAME_ID = 'empty frame_id'
+LONG_FRAME_ID = 'long frame_id'
 UNDECODABLE = 'undecodable'
 
 _ADVICE = {
     EMPTY_FRAME_ID: 'the publisher must say which frame the polygon is in',
     FROM_FUTURE: 'set the clocks of both machines by one, or raise the parameter future_tolerance',
+    LONG_FRAME_ID: 'the publisher must name a frame as tf2 has it',
     OTHER_FRAME: 'publish in that frame, or set the parameter frame_id to have all bodies '
                  'transformed to one frame',
     OVERTAKEN: 'let one publisher send the footprint, in the order of its stamps',
@@ -99,7 +102,7 @@ def detail_of(refusal: str, frame_id: str, fixed: str, age: float, timeout: floa
 
     """
     if refusal == OTHER_FRAME:
-        return f"it is in '{frame_id}', all else in '{fixed}'"
+        return f'it is in {in_quotes(frame_id)}, all else in {in_quotes(fixed)}'
     if refusal == TOO_OLD:
         return f'its stamp is {age:.3f} s old, past the timeout of {timeout:g} s'
     if refusal == FROM_FUTURE:

@@ -24,14 +24,16 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 from rclpy.clock import JumpThreshold, TimeJump
+from rclpy.duration import Duration
 from rclpy.event_handler import (
     QoSLivelinessChangedInfo, QoSRequestedDeadlineMissedInfo, QoSRequestedIncompatibleQoSInfo,
     SubscriptionEventCallbacks)
 from rclpy.node import Node
 from rclpy.qos import (
-    qos_policy_name_from_kind, QoSDurabilityPolicy, QoSPolicyKind, QoSProfile)
+    qos_policy_name_from_kind, QoSDurabilityPolicy, QoSLivelinessPolicy, QoSPolicyKind, QoSProfile)
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from sat_collision.geometry.jit import cache_problem, KERNEL
+from sat_collision.geometry.jit import KERNEL
+from sat_collision.geometry.kernel_problem import kernel_problem
 from sat_collision.messages.outputs import Outputs
 from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
@@ -41,7 +43,10 @@ from sat_collision.node.fallback import ExecutorLoop
 from sat_collision.node.health import Health
 from sat_collision.node.parameters import Parameters
 from sat_collision.node.receiver import Backlog
+from sat_collision.node.systemd import Systemd
+from sat_collision.node.timing import ClockWatch, Every
 from sat_collision.node.transforms import subscribe, transform_type
+from sat_collision.node.watchdog import Watchdog
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
@@ -53,55 +58,18 @@ NAME = 'footprint_monitor'
 _TICK = 0.1
 _HEALTH_PERIOD = 1.0
 _LOG_PERIOD = 1.0
+# Flags are published within this time, or three of their periods if that is longer: what DDS
+# promises to those who subscribe. After so much longer without one the monitor counts as dead.
+_DEADLINE = 0.3
+_LEASE = 0.5
+# The node ticks so many times, at least, in the time after which the watchdog calls it stalled.
+_TICKS_IN_TIME = 3.0
 _FOOTPRINT_DEPTH = 1
 _SETS_IN_QUEUE = 2
 _SHORTEST_TICK = 0.02
 _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
                 QoSPolicyKind.DURABILITY, QoSPolicyKind.DEADLINE, QoSPolicyKind.LIVELINESS,
                 QoSPolicyKind.LIVELINESS_LEASE_DURATION)
-
-
-class _Every:
-    """Tells when something that recurs is due, by a clock in seconds."""
-
-    def __init__(self, period: float) -> None:
-        self._period = period
-        self._next = 0.0
-
-    def due(self, now: float) -> bool:
-        """Tell whether it is due; if so, the next time is a period later."""
-        if now < self._next:
-            return False
-        self._next += self._period
-        if self._next <= now:
-            self._next = now + self._period
-        return True
-
-
-class ClockWatch:
-    """Tells whether a clock stands still, by another one that does not."""
-
-    def __init__(self) -> None:
-        self._reading: int | None = None
-        self._since = 0.0
-
-    def stands(self, reading: int, now: float, timeout: float) -> bool:
-        """
-        Tell whether the clock has read the same for longer than a timeout.
-
-        Parameters
-        ----------
-        reading : int
-            What it reads now.
-        now : float
-            The other clock, in s.
-        timeout : float
-            In s; 0.0 for never.
-
-        """
-        if reading != self._reading:
-            self._reading, self._since = reading, now
-        return 0.0 < timeout < now - self._since
 
 
 class FootprintMonitor(Node):
@@ -136,9 +104,9 @@ class FootprintMonitor(Node):
         transforms = transform_type(self, settings)
         self._monitor = Monitor(settings, transforms is not None)
         self._scene = self._monitor.scene
-        self._outputs = Outputs(self, settings, self._scene)
+        self._outputs = Outputs(self, settings, self._scene, _flag_qos(settings))
         self._health = Health(self.get_name(), self.get_fully_qualified_name(),
-                              {'kernel': KERNEL, 'kept kernels': cache_problem() or 'in order'})
+                              {'kernel': KERNEL, 'problem of kernels': kernel_problem() or 'none'})
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._logged: dict[tuple[str, str], float] = {}
         in_loop = waiting.is_supported()
@@ -153,7 +121,10 @@ class FootprintMonitor(Node):
                                                     self._taken_by)
         self._clock_watch = ClockWatch()
         self._warns_of_losses = True
-        self._reporting = _Every(_HEALTH_PERIOD)
+        self._reporting = Every(_HEALTH_PERIOD)
+        self._systemd = Systemd()
+        self._watchdog = Watchdog(self._raise_alarm, self._end_alarm)
+        self._is_stalled = False
         self._set_rates(settings)
         if in_loop:
             self.loop: loop.Loop | ExecutorLoop = loop.Loop(
@@ -163,7 +134,7 @@ class FootprintMonitor(Node):
             self.get_logger().warning('this rclpy has not what the loop of this node stands on: '
                                       'using the single-threaded executor, which costs more')
             self.loop = ExecutorLoop(self, self)
-        parameters.on_change(self._configure)
+        parameters.on_change(self._configure, self._health.note_change)
 
     def _subscribe(self, source: FootprintSettings | ObstacleSettings, kind: type,
                    depth: int) -> loop.Input:
@@ -187,9 +158,11 @@ class FootprintMonitor(Node):
         return loop.Input(source.name, subscription)
 
     def _set_rates(self, settings: Settings) -> None:
-        self._publishing = _Every(1.0 / settings.publish_rate)
-        self._marking = _Every(1.0 / settings.marker_rate)
-        self._tick_period = min(_TICK, 1.0 / settings.publish_rate, 1.0 / settings.marker_rate)
+        self._publishing = Every(1.0 / settings.publish_rate)
+        self._marking = Every(1.0 / settings.marker_rate)
+        self._tick_period = min(_TICK, 1.0 / settings.publish_rate, 1.0 / settings.marker_rate,
+                                (settings.watchdog or 1.0) / _TICKS_IN_TIME)
+        self._watchdog.use(settings.watchdog)
 
     def _configure(self, settings: Settings) -> None:
         """Apply changed parameters and publish what follows from them."""
@@ -233,6 +206,11 @@ class FootprintMonitor(Node):
     def tick(self, now: int, is_all_taken: bool) -> float:
         """Do what is due without a message; return in how many s the next tick is due."""
         steady = time.monotonic()
+        self._systemd.turned()
+        goes_on = self._watchdog.turned()
+        if goes_on:
+            # The time was read before the stall, perhaps, and what came in it may wait still.
+            now, is_all_taken = self.present(), False
         for one in self._inputs:
             self._monitor.count_publishers(one.name, one.subscription.get_publisher_count())
         self._scene.stop_clock(
@@ -244,7 +222,7 @@ class FootprintMonitor(Node):
                 'this middleware does not number messages: what is lost on the way goes unseen')
         self._log(self._monitor.advance(now, is_all_taken))
         self._publish_changes()
-        if self._publishing.due(steady):
+        if self._publishing.due(steady) or goes_on:
             self._outputs.publish()
         if self._marking.due(steady):
             self._outputs.publish_markers()
@@ -253,6 +231,26 @@ class FootprintMonitor(Node):
                 self.get_clock().now().to_msg(), self._monitor))
         due = (self._monitor.deadline - now) / 1e9
         return min(self._tick_period, max(due, _SHORTEST_TICK))
+
+    def destroy_node(self) -> None:
+        """End what belongs to the node, its watchdog first."""
+        self._watchdog.close()
+        self._systemd.ends()
+        super().destroy_node()
+
+    def _raise_alarm(self, stalled: float) -> None:
+        """Say that nothing is known, from the watchdog's thread."""
+        reason = f'the monitor has been stalled for {stalled:.1f} s'
+        if not self._is_stalled:
+            self._is_stalled = True
+            self.get_logger().error(f'{reason}: all flags are raised until it goes on')
+        self._outputs.publish_unknown(reason)
+
+    def _end_alarm(self, stalled: float) -> None:
+        """Say that the stall is over; what is known follows."""
+        self._is_stalled = False
+        self._health.count_stall(stalled)
+        self.get_logger().error(f'the monitor goes on after a stall of {stalled:.1f} s')
 
     def _receive_alone(self, name: str, data: bytes, info: dict[str, Any]) -> None:
         start = time.perf_counter()
@@ -292,3 +290,11 @@ class FootprintMonitor(Node):
             self._outputs.publish_rise(brief)
         if brief or changed:
             self._outputs.publish({*brief, *changed})
+
+
+def _flag_qos(settings: Settings) -> QoSProfile:
+    """Return what the publishers of flags offer: to be heard of often, or to be dead."""
+    late = max(_DEADLINE, 3.0 / settings.publish_rate)
+    return QoSProfile(
+        depth=10, deadline=Duration(seconds=late), liveliness=QoSLivelinessPolicy.MANUAL_BY_TOPIC,
+        liveliness_lease_duration=Duration(seconds=late + _LEASE - _DEADLINE))

@@ -54,6 +54,18 @@ class Health:
         self._messages = 0
         self._seconds = 0.0
         self._longest = 0.0
+        self._stalls = 0
+        self._longest_stall = 0.0
+        self._changes: dict[str, str] = {}
+
+    def note_change(self, name: str, old: object, new: object) -> None:
+        """Note that a parameter has been changed."""
+        self._changes[name] = f'from {old} to {new}'
+
+    def count_stall(self, seconds: float) -> None:
+        """Count that the node was stalled for so long."""
+        self._stalls += 1
+        self._longest_stall = max(self._longest_stall, seconds)
 
     def incompatible_qos(self, topic: str, policy: str) -> None:
         """Note that a publisher on a topic cannot be heard."""
@@ -112,6 +124,10 @@ class Health:
             values[f'{topic}: {what}'] = str(count)
         for name, backlog in self._backlogs.items():
             values[f'{name}: behind'] = f'{backlog.seconds:.3f} s, {backlog.messages} messages'
+        if self._stalls:
+            values['stalls'] = f'{self._stalls}, the longest of {self._longest_stall:.1f} s'
+        for name, change in self._changes.items():
+            values[f'{name}: changed'] = change
         for topic, policy in self._incompatible.items():
             values[f'{topic}: incompatible QoS'] = policy
         self._status.values = [KeyValue(key=key, value=value) for key, value in values.items()]

@@ -126,7 +126,7 @@ def pack_convex_moved(data, start, received, packed, most, plane):
         As `pack_convex`.
 
     """
-    verdict, count, _, _, _ = pack(moved_points(data, start, received, plane), packed, most)
+    verdict, count, _, _, _ = pack(moved_points(data, start, received, plane), packed, most, 0)
     return count if verdict == CONVEX else 0
 
 

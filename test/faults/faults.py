@@ -233,12 +233,13 @@ def _contact_in_flood(rig: Rig) -> Outcome:
     def end() -> None:
         flooded.set()
         thread.join()
+        # As long as it is there, the topic has two publishers, whose sets cannot be told apart.
+        rig._node.destroy_publisher(noise)
         rig.x['footprint'] = 0.0
     try:
         return outcome(rig, begin, end)
     finally:
         flooded.set()
-        rig._node.destroy_publisher(noise)
 
 
 FAULTS: dict[str, Callable[[Rig], Outcome]] = {

@@ -150,7 +150,7 @@ class Source:
     def count_publishers(self, count: int, now: int) -> None:
         """Take note of how many publishers there are; without any, nothing is known any more."""
         doubts = self._doubts
-        if count == doubts.publishers:
+        if count == doubts.publishers and (count or not doubts.is_heard):
             return
         before, doubts.publishers = doubts.publishers, count
         doubts.is_left = count == 0 and (bool(before) or doubts.is_heard)

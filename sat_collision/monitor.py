@@ -168,8 +168,8 @@ class Monitor:
                     rejections += self._hold(settings, news, now)
                 else:
                     self._take_waiting(name, news, now, False)
-            if settings.enabled:
-                rejections += self._admit(settings, data, now)
+            if settings.enabled and (refused := self._admit(settings, data, now)):
+                rejections += refused
         self.received[name] += received
         return rejections
 
@@ -213,9 +213,9 @@ class Monitor:
     def _admit(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
                now: int) -> Sequence[Rejection]:
         """Take a message, or let it wait: for a transform, or behind what waits for one."""
-        if settings.name not in self.waiting:
+        if self.waiting.earliest == NEVER or settings.name not in self.waiting:
             outcome = self._take(settings, data, now)
-            if not isinstance(outcome, Wait):
+            if outcome is not WAIT:
                 return [outcome] if outcome else _NOTHING
         return self._hold(settings, data, now)
 
@@ -258,7 +258,7 @@ class Monitor:
                 return self._refuse(
                     settings, LONG_FRAME_ID, f'{len(frame_id)} characters where '
                     f'{LONGEST_FRAME_ID} are accepted', now, stamp, instance)
-            if frame_id != self._fixed and self._fixed and points[2]:
+            if self._fixed and frame_id != self._fixed and points[2]:
                 self._watch_clock(now)
                 found = self.transforms.plane(frame_id, stamp, now, settings.timeout)
                 if isinstance(found, NoTransform):

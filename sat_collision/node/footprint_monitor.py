@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 from functools import partial
 import time
@@ -24,13 +25,11 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 from rclpy.clock import JumpThreshold, TimeJump
-from rclpy.duration import Duration
 from rclpy.event_handler import (
     QoSLivelinessChangedInfo, QoSRequestedDeadlineMissedInfo, QoSRequestedIncompatibleQoSInfo,
     SubscriptionEventCallbacks)
 from rclpy.node import Node
-from rclpy.qos import (
-    qos_policy_name_from_kind, QoSDurabilityPolicy, QoSLivelinessPolicy, QoSPolicyKind, QoSProfile)
+from rclpy.qos import qos_policy_name_from_kind, QoSDurabilityPolicy, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sat_collision.geometry.jit import KERNEL
 from sat_collision.geometry.kernel_problem import kernel_problem
@@ -42,6 +41,7 @@ from sat_collision.node import kernels, loop, waiting
 from sat_collision.node.fallback import ExecutorLoop
 from sat_collision.node.health import Health
 from sat_collision.node.parameters import Parameters
+from sat_collision.node.quality import flag_qos, OVERRIDABLE
 from sat_collision.node.receiver import Backlog
 from sat_collision.node.systemd import Systemd
 from sat_collision.node.timing import ClockWatch, Every
@@ -58,18 +58,11 @@ NAME = 'footprint_monitor'
 _TICK = 0.1
 _HEALTH_PERIOD = 1.0
 _LOG_PERIOD = 1.0
-# Flags are published within this time, or three of their periods if that is longer: what DDS
-# promises to those who subscribe. After so much longer without one the monitor counts as dead.
-_DEADLINE = 0.3
-_LEASE = 0.5
 # The node ticks so many times, at least, in the time after which the watchdog calls it stalled.
 _TICKS_IN_TIME = 3.0
 _FOOTPRINT_DEPTH = 1
 _SETS_IN_QUEUE = 2
 _SHORTEST_TICK = 0.02
-_OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
-                QoSPolicyKind.DURABILITY, QoSPolicyKind.DEADLINE, QoSPolicyKind.LIVELINESS,
-                QoSPolicyKind.LIVELINESS_LEASE_DURATION)
 
 
 class FootprintMonitor(Node):
@@ -104,11 +97,13 @@ class FootprintMonitor(Node):
         transforms = transform_type(self, settings)
         self._monitor = Monitor(settings, transforms is not None)
         self._scene = self._monitor.scene
-        self._outputs = Outputs(self, settings, self._scene, _flag_qos(settings))
+        self._outputs = Outputs(self, settings, self._scene, flag_qos(settings))
         self._health = Health(self.get_name(), self.get_fully_qualified_name(),
                               {'kernel': KERNEL, 'problem of kernels': kernel_problem() or 'none'})
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._logged: dict[tuple[str, str], float] = {}
+        # Publishers whose liveliness is lost: DDS still counts them, some for very long.
+        self._dead: Counter[str] = Counter()
         in_loop = waiting.is_supported()
         self._taken_by = loop.Reserved() if in_loop else self.default_callback_group
         inputs = [self._subscribe(footprint, PolygonStamped, _FOOTPRINT_DEPTH)
@@ -141,14 +136,14 @@ class FootprintMonitor(Node):
         events = SubscriptionEventCallbacks(
             incompatible_qos=partial(self._report_incompatible_qos, source.topic),
             deadline=partial(self._count_missed_deadlines, source.topic),
-            liveliness=partial(self._count_lost_liveliness, source.topic))
+            liveliness=partial(self._note_liveliness, source))
         try:
             subscription = self.create_subscription(
                 # The settings have the remapped name, which must not be remapped again.
                 kind, self.get_parameter(f'{source.name}.topic').value,
                 partial(self._receive_alone, source.name), QoSProfile(depth=depth), raw=True,
                 callback_group=self._taken_by, event_callbacks=events,
-                qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE))
+                qos_overriding_options=QoSOverridingOptions(OVERRIDABLE))
         except RuntimeError as error:
             raise ParameterError(f'{source.topic}: {error}') from error
         if subscription.qos_profile.durability is QoSDurabilityPolicy.TRANSIENT_LOCAL:
@@ -212,7 +207,8 @@ class FootprintMonitor(Node):
             # The time was read before the stall, perhaps, and what came in it may wait still.
             now, is_all_taken = self.present(), False
         for one in self._inputs:
-            self._monitor.count_publishers(one.name, one.subscription.get_publisher_count())
+            alive = one.subscription.get_publisher_count() - self._dead[one.name]
+            self._monitor.count_publishers(one.name, max(alive, 0))
         self._scene.stop_clock(
             self.get_clock().ros_time_is_active and now > 0
             and self._clock_watch.stands(now, steady, self._scene.settings.clock_timeout))
@@ -278,8 +274,11 @@ class FootprintMonitor(Node):
     def _count_missed_deadlines(self, topic: str, event: QoSRequestedDeadlineMissedInfo) -> None:
         self._health.count_event(topic, 'deadlines missed', event.total_count_change)
 
-    def _count_lost_liveliness(self, topic: str, event: QoSLivelinessChangedInfo) -> None:
-        self._health.count_event(topic, 'liveliness lost', max(event.not_alive_count_change, 0))
+    def _note_liveliness(self, source: FootprintSettings | ObstacleSettings,
+                         event: QoSLivelinessChangedInfo) -> None:
+        self._dead[source.name] = event.not_alive_count
+        self._health.count_event(source.topic, 'liveliness lost',
+                                 max(event.not_alive_count_change, 0))
 
     def _publish_changes(self) -> None:
         brief = self._scene.evaluations.brief_contacts()
@@ -290,11 +289,3 @@ class FootprintMonitor(Node):
             self._outputs.publish_rise(brief)
         if brief or changed:
             self._outputs.publish({*brief, *changed})
-
-
-def _flag_qos(settings: Settings) -> QoSProfile:
-    """Return what the publishers of flags offer: to be heard of often, or to be dead."""
-    late = max(_DEADLINE, 3.0 / settings.publish_rate)
-    return QoSProfile(
-        depth=10, deadline=Duration(seconds=late), liveliness=QoSLivelinessPolicy.MANUAL_BY_TOPIC,
-        liveliness_lease_duration=Duration(seconds=late + _LEASE - _DEADLINE))

@@ -139,7 +139,8 @@ def _options(options: argparse.Namespace) -> Options:
         obstacles=tuple(options.obstacles), node=options.node, as_live=options.as_live,
         clock=options.clock,
         start=options.start, duration=options.duration, max_unknown=options.max_unknown,
-        sample=options.sample, picture=bool(options.plot), write_bag=options.write_bag,
+        max_undecided=options.max_undecided, sample=options.sample, picture=bool(options.plot),
+        write_bag=options.write_bag,
         limits=Limits(options.max_memory, options.max_disk), debug=options.debug)
 
 
@@ -219,6 +220,9 @@ def _parser() -> argparse.ArgumentParser:
     add = verdict.add_argument
     add('--max-unknown', type=_seconds, default=1.0, metavar='S',
         help='how many seconds in all a footprint may be unknown (%(default)s)')
+    add('--max-undecided', type=_seconds, metavar='S',
+        help='how many seconds in all may be decided at the frames only, for lack of identity '
+        '(any)')
     add('--expect', metavar='FILE', help='compare with a result that --json wrote before')
     output = parser.add_argument_group('output')
     add = output.add_argument

@@ -26,7 +26,7 @@ from sat_collision.messages.rosbags_interfaces import message_class, serialize, 
 
 _START = 1_700_000_000 * 10**9
 _PERIOD = 0.05
-_STATIC_EVERY = 20
+_STATIC_EVERY = 10
 _DELAY = 2_000_000
 _KIND = 'geometry_msgs/msg/PolygonStamped'
 _PARAMETERS = """\

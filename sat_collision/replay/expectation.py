@@ -30,7 +30,7 @@ _Bag: TypeAlias = dict[str, Any]
 # Separations are rounded: another processor or NumPy may round otherwise.
 _TOLERANCE = 1e-9
 _PLACES = {'x', 'y', 'depth', 'separation'}
-_LEFT_OUT = {'bag', 'content', 'problems', 'notes', 'max_unknown'}
+_LEFT_OUT = {'bag', 'content', 'problems', 'notes', 'max_unknown', 'max_undecided'}
 
 
 class ExpectationError(ValueError):

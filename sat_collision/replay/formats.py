@@ -23,7 +23,7 @@ import json
 from typing import Any
 from xml.etree import ElementTree
 
-from sat_collision.replay.report import how_found, lasting, report, summary
+from sat_collision.replay.report import how_found, how_undecided, lasting, report, summary
 from sat_collision.replay.result import FootprintResult, overall, Result
 
 SCHEMA = 'sat_collision.replay/2'
@@ -71,6 +71,9 @@ def write_junit(results: list[Result], path: str) -> None:
         outcomes = [_case(suite, result.bag, 'recording', 'error', result.problems)]
         if not result.problems and not result.footprints:
             outcomes = [_case(suite, result.bag, 'recording', 'error', ['nothing to check'])]
+        for source in result.too_undecided:
+            outcomes.append(_case(suite, result.bag, f'motion of {source.name}', 'failure',
+                                  [how_undecided(source)]))
         for footprint in result.footprints:
             if footprint.enabled:
                 outcomes.append(_case(suite, result.bag, footprint.name, 'failure',

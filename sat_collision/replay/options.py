@@ -47,6 +47,8 @@ class Options:
         What part to check, from the recording's beginning.
     max_unknown : float
         For how long in all a footprint may be unknown.
+    max_undecided : float or None
+        For how long in all the motion of a footprint or source may be undecided; None for any.
     sample : float
         As live, how often to measure the separation from the nearest obstacle.
     picture : bool
@@ -69,6 +71,7 @@ class Options:
     start: float = 0.0
     duration: float | None = None
     max_unknown: float = 1.0
+    max_undecided: float | None = None
     sample: float = 0.1
     picture: bool = False
     write_bag: str | None = None

@@ -115,7 +115,8 @@ def failed(path: str, options: Options, error: BaseException, attempts: int = 1)
     """Return the Result of a recording that could not be checked."""
     if options.debug:
         traceback.print_exception(type(error), error, error.__traceback__)
-    result = Result(str(path), options.clock, options.max_unknown, options.as_live)
+    result = Result(str(path), options.clock, options.max_unknown, options.as_live,
+                    max_undecided=options.max_undecided)
     tried = f', {attempts} attempts failed' if attempts > 1 else ''
     result.problems.append(f'{path}: not checked{tried}: {unforeseen(error)}')
     return result

@@ -20,7 +20,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from sat_collision.replay.result import (
-    BETWEEN_FRAMES, Contact, FootprintResult, overall, Result, Verdict)
+    BETWEEN_FRAMES, Contact, FootprintResult, overall, Result, SourceResult, Verdict)
 
 _MOST_ROWS = 20
 _SHORT = 500_000
@@ -38,8 +38,7 @@ def report(result: Result) -> list[str]:
     lines.append(f'  {question}, {result.duration:.3f} s by {_CLOCKS[result.clock]}, '
                  f'{_counts(result)}')
     lines += _rejections(result)
-    lines += [f'  {source.name}: for {source.undecided / 1e9:.3f} s it is not known how something '
-              'moved; only its frames were decided' for source in result.sources
+    lines += [f'  {source.name}: {how_undecided(source)}' for source in result.sources
               if source.undecided]
     lines += _table(
         ('footprint', 'known', 'clear [s]', 'collision [s]', 'unknown [s]', 'least separation'),
@@ -57,6 +56,12 @@ def report(result: Result) -> list[str]:
           f'{(unknown.last - unknown.first) / 1e9:.3f}', '; '.join(unknown.reasons))
          for unknown in result.unknown if unknown.last - unknown.first >= _SHORT], 'unknown')
     return lines
+
+
+def how_undecided(source: SourceResult) -> str:
+    """Return for how long the motion of a footprint or source is undecided."""
+    return (f'for {source.undecided / 1e9:.3f} s it is not known how something moved; only its '
+            'frames were decided')
 
 
 def lasting(duration: int) -> str:

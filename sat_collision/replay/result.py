@@ -156,7 +156,8 @@ class Result:
     `origin` is when the recording begins, `start` what part of it was checked. `problems` say
     what is wrong with the recording, `notes` what else a reader should know.
     `picture` has the bodies at the moment to draw, if that was asked for. `content` is what the
-    messages are known by, wherever they lie.
+    messages are known by, wherever they lie. `max_undecided` is for how long (s) the motion of
+    each footprint and source may be undecided, None for any time.
     """
 
     bag: str
@@ -174,6 +175,7 @@ class Result:
     problems: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     picture: Picture | None = None
+    max_undecided: float | None = None
 
     @property
     def duration(self) -> float:
@@ -197,6 +199,14 @@ class Result:
         return min(found, key=lambda least: least.separation, default=None)
 
     @property
+    def too_undecided(self) -> list[SourceResult]:
+        """Those of which it is not known for too long how something moved."""
+        if self.max_undecided is None:
+            return []
+        most = 1e9 * self.max_undecided
+        return [source for source in self.sources if source.undecided > most]
+
+    @property
     def verdict(self) -> Verdict:
         """The verdict: a proved contact counts whatever else is wrong."""
         if self.contacts:
@@ -205,7 +215,8 @@ class Result:
             return Verdict.BAD_INPUT
         watched = [footprint for footprint in self.footprints if footprint.enabled]
         if not watched or not all(footprint.ever_known for footprint in watched) or any(
-                footprint.unknown > 1e9 * self.max_unknown for footprint in watched):
+                footprint.unknown > 1e9 * self.max_unknown for footprint in watched) or (
+                    self.too_undecided):
             return Verdict.UNKNOWN
         return Verdict.CLEAR
 

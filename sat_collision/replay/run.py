@@ -68,7 +68,8 @@ def check(path: str | Path, options: Options = Options(),
         Whatever is wrong with the recording or the parameters is in its problems.
 
     """
-    result = Result(str(path), options.clock, options.max_unknown, options.as_live)
+    result = Result(str(path), options.clock, options.max_unknown, options.as_live,
+                    max_undecided=options.max_undecided)
     with Recording(path, options.limits) as recording:
         try:
             settings = settings_for(recording.topics, options.parameters, options.footprints,

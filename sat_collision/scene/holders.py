@@ -232,8 +232,9 @@ class SetOfObstacles(Holder):
             obstacle.watched = NEVER
             self._remove(obstacle)
         del places[taken:]
-        for obstacle in self:
-            self._mark(obstacle, None)
+        for obstacle in places:
+            if obstacle.refused:
+                self._mark(obstacle, None)
         self._contacts.hide_obstacles(
             self, [one.row for one in places if one.row is not None])
         self._taken = 0

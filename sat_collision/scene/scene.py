@@ -135,11 +135,12 @@ class Scene(Circumstances):
             the footprint as it is.
 
         """
-        self.pass_time(now)
+        if now != self._now:
+            self.pass_time(now)
         footprint = self._footprints[name]
         if not footprint.settings.enabled:
             return None
-        if self._is_from_future(stamp):
+        if stamp > now and self._is_from_future(stamp):
             self._invalidate(footprint, f'was refused: {FROM_FUTURE}')
             self._evaluate()
             return FROM_FUTURE
@@ -183,13 +184,14 @@ class Scene(Circumstances):
             Why it was refused, if it was: FROM_FUTURE, OTHER_FRAME, TOO_MANY or TOO_OLD.
 
         """
-        self.pass_time(now)
+        if now != self._now:
+            self.pass_time(now)
         source = self._sources[name]
         if not source.settings.enabled:
             return None
         faults = source.faults
         refusal: str | None
-        if self._is_from_future(stamp):
+        if stamp > now and self._is_from_future(stamp):
             # With such a stamp it can be of no set; a heartbeat is of no instance.
             refusal = source.refuse(FROM_FUTURE, None, now, None if body is None else instance)
         elif body is None:

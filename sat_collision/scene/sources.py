@@ -35,8 +35,8 @@ class Source:
     A polygon with a stamp is an obstacle of a set, see `ObstacleSets`. While a set comes in it
     only adds: what the last whole set held is forgotten when the new one is whole. Polygons with
     stamp 0, and all those of a source that accumulates, go by their shape; instances by their id.
-    The source is known from its first whole set on of which nothing was missed, or the
-    first pause after polygons without stamps; one without sets from its first message on.
+    The source is known from its first whole set on, or the first pause after polygons without
+    stamps; one without sets from its first message on.
 
     While a source holds a message that was refused it is at fault: there may be an obstacle where
     nobody looks. So it is after a loss until all is told anew: by a whole set, or in the timeout.
@@ -48,12 +48,8 @@ class Source:
     ----------
     settings : ObstacleSettings
     contacts : Contacts
-        Where obstacles are placed.
-    deadlines : Deadlines
-        Calls for `expire` of the source and of its obstacles.
-    pauses : Deadlines
-        Calls for the end of a set when nothing of it has come for a while, all that was sent
-        until then having been told.
+    deadlines, pauses : Deadlines
+        Call for `expire`; and for the end of a set that pauses, all that was sent being told.
 
     Attributes
     ----------
@@ -71,6 +67,7 @@ class Source:
         self._doubts = Doubts()
         self.obstacles = Holdings(settings.name, contacts, deadlines, self._count_refusals)
         self._sets = ObstacleSets()
+        self._coming_in = self.obstacles.sides[0]
         self.are_waiting = False
         self._pause, self._cure = Alarm(self._end_pause), Alarm(self._get_over_loss)
         self.settings = settings
@@ -97,14 +94,14 @@ class Source:
         self._quiet = round(settings.set_quiet * 1e9)
         self._by_id = settings.type == POLYGON_INSTANCE
         self._in_sets = not self._by_id and not settings.accumulate
+        self._followed = -1
         if not settings.enabled:
             self._clear()
         elif now and not was_enabled:
             self.listen(now)
         if self._doubts.is_silent and now <= self.deadline:
             # What it held is forgotten: a longer timeout brings nothing back.
-            self._heard = -NEVER
-            self._doubts.is_silent = self._doubts.is_heard = False
+            self._heard, self._doubts.is_silent, self._doubts.is_heard = -NEVER, False, False
         if self.deadline < now:
             self.expire()
         self._deadlines.watch(self)
@@ -153,7 +150,7 @@ class Source:
     def count_publishers(self, count: int, now: int) -> None:
         """Take note of how many publishers there are; without any, nothing is known any more."""
         doubts = self._doubts
-        if count == doubts.publishers:
+        if count == doubts.publishers and (count or not doubts.is_heard):
             return
         before, doubts.publishers = doubts.publishers, count
         doubts.is_left = count == 0 and (bool(before) or doubts.is_heard)
@@ -186,15 +183,15 @@ class Source:
     def place(self, body: PackedBody, frame_id: str, stamp: int, now: int,
               instance: int | None) -> str | None:
         """Take a body; return a refusal or None."""
+        if now == self._followed and stamp == self._sets.current and stamp:
+            # The message before has told the source all but the body.
+            return self._coming_in.place(body, frame_id, stamp if stamp < now else now)
         time = self._hear(stamp, now)
         if time is None:
             return TOO_OLD
         if self._in_sets and stamp:
-            if stamp == self._sets.current:
-                self._await_pause(now)
-            else:
-                self._follow(stamp, now)
-            return self.obstacles.sides[self._sets.side].place(body, frame_id, time)
+            self._follow(stamp, now)
+            return self._coming_in.place(body, frame_id, time)
         key: Key = shape_of(body) if instance is None or not self._by_id else instance
         keyed = self.obstacles.keyed
         if not self._in_sets:
@@ -211,7 +208,7 @@ class Source:
         if self._in_sets:
             if stamp:
                 self._follow(stamp, now)
-                return self.obstacles.sides[self._sets.side].refuse(time, reason)
+                return self._coming_in.refuse(time, reason)
             self._follow(0, now)
             self._sets.miss()
         return self.obstacles.keyed.refuse(instance if self._by_id else None, time, reason)
@@ -238,16 +235,20 @@ class Source:
     def _follow(self, stamp: int, now: int) -> None:
         """Let a message join the set that comes in, or begin the next one."""
         sets = self._sets
-        if not stamp or sets.continues(stamp):
-            sets.join(stamp)
-        else:
-            if not sets.is_whole:
-                self._end_set()
-            sets.begin(stamp)
-            self._note_set(self.settings.name, stamp)
-            self._doubts.is_cut |= sets.is_cut
-            self._find_faults()
+        self._followed = now
         self._await_pause(now)
+        if stamp == sets.current:
+            return
+        if not stamp or sets.continues(stamp):
+            return sets.join(stamp)
+        if not sets.is_whole:
+            self._end_set()
+        sets.begin(stamp)
+        self._coming_in = self.obstacles.sides[sets.side]
+        self._note_set(self.settings.name, stamp)
+        if sets.is_cut:
+            self._doubts.is_cut = True
+            self._find_faults()
 
     def _await_pause(self, now: float) -> None:
         """Have what comes in be whole if nothing more of it comes for a while."""
@@ -284,7 +285,6 @@ class Source:
             self.obstacles.sides[1 - self._sets.side].clear()
 
     def _get_over_loss(self) -> None:
-        """Trust the source again after messages were lost."""
         self._cure.deadline = NEVER
         self._doubts.is_lossy = False
         self._find_faults()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Obstacle sources of a running node: sets, ids, silence, limits and quality of service."""
+"""Obstacle sources of a running node: ids, silence, limits and quality of service."""
 
 from geometry_msgs.msg import PolygonStamped
 from harness import box, Peer, polygon_message, SECOND, values
@@ -24,88 +24,6 @@ ROBOT = box(0, 0)
 APART = box(5, 5)
 TOUCHING = box(1, 1)
 NO_TIMEOUT = {'footprint__timeout': 0.0, 'obstacle__timeout': 0.0}
-
-
-def test_each_set_replaces_the_one_before_in_order(start):
-    """The second obstacle of a set is hit; in the next set it has moved away, the first came."""
-    monitor = start(**NO_TIMEOUT)
-    stamp = monitor.now()
-    monitor.send('footprint', ROBOT, stamp)
-    monitor.send('obstacles', APART, stamp)
-    monitor.send('obstacles', TOUCHING, stamp)
-    monitor.await_state('collision')
-    assert monitor.contacts() == ['obstacle/1']
-    monitor.send('obstacles', TOUCHING, stamp + SECOND)
-    monitor.until(lambda: monitor.contacts() == ['obstacle/0', 'obstacle/1'])
-    monitor.send('obstacles', APART, stamp + SECOND)
-    monitor.until(lambda: monitor.contacts() == ['obstacle/0'])
-
-
-def test_set_window_decides_what_is_one_set(start):
-    """Stamps 0.3 s apart: with the window at 0.5 s two obstacles, at 0 one that has moved."""
-    monitor = start(obstacle__set_window=0.5, future_tolerance=10.0, **NO_TIMEOUT)
-    stamp = monitor.now()
-    monitor.send('footprint', ROBOT)
-    monitor.send('obstacles', TOUCHING, stamp)
-    monitor.send('obstacles', APART, stamp + 3 * SECOND // 10)
-    monitor.await_state('collision')
-    assert monitor.set_parameters(obstacle__set_window=0.0) == [None]
-    monitor.send('obstacles', APART, stamp + SECOND)
-    monitor.await_state('clear')
-    monitor.send('obstacles', TOUCHING, stamp + 2 * SECOND)
-    monitor.await_state('collision')
-    monitor.send('obstacles', APART, stamp + 23 * SECOND // 10)
-    monitor.await_state('clear')
-
-
-def test_order_within_a_set_means_nothing(start):
-    """Eleven obstacles a set, as a burst: the one on the robot comes first, last or between."""
-    monitor = start(**NO_TIMEOUT)
-    heard = monitor.listen('~/collision')
-    monitor.send('footprint', ROBOT)
-    places = [TOUCHING, *(box(5 + x, 5) for x in range(10))]
-    for number in range(20):
-        stamp = monitor.now()
-        for points in places[::-1] if number % 2 else places[number % 7:] + places[:number % 7]:
-            monitor.send('obstacles', points, stamp)
-        monitor.spin(0.1)
-    monitor.await_state('collision')
-    raised = [message.data for message in heard]
-    assert len(raised) > 20 and all(raised[raised.index(True):])
-
-
-def test_source_is_unknown_until_its_first_set_is_whole(start):
-    """The last of a set that takes 0.3 s to arrive is on the robot."""
-    monitor = start(obstacle__set_quiet=0.5, **NO_TIMEOUT)
-    states = monitor.listen('~/state')
-    monitor.send('footprint', ROBOT)
-    stamp = monitor.now()
-    for points in (APART, box(7, 7), box(9, 9), TOUCHING):
-        monitor.send('obstacles', points, stamp)
-        monitor.spin(0.1)
-    monitor.await_state('collision')
-    assert 'clear' not in {values(array.status[0])['state'] for array in states}
-
-
-def test_set_that_was_under_way_when_the_node_began_does_not_count(start, domain):
-    """Who knows what came before: the next set tells."""
-    peer = Peer(domain)
-    publisher = peer.node.create_publisher(PolygonStamped, '/obstacles', 10)
-    stamp = peer.now()
-    publisher.publish(polygon_message(TOUCHING, stamp))
-    monitor = start(obstacle__set_quiet=20.0, **NO_TIMEOUT)
-    peer.until(publisher.get_subscription_count)
-    publisher.publish(polygon_message(APART, stamp))
-    publisher.publish(polygon_message([], stamp))
-    monitor.send('footprint', ROBOT)
-    monitor.until(lambda: monitor.received['obstacle'] == 2)
-    monitor.until(lambda: monitor.status() and values(monitor.status())['age'])
-    reason = values(monitor.await_state('unknown'))['reason']
-    assert reason.endswith('has not sent a whole set yet')
-    for points in (APART, []):
-        publisher.publish(polygon_message(points, stamp + SECOND // 10))
-    monitor.await_state('clear')
-    peer.close()
 
 
 @pytest.mark.parametrize('age', [1, -3600])
@@ -122,58 +40,6 @@ def test_footprint_from_the_past_or_the_future_is_refused(start, age):
     monitor.spin(0.3)
     assert 'clear' not in {values(array.status[0])['state'] for array in states}
     assert monitor.state() == ('collision' if age > 0 else 'unknown')
-
-
-def test_thousands_of_obstacles_a_set_are_all_taken(start, runner):
-    """Within max_count, in one burst; fewer for the fall-back, which takes a wait for each."""
-    count = {'loop': 3000, 'executor': 500}[runner]
-    monitor = start(obstacle__set_quiet=1.0, **NO_TIMEOUT)
-    monitor.publisher('obstacles', qos=10_000)
-    monitor.send('footprint', ROBOT)
-    heard = monitor.listen('~/collision')
-    for _ in range(3):
-        stamp = monitor.now()
-        data = [polygon_message(box(5 + k % 50, 5 + k // 50), stamp) for k in range(count - 1)]
-        for message in (*data, polygon_message(TOUCHING, stamp)):
-            monitor.publisher('obstacles').publish(message)
-        monitor.spin(0.3)
-    monitor.until(lambda: monitor.received['obstacle'] == 3 * count, 'all messages')
-    monitor.await_state('collision')
-    raised = [message.data for message in heard]
-    assert all(raised[raised.index(True):])
-    assert not monitor.monitor._monitor.lost
-
-
-def test_window_that_cuts_a_set_is_told_with_the_remedy(start):
-    """Ten obstacles, each stamped when it was built, 5 ms apart."""
-    monitor = start(**NO_TIMEOUT)
-    monitor.send('footprint', ROBOT)
-    for _ in range(3):
-        stamp = monitor.now()
-        for k in range(10):
-            monitor.send('obstacles', box(5 + k, 5), stamp + k * SECOND // 200)
-        monitor.spin(0.1)
-    status = monitor.await_state('unknown')
-    monitor.until(lambda: 'set_window cuts' in values(monitor.status())['reason'])
-    assert 'accumulate' in status.message or 'accumulate' in monitor.status().message
-
-
-def test_publishers_are_counted(start, domain):
-    """A second one begins and ends, then the first ends, too."""
-    monitor = start(**NO_TIMEOUT)
-    monitor.send('footprint', ROBOT)
-    monitor.send('obstacles', APART)
-    monitor.await_state('clear')
-    second = monitor.node.create_publisher(PolygonStamped, '/obstacles', 10)
-    monitor.await_state('unknown')
-    monitor.until(lambda: 'has 2 publishers' in values(monitor.status())['reason'])
-    monitor.node.destroy_publisher(second)
-    monitor.send_until('clear', 'obstacles', APART)
-    monitor.node.destroy_publisher(monitor._publishers.pop('obstacles'))
-    monitor.await_state('unknown')
-    monitor.until(lambda: 'no publisher any more' in values(monitor.status())['reason'])
-    monitor.send('obstacles', APART)
-    monitor.await_state('clear')
 
 
 def test_missed_deadline_is_told(start):

@@ -178,6 +178,24 @@ def test_gate_passes_what_is_as_stored_and_prints_what_is_not(bags, tmp_path, ca
     assert main([bags['clear'], '--expect', stored]) == 3
 
 
+def test_gate_that_wants_all_motion_decided(tmp_path, capsys):
+    """One obstacle is gone and another is there: where each was between is not known."""
+    messages = [(topic, k / 10, points) for k in range(10) for topic, points in (
+        ('/footprint', box(0)), ('/obstacles', box(5) if k < 5 else box(5)[:3]))]
+    path = str(write(tmp_path / 'bag', messages))
+    assert main([path]) == 0
+    words = f'{SOURCE}: for 0.100 s it is not known how something moved; only its frames'
+    assert words in capsys.readouterr().out
+    files = {kind: str(tmp_path / f'result.{kind}') for kind in ('json', 'xml')}
+    assert main([path, '--max-undecided', '0', '--json', files['json'],
+                 '--junit', files['xml']]) == 2
+    bag, = json.loads(Path(files['json']).read_text())['bags']
+    assert [source['undecided'] for source in bag['sources']] == [0, 10**8]
+    case, = (case for case in ElementTree.parse(files['xml']).iter('testcase')
+             if case.find('failure') is not None)
+    assert case.get('name') == f'motion of {SOURCE}'
+
+
 def test_plots_are_pictures(bags, tmp_path):
     """Of one recording a file, of several a directory, also where nothing was found."""
     pytest.importorskip('matplotlib')

@@ -148,6 +148,9 @@ def test_other_number_of_vertices_is_another_body(tmp_path):
     result = run(tmp_path, messages)
     assert result.verdict is Verdict.CLEAR
     assert [source.undecided for source in result.sources] == [0, SECOND // 10]
+    for most, verdict in ((0.1, Verdict.CLEAR), (0.099, Verdict.UNKNOWN)):
+        result.max_undecided = most
+        assert result.verdict is verdict
 
 
 def test_new_start_vertex_is_no_motion(tmp_path):

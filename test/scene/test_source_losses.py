@@ -262,6 +262,18 @@ def test_source_without_a_publisher_is_unknown_at_once(settings):
     assert stage.status() == 'clear'
 
 
+@EVERY_KIND
+def test_publisher_that_came_and_went_between_two_looks(settings):
+    """None was counted, but something was heard."""
+    stage = with_robot(settings)
+    stage.scene.count_publishers('lidar', 0)
+    stage.see(10, instance=1)
+    stage.whole()
+    assert stage.status() == 'clear'
+    stage.scene.count_publishers('lidar', 0)
+    assert findings(stage) == ('unknown', (DOUBT + 'has no publisher any more',))
+
+
 def test_two_publishers_of_sets_are_unknown_until_one_is_left():
     """A restart that overlaps heals by itself; sources without sets may have many publishers."""
     stage = with_robot(LIDAR, ObstacleSettings('radar', '/radar', type='polygon_instance'))

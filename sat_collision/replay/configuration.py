@@ -23,12 +23,11 @@ from pathlib import Path
 import re
 from typing import Any
 
+from sat_collision.replay.options import NODE
 from sat_collision.replay.unpacking import in_words
 from sat_collision.scene.parameters import declare_parameters, ParameterError, read_settings
 from sat_collision.scene.settings import Settings, Spec
 import yaml
-
-NODE = '/footprint_monitor'
 
 _TOPIC = re.compile(r'(~/|/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*', re.ASCII)
 _TYPES = {bool: 'a bool', int: 'an integer', float: 'a double', str: 'a string',

@@ -91,6 +91,12 @@ class McapFile:
         if times and self.start is None:
             self.start, self.end = min(times), max(times)
 
+    @property
+    def is_packed(self) -> bool:
+        """Whether any chunk is compressed."""
+        return self._layout is not None and any(
+            block.compression for block in self._layout.blocks)
+
     def close(self) -> None:
         if self._file is not None:
             os.close(self._file)

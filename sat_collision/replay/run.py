@@ -21,9 +21,9 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from rosbags.rosbag2 import WriterError
 from sat_collision.messages.cdr import header_stamp
 from sat_collision.monitor import Monitor
+from sat_collision.replay.destinations import OutputError
 from sat_collision.replay.motion.motion import Motion
 from sat_collision.replay.motion.timeline import MotionTimeline
 from sat_collision.replay.options import HEADER, Options, RECEIVE
@@ -71,7 +71,7 @@ def check(path: str | Path, options: Options = Options(),
             settings = settings_for(recording.topics, options.parameters, options.footprints,
                                     options.obstacles, options.node)
             _Run(recording, settings, options, result).run(progress)
-        except (ParameterError, WriterError, OSError) as error:
+        except (ParameterError, OutputError, OSError) as error:
             result.problems.append(f'{path}: {error}')
         result.problems[:0] = recording.problems
         result.content = recording.content

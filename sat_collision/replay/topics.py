@@ -21,7 +21,8 @@ from dataclasses import fields
 import re
 from typing import TypeAlias
 
-from sat_collision.replay.configuration import NODE, settings_of
+from sat_collision.replay.configuration import settings_of
+from sat_collision.replay.options import NODE
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON, POLYGON_INSTANCE, Settings)

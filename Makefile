@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test docs bench report accuracy adversary fuzz clean
+.PHONY: demo test docs bench report accuracy adversary faults soak fuzz clean
 
 demo: $(VENV)/demo.stamp
 	$(BIN)/python -m sat_collision.demo
@@ -35,10 +35,23 @@ EVALUATIONS ?= 1e7
 adversary: $(VENV)/test.stamp
 	PYTHONPATH=.:test/support $(BIN)/python test/geometry/adversary.py --evaluations $(EVALUATIONS)
 
-# Damaged recordings, parameter files and stored results, made by chance: make fuzz INPUTS=1e5
-INPUTS ?= 1e6
+# What faults do to a real process, measured and written to docs/reliability.md: make faults REPEAT=3
+REPEAT ?= 10
+faults: $(VENV)/test.stamp
+	$(BIN)/python test/faults/faults.py --repeat $(REPEAT) --write docs/reliability.md
+
+# The node under load for a long time: make soak MINUTES=2
+MINUTES ?= 30
+soak: $(VENV)/bench.stamp
+	$(BIN)/python benchmarks/endurance.py --starts 0 --publishers 0 --soak $(MINUTES)
+
+# Random bytes, polygons and parameters, and damaged files, recordings and stored results among
+# them: make fuzz INPUTS=1e5 FILES=1e4
+INPUTS ?= 1e7
+FILES ?= 1e6
 fuzz: $(VENV)/test.stamp
-	PYTHONPATH=.:test/support $(BIN)/python test/fuzz/fuzz_files.py --count $(INPUTS)
+	$(BIN)/python test/fuzz/fuzz.py --inputs $(INPUTS)
+	PYTHONPATH=.:test/support $(BIN)/python test/fuzz/fuzz_files.py --count $(FILES)
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)

@@ -34,7 +34,8 @@ from sat_collision.scene.settings import DEFAULT_FOOTPRINT, DEFAULT_SOURCE  # no
 
 _PLACEHOLDERS = {DEFAULT_FOOTPRINT: '<footprint>', DEFAULT_SOURCE: '<source>'}
 _FILE_HEAD = """\
-# Every parameter of footprint_monitor with its default; those marked * are fixed at the start.
+# Every parameter of footprint_monitor with its default; those marked * are fixed at the start,
+# those marked + too where lock_parameters is true.
 # Written by docs/generate.py from sat_collision/scene/settings.py: copy this file, do not edit it.
 /**:
   ros__parameters:
@@ -57,7 +58,7 @@ def parameter_file():
     """Return the parameter file that has all defaults."""
     lines = []
     for name, default, spec in parameters():
-        comment = ('' if spec.live else '* ') + spec.description + _allowed(spec, '; {} to {}')
+        comment = _mark(spec, '', ' ') + spec.description + _allowed(spec, '; {} to {}')
         lines += textwrap.wrap(comment, 99, initial_indent='    # ', subsequent_indent='    # ',
                                break_long_words=False, break_on_hyphens=False)
         lines.append(f'    {name}: {_yaml(default)}')
@@ -71,7 +72,7 @@ def parameter_table():
         source, dot, field = name.rpartition('.')
         shown = f'{_PLACEHOLDERS[source]}.{field}' if dot else name
         choices = ', '.join(f'`{choice}`' for choice in spec.choices)
-        rows.append(f'| `{shown}`{"" if spec.live else " *"} | `{_yaml(default)}` | '
+        rows.append(f'| `{shown}`{_mark(spec, " ", "")} | `{_yaml(default)}` | '
                     f'{choices or _allowed(spec, "{} to {}")} | {spec.description} |')
     return '\n'.join(rows)
 
@@ -157,6 +158,12 @@ def _with_block(name, block):
     if not (begun and ended):
         raise ValueError(f'{name}: {begin.strip()} and {end.strip()} must enclose what is written')
     return f'{head}{begin}{block}\n{end}{tail}'
+
+
+def _mark(spec, before, behind):
+    """Return the mark of what is fixed at the start, or of what may be locked."""
+    mark = '*' if not spec.live else '+' if spec.safety else ''
+    return f'{before}{mark}{behind}' if mark else ''
 
 
 def _allowed(spec, form):

@@ -11,15 +11,25 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Exact collision checks between robot footprints and obstacles, for ROS 2."""
+"""
+Exact collision checks between robot footprints and obstacles, for ROS 2.
 
-from sat_collision.geometry.arithmetic import require_proved
-from sat_collision.geometry.jit import KERNEL
-from sat_collision.geometry.polygon import Polygon, PolygonError, Reason
-from sat_collision.geometry.polygon_set import PolygonSet
-from sat_collision.geometry.query import (
-    closest_points, intersects, intersects_many, intersects_pairs, separation)
-from sat_collision.geometry.sweep import time_of_contact
+What it offers is imported when it is first asked for: that takes a second, and before it the node
+must be ready for signals.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sat_collision.geometry.jit import KERNEL
+    from sat_collision.geometry.polygon import Polygon, PolygonError, Reason
+    from sat_collision.geometry.polygon_set import PolygonSet
+    from sat_collision.geometry.query import (
+        closest_points, intersects, intersects_many, intersects_pairs, separation)
+    from sat_collision.geometry.sweep import time_of_contact
 
 __all__ = [
     'KERNEL',
@@ -35,4 +45,12 @@ __all__ = [
     'time_of_contact',
 ]
 
-require_proved()
+_HOMES = {'KERNEL': 'jit', 'Polygon': 'polygon', 'PolygonError': 'polygon', 'Reason': 'polygon',
+          'PolygonSet': 'polygon_set', 'time_of_contact': 'sweep'}
+
+
+def __getattr__(name: str) -> Any:
+    """Return what is offered by that name."""
+    if name not in __all__:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(import_module(f'{__name__}.geometry.{_HOMES.get(name, "query")}'), name)

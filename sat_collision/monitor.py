@@ -17,66 +17,28 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable
-from typing import NamedTuple
+from collections.abc import Iterable, Sequence
 
-import numpy as np
-from sat_collision.geometry.jit import indexable
-from sat_collision.geometry.layout import packed_size
-from sat_collision.geometry.packing import pack_convex
-from sat_collision.geometry.polygon import PackedBody, Polygon, PolygonError, Reason
+from sat_collision.geometry.polygon import PlaneMap, PolygonError
 from sat_collision.messages.cdr import decode, MessageError, Points
-from sat_collision.messages.losses import Losses
-from sat_collision.scene.holders import OTHER_FRAME, TOO_MANY
+from sat_collision.messages.losses import Losses, News, Overload
+from sat_collision.messages.packer import Packer
+from sat_collision.messages.rejections import (
+    detail_of, EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE)
+from sat_collision.messages.transform_listener import TransformListener
+from sat_collision.scene.deadlines import NEVER
+from sat_collision.scene.frame_ids import LONGEST_FRAME_ID
+from sat_collision.scene.frames import NoTransform
 from sat_collision.scene.observer import Observer
-from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN, Scene
+from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
-from sat_collision.scene.sources import TOO_OLD
+from sat_collision.scene.waiting import WAIT, Wait, Waiting
 
-EMPTY_FRAME_ID = 'empty frame_id'
-UNDECODABLE = 'undecodable'
-
-_ADVICE = {
-    EMPTY_FRAME_ID: 'the publisher must say which frame the polygon is in',
-    FROM_FUTURE: 'set the clocks of both machines by one, or raise the parameter future_tolerance',
-    OTHER_FRAME: 'publish in that frame, or choose another by the parameter frame_id',
-    OVERTAKEN: 'let one publisher send the footprint, in the order of its stamps',
-    Reason.EMPTY.value: 'the publisher must send where the footprint is',
-    Reason.NOT_FINITE.value: 'the publisher must send finite coordinates only',
-    Reason.SELF_INTERSECTING.value: 'the publisher must send the outline of a simple polygon',
-    Reason.TOO_MANY_VERTICES.value: 'simplify the polygon or raise the parameter max_vertices',
-    TOO_MANY: 'publish fewer obstacles or raise the parameter max_count of the source',
-    TOO_OLD: 'check clocks and delays, or raise the parameter timeout of the source',
-    UNDECODABLE: 'check that the publisher has the message type that this topic should have',
-}
-
-
-class Rejection(NamedTuple):
-    """
-    A message that was not taken.
-
-    Attributes
-    ----------
-    name, topic : str
-        The footprint or source that it was for, and its topic.
-    reason : str
-        A few words without figures, to count by.
-    detail : str
-        What is wrong with this very message.
-
-    """
-
-    name: str
-    topic: str
-    reason: str
-    detail: str
-
-    @property
-    def text(self) -> str:
-        """The whole story as a sentence: topic, reason, and what to do."""
-        return (f'{self.name}: a message on {self.topic} was rejected, {self.reason}: '
-                f'{self.detail}; {_ADVICE[self.reason]}')
+# The most messages of a footprint that wait for transforms; of a source in parts of max_count.
+_FOOTPRINTS_WAIT = 100
+_SETS_WAIT = 2
+_NOTHING: Sequence[Rejection] = ()
 
 
 class Monitor:
@@ -86,9 +48,16 @@ class Monitor:
     A message of no use is counted and returned as a Rejection, and never raises. The scene is
     told of it, because it stands for a body whose place is not known.
 
+    A message in another frame than the fixed one is told to the scene when the transform at its
+    stamp has come; until then it waits, and behind it what comes later for the same footprint or
+    source. After `transform_timeout` it is refused. Calls that end a waiting return the
+    Rejections of those that had waited, too.
+
     Parameters
     ----------
     settings : Settings
+    transforms : bool, optional
+        Whether /tf is heard; else what is not in the fixed frame is refused.
     observer : Observer, optional
         Of the scene.
 
@@ -96,8 +65,9 @@ class Monitor:
     ----------
     scene : Scene
         Tells the states, and is where settings are changed.
-    stamp, points : int, Points
-        Those of the last message that could be decoded.
+    stamp, points, plane : int, Points, PlaneMap or None
+        Of the message that the scene is told of: its own, and the map that takes the points to
+        the fixed frame, None where they are in it.
     received : Counter
         All messages, by name of the footprint or source.
     rejected : Counter
@@ -106,23 +76,40 @@ class Monitor:
         The messages that were sent but never came, by name.
     is_numbered : bool
         Whether the messages of all batches have numbers, without which no loss shows.
+    transforms : TransformListener
+        What is known of frames.
+    waiting : Waiting
+        The messages that wait for a transform.
 
     """
 
-    def __init__(self, settings: Settings, observer: Observer | None = None) -> None:
+    def __init__(self, settings: Settings, transforms: bool = False,
+                 observer: Observer | None = None) -> None:
         self.scene = Scene(settings, observer)
         self.stamp = 0
         self.points: Points = b'', 0, 0
+        self.plane: PlaneMap | None = None
         self.received: Counter[str] = Counter()
         self.rejected: Counter[tuple[str, str]] = Counter()
         self.lost: Counter[str] = Counter()
         self.is_numbered = True
         self._losses: defaultdict[str, Losses] = defaultdict(Losses)
-        self._overwhelmed: set[str] = set()
-        self._lost_when_behind: dict[str, int] = {}
+        self._overloads: defaultdict[str, Overload] = defaultdict(Overload)
         self._with_ids = {source.name for source in settings.obstacles
                           if source.type == POLYGON_INSTANCE}
-        self._packer = _Packer(settings.max_vertices)
+        self._packer = Packer(settings.max_vertices)
+        self.transforms = TransformListener(settings)
+        self._fixed = settings.frame_id if transforms else ''
+        self.waiting: Waiting[bytes | News, Rejection] = Waiting(self._take_waiting,
+                                                                 self._note_waiting)
+        self._patience = round(settings.transform_timeout * 1e9)
+        self._now = 0
+
+    def update(self, settings: Settings) -> None:
+        """Apply other settings, of the same names, topics and types."""
+        self._patience = round(settings.transform_timeout * 1e9)
+        self.transforms.configure(settings)
+        self.scene.update(settings)
 
     def receive(self, name: str, data: bytes, now: int) -> Rejection | None:
         """
@@ -144,7 +131,8 @@ class Monitor:
         """
         self.received[name] += 1
         settings = self.scene.settings_of(name)
-        return self._take(settings, data, now) if settings.enabled else None
+        rejections = self._admit(settings, data, now) if settings.enabled else _NOTHING
+        return rejections[0] if rejections else None
 
     def receive_batch(self, name: str, messages: Iterable[tuple[bytes, int | None]],
                       now: int) -> list[Rejection]:
@@ -163,7 +151,7 @@ class Monitor:
         list of Rejection
 
         """
-        rejections = []
+        rejections: list[Rejection] = []
         settings = self.scene.settings_of(name)
         missing = self._losses[name].missing
         received = 0
@@ -171,49 +159,120 @@ class Monitor:
             received += 1
             if number is None:
                 self.is_numbered = False
-            elif (lost := missing(number)) is None:
-                self.scene.meet_publisher(name, number == 1)
-            elif lost:
-                self.lost[name] += lost
-                self.scene.lose(name, now)
-            if settings.enabled and (rejection := self._take(settings, data, now)):
-                rejections.append(rejection)
+            elif (lost := missing(number)) != 0:
+                news = News.BEGUN if number == 1 else News.MET
+                if lost:
+                    news = News.LOST
+                    self.lost[name] += lost
+                if name in self.waiting:
+                    rejections += self._hold(settings, news, now)
+                else:
+                    self._take_waiting(name, news, now, False)
+            if settings.enabled:
+                rejections += self._admit(settings, data, now)
         self.received[name] += received
         return rejections
 
     def note_backlog(self, name: str, seconds: float | None) -> None:
-        """
-        Take note of how old messages are before they are taken, None where none is waiting.
-
-        A source that is behind by more than its timeout, or goes on losing messages while it is
-        behind, cannot be trusted until it has caught up.
-        """
+        """Take note of how old messages are before they are taken, None where none is waiting."""
         settings = self.scene.settings_of(name)
-        if isinstance(settings, FootprintSettings):
-            return
-        lost, lost_before = self.lost[name], self._lost_when_behind.pop(name, self.lost[name])
-        if seconds is None:
-            self._overwhelmed.discard(name)
-        else:
-            self._lost_when_behind[name] = lost
-            if lost > lost_before or seconds > settings.timeout > 0.0:
-                self._overwhelmed.add(name)
-        self.scene.overwhelm(name, name in self._overwhelmed)
+        if isinstance(settings, ObstacleSettings):
+            self.scene.overwhelm(name, self._overloads[name].note(
+                seconds, settings.timeout, self.lost[name]))
 
-    def _take(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
-              now: int) -> Rejection | None:
+    def receive_transforms(self, topic: str, data: bytes, now: int) -> list[Rejection]:
+        """Take a message of /tf or /tf_static, and what has waited for it."""
+        self._watch_clock(now)
+        rejections = self.transforms.listen(topic, data)
+        if self.waiting.earliest < NEVER:
+            rejections += self.waiting.take(now)
+        return rejections
+
+    def advance(self, now: int, is_all_taken: bool = True) -> list[Rejection]:
+        """Let time pass, as `Scene.advance` or `pass_time`, and refuse what waited too long."""
+        self._watch_clock(now)
+        rejections = self.waiting.take(now) if self.waiting.earliest < now else []
+        if is_all_taken:
+            self.scene.advance(now)
+        else:
+            self.scene.pass_time(now)
+        return rejections
+
+    @property
+    def deadline(self) -> float:
+        """The time in ns until which, at least, nothing changes by itself; NEVER if at no time."""
+        return min(self.scene.deadline, self.waiting.earliest)
+
+    def _watch_clock(self, now: int) -> None:
+        """Forget what belongs to another time, where the clock was set back."""
+        if now < self._now:
+            self.transforms.clear()
+            self.waiting.drop()
+        self._now = now
+
+    def _admit(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
+               now: int) -> Sequence[Rejection]:
+        """Take a message, or let it wait: for a transform, or behind what waits for one."""
+        if settings.name not in self.waiting:
+            outcome = self._take(settings, data, now)
+            if not isinstance(outcome, Wait):
+                return [outcome] if outcome else _NOTHING
+        return self._hold(settings, data, now)
+
+    def _hold(self, settings: FootprintSettings | ObstacleSettings, data: bytes | News,
+              now: int) -> list[Rejection]:
+        """Let a message wait, or what is to be told before the next one."""
+        self._watch_clock(now)
+        most = (_SETS_WAIT * settings.max_count if isinstance(settings, ObstacleSettings)
+                else _FOOTPRINTS_WAIT)
+        return self.waiting.add(settings.name, data, now, self._patience, most)
+
+    def _take_waiting(self, name: str, data: bytes | News, now: int,
+                      may_wait: bool) -> Rejection | Wait | None:
+        """Take what has waited longest for a footprint or source, if it need not wait on."""
+        settings = self.scene.settings_of(name)
+        if data is News.LOST:
+            self.scene.lose(name, now)
+        elif isinstance(data, News):
+            self.scene.meet_publisher(name, data is News.BEGUN)
+        elif settings.enabled:
+            return self._take(settings, data, now, may_wait)
+        return None
+
+    def _note_waiting(self, name: str) -> None:
+        """Tell the scene whether messages of a source wait to be told."""
+        self.scene.note_waiting(name, name in self.waiting)
+
+    def _take(self, settings: FootprintSettings | ObstacleSettings, data: bytes, now: int,
+              may_wait: bool = True) -> Rejection | Wait | None:
+        """Tell the scene of a message; return WAIT if its transform may come, and it may wait."""
         scene, name = self.scene, settings.name
         stamp = instance = None
         try:
             stamp, frame_id, points, instance = decode(data, name in self._with_ids)
-            self.stamp, self.points = stamp, points
+            self.stamp, self.points, self.plane = stamp, points, None
             if not frame_id:
                 return self._refuse(settings, EMPTY_FRAME_ID, 'its header names no frame', now,
                                     stamp, instance)
+            if len(frame_id) > LONGEST_FRAME_ID:
+                return self._refuse(
+                    settings, LONG_FRAME_ID, f'{len(frame_id)} characters where '
+                    f'{LONGEST_FRAME_ID} are accepted', now, stamp, instance)
+            if frame_id != self._fixed and self._fixed and points[2]:
+                self._watch_clock(now)
+                found = self.transforms.plane(frame_id, stamp, now, settings.timeout)
+                if isinstance(found, NoTransform):
+                    if found.may_come and may_wait and stamp:
+                        return WAIT
+                    return self._refuse(settings, found.reason, found.detail, now, stamp,
+                                        instance)
+                self.plane, _ = found
+                frame_id = self._fixed
             if isinstance(settings, FootprintSettings):
-                refusal = scene.footprint(name, self._packer.pack(points), frame_id, stamp, now)
+                refusal = scene.footprint(name, self._packer.pack(points, self.plane), frame_id,
+                                          stamp, now)
             else:
-                body = self._packer.pack(points) if points[2] else None
+                body = self._packer.pack(points, self.plane) if points[2] else None
                 refusal = scene.obstacle(name, body, frame_id, stamp, now, instance)
         except MessageError as error:
             return self._refuse(settings, UNDECODABLE, str(error), now)
@@ -221,18 +280,8 @@ class Monitor:
             return self._refuse(settings, error.reason.value, str(error), now, stamp, instance)
         if refusal is None:
             return None
-        if refusal == OTHER_FRAME:
-            detail = f"it is in '{frame_id}', all else in '{scene.frame_id}'"
-        elif refusal == TOO_OLD:
-            detail = (f'its stamp is {(now - stamp) / 1e9:.3f} s old, past the timeout of '
-                      f'{settings.timeout:g} s')
-        elif refusal == FROM_FUTURE:
-            detail = f'its stamp is {(stamp - now) / 1e9:.3f} s ahead of the clock'
-        elif refusal == OVERTAKEN:
-            detail = 'a footprint with a later stamp came before it'
-        else:
-            detail = 'the source holds max_count obstacles already'
-        return self._reject(settings, refusal, detail)
+        return self._reject(settings, refusal, detail_of(
+            refusal, frame_id, scene.frame_id, (now - stamp) / 1e9, settings.timeout))
 
     def count_publishers(self, name: str, count: int) -> None:
         """Take note of how many publishers a footprint or source has; called again and again."""
@@ -249,30 +298,3 @@ class Monitor:
                 detail: str) -> Rejection:
         self.rejected[settings.name, reason] += 1
         return Rejection(settings.name, settings.topic, reason, detail)
-
-
-class _Packer:
-    """Packs the points of one message after another, convex ones into one array."""
-
-    def __init__(self, max_vertices: int) -> None:
-        self._max_vertices = max_vertices
-        # One more for a closing point; whoever sends yet more points is in no hurry.
-        self._most_points = max_vertices + 1
-        self._array = indexable(np.empty(packed_size(self._most_points)))
-
-    def pack(self, points: Points) -> PackedBody:
-        """
-        Return the body that points make, good until the next call.
-
-        Raises
-        ------
-        PolygonError
-            If they make none.
-
-        """
-        count = points[2]
-        if 0 < count <= self._most_points:
-            vertices = pack_convex(*points, self._array, self._max_vertices)
-            if vertices:
-                return self._array, vertices
-        return Polygon.from_float32(*points, self._max_vertices).packed

@@ -21,6 +21,7 @@ import struct
 
 from builders import box, SECOND, serialised
 import pytest
+from sat_collision.geometry.jit import COMPILED
 from sat_collision.monitor import Monitor
 from sat_collision.scene.holders import TOO_MANY
 from sat_collision.scene.obstacles import ObstacleId
@@ -364,6 +365,62 @@ def test_margin_holds_in_the_middle_of_a_set(live):
     monitor.receive('robot', serialised(box(0), stamp), stamp)
     monitor.receive('lidar', serialised(box(1.5), stamp), stamp)
     assert monitor.scene.state('robot').contacts == (ObstacleId('lidar', 1),)
+
+
+def star(vertices):
+    """Return a polygon with a notch at every second vertex."""
+    return [((2 + k % 2) * math.cos(2 * math.pi * k / vertices),
+             (2 + k % 2) * math.sin(2 * math.pi * k / vertices)) for k in range(vertices)]
+
+
+@pytest.mark.parametrize('vertices, in_time', [(128, True), (130, COMPILED), (1024, COMPILED)])
+def test_notches_cost_more_than_plain_python_has_time_for(vertices, in_time):
+    """Refused with the number and the kernel, so that nothing else has to wait."""
+    monitor = clear_monitor()
+    rejection = monitor.receive('lidar', serialised(star(vertices)), NOW)
+    assert status(monitor) == ('collision' if in_time else 'unknown')
+    if in_time:
+        assert rejection is None
+    else:
+        assert rejection.reason == 'too many vertices'
+        assert f'{vertices} vertices' in rejection.detail and 'plain Python' in rejection.detail
+
+
+def test_convex_polygons_have_no_such_limit():
+    """As many vertices as max_vertices allows, compiled or not."""
+    circle = [(math.cos(k / 163), math.sin(k / 163)) for k in range(1024)]
+    assert clear_monitor().receive('lidar', serialised(circle), NOW) is None
+
+
+def test_endless_superfluous_points_are_not_looked_at():
+    """Repeated points are dropped, but not any number of them."""
+    monitor = clear_monitor()
+    corners = box(10)
+    assert monitor.receive('lidar', serialised(corners + corners[-1:] * 8000), NOW) is None
+    rejection = monitor.receive('lidar', serialised(corners + corners[-1:] * 9000), NOW)
+    assert rejection.reason == 'too many vertices' and '9004 points' in rejection.detail
+    assert status(monitor) == 'unknown'
+
+
+@pytest.mark.parametrize('frame_id', ['odom\n[INFO] fine', '\x1b[31mred', 'a' * 255, '\u202egnol'])
+def test_names_of_frames_are_shown_not_obeyed(frame_id):
+    """In the rejection and in the state: one line, nothing invisible, not too long."""
+    monitor = clear_monitor()
+    rejection = monitor.receive('robot', serialised(box(0), frame_id=frame_id), NOW)
+    assert rejection.text.isprintable() and len(rejection.text) < 300
+    monitor = Monitor(SETTINGS)
+    monitor.receive('robot', serialised(box(0), frame_id=frame_id), NOW)
+    monitor.receive('robot', serialised(box(0), frame_id='map'), NOW)
+    for reason in monitor.scene.state('robot').reasons:
+        assert reason.isprintable() and len(reason) < 200
+
+
+def test_long_names_of_frames_are_refused():
+    """A frame's name is repeated in all that is published."""
+    monitor = clear_monitor()
+    rejection = monitor.receive('robot', serialised(box(0), frame_id='a' * 256), NOW)
+    assert rejection.reason == 'long frame_id' and '256' in rejection.detail
+    assert status(monitor) == 'unknown'
 
 
 @pytest.mark.parametrize('number, known', [(1, 'clear'), (5, 'unknown')])

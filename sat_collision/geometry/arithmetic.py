@@ -15,9 +15,9 @@
 The arithmetic that the proofs assume, checked; where another is set, nothing is answered.
 
 Doubles must be rounded to nearest, below 2^-1022 too, and products before they are added, see
-docs/exactness.md. All is computed and compared once, at the import. The first two are modes of a
-thread, which any library may change at any time (one linked with ``-ffast-math`` does so when it
-is loaded), so every kernel that Python calls asks for them again.
+docs/exactness.md. All is computed and compared once, when this is imported. The first two are
+modes of a thread, which any library may change at any time (one linked with ``-ffast-math`` does
+so when it is loaded), so every kernel that Python calls asks for them again.
 """
 
 from sat_collision.geometry.jit import HAS_CONTROL_WORD, kernel
@@ -47,7 +47,8 @@ _UNEVEN = 1.0 + 2.0 ** -30
 
 def require_proved() -> None:
     """Raise FloatingPointError unless kernels compute as the proofs assume."""
-    found = problem(1.0, _UNEVEN)
+    # As Python first: what is compiled in the wrong mode would be kept, and be wrong for ever.
+    found = getattr(problem, 'py_func', problem)(1.0, _UNEVEN) or problem(1.0, _UNEVEN)
     if found:
         raise FloatingPointError({_FLUSHES: FLUSHED, _IS_DIRECTED: DIRECTED, _FUSES: FUSED}[found])
 
@@ -86,3 +87,6 @@ else:
             raise FloatingPointError(FLUSHED)
         if found == _IS_DIRECTED:
             raise FloatingPointError(DIRECTED)
+
+
+require_proved()

@@ -26,6 +26,11 @@ from sat_collision.geometry.jit import inner, kernel
 from sat_collision.geometry.predicates import orient
 
 
+# What is known of a vertex beside the vertex that lies in its triangle: nothing; or it is reflex.
+_UNKNOWN = -1
+_REFLEX = -2
+
+
 @kernel
 def convex_parts(vertices):
     """
@@ -95,12 +100,24 @@ def _triangulate(vertices):
     corners = 0
     cuts = 0
     left = count
+    # Why a vertex is no ear: that holds until a neighbour, or the vertex in its triangle, is cut.
+    in_the_way = np.full(count, _UNKNOWN)
     j = 0
     while left > 2:
         i = before[j]
         k = after[j]
+        known = in_the_way[j]
+        if known == _REFLEX or (known >= 0 and after[known] >= 0):
+            j = k
+            continue
         turn = _turn(vertices, i, j, k)
-        if turn < 0 or (turn > 0 and left > 3 and not _is_ear(vertices, after, i, j, k)):
+        known = _UNKNOWN
+        if turn < 0:
+            known = _REFLEX
+        elif turn > 0 and left > 3:
+            known = _vertex_inside(vertices, after, i, j, k)
+        if known != _UNKNOWN:
+            in_the_way[j] = known
             j = k
             continue
         if turn > 0:
@@ -123,24 +140,37 @@ def _triangulate(vertices):
             twin[i] = -1
         after[i] = k
         before[k] = i
+        after[j] = -1
+        in_the_way[i] = _UNKNOWN
+        in_the_way[k] = _UNKNOWN
         left -= 1
         j = i
     return corner_vertex[:corners], following[:corners], previous[:corners], diagonals[:cuts]
 
 
 @inner
-def _is_ear(vertices, after, i, j, k):
-    """Tell whether the closed triangle i, j, k holds no other vertex of the remaining ring."""
-    min_x = min(vertices[2 * i], vertices[2 * j], vertices[2 * k])
-    max_x = max(vertices[2 * i], vertices[2 * j], vertices[2 * k])
+def _vertex_inside(vertices, after, i, j, k):
+    """Return a vertex of the remaining ring in the closed triangle i, j, k, _UNKNOWN if none."""
+    ax = vertices[2 * i]
+    ay = vertices[2 * i + 1]
+    bx = vertices[2 * j]
+    by = vertices[2 * j + 1]
+    cx = vertices[2 * k]
+    cy = vertices[2 * k + 1]
+    min_x = min(ax, bx, cx)
+    max_x = max(ax, bx, cx)
+    min_y = min(ay, by, cy)
+    max_y = max(ay, by, cy)
     v = after[k]
     while v != i:
-        if (min_x <= vertices[2 * v] <= max_x
-                and _turn(vertices, i, j, v) >= 0 and _turn(vertices, j, k, v) >= 0
-                and _turn(vertices, k, i, v) >= 0):
-            return False
+        x = vertices[2 * v]
+        y = vertices[2 * v + 1]
+        if (min_x <= x <= max_x and min_y <= y <= max_y
+                and orient(ax, ay, bx, by, x, y) >= 0 and orient(bx, by, cx, cy, x, y) >= 0
+                and orient(cx, cy, ax, ay, x, y) >= 0):
+            return v
         v = after[v]
-    return True
+    return _UNKNOWN
 
 
 @inner

@@ -35,7 +35,9 @@ from sat_collision.geometry.edges import height, to_segment
 from sat_collision.geometry.intersection import convex_meet, interiors_apart
 from sat_collision.geometry.jit import inner, kernel
 from sat_collision.geometry.layout import body_size, convex_part, first_vertex, Packed
-from sat_collision.geometry.plane import nearest_of_segment, unit
+from sat_collision.geometry.part_boxes import (
+    ALLOWANCE, may_be_less, nearest_boxes, open_pairs, overlap)
+from sat_collision.geometry.plane import length, nearest_of_segment, unit
 from sat_collision.geometry.separating_axis import support
 
 # How far, in parts of the largest coordinate, the distance may be from its lower bound: 4 u.
@@ -77,25 +79,65 @@ def _goes_first(p, q):
 
 @inner
 def _measure_parts(p, q):
-    least = math.inf
-    found = (0.0, 0.0, 0.0, 0.0)
-    meeting = False
-    for i in range(max(1, -p.n)):
-        a = convex_part(p, i)
-        for j in range(max(1, -q.n)):
-            b = convex_part(q, j)
-            meet = convex_meet(a, b)
-            if meeting and not meet:
-                continue
-            if meet:
-                value, points = _penetration(a, b)
-            else:
-                value, points = _distance(a, b)
-            if value < least or (meet and not meeting):
-                least = value
-                found = points
-            meeting = meeting or meet
+    """Measure the pairs of parts of which it is open whether they are nearest, or deepest."""
+    if p.n > 0 and q.n > 0:
+        _, least, found = _measure_pair(p, q)
+        return least, found[0], found[1], found[2], found[3]
+    parts = max(1, -q.n)
+    first = nearest_boxes(p, q)
+    meeting, least, found = _measure_pair(
+        convex_part(p, first // parts), convex_part(q, first % parts))
+    pairs = open_pairs(p, q, least, meeting)
+    for k in range(len(pairs)):
+        if pairs[k] == first:
+            continue
+        a = convex_part(p, pairs[k] // parts)
+        b = convex_part(q, pairs[k] % parts)
+        if (not may_be_less(overlap(a, b), least, meeting)
+                or (meeting and (_is_shallow(a, b, -least) or _is_shallow(b, a, -least)))):
+            continue
+        meet, value, points = _measure_pair(a, b)
+        if meeting and not meet:
+            continue
+        if value < least or (meet and not meeting):
+            least = value
+            found = points
+        meeting = meeting or meet
     return least, found[0], found[1], found[2], found[3]
+
+
+@inner
+def _measure_pair(a, b):
+    """Return whether two convex polygons meet, their separation and what realises it."""
+    meet = convex_meet(a, b)
+    if meet:
+        value, points = _penetration(a, b)
+    else:
+        value, points = _distance(a, b)
+    return meet, value, points
+
+
+@inner
+def _is_shallow(p, q, depth):
+    """Tell whether Q reaches less deep than that beyond some edge of P, be it for rounding."""
+    v = p.array
+    w = q.array
+    first = first_vertex(p)
+    other_first = first_vertex(q)
+    for i in range(p.n if p.n > 2 else 0):
+        a = first + 2 * i
+        b = first + 2 * (i + 1 if i + 1 < p.n else 0)
+        ex = v[b] - v[a]
+        ey = v[b + 1] - v[a + 1]
+        enough = depth / ALLOWANCE * length(ex, ey)
+        shallow = True
+        for k in range(other_first, other_first + 2 * q.n, 2):
+            if ex * (w[k + 1] - v[a + 1]) - ey * (w[k] - v[a]) >= enough:
+                shallow = False
+                break
+        if shallow:
+            return True
+    return False
 
 
 @kernel

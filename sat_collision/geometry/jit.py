@@ -27,19 +27,28 @@ from typing import Any, Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from sat_collision.geometry.kernel_problem import report_problem
+
+
+def _trial(x):
+    return x + 1.0
+
 
 try:
-    from llvmlite import ir
     import numba
     import numba.extending
-    from sat_collision.geometry.kernel_cache import cache_problem as cache_problem
+    from llvmlite import ir
     from sat_collision.geometry.kernel_cache import keep_compiled
-except ImportError:
+    if not numba.config.DISABLE_JIT:
+        # A compiler that is broken may show it only when it compiles.
+        _compiled_trial = numba.njit(_trial)
+        keep_compiled(_compiled_trial)
+        _compiled_trial(1.0)
+except Exception as error:  # what is broken may raise anything
     numba = None
-
-    def cache_problem() -> str | None:
-        """Return None; there is nothing to keep."""
-        return None
+    if not (isinstance(error, ModuleNotFoundError) and error.name == 'numba'):
+        report_problem('numba does not work here, so kernels run in plain Python: '
+                       f'{type(error).__name__}: {error}')
 
 COMPILED = numba is not None and not numba.config.DISABLE_JIT
 HAS_CONTROL_WORD = COMPILED and platform.machine() in ('x86_64', 'AMD64')

@@ -17,7 +17,9 @@ Compiled kernels kept on disk from one process to the next, so that starting is 
 numba keeps them per function and compiles anew where the function's own file has changed, but does
 not notice a change in a kernel that it calls. Here all of `sat_collision.geometry` counts as one
 source. Where the files cannot be kept the kernels are compiled in each process, and where one is
-damaged it is compiled again; `cache_problem` says so.
+damaged it is compiled again. `kernel_problem` tells.
+
+The files are pickles: who may write to their folder may run code as whoever reads them.
 """
 
 from __future__ import annotations
@@ -27,15 +29,12 @@ from pathlib import Path
 import pickle
 from typing import Any, Callable
 
+from numba import __version__
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.sigutils import normalize_signature
+from sat_collision.geometry.kernel_problem import report_problem
 
-_problems: list[str] = []
-
-
-def cache_problem() -> str | None:
-    """Return in one line what is wrong with the kept kernels, None if nothing is."""
-    return _problems[0] if _problems else None
+_DIGEST_SIZE = hashlib.sha256().digest_size
 
 
 def is_kept(kernel: Any) -> bool:
@@ -47,10 +46,11 @@ def keep_compiled(kernel: Any) -> None:
     """Load what is compiled of a numba kernel from disk, and save it there."""
     try:
         kernel._cache = _KernelCache(kernel.py_func)
-    except RuntimeError:
-        _problems.append('compiled kernels cannot be kept, so each process compiles them again: '
-                         f'neither NUMBA_CACHE_DIR nor {Path(__file__).parent / "__pycache__"} '
-                         "nor the user's cache directory can be written to")
+    except (OSError, RuntimeError):  # numba's own where no folder will do
+        report_problem(
+            'compiled kernels cannot be kept, so each process compiles them again: '
+            f'neither NUMBA_CACHE_DIR nor {Path(__file__).parent / "__pycache__"} '
+            "nor the user's cache directory can be written to")
 
 
 def _digest() -> str:
@@ -71,7 +71,7 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
         super().__init__(function)
         locator = self._impl.locator
         self._cache_file = _CheckedFile(self.cache_path, self._impl.filename_base,
-                                        (_SOURCES, locator.get_source_stamp()))
+                                        (__version__, _SOURCES, locator.get_source_stamp()))
 
     def is_filled(self) -> bool:
         """Tell whether there is anything to load."""
@@ -85,8 +85,8 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
         try:
             found = super().load_overload(sig, target_context)
         except Exception as error:  # reading damaged files may raise anything
-            _problems.append('compiled kernels were damaged, and are compiled again: '
-                             f'{self.cache_path} ({type(error).__name__}: {error})')
+            report_problem('compiled kernels were damaged, and are compiled again: '
+                           f'{self.cache_path} ({type(error).__name__}: {error})')
             return None
         # Processes that save two signatures at once may each take the same file for its own.
         if found is not None and found.signature.args != normalize_signature(sig)[0]:
@@ -98,24 +98,48 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
         try:
             try:
                 super().save_overload(sig, data)
-            except OSError:
-                raise
-            except Exception:  # the index is damaged: begin a new one
-                self.flush()
+            except Exception:  # what is there may be damaged: delete it
+                self._cache_file.delete()
                 super().save_overload(sig, data)
-        except OSError as error:
-            _problems.append(f'compiled kernels cannot be kept: {error}')
+        except Exception as error:
+            report_problem(f'compiled kernels cannot be kept in {self.cache_path}, so each '
+                           f'process compiles them again: {error}')
 
 
 class _CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
-    """Files of machine code that are not run once damaged."""
+    """Files that are used only while they are, bit by bit, as they were written."""
 
-    def _save_data(self, name: str, data: Any) -> None:
-        code = self._dump(data)
-        super()._save_data(name, (hashlib.sha256(code).digest(), code))
+    def delete(self) -> None:
+        """Remove all files of the function."""
+        for path in Path(self._cache_path).glob(f'{Path(self._index_name).stem}.*nb[ci]'):
+            if path.is_dir() and not path.is_symlink():
+                path.rmdir()
+            else:
+                path.unlink(missing_ok=True)
+
+    def _load_index(self) -> Any:
+        try:
+            stamp, overloads = self._read(self._index_path)
+        except FileNotFoundError:
+            return {}
+        return overloads if stamp == self._source_stamp else {}
+
+    def _save_index(self, overloads: Any) -> None:
+        self._write(self._index_path, (self._source_stamp, overloads))
 
     def _load_data(self, name: str) -> Any:
-        digest, code = super()._load_data(name)
-        if hashlib.sha256(code).digest() != digest:
-            raise ValueError(f'{name} has another checksum')
-        return pickle.loads(code)
+        return self._read(self._data_path(name))
+
+    def _save_data(self, name: str, data: Any) -> None:
+        self._write(self._data_path(name), data)
+
+    def _write(self, path: str, contents: Any) -> None:
+        data = self._dump(contents)
+        with self._open_for_write(path) as file:
+            file.write(hashlib.sha256(data).digest() + data)
+
+    def _read(self, path: str) -> Any:
+        data = Path(path).read_bytes()
+        if hashlib.sha256(data[_DIGEST_SIZE:]).digest() != data[:_DIGEST_SIZE]:
+            raise ValueError(f'{Path(path).name} has another checksum')
+        return pickle.loads(data[_DIGEST_SIZE:])

@@ -32,7 +32,7 @@ _INFINITY = float('inf')
 
 
 @kernel
-def pack(points, packed, most):
+def pack(points, packed, most, most_notched):
     """
     Pack a polygon, given as received points, see `layout`.
 
@@ -42,8 +42,8 @@ def pack(points, packed, most):
         x, y of each point as received.
     packed : flat array of float64
         Receives the polygon; of `packed_size(n)` at least.
-    most : int
-        The most vertices accepted.
+    most, most_notched : int
+        The most vertices accepted, as `ring.clean` takes them.
 
     Returns
     -------
@@ -57,7 +57,7 @@ def pack(points, packed, most):
     """
     require_nearest(len(points))
     ring = scratch(len(points))
-    verdict, count, i, j = clean(points, ring, most)
+    verdict, count, i, j = clean(points, ring, most, most_notched)
     first = 0
     if verdict == CONVEX or verdict == NON_CONVEX:
         first = HEADER + table_size(count)
@@ -89,8 +89,10 @@ def pack_convex(data, start, received, packed, most):
     start, received : int
         Where in the data the points start, and how many there are, at least one: x, y and z of
         each as float32 in this machine's byte order.
-    packed, most
+    packed : flat array of float64
         As for `pack`.
+    most : int
+        The most vertices accepted.
 
     Returns
     -------
@@ -103,8 +105,59 @@ def pack_convex(data, start, received, packed, most):
     for i in range(received):
         points[2 * i] = values[3 * i]
         points[2 * i + 1] = values[3 * i + 1]
-    verdict, count, _, _, _ = pack(points, packed, most)
+    verdict, count, _, _, _ = pack(points, packed, most, 0)
     return count if verdict == CONVEX else 0
+
+
+@kernel
+def pack_convex_moved(data, start, received, packed, most, plane):
+    """
+    Pack a polygon as `pack_convex` does, in the frame that a map of the plane takes it to.
+
+    Parameters
+    ----------
+    data, start, received, packed, most
+        As for `pack_convex`.
+    plane : PlaneMap
+
+    Returns
+    -------
+    int
+        As `pack_convex`.
+
+    """
+    verdict, count, _, _, _ = pack(moved_points(data, start, received, plane), packed, most, 0)
+    return count if verdict == CONVEX else 0
+
+
+@kernel
+def moved_points(data, start, received, plane):
+    """
+    Return where a map of the plane takes the points of a message.
+
+    Each coordinate is rounded four times, see docs/exactness.md, lemma 14.
+
+    Parameters
+    ----------
+    data, start, received
+        As for `pack_convex`.
+    plane : PlaneMap
+
+    Returns
+    -------
+    (2 n,) flat array of float64
+        x, y of each point.
+
+    """
+    a, b, c, d, e, f = plane
+    values = float32_values(data, start)
+    points = scratch(2 * received)
+    for i in range(received):
+        x = values[3 * i]
+        y = values[3 * i + 1]
+        points[2 * i] = a * x + b * y + c
+        points[2 * i + 1] = d * x + e * y + f
+    return points
 
 
 @inner

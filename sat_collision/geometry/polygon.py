@@ -24,9 +24,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from sat_collision.geometry import ring
 from sat_collision.geometry.convex_parts import convex_parts
-from sat_collision.geometry.jit import indexable
+from sat_collision.geometry.jit import indexable, KERNEL
 from sat_collision.geometry.layout import BOUNDS, HEADER, packed_size
-from sat_collision.geometry.packing import pack
+from sat_collision.geometry.packing import moved_points, pack
 from sat_collision.geometry.plane import centroid
 
 MAX_VERTICES = 1024
@@ -34,6 +34,9 @@ MAX_VERTICES = 1024
 # A packed polygon, see `layout`, and its count: vertices if convex, else minus the convex parts.
 # The array may be longer than the polygon.
 PackedBody: TypeAlias = tuple[NDArray[np.float64], int]
+
+# Takes (x, y) to (a x + b y + c, d x + e y + f), as a, b, c, d, e, f; c and f in metres.
+PlaneMap: TypeAlias = tuple[float, float, float, float, float, float]
 
 
 class Reason(enum.Enum):
@@ -95,11 +98,11 @@ class Polygon:
     packed: PackedBody
 
     def __init__(self, points: ArrayLike, max_vertices: int = MAX_VERTICES) -> None:
-        self._pack(coordinates(points), max_vertices)
+        self._pack(coordinates(points), max_vertices, max_vertices)
 
     @classmethod
-    def from_float32(cls, data: bytes, start: int, count: int,
-                     max_vertices: int = MAX_VERTICES) -> Polygon:
+    def from_float32(cls, data: bytes, start: int, count: int, max_vertices: int = MAX_VERTICES,
+                     max_notched: int | None = None, plane: PlaneMap | None = None) -> Polygon:
         """
         Make a polygon of the points of a serialised message.
 
@@ -111,13 +114,23 @@ class Polygon:
             float32 in this machine's byte order.
         max_vertices : int, optional
             As for the constructor, as are the errors raised.
+        max_notched : int, optional
+            The most vertices accepted of a polygon that is not convex, if that is fewer.
+        plane : PlaneMap, optional
+            Takes the points to another frame.
 
         """
         if count == 0:
             raise _empty()
-        points = np.frombuffer(data, np.float32, 3 * count, start).reshape(-1, 3)
+        if plane is None:
+            received = np.frombuffer(data, np.float32, 3 * count, start).reshape(-1, 3)
+            with np.errstate(invalid='ignore'):  # what is no number is refused below
+                points = received[:, :2].astype(np.float64)
+        else:
+            points = np.asarray(moved_points(data, start, count, plane)).reshape(-1, 2)
         polygon = cls.__new__(cls)
-        polygon._pack(points[:, :2].astype(np.float64), max_vertices)
+        polygon._pack(points, max_vertices,
+                      max_vertices if max_notched is None else max_notched)
         return polygon
 
     @classmethod
@@ -127,11 +140,11 @@ class Polygon:
         polygon.packed = indexable(packed[:size_of((packed, count))].copy()), count
         return polygon
 
-    def _pack(self, points: NDArray[np.float64], max_vertices: int) -> None:
+    def _pack(self, points: NDArray[np.float64], max_vertices: int, max_notched: int) -> None:
         """Become what (n, 2) points make, or raise what is wrong with them."""
         array = np.empty(packed_size(len(points)))
         verdict, count, i, j, first = pack(indexable(points.ravel()), indexable(array),
-                                           max_vertices)
+                                           max_vertices, max_notched)
         end = first + 2 * count
         if verdict == ring.CONVEX:
             self.packed = indexable(array[:end] if end != len(array) else array), count
@@ -140,8 +153,11 @@ class Polygon:
             parts = _decompose(outline)
             self.packed = indexable(_joined(array[:HEADER], parts, outline)), -len(parts)
         elif verdict == ring.TOO_MANY:
+            most = str(max_vertices)
+            if count <= max_vertices:
+                most = f'{max_notched} of a polygon that is not convex, in {KERNEL},'
             raise PolygonError(Reason.TOO_MANY_VERTICES,
-                               f'{count} vertices, but at most {max_vertices} are accepted')
+                               f'{count} vertices, but at most {most} are accepted')
         else:
             raise _error(verdict, array.reshape(-1, 2).tolist(), i, j)
 

@@ -30,7 +30,7 @@ TOO_MANY = 5
 
 
 @kernel
-def clean(points, ring, most):
+def clean(points, ring, most, most_notched):
     """
     Turn points into a clean counter-clockwise ring.
 
@@ -44,8 +44,9 @@ def clean(points, ring, most):
         x, y of each point as received.
     ring : (2 n,) flat array of float64
         Receives the clean vertices; its tail may stay unused.
-    most : int
-        The most vertices accepted; what has more is not looked at any further.
+    most, most_notched : int
+        The most vertices accepted, and of those the most where it is not convex; what has more is
+        not looked at any further.
 
     Returns
     -------
@@ -61,7 +62,7 @@ def clean(points, ring, most):
     """
     verdict, count, clockwise, i = _classify(points, ring)
     j = i
-    if count > most:
+    if count > most or (verdict == NON_CONVEX and count > most_notched):
         return TOO_MANY, count, i, j
     if verdict == NON_CONVEX:
         i, j = _first_crossing(ring, count)
@@ -195,14 +196,20 @@ def _first_crossing(ring, count):
         ay = ring[2 * i + 1]
         bx = ring[2 * i_end]
         by = ring[2 * i_end + 1]
+        max_x = max(ax, bx)
+        min_y = min(ay, by)
+        max_y = max(ay, by)
         for t in range(s + 1, count):
             j = order[t]
-            if least[j] > max(ax, bx):
+            if least[j] > max_x:
                 break
             j_end = j + 1 if j + 1 < count else 0
+            cy = ring[2 * j + 1]
+            dy = ring[2 * j_end + 1]
+            if (cy < min_y and dy < min_y) or (cy > max_y and dy > max_y):
+                continue
             if (i_end != j and j_end != i
-                    and segments_meet(ax, ay, bx, by, ring[2 * j], ring[2 * j + 1],
-                                      ring[2 * j_end], ring[2 * j_end + 1])):
+                    and segments_meet(ax, ay, bx, by, ring[2 * j], cy, ring[2 * j_end], dy)):
                 return i, j
     return -1, -1
 

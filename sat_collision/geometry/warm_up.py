@@ -17,35 +17,45 @@ Kernels compiled, or loaded, before they are needed, so that no message has to w
 Compiling takes seconds where nothing is kept from an earlier process, see `kernel_cache`. Two
 processes may share the work, as what one has compiled the other finds on disk: while one prepares
 contacts and what is nearest, ``python -m sat_collision.geometry.warm_up`` prepares packing, says
-so, and goes on with convex parts and margins; with ``--all`` it prepares everything.
+so, and goes on with convex parts and margins, until it is done or its standard input ends, which
+the other one holds; with ``--all`` it prepares everything.
 """
 
+import os
 import sys
+import threading
 
 import numpy as np
-from sat_collision.geometry import kernel_cache
 from sat_collision.geometry.jit import COMPILED, indexable
 from sat_collision.geometry.layout import packed_size
-from sat_collision.geometry.packing import pack_convex
+from sat_collision.geometry.packing import pack_convex, pack_convex_moved
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.polygon_set import PolygonSet
 from sat_collision.geometry.query import closest_points, intersects, intersects_pairs
 from sat_collision.geometry.scan import nearest_row
 
 _TRIANGLE = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
+_UNMOVED = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 _NOTCHED = [(0, 0), (4, 0), (4, 4), (2, 1)]
 
 
 def is_prepared() -> bool:
     """Tell whether an earlier process has left the kernels compiled; without numba they are."""
-    return not COMPILED or kernel_cache.is_kept(nearest_row)
+    if not COMPILED:
+        return True
+    # It imports numba, which may not be there, or not work.
+    from sat_collision.geometry.kernel_cache import is_kept
+    return is_kept(nearest_row)
 
 
 def prepare_packing() -> None:
     """Have ready what makes polygons of messages."""
     packed = indexable(np.empty(packed_size(len(_TRIANGLE))))
-    pack_convex(_TRIANGLE.tobytes(), 0, len(_TRIANGLE), packed, len(_TRIANGLE))
+    points = _TRIANGLE.tobytes(), 0, len(_TRIANGLE)
+    pack_convex(*points, packed, len(_TRIANGLE))
+    pack_convex_moved(*points, packed, len(_TRIANGLE), _UNMOVED)
     Polygon(_TRIANGLE)
+    Polygon.from_float32(*points, plane=_UNMOVED)
 
 
 def prepare_contacts() -> None:
@@ -86,7 +96,15 @@ def prepare_pairs() -> None:
     closest_points(body, body)
 
 
+def _end_with_input() -> None:
+    # Not by sys.stdin, whose lock would be held when the interpreter ends.
+    os.read(0, 1)
+    os._exit(0)
+
+
 if __name__ == '__main__':
+    if '--all' not in sys.argv:
+        threading.Thread(target=_end_with_input, daemon=True).start()
     prepare_packing()
     print('packing', flush=True)
     prepare_parts()

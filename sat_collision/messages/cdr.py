@@ -25,7 +25,7 @@ from __future__ import annotations
 from array import array
 import struct
 import sys
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 _OWN_CDR = {'little': b'\x00\x01\x00\x00', 'big': b'\x00\x00\x00\x00'}[sys.byteorder]
 _HEADER = struct.Struct('=4siII')  # encapsulation, seconds, nanoseconds, length of frame_id
@@ -39,6 +39,7 @@ _COUNT_SIZE = 4
 _ID_SIZE = 8
 _POINT_BYTES = 12
 _SECOND = 1_000_000_000
+_MOST_SHOWN = 200
 
 # Bytes, where in them the points start, and how many there are: x, y and z of each as float32 in
 # this machine's byte order.
@@ -124,8 +125,10 @@ def _decode_with_library(data: bytes, instance: bool) -> tuple[int, str, Points,
 
     rclpy's forgives what a monitor must not: a point count beyond the end of the message comes
     back as no points at all, and bytes left over are ignored. So what it read must, when encoded
-    again, give as many bytes, and the bytes must state as many points.
+    again, give as many bytes, and the bytes must state as many points. It also writes a line to
+    the standard error for each length beyond the end, so lengths are checked before.
     """
+    _check_lengths(data)
     try:
         from sat_collision.messages import interfaces
     except ImportError as error:
@@ -135,7 +138,7 @@ def _decode_with_library(data: bytes, instance: bool) -> tuple[int, str, Points,
     try:
         message = interfaces.deserialize(data, kind)
     except Exception as error:  # rclpy's own error class is private, rosbags raises any
-        raise MessageError(f'not decodable: {error}') from error
+        raise MessageError(f'not decodable: {str(error)[:_MOST_SHOWN]!r}') from error
     frame_id = message.header.frame_id
     if '\N{REPLACEMENT CHARACTER}' in frame_id:
         raise MessageError('frame_id is not UTF-8')
@@ -154,3 +157,21 @@ def _decode_with_library(data: bytes, instance: bool) -> tuple[int, str, Points,
     coordinates = array('f', [number for p in points for number in (p.x, p.y, p.z)]).tobytes()
     return (stamp.sec * _SECOND + stamp.nanosec, frame_id, (coordinates, 0, len(points)),
             message.polygon.id if instance else None)
+
+
+def _check_lengths(data: bytes) -> None:
+    """Raise MessageError where a length in a message, in its own byte order, is beyond its end."""
+    if len(data) < _HEADER_SIZE:
+        raise MessageError(f'{len(data)} bytes where the header alone needs {_HEADER_SIZE}')
+    order: Literal['little', 'big'] = 'little' if data[1] & 1 else 'big'
+
+    def number(start: int) -> int:
+        return int.from_bytes(data[start:start + _COUNT_SIZE], order)
+    length = number(_HEADER_SIZE - _COUNT_SIZE)
+    points_at = ((_HEADER_SIZE + length + 3) & ~3) + _COUNT_SIZE
+    if points_at > len(data):
+        raise MessageError(f'a frame_id of {length} bytes in a message of {len(data)}')
+    count = number(points_at - _COUNT_SIZE)
+    room = (len(data) - points_at) // _POINT_BYTES
+    if count > room:
+        raise MessageError(f'{count} points where there are bytes for {room}')

@@ -16,6 +16,16 @@
 
 from __future__ import annotations
 
+import enum
+
+
+class News(enum.Enum):
+    """What the number of a message tells before the message itself."""
+
+    LOST = 'some before it are lost'
+    MET = 'it is the first one heard of its publisher'
+    BEGUN = 'it is the first one that its publisher sent'
+
 
 class Losses:
     """
@@ -49,3 +59,37 @@ class Losses:
         last.insert(0, number)
         del last[self.most:]
         return None if before is None else number - before - 1
+
+
+class Overload:
+    """
+    Tells whether more comes on a topic than can be checked.
+
+    So it is where messages are older than their timeout when they are taken, or go on being lost
+    while some are waiting, and until none is waiting any more.
+    """
+
+    def __init__(self) -> None:
+        self._is_there = False
+        self._lost: int | None = None
+
+    def note(self, seconds: float | None, timeout: float, lost: int) -> bool:
+        """
+        Take note of a backlog, and tell whether it is too much.
+
+        Parameters
+        ----------
+        seconds : float or None
+            How old messages are before they are taken, None where none is waiting.
+        timeout : float
+            In s; 0.0 for never.
+        lost : int
+            How many messages were lost so far.
+
+        """
+        before, self._lost = self._lost, lost
+        if seconds is None:
+            self._is_there, self._lost = False, None
+        elif (before is not None and lost > before) or seconds > timeout > 0.0:
+            self._is_there = True
+        return self._is_there

@@ -22,7 +22,7 @@ from typing import Any, Protocol
 from sat_collision.messages.interfaces import Bool, DiagnosticArray, MarkerArray, serialize
 from sat_collision.messages.markers import Markers
 from sat_collision.messages.states import coordinate_step, States
-from sat_collision.scene.footprints import Status
+from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import Settings
 
@@ -38,7 +38,7 @@ class NodeLike(Protocol):
     def get_clock(self) -> Any:
         """Return a clock whose now() has to_msg()."""
 
-    def create_publisher(self, kind: Any, topic: str, depth: int) -> Any:
+    def create_publisher(self, kind: Any, topic: str, qos: Any) -> Any:
         """Return what has publish() and get_subscription_count()."""
 
 
@@ -51,6 +51,8 @@ class Outputs:
     node : NodeLike
     settings : Settings
     scene : Scene
+    flag_qos : optional
+        What `node` takes as the quality of service of the flags.
 
     Attributes
     ----------
@@ -59,15 +61,17 @@ class Outputs:
 
     """
 
-    def __init__(self, node: NodeLike, settings: Settings, scene: Scene) -> None:
+    def __init__(self, node: NodeLike, settings: Settings, scene: Scene,
+                 flag_qos: Any = 10) -> None:
         self._clock = node.get_clock()
         self._scene = scene
-        self._common_flag = node.create_publisher(Bool, '~/collision', 10)
+        self._common_flag = node.create_publisher(Bool, '~/collision', flag_qos)
         self._flags = {
-            footprint.name: node.create_publisher(Bool, f'~/{footprint.name}/collision', 10)
+            footprint.name: node.create_publisher(Bool, f'~/{footprint.name}/collision', flag_qos)
             for footprint in settings.footprints}
         self._raised: set[str] = set()
-        self._states = States(node.get_name(), settings)
+        self._node_name = node.get_name()
+        self._states = States(self._node_name, settings)
         self._state_publisher = node.create_publisher(DiagnosticArray, '~/state', 10)
         self._unwritten: set[str] = set()
         self._markers = Markers()
@@ -89,7 +93,7 @@ class Outputs:
     def update(self, names: Iterable[str]) -> None:
         """Take note of the new states of footprints."""
         for name in names:
-            if self._scene.state(name).status in self._raising:
+            if self._scene.status(name) in self._raising:
                 self._raised.add(name)
             else:
                 self._raised.discard(name)
@@ -111,6 +115,22 @@ class Outputs:
         if self._state_publisher.get_subscription_count():
             self._publish_states()
 
+    def publish_unknown(self, reason: str) -> None:
+        """
+        Raise all flags and call all states unknown, whatever is known of them.
+
+        For a thread other than the one that all else is called from: it shares the publishers
+        only.
+        """
+        for publisher in (self._common_flag, *self._flags.values()):
+            publisher.publish(_FLAGS[True])
+        if self._state_publisher.get_subscription_count():
+            states = States(self._node_name, self._states.settings)
+            state = State(Status.UNKNOWN, (), (reason,), None)
+            for name in self._flags:
+                states.write(name, state, 0.0)
+            self._state_publisher.publish(states.message(self._clock.now().to_msg()))
+
     def _publish_states(self) -> None:
         polygons = dict(self._scene.footprints)
         for name in self._flags:
@@ -120,9 +140,7 @@ class Outputs:
                 self._states.write(name, state, step)
             nearest = self._scene.nearest(name)
             named = {*state.contacts, *((nearest[0],) if nearest else ())}
-            self._states.write_moving(name, state.age, nearest, {
-                obstacle: seconds for obstacle in named
-                if (seconds := self._scene.time_apart(name, obstacle)) is not None})
+            self._states.write_moving(name, state.age, nearest, self._scene.newer_by(name, named))
         self._unwritten.clear()
         self._state_publisher.publish(self._states.message(self._clock.now().to_msg()))
 

@@ -12,44 +12,22 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The process of the node, from its start to the signal that ends it."""
+"""Where the process of the node begins."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-import gc
 import sys
 
-import rclpy
-from rclpy.logging import get_logger
-from rclpy.signals import SignalHandlerOptions
-from sat_collision.node.footprint_monitor import FootprintMonitor, NAME
-from sat_collision.node.signals import end_on_signals, Signalled
-from sat_collision.scene.parameters import ParameterError
+from sat_collision.node.signals import end_on_signals
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node until SIGINT, SIGTERM or SIGHUP and return the exit status."""
     end_on_signals()
-    try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:  # what rcl raises for an unreadable parameter file
-        print(f'{NAME}: cannot start: {error}', file=sys.stderr)
-        return 1
-    try:
-        node = FootprintMonitor()
-    except ParameterError as error:
-        get_logger(NAME).fatal(str(error))
-        rclpy.shutdown()
-        return 1
-    # No later collection goes through all that the start has made, which takes some 70 ms.
-    gc.freeze()
-    node.loop.run(Signalled())
-    node.get_logger().info('stopped by a signal')
-    node.loop.close()
-    node.destroy_node()
-    rclpy.shutdown()
-    return 0
+    # Not before: it takes so long to import that a signal may come meanwhile.
+    from sat_collision.node.process import run
+    return run(args)
 
 
 if __name__ == '__main__':

@@ -24,21 +24,29 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 from rclpy.clock import JumpThreshold, TimeJump
+from rclpy.duration import Duration
 from rclpy.event_handler import (
     QoSLivelinessChangedInfo, QoSRequestedDeadlineMissedInfo, QoSRequestedIncompatibleQoSInfo,
     SubscriptionEventCallbacks)
 from rclpy.node import Node
 from rclpy.qos import (
-    qos_policy_name_from_kind, QoSDurabilityPolicy, QoSPolicyKind, QoSProfile)
+    qos_policy_name_from_kind, QoSDurabilityPolicy, QoSLivelinessPolicy, QoSPolicyKind, QoSProfile)
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from sat_collision.geometry.jit import cache_problem, KERNEL
+from sat_collision.geometry.jit import KERNEL
+from sat_collision.geometry.kernel_problem import kernel_problem
 from sat_collision.messages.outputs import Outputs
-from sat_collision.monitor import Monitor, Rejection
+from sat_collision.messages.rejections import Rejection
+from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
+from sat_collision.monitor import Monitor
 from sat_collision.node import kernels, loop, waiting
 from sat_collision.node.fallback import ExecutorLoop
 from sat_collision.node.health import Health
 from sat_collision.node.parameters import Parameters
 from sat_collision.node.receiver import Backlog
+from sat_collision.node.systemd import Systemd
+from sat_collision.node.timing import ClockWatch, Every
+from sat_collision.node.transforms import subscribe, transform_type
+from sat_collision.node.watchdog import Watchdog
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
@@ -50,55 +58,18 @@ NAME = 'footprint_monitor'
 _TICK = 0.1
 _HEALTH_PERIOD = 1.0
 _LOG_PERIOD = 1.0
+# Flags are published within this time, or three of their periods if that is longer: what DDS
+# promises to those who subscribe. After so much longer without one the monitor counts as dead.
+_DEADLINE = 0.3
+_LEASE = 0.5
+# The node ticks so many times, at least, in the time after which the watchdog calls it stalled.
+_TICKS_IN_TIME = 3.0
 _FOOTPRINT_DEPTH = 1
 _SETS_IN_QUEUE = 2
 _SHORTEST_TICK = 0.02
 _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
                 QoSPolicyKind.DURABILITY, QoSPolicyKind.DEADLINE, QoSPolicyKind.LIVELINESS,
                 QoSPolicyKind.LIVELINESS_LEASE_DURATION)
-
-
-class _Every:
-    """Tells when something that recurs is due, by a clock in seconds."""
-
-    def __init__(self, period: float) -> None:
-        self._period = period
-        self._next = 0.0
-
-    def due(self, now: float) -> bool:
-        """Tell whether it is due; if so, the next time is a period later."""
-        if now < self._next:
-            return False
-        self._next += self._period
-        if self._next <= now:
-            self._next = now + self._period
-        return True
-
-
-class ClockWatch:
-    """Tells whether a clock stands still, by another one that does not."""
-
-    def __init__(self) -> None:
-        self._reading: int | None = None
-        self._since = 0.0
-
-    def stands(self, reading: int, now: float, timeout: float) -> bool:
-        """
-        Tell whether the clock has read the same for longer than a timeout.
-
-        Parameters
-        ----------
-        reading : int
-            What it reads now.
-        now : float
-            The other clock, in s.
-        timeout : float
-            In s; 0.0 for never.
-
-        """
-        if reading != self._reading:
-            self._reading, self._since = reading, now
-        return 0.0 < timeout < now - self._since
 
 
 class FootprintMonitor(Node):
@@ -130,11 +101,12 @@ class FootprintMonitor(Node):
         self._clock_changes = self.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=None, on_clock_change=True),
             post_callback=self._choose_clock)
-        self._monitor = Monitor(settings)
+        transforms = transform_type(self, settings)
+        self._monitor = Monitor(settings, transforms is not None)
         self._scene = self._monitor.scene
-        self._outputs = Outputs(self, settings, self._scene)
+        self._outputs = Outputs(self, settings, self._scene, _flag_qos(settings))
         self._health = Health(self.get_name(), self.get_fully_qualified_name(),
-                              {'kernel': KERNEL, 'kept kernels': cache_problem() or 'in order'})
+                              {'kernel': KERNEL, 'problem of kernels': kernel_problem() or 'none'})
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._logged: dict[tuple[str, str], float] = {}
         in_loop = waiting.is_supported()
@@ -145,18 +117,24 @@ class FootprintMonitor(Node):
             kind = PolygonInstanceStamped if source.type == POLYGON_INSTANCE else PolygonStamped
             inputs.append(self._subscribe(source, kind, _SETS_IN_QUEUE * source.max_count))
         self._inputs = inputs
+        transform_inputs = transforms and subscribe(self, transforms, self._receive_alone,
+                                                    self._taken_by)
         self._clock_watch = ClockWatch()
         self._warns_of_losses = True
-        self._reporting = _Every(_HEALTH_PERIOD)
+        self._reporting = Every(_HEALTH_PERIOD)
+        self._systemd = Systemd()
+        self._watchdog = Watchdog(self._raise_alarm, self._end_alarm)
+        self._is_stalled = False
         self._set_rates(settings)
         if in_loop:
             self.loop: loop.Loop | ExecutorLoop = loop.Loop(
-                self, inputs, self, lambda: self._scene.settings.max_batch_delay)
+                self, [*(transform_inputs or ()), *inputs], self,
+                lambda: self._scene.settings.max_batch_delay)
         else:
             self.get_logger().warning('this rclpy has not what the loop of this node stands on: '
                                       'using the single-threaded executor, which costs more')
             self.loop = ExecutorLoop(self, self)
-        parameters.on_change(self._configure)
+        parameters.on_change(self._configure, self._health.note_change)
 
     def _subscribe(self, source: FootprintSettings | ObstacleSettings, kind: type,
                    depth: int) -> loop.Input:
@@ -180,14 +158,16 @@ class FootprintMonitor(Node):
         return loop.Input(source.name, subscription)
 
     def _set_rates(self, settings: Settings) -> None:
-        self._publishing = _Every(1.0 / settings.publish_rate)
-        self._marking = _Every(1.0 / settings.marker_rate)
-        self._tick_period = min(_TICK, 1.0 / settings.publish_rate, 1.0 / settings.marker_rate)
+        self._publishing = Every(1.0 / settings.publish_rate)
+        self._marking = Every(1.0 / settings.marker_rate)
+        self._tick_period = min(_TICK, 1.0 / settings.publish_rate, 1.0 / settings.marker_rate,
+                                (settings.watchdog or 1.0) / _TICKS_IN_TIME)
+        self._watchdog.use(settings.watchdog)
 
     def _configure(self, settings: Settings) -> None:
         """Apply changed parameters and publish what follows from them."""
         self._set_rates(settings)
-        self._scene.update(settings)
+        self._monitor.update(settings)
         self._outputs.configure(settings)
         self._outputs.publish()
 
@@ -199,11 +179,17 @@ class FootprintMonitor(Node):
             self.present = lambda: int(clock.now().nanoseconds)
 
     def receive(self, name: str, messages: Iterable[tuple[bytes, int | None]], now: int) -> int:
-        """Take messages as `Monitor.receive_batch` does; return how many there were."""
-        before = self._monitor.received[name]
-        for rejection in self._monitor.receive_batch(name, messages, now):
-            self._log(rejection)
-        return self._monitor.received[name] - before
+        """Take messages as `Monitor` does; return how many there were."""
+        monitor = self._monitor
+        if name in TRANSFORM_TOPICS:
+            count = 0
+            for data, _ in messages:
+                self._log(monitor.receive_transforms(name, data, now))
+                count += 1
+            return count
+        before = monitor.received[name]
+        self._log(monitor.receive_batch(name, messages, now))
+        return monitor.received[name] - before
 
     def end_batch(self, messages: int, seconds: float) -> None:
         """Publish what has changed, after so many messages that took so long."""
@@ -214,11 +200,17 @@ class FootprintMonitor(Node):
     def note_backlog(self, name: str, backlog: Backlog | None) -> None:
         """Take note of how far behind a topic is, None where it is not any more."""
         self._health.note_backlog(name, backlog)
-        self._monitor.note_backlog(name, backlog.seconds if backlog else None)
+        if name not in TRANSFORM_TOPICS:
+            self._monitor.note_backlog(name, backlog.seconds if backlog else None)
 
     def tick(self, now: int, is_all_taken: bool) -> float:
         """Do what is due without a message; return in how many s the next tick is due."""
         steady = time.monotonic()
+        self._systemd.turned()
+        goes_on = self._watchdog.turned()
+        if goes_on:
+            # The time was read before the stall, perhaps, and what came in it may wait still.
+            now, is_all_taken = self.present(), False
         for one in self._inputs:
             self._monitor.count_publishers(one.name, one.subscription.get_publisher_count())
         self._scene.stop_clock(
@@ -228,33 +220,51 @@ class FootprintMonitor(Node):
             self._warns_of_losses = False
             self.get_logger().warning(
                 'this middleware does not number messages: what is lost on the way goes unseen')
-        if is_all_taken:
-            self._scene.advance(now)
-        else:
-            self._scene.pass_time(now)
+        self._log(self._monitor.advance(now, is_all_taken))
         self._publish_changes()
-        if self._publishing.due(steady):
+        if self._publishing.due(steady) or goes_on:
             self._outputs.publish()
         if self._marking.due(steady):
             self._outputs.publish_markers()
         if self._reporting.due(steady):
             self._health_publisher.publish(self._health.message(
                 self.get_clock().now().to_msg(), self._monitor))
-        due = (self._scene.deadline - now) / 1e9
+        due = (self._monitor.deadline - now) / 1e9
         return min(self._tick_period, max(due, _SHORTEST_TICK))
+
+    def destroy_node(self) -> None:
+        """End what belongs to the node, its watchdog first."""
+        self._watchdog.close()
+        self._systemd.ends()
+        super().destroy_node()
+
+    def _raise_alarm(self, stalled: float) -> None:
+        """Say that nothing is known, from the watchdog's thread."""
+        reason = f'the monitor has been stalled for {stalled:.1f} s'
+        if not self._is_stalled:
+            self._is_stalled = True
+            self.get_logger().error(f'{reason}: all flags are raised until it goes on')
+        self._outputs.publish_unknown(reason)
+
+    def _end_alarm(self, stalled: float) -> None:
+        """Say that the stall is over; what is known follows."""
+        self._is_stalled = False
+        self._health.count_stall(stalled)
+        self.get_logger().error(f'the monitor goes on after a stall of {stalled:.1f} s')
 
     def _receive_alone(self, name: str, data: bytes, info: dict[str, Any]) -> None:
         start = time.perf_counter()
         self.receive(name, [(data, info['publication_sequence_number'])], self.present())
         self.end_batch(1, time.perf_counter() - start)
 
-    def _log(self, rejection: Rejection) -> None:
-        """Log a rejected message, once a second at most for each source and reason."""
-        key = rejection.name, rejection.reason
-        now = time.monotonic()
-        if now - self._logged.get(key, -_LOG_PERIOD) >= _LOG_PERIOD:
-            self._logged[key] = now
-            self.get_logger().warning(rejection.text)
+    def _log(self, rejections: Iterable[Rejection]) -> None:
+        """Log rejected messages, once a second at most for each source and reason."""
+        for rejection in rejections:
+            key = rejection.name, rejection.reason
+            now = time.monotonic()
+            if now - self._logged.get(key, -_LOG_PERIOD) >= _LOG_PERIOD:
+                self._logged[key] = now
+                self.get_logger().warning(rejection.text)
 
     def _report_incompatible_qos(self, topic: str,
                                  event: QoSRequestedIncompatibleQoSInfo) -> None:
@@ -280,3 +290,11 @@ class FootprintMonitor(Node):
             self._outputs.publish_rise(brief)
         if brief or changed:
             self._outputs.publish({*brief, *changed})
+
+
+def _flag_qos(settings: Settings) -> QoSProfile:
+    """Return what the publishers of flags offer: to be heard of often, or to be dead."""
+    late = max(_DEADLINE, 3.0 / settings.publish_rate)
+    return QoSProfile(
+        depth=10, deadline=Duration(seconds=late), liveliness=QoSLivelinessPolicy.MANUAL_BY_TOPIC,
+        liveliness_lease_duration=Duration(seconds=late + _LEASE - _DEADLINE))

@@ -54,6 +54,18 @@ class Health:
         self._messages = 0
         self._seconds = 0.0
         self._longest = 0.0
+        self._stalls = 0
+        self._longest_stall = 0.0
+        self._changes: dict[str, str] = {}
+
+    def note_change(self, name: str, old: object, new: object) -> None:
+        """Note that a parameter has been changed."""
+        self._changes[name] = f'from {old} to {new}'
+
+    def count_stall(self, seconds: float) -> None:
+        """Count that the node was stalled for so long."""
+        self._stalls += 1
+        self._longest_stall = max(self._longest_stall, seconds)
 
     def incompatible_qos(self, topic: str, policy: str) -> None:
         """Note that a publisher on a topic cannot be heard."""
@@ -90,13 +102,20 @@ class Health:
         """
         now = time.monotonic()
         period = now - self._begun
-        refused, lost = monitor.rejected.total(), monitor.lost.total()
+        transforms = monitor.transforms
+        refused = monitor.rejected.total() + transforms.rejected.total()
+        lost = monitor.lost.total()
         values = dict(self._facts)
         values['check time mean [ms]'] = f'{1e3 * self._seconds / max(self._messages, 1):.3f}'
         values['longest batch [ms]'] = f'{1e3 * self._longest:.3f}'
-        for name, count in monitor.received.items():
+        received = monitor.received + transforms.received
+        for name, count in received.items():
             values[f'{name}: received'] = str(count)
             values[f'{name}: rate [Hz]'] = f'{(count - self._received[name]) / period:.1f}'
+        for name, count in monitor.waiting.counts().items():
+            values[f'{name}: waiting for transforms'] = str(count)
+        for (child, reason), count in transforms.rejected.items():
+            values[f'transforms of {child}: rejected, {reason}'] = str(count)
         for (name, reason), count in monitor.rejected.items():
             values[f'{name}: rejected, {reason}'] = str(count)
         for name, count in monitor.lost.items():
@@ -105,6 +124,10 @@ class Health:
             values[f'{topic}: {what}'] = str(count)
         for name, backlog in self._backlogs.items():
             values[f'{name}: behind'] = f'{backlog.seconds:.3f} s, {backlog.messages} messages'
+        if self._stalls:
+            values['stalls'] = f'{self._stalls}, the longest of {self._longest_stall:.1f} s'
+        for name, change in self._changes.items():
+            values[f'{name}: changed'] = change
         for topic, policy in self._incompatible.items():
             values[f'{topic}: incompatible QoS'] = policy
         self._status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
@@ -120,7 +143,7 @@ class Health:
         self._news.clear()
         self._status.level = DiagnosticStatus.WARN if problems else DiagnosticStatus.OK
         self._status.message = '; '.join(problems) or 'running'
-        self._received = monitor.received.copy()
+        self._received = received
         self._refused, self._lost = refused, lost
         self._begun = now
         self._messages, self._seconds, self._longest = 0, 0.0, 0.0

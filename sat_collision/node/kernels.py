@@ -22,7 +22,8 @@ import time
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from sat_collision.geometry import warm_up
-from sat_collision.geometry.jit import cache_problem, KERNEL
+from sat_collision.geometry.jit import KERNEL
+from sat_collision.geometry.kernel_problem import kernel_problem
 
 
 def prepare(logger: RcutilsLogger) -> None:
@@ -30,26 +31,28 @@ def prepare(logger: RcutilsLogger) -> None:
     Compile or load all kernels, and say so.
 
     The first start after an installation compiles them. A second process takes half of that; what
-    it has compiled is loaded from disk here.
+    it has compiled is loaded from disk here. It ends with this one, however this one ends.
     """
     begun = time.monotonic()
     other = None
-    if warm_up.is_prepared():
+    if warm_up.is_prepared() or kernel_problem():
         logger.info(f'preparing kernels ({KERNEL})')
     else:
         logger.info(f'preparing kernels ({KERNEL}); '
                     'the first start after an installation compiles them')
-        other = subprocess.Popen([sys.executable, '-m', warm_up.__name__], stdout=subprocess.PIPE,
-                                 stderr=subprocess.DEVNULL, text=True)
+        other = subprocess.Popen(
+            [sys.executable, '-m', warm_up.__name__], stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     warm_up.prepare_contacts()
     if other and other.stdout:
         other.stdout.readline()
     warm_up.prepare_packing()
     warm_up.prepare_nearest()
     if other:
+        other.wait()
         other.communicate()
     warm_up.prepare_parts()
     warm_up.prepare_margins()
     logger.info(f'kernels ({KERNEL}) ready after {time.monotonic() - begun:.1f} s')
-    if problem := cache_problem():
+    if problem := kernel_problem():
         logger.warning(problem)

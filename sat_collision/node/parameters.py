@@ -28,6 +28,10 @@ from sat_collision.scene.parameters import declare_parameters, ParameterError, r
 from sat_collision.scene.settings import Settings, Spec
 
 
+# Of every node: a clock that somebody else publishes may stand still, and nothing is ever too old.
+_USE_SIM_TIME = 'use_sim_time'
+
+
 class Parameters:
     """
     Declares the parameters of a node and keeps the Settings that they add up to.
@@ -52,14 +56,24 @@ class Parameters:
         self._node = node
         self._specs: dict[str, Spec] = {}
         self._on_change: Callable[[Settings], None] | None = None
+        self._note: Callable[[str, Any, Any], None] | None = None
+        self._values: dict[str, Any] = {}
         node.add_on_set_parameters_callback(self._validate)
         self._footprints, self._obstacles = declare_parameters(self._declare)
         self.settings = self._read()
         node.add_post_set_parameters_callback(self._apply)
 
-    def on_change(self, callback: Callable[[Settings], None]) -> None:
-        """Call `callback(settings)` whenever a parameter has been changed."""
+    def on_change(self, callback: Callable[[Settings], None],
+                  note: Callable[[str, Any, Any], None] | None = None) -> None:
+        """
+        Call `callback(settings)` whenever parameters have been changed.
+
+        Before, `note(name, old, new)` is called for each of them.
+        """
         self._on_change = callback
+        self._note = note
+        self._values = {name: self._node.get_parameter(name).value
+                        for name in (*self._specs, _USE_SIM_TIME)}
 
     def _declare(self, name: str, default: Any, spec: Spec) -> Any:
         self._specs[name] = spec
@@ -74,14 +88,33 @@ class Parameters:
     def _validate(self, parameters: list[Parameter]) -> SetParametersResult:
         for parameter in parameters:
             spec = self._specs.get(parameter.name)
+            if self._is_locked(parameter.name):
+                return SetParametersResult(
+                    successful=False,
+                    reason=f'{parameter.name} is locked: lock_parameters is true')
             if spec and spec.choices and parameter.value not in spec.choices:
                 return SetParametersResult(
                     successful=False, reason=f"{parameter.name}: '{parameter.value}' is not one "
                                              f'of {", ".join(spec.choices)}')
         return SetParametersResult(successful=True)
 
+    def _is_locked(self, name: str) -> bool:
+        """Tell whether a parameter may not be changed any more."""
+        decides = name == _USE_SIM_TIME or (name in self._specs and self._specs[name].safety)
+        return self._on_change is not None and decides and self.settings.lock_parameters
+
     def _apply(self, parameters: list[Parameter]) -> None:
-        if self._on_change and any(parameter.name in self._specs for parameter in parameters):
+        if not self._on_change:
+            return
+        for parameter in parameters:
+            name = parameter.name
+            if name in self._values and parameter.value != self._values[name]:
+                old, self._values[name] = self._values[name], parameter.value
+                self._node.get_logger().warning(
+                    f'parameter {name} was changed from {old} to {parameter.value}')
+                if self._note:
+                    self._note(name, old, parameter.value)
+        if any(parameter.name in self._specs for parameter in parameters):
             self.settings = self._read()
             self._on_change(self.settings)
 

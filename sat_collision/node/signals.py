@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 from types import FrameType
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -28,10 +29,21 @@ def end_on_signals() -> None:
     Have the signals end the process at once, with status 0, while there is nothing to lose yet.
 
     An exception instead could come up in a destructor or in a callback from compiled code, which
-    would swallow it, or leave ROS half made for the interpreter to take apart.
+    would swallow it, or leave ROS half made for the interpreter to take apart. Python itself looks
+    at signals between two steps of its own, and a compiler's step may take seconds: so a thread
+    waits for the number that is written into a pipe when a signal comes.
     """
+    come, write = os.pipe()
+    os.set_blocking(write, False)
+    signal.set_wakeup_fd(write)
     for number in _SIGNALS:
         signal.signal(number, lambda number, frame: os._exit(0))
+
+    def end() -> None:
+        if os.read(come, 1):
+            os._exit(0)
+        os.close(come)
+    threading.Thread(target=end, daemon=True).start()
 
 
 def ignore_signals() -> None:
@@ -45,8 +57,11 @@ class Signalled:
 
     def __init__(self) -> None:
         self._come = False
+        early = signal.set_wakeup_fd(-1)
         for number in _SIGNALS:
             signal.signal(number, self._note)
+        if early >= 0:
+            os.close(early)
 
     def __call__(self) -> bool:
         """Tell whether the node is to end."""

@@ -22,6 +22,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from sat_collision.messages.cdr import header_stamp
+from sat_collision.messages.rejections import Rejection
+from sat_collision.messages.transform_listener import TF_STATIC, TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
 from sat_collision.replay.destinations import OutputError
 from sat_collision.replay.motion.motion import Motion
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
 
 OnProgress: TypeAlias = Callable[[float], None]
 
+_TRANSFORM_TYPE = 'tf2_msgs/msg/TFMessage'
 _LONGEST_QUIET = 60 * 10**9
 _PROGRESS_EVERY = 5000
 _APART = 3600 * 10**9
@@ -99,7 +102,9 @@ class _Run:
         footprints = [FootprintResult(footprint.name, footprint.topic, footprint.enabled)
                       for footprint in settings.footprints]
         self._motion = None if options.as_live else Motion(settings, footprints, options.picture)
-        self._monitor = Monitor(settings, self._motion)
+        self._transforms = [topic for topic in TRANSFORM_TOPICS if settings.frame_id
+                            and recording.topics.get(topic) == _TRANSFORM_TYPE]
+        self._monitor = Monitor(settings, bool(self._transforms), self._motion)
         self._scene = self._monitor.scene
         self._timers: list[_Timer] = []
         self._live: Timeline | None = None
@@ -126,6 +131,7 @@ class _Run:
         for source in all_sources(self._settings):
             if source.name not in wrong:
                 names.setdefault(source.topic, []).append(source.name)
+        names.update((topic, []) for topic in self._transforms)
         if recording.start is not None and recording.end is not None:
             start = recording.start + round(options.start * 1e9)
             stop = None
@@ -153,7 +159,8 @@ class _Run:
     def _play(self, names: dict[str, list[str]], start: int, stop: int | None, end: int,
               progress: OnProgress | None) -> None:
         by_header, result = self._options.clock == HEADER, self._result
-        result.origin = self._first_stamp(names) if by_header else self._recording.start
+        result.origin = (self._first_stamp(names.keys() - {*TRANSFORM_TOPICS}) if by_header
+                         else self._recording.start)
         # What metadata.yaml says of the recording's bounds is not taken as a reason to drop any.
         messages = self._with_clocks_compared(
             self._recording.messages(names, start if self._options.start else None, stop))
@@ -166,31 +173,33 @@ class _Run:
                 self._scene.meet_publisher(name, True)
         if not by_header:
             self._begin(start)
-        now = self._now
-        receive, scene, motion, live = self._monitor.receive, self._scene, self._motion, self._live
-        changes = scene.changes
-        touching = live.touching if live else None
+        now, monitor, motion = self._now, self._monitor, self._motion
+        if self._options.start and TF_STATIC in self._transforms:
+            # What was told before would be latched.
+            for topic, _, data in self._recording.messages([TF_STATIC], None, start):
+                self._keep(monitor.receive_transforms(topic, data, now))
         for topic, time, data in messages:
-            if by_header:
+            if topic in TRANSFORM_TOPICS:
+                time = now if by_header else time
+            elif by_header:
                 time = header_stamp(data)
                 if time and not now:
                     self._begin(time)
             if time > now:
                 now = time
-                if now > scene.deadline or now >= self._due:
+                if now > monitor.deadline or now >= self._due:
                     self._pass_until(now)
                 if motion:
                     motion.now = now
+            if topic in TRANSFORM_TOPICS:
+                self._keep(monitor.receive_transforms(topic, data, now))
+                if now:
+                    self._follow(now)
             for name in names[topic]:
-                rejection = receive(name, data, now)
+                rejection = monitor.receive(name, data, now)
                 if rejection:
-                    self._examples.setdefault(name, {}).setdefault(
-                        rejection.reason, rejection.text)
-                changed = changes()
-                if changed:
-                    self._change(changed, now)
-                if touching and live:
-                    live.deepen(now)
+                    self._keep([rejection])
+                self._follow(now)
         if self._result.start is None:
             return
         end = now if by_header else max(now, end)
@@ -214,12 +223,26 @@ class _Run:
         self._timers += [_Timer(1.0 / self._settings.publish_rate, self._outputs.publish),
                          _Timer(1.0 / self._settings.marker_rate, self._outputs.publish_markers)]
 
+    def _keep(self, rejections: Iterable[Rejection]) -> None:
+        """Keep the first example of each reason."""
+        for rejection in rejections:
+            self._examples.setdefault(rejection.name, {}).setdefault(
+                rejection.reason, rejection.text)
+
+    def _follow(self, now: int) -> None:
+        """Take note of what has changed."""
+        changed = self._scene.changes()
+        if changed:
+            self._change(changed, now)
+        if self._live and self._live.touching:
+            self._live.deepen(now)
+
     def _begin(self, start: int) -> None:
         """Let the time begin."""
         self._result.start = self._now = start
         if self._motion:
             self._motion.now = start
-        self._scene.advance(start)
+        self._monitor.advance(start)
         self._change(self._scene.changes(), start)
         for timer in self._timers:
             timer.due = start
@@ -234,16 +257,14 @@ class _Run:
         """Do all that is due before the messages of now: what time brings about, and timers."""
         while True:
             # A bound may lie in the past, but the scene's time must not go back.
-            deadline = max(self._scene.deadline + 1, self._now)
+            deadline = max(self._monitor.deadline + 1, self._now)
             timer = min(self._timers, key=lambda timer: timer.due, default=None)
             if deadline <= (min(now, timer.due) if timer else now):
                 self._now = int(deadline)
                 if self._motion:
                     self._motion.now = self._now
-                self._scene.advance(self._now)
-                changed = self._scene.changes()
-                if changed:
-                    self._change(changed, self._now)
+                self._keep(self._monitor.advance(self._now))
+                self._follow(self._now)
                 continue
             if timer is None or timer.due >= now:
                 break
@@ -265,11 +286,15 @@ class _Run:
 
     def _with_clocks_compared(self, messages: Iterator[Message]) -> Iterable[Message]:
         """Note clocks so far apart at the first message that one cannot be the robot's."""
+        passed = []
         for topic, time, data in messages:
+            passed.append((topic, time, data))
+            if topic in TRANSFORM_TOPICS:
+                continue
             stamp = header_stamp(data)
             if self._options.clock == RECEIVE and stamp and abs(time - stamp) > _APART:
                 self._result.notes.append(
                     f'the first header stamp is {abs(time - stamp) / 1e9:.0f} s from the receive '
                     'time, as in recordings of simulations: try --clock header')
-            return chain([(topic, time, data)], messages)
-        return ()
+            break
+        return chain(passed, messages)

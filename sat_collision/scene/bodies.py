@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any, Generic, TypeVar
 
 from sat_collision.geometry.polygon import Polygon
@@ -57,3 +58,7 @@ class Body(Generic[_Other]):
     def moved(self) -> None:
         """Take note that it is somewhere else now."""
         self._polygon = None
+
+    def toggle(self, others: Collection[_Other]) -> None:
+        """Take note that it meets each of these if it did not, and not if it did."""
+        self.contacts.symmetric_difference_update(others)

@@ -68,6 +68,12 @@ class Circumstances(View, ABC):
             self._clock_stands = stands
             self._reevaluate_all()
 
+    def note_waiting(self, name: str, are_waiting: bool) -> None:
+        """Take note of whether messages of a source wait to be told, so that no set is whole."""
+        source = self._sources.get(name)
+        if source is not None:
+            source.are_waiting = are_waiting
+
     def overwhelm(self, name: str, overwhelmed: bool) -> None:
         """Take note of whether a source sends more than can be checked."""
         self._sources[name].overwhelm(overwhelmed)

@@ -126,7 +126,7 @@ class Contacts:
         for footprint in self._footprints.bodies.values():
             lost = {one for one in footprint.contacts if one.held_by is held_by}
             if lost:
-                footprint.contacts -= lost
+                footprint.toggle(lost)
                 self.changed.add(footprint)
                 for obstacle in lost:
                     obstacle.contacts.discard(footprint)
@@ -187,6 +187,6 @@ def update_contacts(body: Body[Any], others: Iterable[_Other]) -> set[_Other]:
     """Let a body meet these others and no more; return those for which this is a change."""
     gained_or_lost = body.contacts.symmetric_difference(others)
     for other in gained_or_lost:
-        other.contacts.symmetric_difference_update((body,))
-    body.contacts ^= gained_or_lost
+        other.toggle((body,))
+    body.toggle(gained_or_lost)
     return gained_or_lost

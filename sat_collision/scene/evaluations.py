@@ -100,10 +100,12 @@ class Evaluations:
             return []
         changed = []
         for name, footprint in self._footprints.items():
-            if footprint in self._unreported and (
-                    footprint.evaluation != self._reported.get(name)):
-                self._reported[name] = footprint.evaluation
-                changed.append(name)
+            if footprint in self._unreported:
+                others = footprint.gained_or_lost and footprint.status is Status.COLLISION
+                if others or footprint.evaluation != self._reported.get(name):
+                    self._reported[name] = footprint.evaluation
+                    changed.append(name)
+                footprint.gained_or_lost.clear()
         self._unreported.clear()
         self._in_collision.clear()
         return changed

@@ -16,16 +16,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 import enum
-from operator import attrgetter
 from typing import NamedTuple, TypeAlias
 
 from sat_collision.scene.bodies import Body
 from sat_collision.scene.deadlines import NEVER
 from sat_collision.scene.obstacles import Obstacle, ObstacleId
 from sat_collision.scene.settings import FootprintSettings
-
-_NAME = attrgetter('name')
 
 
 class Status(enum.Enum):
@@ -59,8 +57,8 @@ class State(NamedTuple):
     age: float | None
 
 
-# Status, contacts and reasons of a State.
-Evaluation: TypeAlias = tuple[Status, tuple[ObstacleId, ...], tuple[str, ...]]
+# Status and reasons of a State.
+Evaluation: TypeAlias = tuple[Status, tuple[str, ...]]
 
 
 class Footprint(Body[Obstacle]):
@@ -91,13 +89,16 @@ class Footprint(Body[Obstacle]):
         The status reported: CLEAR only after the release delay.
     evaluation : Evaluation
         What was found when it was evaluated last.
+    gained_or_lost : set of ObstacleId
+        The contacts by name that are other than they were when the reader emptied it last.
     doubts : tuple of str
         Why it was not known then what the footprint touches, whatever it is known to touch.
 
     """
 
     __slots__ = ('settings', 'timeout', 'time', 'stamp', 'frame_id', 'heard', 'fault', 'stale',
-                 'status', 'evaluation', 'doubts', 'watched', '_clear_since', '_release', '_due')
+                 'status', 'evaluation', 'doubts', 'gained_or_lost', 'watched', '_clear_since',
+                 '_release', '_due', '_held', '_names')
 
     evaluation: Evaluation
 
@@ -111,6 +112,10 @@ class Footprint(Body[Obstacle]):
         self.stale = False
         self.status = Status.UNKNOWN
         self.doubts: tuple[str, ...] = ()
+        self.gained_or_lost: set[ObstacleId] = set()
+        # How many contacts have a name: that of a set and that of the next may have the same.
+        self._held: dict[ObstacleId, int] = {}
+        self._names: tuple[ObstacleId, ...] | None = None
         self.watched: float = NEVER
         self._clear_since: int | None = None
         self._release: float = NEVER
@@ -128,6 +133,31 @@ class Footprint(Body[Obstacle]):
         if self.time is None or self.stale:
             return self._release
         return min(self._release, self.time + self.timeout)
+
+    @property
+    def contacts_reported(self) -> tuple[ObstacleId, ...]:
+        """The names of the obstacles that make its collision, sorted; empty if in none."""
+        if self.status is not Status.COLLISION:
+            return ()
+        # Only where somebody asks: with many contacts, sorting for each new one takes very long.
+        if self._names is None:
+            self._names = tuple(sorted(self._held))
+        return self._names
+
+    def toggle(self, others: Collection[Obstacle]) -> None:
+        """Take note that it meets each of these if it did not, and not if it did."""
+        super().toggle(others)
+        for other in others:
+            name = other.name
+            before = self._held.get(name, 0)
+            now = before + 1 if other in self.contacts else before - 1
+            if now:
+                self._held[name] = now
+            else:
+                del self._held[name]
+            if not (now and before):
+                self.gained_or_lost ^= {name}
+                self._names = None
 
     def is_newer_than(self, stamp: int) -> bool:
         """Tell whether the good footprint is newer than a stamp, and not stale or for ever."""
@@ -155,7 +185,6 @@ class Footprint(Body[Obstacle]):
         """
         self.stale = self.time is not None and self.time + self.timeout < now
         self._release = NEVER
-        contacts: tuple[ObstacleId, ...] = ()
         reasons = source_faults
         if monitor_fault:
             status, reasons = Status.UNKNOWN, (monitor_fault,)
@@ -164,7 +193,7 @@ class Footprint(Body[Obstacle]):
         elif self.fault or self.stale:
             status, reasons = Status.UNKNOWN, (self._fault_in_words(), *source_faults)
         elif self.contacts:
-            status, contacts = Status.COLLISION, tuple(sorted({*map(_NAME, self.contacts)}))
+            status = Status.COLLISION
         else:
             status = Status.UNKNOWN if source_faults else Status.CLEAR
         self.doubts = reasons
@@ -179,7 +208,7 @@ class Footprint(Body[Obstacle]):
                     status = self.status
                     reasons = f'clear for less than release_delay, {release_delay / 1e9:g} s',
         self.status = status
-        self.evaluation = status, contacts, reasons
+        self.evaluation = status, reasons
 
     def _fault_in_words(self) -> str:
         """Return what is wrong with the footprint itself, as a sentence."""

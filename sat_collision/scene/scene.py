@@ -22,6 +22,7 @@ from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.deadlines import Deadlines
 from sat_collision.scene.evaluations import Evaluations
 from sat_collision.scene.footprints import Evaluation, Footprint
+from sat_collision.scene.frame_ids import in_quotes
 from sat_collision.scene.holders import OTHER_FRAME
 from sat_collision.scene.observer import Observer
 from sat_collision.scene.settings import Settings
@@ -147,7 +148,7 @@ class Scene(Circumstances):
         if frame_id != self.frame_id and not self.settings.frame_id:
             self._choose_frame()
         if frame_id != self.frame_id:
-            self._invalidate(footprint, f"is not in the frame '{self.frame_id}'")
+            self._invalidate(footprint, f'is not in the frame {in_quotes(self.frame_id)}')
             self._evaluate()
             return OTHER_FRAME
         if footprint.is_newer_than(stamp):
@@ -269,7 +270,7 @@ class Scene(Circumstances):
         self.frame_id, = frames
         for footprint in self._footprints.values():
             if footprint.time is not None and footprint.frame_id != self.frame_id:
-                self._invalidate(footprint, f"is not in the frame '{self.frame_id}'")
+                self._invalidate(footprint, f'is not in the frame {in_quotes(self.frame_id)}')
         for source in self._sources.values():
             source.refuse_other_frames(self.frame_id)
         self._reevaluate_all()

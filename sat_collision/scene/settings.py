@@ -50,6 +50,8 @@ class Spec(NamedTuple):
         The least and the greatest value.
     choices : tuple of str
         The values it may have; empty for any.
+    safety : bool
+        Whether it decides what is called clear, so that `lock_parameters` fixes it.
 
     """
 
@@ -57,12 +59,12 @@ class Spec(NamedTuple):
     live: bool = False
     limits: tuple[float, float] | None = None
     choices: tuple[str, ...] = ()
+    safety: bool = False
 
 
-def _setting(description: str, *, live: bool = False, limits: tuple[float, float] | None = None,
-             choices: tuple[str, ...] = ()) -> Mapping[str, Spec]:
-    """Return the metadata of a field that is a setting."""
-    return {_SPEC: Spec(description, live, limits, choices)}
+def _setting(description: str, **more: Any) -> Mapping[str, Spec]:
+    """Return the metadata of a field that is a setting; more is as Spec has it."""
+    return {_SPEC: Spec(description, **more)}
 
 
 def specs(kind: type) -> dict[str, tuple[Any, Spec]]:
@@ -80,10 +82,10 @@ class FootprintSettings:
         'topic of the footprint, geometry_msgs/PolygonStamped; where none is given, the name'))
     timeout: float = field(default=1.0, metadata=_setting(
         's; older than this by its header stamp, the footprint is unknown; 0.0 for never',
-        live=True, limits=(0.0, _DAY)))
+        live=True, safety=True, limits=(0.0, _DAY)))
     enabled: bool = field(default=True, metadata=_setting(
         'false leaves the footprint out: its state is unknown, and it does not raise the common '
-        'flag', live=True))
+        'flag', live=True, safety=True))
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,18 +102,19 @@ class ObstacleSettings:
         choices=(POLYGON, POLYGON_INSTANCE)))
     timeout: float = field(default=2.0, metadata=_setting(
         's; older obstacles are forgotten, and a source silent for so long makes the footprints '
-        'unknown; 0.0 for never, as a latched map needs', live=True, limits=(0.0, _DAY)))
+        'unknown; 0.0 for never, as a latched map needs', live=True, safety=True,
+        limits=(0.0, _DAY)))
     enabled: bool = field(default=True, metadata=_setting(
-        'false ignores the source and drops its obstacles', live=True))
+        'false ignores the source and drops its obstacles', live=True, safety=True))
     set_window: float = field(default=0.02, metadata=_setting(
         's; messages stamped within this time of the first of a set are different obstacles of '
-        'that set', live=True, limits=(0.0, 60.0)))
+        'that set', live=True, safety=True, limits=(0.0, 60.0)))
     set_quiet: float = field(default=0.05, metadata=_setting(
         's; a set is whole when nothing of it has come for so long, if no later set or empty '
-        'polygon with its stamp says so before', live=True, limits=(0.001, 60.0)))
+        'polygon with its stamp says so before', live=True, safety=True, limits=(0.001, 60.0)))
     accumulate: bool = field(default=False, metadata=_setting(
         'true keeps every polygon until its timeout, for publishers that send obstacles one by '
-        'one', live=True))
+        'one', live=True, safety=True))
     max_count: int = field(default=10_000, metadata=_setting(
         'the most obstacles of the source; more are refused and make the footprints unknown',
         live=True, limits=(1, 1_000_000)))
@@ -127,28 +130,40 @@ class Settings:
         'names of the sources of obstacles; each has parameters of its own, such as '
         'obstacle.topic'))
     frame_id: str = field(default='', metadata=_setting(
-        'the frame that everything must be in; empty for the one that the footprints of the last '
-        'second agree on'))
+        'the frame of all bodies, to which messages in another one are transformed by /tf; empty '
+        'for the one that the footprints of the last second agree on, which all must be in'))
+    transform_timeout: float = field(default=0.2, metadata=_setting(
+        's; a message waits so long for the transform at its stamp, then it is refused',
+        live=True, safety=True, limits=(0.0, 10.0)))
+    max_tf_gap: float = field(default=0.5, metadata=_setting(
+        's; between two transforms further apart in time it is not known where a frame was',
+        live=True, safety=True, limits=(0.0, _DAY)))
+    max_tilt: float = field(default=0.0873, metadata=_setting(
+        'rad; a message is refused if its frame is tilted out of the plane by more; 0.0873 is 5 '
+        'degrees', live=True, safety=True, limits=(0.0, 1.5)))
+    tf_cache_time: float = field(default=10.0, metadata=_setting(
+        's; for so long before the newest transform of a frame its others are kept',
+        limits=(0.1, 3600.0)))
     future_tolerance: float = field(default=1.0, metadata=_setting(
-        's; a message stamped further ahead of the clock is refused', live=True,
+        's; a message stamped further ahead of the clock is refused', live=True, safety=True,
         # A batch may bring messages that were stamped after the clock was read for it.
         limits=(0.05, _DAY)))
     clock_timeout: float = field(default=2.0, metadata=_setting(
         's by the wall clock; simulated time that stands still for so long makes the footprints '
-        'unknown; 0.0 for never', live=True, limits=(0.0, _DAY)))
+        'unknown; 0.0 for never', live=True, safety=True, limits=(0.0, _DAY)))
     enabled: bool = field(default=True, metadata=_setting(
-        'false checks nothing: every state is unknown', live=True))
+        'false checks nothing: every state is unknown', live=True, safety=True))
     unknown_is_collision: bool = field(default=True, metadata=_setting(
-        'true raises the flag of a footprint whose state is unknown, too', live=True))
+        'true raises the flag of a footprint whose state is unknown, too', live=True, safety=True))
     margin: float = field(default=0.0, metadata=_setting(
         'm; a footprint collides when its separation from an obstacle is no more; 0.0 is contact, '
-        'decided exactly', live=True, limits=(0.0, 1000.0)))
+        'decided exactly', live=True, safety=True, limits=(0.0, 1000.0)))
     resolution: float = field(default=0.001, metadata=_setting(
         'm; ~/state warns of footprints whose coordinates have larger float32 steps',
         live=True, limits=(0.0, 1000.0)))
     release_delay: float = field(default=0.0, metadata=_setting(
         's; a footprint must have been clear for so long before its flag falls; a rise is never '
-        'delayed', live=True, limits=(0.0, _DAY)))
+        'delayed', live=True, safety=True, limits=(0.0, _DAY)))
     max_vertices: int = field(default=MAX_VERTICES, metadata=_setting(
         'the most vertices of one polygon; a message with more is refused',
         limits=(1, 1_000_000)))
@@ -162,3 +177,9 @@ class Settings:
         's; where messages are many the node rests for so long between takes, which spares '
         'processor time and delays an answer by no more; 0.0 for never',
         live=True, limits=(0.0, 0.1)))
+    watchdog: float = field(default=0.3, metadata=_setting(
+        's; when the node has not come to look after its messages for so long, a thread beside it '
+        'raises all flags; 0.0 for never', live=True, safety=True, limits=(0.0, 60.0)))
+    lock_parameters: bool = field(default=False, metadata=_setting(
+        'true refuses, once the node runs, to change what decides about clear: the parameters '
+        'marked with a +, and use_sim_time'))

@@ -67,13 +67,12 @@ class Source:
     def __init__(self, settings: ObstacleSettings, contacts: Contacts, deadlines: Deadlines,
                  pauses: Deadlines) -> None:
         self._note_set = contacts.begin_set
-        self._deadlines = deadlines
-        self._pauses = pauses
+        self._deadlines, self._pauses = deadlines, pauses
         self._doubts = Doubts()
         self.obstacles = Holdings(settings.name, contacts, deadlines, self._count_refusals)
         self._sets = ObstacleSets()
-        self._pause = Alarm(self._end_pause)
-        self._cure = Alarm(self._get_over_loss)
+        self.are_waiting = False
+        self._pause, self._cure = Alarm(self._end_pause), Alarm(self._get_over_loss)
         self.settings = settings
         self.faults: tuple[str, ...] = ()
         self.watched: float = NEVER
@@ -231,8 +230,7 @@ class Source:
             self._heard = time
             doubts = self._doubts
             if not doubts.is_heard or doubts.is_silent:
-                doubts.is_heard = True
-                doubts.is_silent = False
+                doubts.is_heard, doubts.is_silent = True, False
                 self._deadlines.watch(self)
                 self._find_faults()
         return time
@@ -258,7 +256,9 @@ class Source:
             self._pauses.watch(self._pause)
 
     def _end_pause(self) -> None:
-        """Take what came in last for whole, now that nothing more of it comes."""
+        """Take what came in last for whole, now that nothing more of it comes or waits."""
+        if self.are_waiting:
+            return self._await_pause(self._pause.deadline)
         self._pause.deadline = NEVER
         self._end_set()
         self._sets.settle()

@@ -16,12 +16,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Set
+
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.polygon_set import Point
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.deadlines import Deadlines
 from sat_collision.scene.evaluations import Evaluations
-from sat_collision.scene.footprints import Footprint, State
+from sat_collision.scene.footprints import Footprint, State, Status
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings
 from sat_collision.scene.sources import Source
@@ -58,11 +60,16 @@ class View:
         """Return the names of footprints whose state, age apart, changed since the last call."""
         return self.evaluations.changes()
 
+    def status(self, name: str) -> Status:
+        """Return the Status of a footprint."""
+        return self._footprints[name].status
+
     def state(self, name: str) -> State:
         """Return the State of a footprint at the time that was passed last."""
         footprint = self._footprints[name]
         age = None if footprint.time is None else (self._now - footprint.time) / 1e9
-        return State(*footprint.evaluation, age)
+        status, reasons = footprint.evaluation
+        return State(status, footprint.contacts_reported, reasons, age)
 
     @property
     def deadline(self) -> float:
@@ -100,16 +107,20 @@ class View:
         found = self._contacts.nearest(footprint, footprint.contacts if apart else ())
         return found and (found[0].name, *found[1:])
 
-    def time_apart(self, name: str, obstacle: ObstacleId) -> float | None:
+    def newer_by(self, name: str, obstacles: Set[ObstacleId]) -> dict[ObstacleId, float]:
         """
-        Return by how many s an obstacle is newer than a footprint, None if one is nowhere.
+        Return by how many s obstacles are newer than a footprint; only those that are somewhere.
 
-        Where two sets hold an obstacle of this name, the one in contact counts, else the newer.
+        Where two sets hold an obstacle of one name, that in contact counts, else the newer.
         """
         footprint = self._footprints[name]
-        found = [(one in footprint.contacts, one.time)
-                 for one in self._sources[obstacle.source].obstacles
-                 if one.name == obstacle and one.row is not None]
-        if footprint.time is None or not found:
-            return None
-        return (max(found)[1] - footprint.time) / 1e9
+        if footprint.time is None:
+            return {}
+        found: dict[ObstacleId, tuple[bool, float]] = {}
+        # Once through all of a source, as all of them may be asked for.
+        for source in {obstacle.source for obstacle in obstacles}:
+            for one in self._sources[source].obstacles:
+                if one.row is not None and one.name in obstacles:
+                    known = one in footprint.contacts, one.time
+                    found[one.name] = max(found.get(one.name, known), known)
+        return {obstacle: (time - footprint.time) / 1e9 for obstacle, (_, time) in found.items()}

@@ -238,7 +238,7 @@ def _climb(x):
 @kernel
 def _disc(x):
     packed = np.zeros(HEADER + len(x))
-    verdict, count, _, _, _ = pack(x, packed, 4)
+    verdict, count, _, _, _ = pack(x, packed, 4, 4)
     radius = packed[6]
     if verdict != CONVEX or count != 4 or radius == 0.0:
         return 0.0, 0.0, 0.0, False
@@ -300,7 +300,7 @@ def _exact_shortfall(which, x, v):
 def _exact_clearance(x):
     """Return the radius of the disc minus the true distance of its centre from the boundary."""
     packed = np.zeros(HEADER + len(x))
-    pack(x, packed, 4)
+    pack(x, packed, 4, 4)
     cx, cy, radius = (Fraction(float(packed[k])) for k in (0, 1, 6))
     ring = [(Fraction(a), Fraction(b)) for a, b in packed[HEADER:].reshape(-1, 2).tolist()]
     squares = [(((b[0] - a[0]) * (cy - a[1]) - (b[1] - a[1]) * (cx - a[0])) ** 2

@@ -123,11 +123,11 @@ def danger(which, p, q):
 @kernel
 def _pack_both(x, n, p, q):
     """Pack the bodies that x holds; tell whether both are strictly convex and keep their count."""
-    verdict, count, _, _, _ = pack(x[:2 * n], p, n)
+    verdict, count, _, _, _ = pack(x[:2 * n], p, n, n)
     if verdict != CONVEX or count != n:
         return False
     m = len(x) // 2 - n
-    verdict, count, _, _, _ = pack(x[2 * n:], q, m)
+    verdict, count, _, _, _ = pack(x[2 * n:], q, m, m)
     return verdict == CONVEX and count == m
 
 

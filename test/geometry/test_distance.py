@@ -194,3 +194,25 @@ def test_touching_bodies_are_0_apart():
             a, b = np.ldexp(a, int(np.log2(scale))), np.ldexp(b, int(np.log2(scale)))
             if intersects(a, b) and exact_depth(Polygon(a), Polygon(b)) == 0:
                 assert separation(a, b) == separation(b, a) == 0.0
+
+
+def comb(rng, teeth):
+    """Return a comb with teeth of random lengths, turned somehow and somewhere."""
+    points = [(teeth, -1.0), (0.0, -1.0)]
+    for k in range(teeth):
+        points += [(k + 0.1, 0.0), (k + 0.5, rng.uniform(1.0, 9.0)), (k + 0.9, 0.0)]
+    turn = rng.uniform(0.0, 6.3)
+    rotation = [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+    return Polygon(np.array(points) @ rotation + rng.uniform(-8.0, 8.0, 2))
+
+
+def test_no_pair_of_parts_that_counts_is_left_out():
+    """The boxes of parts spare most pairs: what is found is that of the nearest, or deepest."""
+    rng = np.random.default_rng(3)
+    signs = set()
+    for _ in range(60):
+        p, q = comb(rng, 4), comb(rng, 5)
+        pairs = [separation(a, b) for a in p.parts for b in q.parts]
+        assert separation(p, q) == pytest.approx(min(pairs), abs=1e-12)
+        signs.add(min(pairs) > 0.0)
+    assert signs == {True, False}

@@ -32,6 +32,22 @@ PROGRAM = ('import json, sat_collision, test_jit as t; '
            'print(json.dumps([sat_collision.KERNEL, t.library_answers()]))')
 
 
+def moved_messages(seed):
+    """Return points of messages, convex ones and others, and maps of the plane to other frames."""
+    rng = np.random.default_rng(seed)
+    for name, family in ALL.items():
+        for ring, _ in family(rng, 10, 9) if name != 'extreme_scales' else ():
+            points = np.column_stack([ring, ring[:, 0]]).astype(np.float32)
+            angle = rng.uniform(-np.pi, np.pi)
+            cosine, sine = float(np.cos(angle)), float(np.sin(angle))
+            x, y = (rng.normal(size=2) * 10.0 ** rng.integers(0, 5)).tolist()
+            try:
+                Polygon(points)
+            except ValueError:
+                continue
+            yield (points.tobytes(), 0, len(points)), (cosine, -sine, x, sine, cosine, y)
+
+
 def library_answers():
     """Return answers, packed polygons, separations and times of some pairs of each family."""
     answers = {}
@@ -54,6 +70,8 @@ def library_answers():
                 sat_methods.boxed_axes(p, q, *bounds),
                 sat_methods.published_a_axes(p, q, *centres),
                 sat_methods.published_b_axes(p, q, *centres)]
+    answers['moved'] = [np.asarray(Polygon.from_float32(*message, plane=plane).packed[0])
+                        .tobytes().hex() for message, plane in moved_messages(9)]
     return json.loads(json.dumps(answers))
 
 

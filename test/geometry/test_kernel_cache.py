@@ -15,10 +15,13 @@
 
 import os
 from pathlib import Path
+import pickle
+import random
 import shutil
 import subprocess
 import sys
 
+from hardship import allow_writing, forbid_writing, without_privileges
 import pytest
 from sat_collision.geometry.jit import COMPILED
 
@@ -36,8 +39,9 @@ def twice(x):
 """
 PROGRAM = """
 from sat_collision.geometry.caller import twice
-from sat_collision.geometry.jit import cache_problem
-print(twice(3.0), sum(twice.stats.cache_hits.values()), cache_problem())
+from sat_collision.geometry.kernel_problem import kernel_problem
+hits = getattr(twice, 'stats', None)
+print(twice(3.0), sum(hits.cache_hits.values()) if hits else 0, kernel_problem())
 """
 
 
@@ -51,13 +55,16 @@ def package(tmp_path):
     return folder
 
 
-def run(package, **environment):
+def run(package, program=PROGRAM, preexec_fn=None, **environment):
     """Return in a new process: twice 3, how often it came from disk, and what was wrong."""
     result = subprocess.run(
-        [sys.executable, '-c', PROGRAM], capture_output=True, text=True, cwd=package.parents[1],
+        [sys.executable, '-c', program], capture_output=True, text=True, cwd=package.parents[1],
+        preexec_fn=preexec_fn,
         env={**os.environ, 'PYTHONPATH': '', 'NUMBA_CACHE_DIR': '', **environment})
     assert result.returncode == 0, result.stderr
     answer, hits, problem = result.stdout.split(maxsplit=2)
+    # Said once, in one line.
+    assert result.stderr.strip() == problem.strip().replace('None', ''), result.stderr
     return float(answer), int(hits), problem.strip()
 
 
@@ -70,27 +77,165 @@ def test_a_change_in_a_called_kernel_is_noticed(package):
     assert run(package) == (14.0, 0, 'None')
 
 
+def altered(change):
+    """Make a damage of a change to the bytes of a file."""
+    return lambda path: path.write_bytes(change(path.read_bytes()))
+
+
 def one_bit_wrong(data):
     middle = len(data) // 2
     return data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1:]
 
 
-def cut_short(data):
-    return data[:len(data) // 2]
+def another_pickle(data):
+    return pickle.dumps({'not': 'what it should be'})
 
 
-@pytest.mark.parametrize('files, damage', [('*.nbc', one_bit_wrong), ('*.nbi', cut_short)])
-def test_damaged_files_are_replaced(package, tmp_path, files, damage):
-    """Machine code with a wrong bit, an index cut short: compiled again, which is said once."""
-    environment = {'NUMBA_CACHE_DIR': str(tmp_path / 'kept')}
-    run(package, **environment)
-    damaged = list((tmp_path / 'kept').rglob(files))
-    assert damaged
-    for path in damaged:
-        path.write_bytes(damage(path.read_bytes()))
-    answer, hits, problem = run(package, **environment)
-    assert (answer, hits) == (6.0, 0) and 'damaged' in problem
-    assert run(package, **environment) == (6.0, 1, 'None')
+def bomb(data):
+    """Ask of who unpickles it that it ends at once, as a stranger's file may."""
+    return b'cos\n_exit\n(I7\ntR.'
+
+
+def a_folder_instead(path):
+    path.unlink()
+    path.mkdir()
+
+
+def a_link_to_itself(path):
+    path.unlink()
+    path.symlink_to(path)
+
+
+DAMAGES = {
+    'one bit wrong': altered(one_bit_wrong),
+    'cut short': altered(lambda data: data[:len(data) // 2]),
+    'empty': altered(lambda data: b''),
+    'one byte': altered(lambda data: data[:1]),
+    'first bytes gone': altered(lambda data: data[7:]),
+    'more behind': altered(lambda data: data + b'x'),
+    'zeros': altered(lambda data: bytes(len(data))),
+    'noise': altered(lambda data: random.Random(1).randbytes(len(data))),
+    'another pickle': altered(another_pickle),
+    'a pickle that ends the process': altered(bomb),
+    'a folder': a_folder_instead,
+    'a link to itself': a_link_to_itself,
+}
+
+
+MANY = """
+from sat_collision.geometry.jit import kernel
+""" + ''.join(f"""
+@kernel
+def kernel_{k}_(x):
+    return {k}.0 * x
+""" for k in range(len(DAMAGES)))
+PROGRAM_OF_MANY = """
+from sat_collision.geometry import caller
+from sat_collision.geometry.kernel_problem import kernel_problem
+kernels = [getattr(caller, f'kernel_{k}_') for k in range(%d)]
+print(sum(one(1.0) for one in kernels), sum(sum(one.stats.cache_hits.values()) for one in kernels),
+      kernel_problem())
+""" % len(DAMAGES)
+
+
+@pytest.mark.parametrize('files', ['*.nbc', '*.nbi', '*.nb[ci]'])
+def test_damaged_files_are_replaced(package, files):
+    """Compiled again, which is said once; the next process finds all in order."""
+    (package / 'caller.py').write_text(MANY)
+    right = float(sum(range(len(DAMAGES))))
+    assert run(package, PROGRAM_OF_MANY) == (right, 0, 'None')
+    for k, damage in enumerate(DAMAGES.values()):
+        damaged = list(package.rglob(f'caller.kernel_{k}_{files}'))
+        assert damaged
+        for path in damaged:
+            damage(path)
+    answer, hits, problem = run(package, PROGRAM_OF_MANY)
+    assert (answer, hits) == (right, 0) and 'damaged' in problem
+    assert run(package, PROGRAM_OF_MANY) == (right, len(DAMAGES), 'None')
+
+
+@pytest.mark.parametrize('files', ['*.nbc', '*.nbi'])
+def test_missing_files_are_made_again(package, files):
+    """As after somebody has tidied up."""
+    run(package)
+    for path in package.rglob(files):
+        path.unlink()
+    assert run(package) == (6.0, 0, 'None')
+    assert run(package) == (6.0, 1, 'None')
+
+
+def test_a_disk_that_is_full(package, tmp_path):
+    """Of 100 kB: what cannot be saved is compiled in each process, and the disk is left clean."""
+    disk = tmp_path / 'disk'
+    disk.mkdir()
+    mounted = subprocess.run(['mount', '-t', 'tmpfs', '-o', 'size=100k', 'none', str(disk)],
+                             capture_output=True)
+    if mounted.returncode:
+        pytest.skip('this user may not mount a disk')
+    try:
+        (disk / 'full').write_bytes(bytes(90_000))
+        for _ in range(2):
+            answer, hits, problem = run(package, NUMBA_CACHE_DIR=str(disk))
+            assert (answer, hits) == (6.0, 0) and 'cannot be kept' in problem
+        assert not list(disk.rglob('*.tmp.*'))
+    finally:
+        subprocess.run(['umount', str(disk)], check=True)
+
+
+def test_no_more_file_may_be_written(package):
+    """Simulates the same where nothing can be mounted: each write of a file fails."""
+    (package / 'caller.py').write_text(
+        'import resource, signal\nsignal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n'
+        'resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))\n' + CALLER)
+    answer, hits, problem = run(package)
+    assert (answer, hits) == (6.0, 0) and 'cannot be kept' in problem
+
+
+BROKEN = {
+    'a library that is not there': "raise OSError('Could not find libllvmlite.so')",
+    'a module that is not there': "raise ModuleNotFoundError('no llvmlite', name='llvmlite')",
+    'a version that does not fit': "raise ImportError('Numba needs NumPy 2.3 or less')",
+    'what only fails when it compiles': 'def njit(function):\n    raise RuntimeError("no LLVM")',
+}
+
+
+@pytest.mark.parametrize('where', ['numba', 'llvmlite'])
+@pytest.mark.parametrize('how', BROKEN)
+def test_a_compiler_that_does_not_work(package, where, how):
+    """Plain Python answers, and why it does is said once."""
+    broken = package.parents[1] / where
+    broken.mkdir()
+    (broken / '__init__.py').write_text(BROKEN[how])
+    answer, hits, problem = run(package)
+    assert (answer, hits) == (6.0, 0) and 'plain Python' in problem
+
+
+def test_a_library_of_the_compiler_that_is_damaged(package):
+    """The shared library of llvmlite itself, cut short."""
+    import llvmlite
+    copy = package.parents[1] / 'llvmlite'
+    shutil.copytree(Path(llvmlite.__file__).parent, copy,
+                    ignore=shutil.ignore_patterns('*.so', '__pycache__', 'tests'))
+    (copy / 'binding' / 'libllvmlite.so').write_bytes(b'\x7fELF')
+    answer, hits, problem = run(package)
+    assert (answer, hits) == (6.0, 0) and 'plain Python' in problem
+
+
+def test_without_a_compiler_there_is_no_problem(package):
+    """It need not be installed."""
+    (package.parents[1] / 'numba.py').write_text(
+        "raise ModuleNotFoundError('no numba', name='numba')")
+    assert run(package) == (6.0, 0, 'None')
+
+
+def test_a_user_who_may_write_nowhere(package, tmp_path):
+    """Package and home belong to somebody else, or are on a disk that is only read."""
+    (tmp_path / 'home').mkdir()
+    forbid_writing(tmp_path)
+    environment = {'HOME': str(tmp_path / 'home'), 'XDG_CACHE_HOME': ''}
+    answer, hits, problem = run(package, preexec_fn=without_privileges, **environment)
+    allow_writing(tmp_path)
+    assert (answer, hits) == (6.0, 0) and 'NUMBA_CACHE_DIR' in problem
 
 
 def test_nowhere_to_keep_them(package, tmp_path):

@@ -207,3 +207,15 @@ def test_plain_message_needs_no_ros():
                f'assert decode({data!r}, True)[-1] == -9; '
                'assert not {"rclpy", "geometry_msgs"} & set(sys.modules)')
     subprocess.run([sys.executable, '-c', program], check=True)
+
+
+@pytest.mark.parametrize('order', '<>')
+@pytest.mark.parametrize('at, count', [(12, 2**32 - 1), (12, 60), (20, 2**32 - 1), (20, 4)])
+def test_rclpy_never_sees_a_length_beyond_the_end(monkeypatch, order, at, count):
+    """It would write a line to the standard error for each."""
+    monkeypatch.setattr('sat_collision.messages.interfaces.deserialize',
+                        lambda data, kind: pytest.fail('rclpy has been asked'))
+    data = bytearray(serialised(POINTS, STAMP, 'map', order=order))
+    struct.pack_into(order + 'I', data, at, count)
+    with pytest.raises(MessageError, match=str(count)):
+        decode(bytes(data), False)

@@ -89,7 +89,8 @@ def test_every_setting_can_be_given(declare):
     obstacles = (ObstacleSettings('c', '/map', 'polygon_instance', 0.0, False, 0.1, 0.2, True,
                                   7),
                  ObstacleSettings('d', '/d'))
-    wanted = Settings(footprints, obstacles, frame_id='odom', future_tolerance=0.1,
+    wanted = Settings(footprints, obstacles, frame_id='odom', transform_timeout=0.3,
+                      max_tf_gap=1.0, max_tilt=0.2, tf_cache_time=5.0, future_tolerance=0.1,
                       clock_timeout=5.0, enabled=False,
                       unknown_is_collision=False, margin=0.1, resolution=0.01, release_delay=0.5,
                       max_vertices=16, publish_rate=20.0, marker_rate=5.0,

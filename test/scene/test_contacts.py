@@ -40,7 +40,7 @@ def robot():
 def obstacles(contacts, count):
     """Return obstacles that are nowhere."""
     source = Source(LIDAR, contacts, Deadlines(), Deadlines())
-    return [Obstacle(source, {}, key, key, time=0) for key in range(count)]
+    return [Obstacle(source, 'lidar', key, key, time=0) for key in range(count)]
 
 
 def test_each_side_knows_of_the_contact_whichever_is_placed_last(contacts, robot):

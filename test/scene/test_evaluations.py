@@ -21,7 +21,7 @@ from sat_collision.scene.evaluations import Evaluations
 from sat_collision.scene.footprints import Footprint
 from sat_collision.scene.settings import Settings
 from sat_collision.scene.sources import Source
-from stage import CART, clear_stage, LIDAR, ROBOT, Stage
+from stage import ACCUMULATED, CART, clear_stage, LIDAR, ROBOT, Stage
 
 SECOND = 10**9
 
@@ -73,7 +73,7 @@ def test_other_faults_concern_all_footprints(footprints, changed, evaluations):
     evaluations.find_faults(settings, SECOND, False, [lidar])
     assert changed == set(footprints.values())
     evaluations.evaluate(now=0, release_delay=0)
-    assert [footprint.evaluation[2] for footprint in footprints.values()] == [lidar.faults] * 2
+    assert [footprint.evaluation[1] for footprint in footprints.values()] == [lidar.faults] * 2
     evaluations.find_faults(settings, 2 * SECOND, False, [lidar])
     assert not changed
 
@@ -128,6 +128,31 @@ def test_changes_name_those_whose_state_differs():
     assert stage.scene.changes() == []
 
 
+def test_next_set_with_the_same_contacts_is_no_change():
+    """Nor is it while both sets are there; a name less or more is one."""
+    stage = clear_stage()
+    stage.wait_until(0.1)
+    stage.burst(0.5, 0.6)
+    stage.whole()
+    assert stage.scene.changes() == ['robot']
+    stage.wait_until(0.2)
+    stage.see(0.5)
+    assert stage.scene.changes() == []
+    stage.see(0.7)
+    assert stage.scene.changes() == []
+    stage.whole()
+    assert stage.scene.changes() == []
+    assert [contact.key for contact in stage.state().contacts] == [0, 1]
+    stage.wait_until(0.3)
+    stage.see(0.5)
+    stage.whole()
+    assert stage.scene.changes() == ['robot']
+    stage.wait_until(0.4)
+    stage.burst(0.5, 0.6)
+    assert stage.scene.changes() == ['robot']
+    assert [contact.key for contact in stage.state().contacts] == [0, 1]
+
+
 def test_state_that_came_and_went_is_no_change():
     """Only what is so at the time of the call is compared."""
     stage = clear_stage()
@@ -176,3 +201,22 @@ def test_time_alone_makes_no_change_until_something_is_due():
         assert stage.scene.changes() == []
     stage.wait_until(1.01)
     assert stage.scene.changes() == ['robot']
+
+
+def test_contacts_that_begin_one_by_one_are_not_sorted_each_time(monkeypatch):
+    """What a new contact costs does not depend on how many there are, until somebody asks."""
+    lengths = []
+
+    def count(names):
+        lengths.append(len(names))
+        return sorted(names)
+    monkeypatch.setattr('sat_collision.scene.footprints.sorted', count, raising=False)
+    stage = Stage(ACCUMULATED)
+    stage.robot()
+    for k in range(200):
+        stage.see(0.001 * k, stamp='none')
+        assert stage.scene.changes() == ['robot']
+    assert not lengths
+    assert len(stage.state().contacts) == 200
+    assert len(stage.state().contacts) == 200
+    assert lengths == [200]

@@ -12,8 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Polygon messages: the bytes that publishers send, written without ROS, and ROS's own objects."""
+"""Messages: the bytes that publishers send, written without ROS, and ROS's own objects."""
 
+import math
 import struct
 
 SECOND = 10**9
@@ -38,6 +39,25 @@ def serialised(points, stamp=1000 * SECOND, frame_id='map', instance=None, order
     if instance is not None:
         body += bytes(-len(body) % 8) + struct.pack(order + 'q', instance)
     return {'<': b'\0\1\0\0', '>': b'\0\0\0\0'}[order] + body
+
+
+def transforms(*links):
+    """
+    Write a TFMessage of links: parent, child, stamp in ns, x and y, and the heading if not 0.
+
+    A link that ends with seven numbers has these for its translation and quaternion.
+    """
+    body = struct.pack('<I', len(links))
+    for parent, child, stamp, *numbers in links:
+        if len(numbers) < 7:
+            x, y, yaw = (*numbers, 0.0)[:3]
+            numbers = x, y, 0.0, 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)
+        body += struct.pack('<iI', *divmod(stamp, SECOND))
+        for name in (parent, child):
+            text = name.encode() + b'\0'
+            body += bytes(-len(body) % 4) + struct.pack('<I', len(text)) + text
+        body += bytes(-len(body) % 8) + struct.pack('<7d', *numbers)
+    return b'\0\1\0\0' + body
 
 
 def polygon_message(points, stamp=1000 * SECOND, frame_id='map', instance=None):

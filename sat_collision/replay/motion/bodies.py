@@ -23,27 +23,30 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 from sat_collision.geometry.moving import STRIDE
-from sat_collision.geometry.polygon import MAX_VERTICES, Polygon
+from sat_collision.geometry.packing import moved_points
+from sat_collision.geometry.polygon import MAX_VERTICES, PlaneMap, Polygon
 from sat_collision.messages.cdr import Points
 from sat_collision.replay.motion.rings import describe, mutual_nearest, ways_between
 from sat_collision.scene.obstacles import ObstacleId
 
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
+# Points as received, and the map that takes them to the frame that all is in, if they are not.
+Ring: TypeAlias = tuple[Points, PlaneMap | None]
 
 _NUMBERS = 3  # a point's, in a message
 
 
 class Bodies:
     """
-    The outlines of some bodies as received: one footprint, or the obstacles of a set.
+    The outlines of some bodies as told: one footprint, or the obstacles of a set.
 
     Parameters
     ----------
     names : sequence of ObstacleId
     stamps : sequence of int
         When each was there, ns.
-    rings : sequence of Points
+    rings : sequence of Ring
     max_vertices : int, optional
     frame_id : str, optional
         The frame that all are in, empty if there is none.
@@ -63,18 +66,22 @@ class Bodies:
     """
 
     def __init__(self, names: Sequence[ObstacleId], stamps: Sequence[int],
-                 rings: Sequence[Points], max_vertices: int = MAX_VERTICES,
+                 rings: Sequence[Ring], max_vertices: int = MAX_VERTICES,
                  frame_id: str = '') -> None:
         self.names = names
         self.stamps = stamps
         self.frame_id = frame_id
         self.moving: set[int] = set()
-        data = b''.join(data[start:start + 4 * _NUMBERS * count] for data, start, count in rings)
+        data = b''.join(data[start:start + 4 * _NUMBERS * count]
+                        for (data, start, count), _ in rings)
         self.points = np.frombuffer(data, np.float32).reshape(-1, _NUMBERS)[:, :2].astype(
             np.float64)
-        lengths = np.array([ring[2] for ring in rings], np.int64)
+        lengths = np.array([points[2] for points, _ in rings], np.int64)
         ends = np.cumsum(lengths)
         self.firsts = ends - lengths
+        for (points, plane), first, end in zip(rings, self.firsts, ends):
+            if plane is not None:
+                self.points[first:end] = np.reshape(moved_points(*points, plane), (-1, 2))
         self.counts, self.boxes, self.centres = describe(self.points, ends)
         self._max_vertices = max_vertices
         self._polygons: dict[int, Polygon] = {}
@@ -89,7 +96,7 @@ class Bodies:
         return other
 
     def ring(self, row: int) -> Floats:
-        """Return the vertices of a body as received, (n, 2)."""
+        """Return the vertices of a body as told, (n, 2)."""
         first = int(self.firsts[row])
         return self.points[first:first + int(self.counts[row])]
 

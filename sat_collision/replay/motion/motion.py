@@ -22,7 +22,7 @@ from typing import TypeVar
 
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.monitor import Monitor
-from sat_collision.replay.motion.bodies import Bodies, Floats
+from sat_collision.replay.motion.bodies import Bodies, Floats, Ring
 from sat_collision.replay.motion.encounters import Step
 from sat_collision.replay.motion.named import NamedTrail
 from sat_collision.replay.motion.sets import SetTrail
@@ -96,8 +96,8 @@ class Motion(Observer):
                 walker.skip()
         name = footprint.settings.name
         walker = self._walkers[name]
-        walker.track.add(Bodies([ObstacleId(name, 0)], [self.monitor.stamp or self.now],
-                                [self.monitor.points], self._max_vertices))
+        walker.track.add(Bodies([ObstacleId(name, 0)], [self._stamp()], [self._ring()],
+                                self._max_vertices))
         for trail in self._trails():
             trail.rest(self.now)
         walker.walk(self.now)
@@ -115,7 +115,7 @@ class Motion(Observer):
         source = obstacle.name.source
         trail: Trail = self._sets[source] if isinstance(obstacle.held_by, SetOfObstacles) else (
             self._trail(source, self._named, NamedTrail))
-        trail.place(obstacle, self.monitor.stamp or self.now, self.monitor.points)
+        trail.place(obstacle, self._stamp(), self._ring())
 
     def remove_obstacle(self, obstacle: Obstacle) -> None:
         """Take note that the scene holds an obstacle no longer."""
@@ -150,6 +150,14 @@ class Motion(Observer):
     def is_decided(self, name: str) -> bool:
         """Tell whether a footprint was ever decided against all obstacles that there were."""
         return self._walkers[name].is_decided
+
+    def _stamp(self) -> int:
+        """Return when that was there which the scene is told of now."""
+        return self.monitor.stamp or self.now
+
+    def _ring(self) -> Ring:
+        """Return where it was."""
+        return self.monitor.points, self.monitor.plane
 
     def _trails(self) -> Iterable[Trail]:
         return chain(self._sets.values(), self._named.values())

@@ -20,8 +20,7 @@ from collections import defaultdict
 from typing import NamedTuple
 
 import numpy as np
-from sat_collision.messages.cdr import Points
-from sat_collision.replay.motion.bodies import Bodies, stay, Ways
+from sat_collision.replay.motion.bodies import Bodies, Ring, stay, Ways
 from sat_collision.replay.motion.encounters import Step
 from sat_collision.replay.motion.trails import Emit, Trail
 from sat_collision.scene.obstacles import Obstacle, ObstacleId
@@ -50,7 +49,7 @@ class NamedTrail(Trail):
         self._forgotten: dict[ObstacleId, int] = {}
         self._rested = 0
 
-    def place(self, obstacle: Obstacle, stamp: int, ring: Points) -> None:
+    def place(self, obstacle: Obstacle, stamp: int, ring: Ring) -> None:
         """Take what was told of an obstacle."""
         coming = self._coming
         if coming and (obstacle.name in coming or self._forgotten

@@ -17,8 +17,7 @@
 from __future__ import annotations
 
 import numpy as np
-from sat_collision.messages.cdr import Points
-from sat_collision.replay.motion.bodies import Bodies, followers, stay, Ways
+from sat_collision.replay.motion.bodies import Bodies, followers, Ring, stay, Ways
 from sat_collision.replay.motion.encounters import Step
 from sat_collision.replay.motion.trails import Emit, Trail
 from sat_collision.scene.obstacles import Obstacle
@@ -48,7 +47,7 @@ class SetTrail(Trail):
         self._close()
         self._stamp = stamp
 
-    def place(self, obstacle: Obstacle, stamp: int, ring: Points) -> None:
+    def place(self, obstacle: Obstacle, stamp: int, ring: Ring) -> None:
         """Take an obstacle of the set that comes in; a late one may be a set of its own."""
         if self._stamp is None:
             self._stamp = stamp

@@ -20,8 +20,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import TypeAlias
 
-from sat_collision.messages.cdr import Points
-from sat_collision.replay.motion.bodies import Bodies
+from sat_collision.replay.motion.bodies import Bodies, Ring
 from sat_collision.replay.motion.encounters import Step
 from sat_collision.scene.obstacles import Obstacle, ObstacleId
 
@@ -41,7 +40,7 @@ class Coming:
 
     def __init__(self, max_vertices: int) -> None:
         self._max_vertices = max_vertices
-        self._messages: dict[ObstacleId, tuple[int, Points, Obstacle, str]] = {}
+        self._messages: dict[ObstacleId, tuple[int, Ring, Obstacle, str]] = {}
 
     def __bool__(self) -> bool:
         return bool(self._messages)
@@ -54,7 +53,7 @@ class Coming:
         """The stamp of the first message, of which there must be one."""
         return next(iter(self._messages.values()))[0]
 
-    def add(self, obstacle: Obstacle, stamp: int, ring: Points) -> None:
+    def add(self, obstacle: Obstacle, stamp: int, ring: Ring) -> None:
         """Add what was told of an obstacle."""
         self._messages[obstacle.name] = stamp, ring, obstacle, obstacle.frame_id
 
@@ -105,7 +104,7 @@ class Trail(ABC):
         self._coming = Coming(max_vertices)
 
     @abstractmethod
-    def place(self, obstacle: Obstacle, stamp: int, ring: Points) -> None:
+    def place(self, obstacle: Obstacle, stamp: int, ring: Ring) -> None:
         """Take what was told of an obstacle; stamp in ns."""
 
     @abstractmethod

@@ -1,0 +1,112 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What the boxes of convex parts tell of the separation of two bodies, without looking at the parts.
+
+Parts are no nearer than their boxes, and overlap no deeper: the move that parts the boxes parts
+what is in them. A little more is allowed for, as separations are rounded.
+"""
+
+import math
+
+import numpy as np
+from sat_collision.geometry.jit import COMPILED, inner
+from sat_collision.geometry.layout import convex_part, HEADER
+
+ALLOWANCE = 1.0 + 1e-9
+
+
+@inner
+def overlap(p, q):
+    """Return how far to move P along x or y until its box leaves that of Q, < 0 if it has."""
+    a = p.array
+    b = q.array
+    i = p.start
+    j = q.start
+    return min(min(a[i + 4] - b[j + 2], b[j + 4] - a[i + 2]),
+               min(a[i + 5] - b[j + 3], b[j + 5] - a[i + 3]))
+
+
+@inner
+def may_be_less(gap, least, meeting):
+    """Tell whether a separation may be less than the one found, given the `overlap` of boxes."""
+    if meeting:
+        return gap >= 0.0 and gap * ALLOWANCE >= -least
+    return -gap <= least * ALLOWANCE
+
+
+if COMPILED:
+    @inner
+    def nearest_boxes(p, q):
+        """Return the first pair of parts whose boxes overlap most, or are nearest, as below."""
+        best = -math.inf
+        pair = 0
+        parts = max(1, -q.n)
+        for i in range(max(1, -p.n)):
+            a = convex_part(p, i)
+            if overlap(a, q) > best:
+                for j in range(parts):
+                    found = overlap(a, convex_part(q, j))
+                    if found > best:
+                        best = found
+                        pair = i * parts + j
+        return pair
+
+    @inner
+    def open_pairs(p, q, least, meeting):
+        """
+        Return the pairs of parts that may be nearer or deeper than what is found: an array.
+
+        A pair is the number of the part of P, times the parts of Q, plus that of the part of Q.
+        """
+        parts = max(1, -q.n)
+        pairs = np.empty(max(1, -p.n) * parts, np.int64)
+        count = 0
+        for i in range(max(1, -p.n)):
+            a = convex_part(p, i)
+            if may_be_less(overlap(a, q), least, meeting):
+                for j in range(parts):
+                    if may_be_less(overlap(a, convex_part(q, j)), least, meeting):
+                        pairs[count] = i * parts + j
+                        count += 1
+        return pairs[:count]
+else:
+    def _overlaps(p, q):
+        """Return `overlap` of all pairs of parts."""
+        a = _boxes(p)[:, None]
+        b = _boxes(q)
+        return np.minimum(
+            np.minimum(a[..., 2] - b[:, 0], b[:, 2] - a[..., 0]),
+            np.minimum(a[..., 3] - b[:, 1], b[:, 3] - a[..., 1])).ravel()
+
+    def _boxes(p):
+        """Return the bounds of each part: (parts, 4)."""
+        array = np.asarray(p.array)
+        first = p.start + HEADER
+        starts = [0] if p.n > 0 else array[first:first - 2 * p.n:2].astype(int)
+        return array[p.start + np.add.outer(starts, np.arange(2, 6))]
+
+    def nearest_boxes(p, q):
+        """Return the first pair of parts whose boxes overlap most, or are nearest."""
+        return int(np.argmax(_overlaps(p, q)))
+
+    def open_pairs(p, q, least, meeting):
+        """Return the pairs of parts that may be nearer or deeper than what is found: a list."""
+        gaps = _overlaps(p, q)
+        if meeting:
+            is_open = (gaps >= 0.0) & (gaps * ALLOWANCE >= -least)
+        else:
+            is_open = -gaps <= least * ALLOWANCE
+        return np.flatnonzero(is_open).tolist()

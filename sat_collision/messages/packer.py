@@ -1,0 +1,79 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The points of messages, packed."""
+
+from __future__ import annotations
+
+import numpy as np
+from sat_collision.geometry.jit import COMPILED, indexable
+from sat_collision.geometry.layout import packed_size
+from sat_collision.geometry.packing import pack_convex, pack_convex_moved
+from sat_collision.geometry.polygon import (
+    PackedBody, PlaneMap, Polygon, PolygonError, Reason)
+from sat_collision.messages.cdr import Points
+
+# What plain Python has the time to cut into convex parts and to measure, see docs/reliability.md.
+_MOST_NOTCHED = 128
+# More points than this for each vertex accepted are not looked at.
+_POINTS_FOR_A_VERTEX = 8
+
+
+class Packer:
+    """
+    Packs the points of one message after another, convex ones into one array.
+
+    Parameters
+    ----------
+    max_vertices : int
+        The most vertices accepted.
+
+    """
+
+    def __init__(self, max_vertices: int) -> None:
+        self._max_vertices = max_vertices
+        self._max_notched = max_vertices if COMPILED else min(max_vertices, _MOST_NOTCHED)
+        # One more for a closing point; whoever sends yet more points is in no hurry.
+        self._most_points = max_vertices + 1
+        self._array = indexable(np.empty(packed_size(self._most_points)))
+
+    def pack(self, points: Points, plane: PlaneMap | None = None) -> PackedBody:
+        """
+        Return the body that points make, good until the next call.
+
+        Parameters
+        ----------
+        points : Points
+        plane : PlaneMap, optional
+            Takes the points to another frame.
+
+        Raises
+        ------
+        PolygonError
+            If they make none.
+
+        """
+        count = points[2]
+        if 0 < count <= self._most_points:
+            if plane is None:
+                vertices = pack_convex(*points, self._array, self._max_vertices)
+            else:
+                vertices = pack_convex_moved(*points, self._array, self._max_vertices, plane)
+            if vertices:
+                return self._array, vertices
+        most = _POINTS_FOR_A_VERTEX * self._max_vertices
+        if count > most:
+            raise PolygonError(Reason.TOO_MANY_VERTICES,
+                               f'{count} points, of which at most {most} are looked at')
+        return Polygon.from_float32(*points, self._max_vertices, self._max_notched, plane).packed

@@ -1,0 +1,112 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Messages that are not taken: why, in words that say what to do."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from sat_collision.geometry.polygon import Reason
+from sat_collision.scene import frame_tree, frames
+from sat_collision.scene.frame_ids import in_quotes
+from sat_collision.scene.holders import OTHER_FRAME, TOO_MANY
+from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
+from sat_collision.scene.sources import TOO_OLD
+
+EMPTY_FRAME_ID = 'empty frame_id'
+LONG_FRAME_ID = 'long frame_id'
+UNDECODABLE = 'undecodable'
+
+_ADVICE = {
+    EMPTY_FRAME_ID: 'the publisher must say which frame the polygon is in',
+    FROM_FUTURE: 'set the clocks of both machines by one, or raise the parameter future_tolerance',
+    LONG_FRAME_ID: 'the publisher must name a frame as tf2 has it',
+    OTHER_FRAME: 'publish in that frame, or set the parameter frame_id to have all bodies '
+                 'transformed to one frame',
+    OVERTAKEN: 'let one publisher send the footprint, in the order of its stamps',
+    Reason.EMPTY.value: 'the publisher must send where the footprint is',
+    Reason.NOT_FINITE.value: 'the publisher must send finite coordinates only',
+    Reason.SELF_INTERSECTING.value: 'the publisher must send the outline of a simple polygon',
+    Reason.TOO_MANY_VERTICES.value: 'simplify the polygon or raise the parameter max_vertices',
+    TOO_MANY: 'publish fewer obstacles or raise the parameter max_count of the source',
+    TOO_OLD: 'check clocks and delays, or raise the parameter timeout of the source',
+    UNDECODABLE: 'check that the publisher has the message type that this topic should have',
+    frames.BAD_FRAME_ID: 'correct the header of the publisher, or the parameter frame_id',
+    frames.GAP: 'publish transforms more often, or raise the parameter max_tf_gap',
+    frames.LOOP: 'let each frame have one publisher',
+    frames.NO_TRANSFORM: 'check clocks and the rate of /tf, or raise the parameter '
+                         'transform_timeout',
+    frames.NOT_CONNECTED: 'check which transforms are published on /tf and /tf_static',
+    frames.OLD_LATEST: 'check the rate of /tf, or raise the parameter timeout',
+    frames.TILTED: 'obstacles must lie in the plane; what is tilted by less than the parameter '
+                   'max_tilt is projected',
+    frames.UNKNOWN_FRAME: 'check the frame_id and which transforms are published on /tf and '
+                          '/tf_static',
+    frame_tree.BAD_NAMES: 'a transform must name two frames',
+    frame_tree.BAD_TRANSFORM: 'the publisher must send finite numbers and a quaternion of '
+                              'length 1',
+    frame_tree.OLD_TRANSFORM: 'check the clocks; two publishers of one frame do this, too',
+}
+
+
+class Rejection(NamedTuple):
+    """
+    A message that was not taken.
+
+    Attributes
+    ----------
+    name, topic : str
+        The footprint or source that it was for, and its topic.
+    reason : str
+        A few words without figures, to count by.
+    detail : str
+        What is wrong with this very message.
+
+    """
+
+    name: str
+    topic: str
+    reason: str
+    detail: str
+
+    @property
+    def text(self) -> str:
+        """The whole story as a sentence: topic, reason, and what to do."""
+        return (f'{self.name}: a message on {self.topic} was rejected, {self.reason}: '
+                f'{self.detail}; {_ADVICE[self.reason]}')
+
+
+def detail_of(refusal: str, frame_id: str, fixed: str, age: float, timeout: float) -> str:
+    """
+    Return what is wrong with a message that the scene has refused.
+
+    Parameters
+    ----------
+    refusal : str
+    frame_id, fixed : str
+        Its frame, and that of all else.
+    age, timeout : float
+        Its age by its stamp, and the age past which it is of no use, in s.
+
+    """
+    if refusal == OTHER_FRAME:
+        return f'it is in {in_quotes(frame_id)}, all else in {in_quotes(fixed)}'
+    if refusal == TOO_OLD:
+        return f'its stamp is {age:.3f} s old, past the timeout of {timeout:g} s'
+    if refusal == FROM_FUTURE:
+        return f'its stamp is {-age:.3f} s ahead of the clock'
+    if refusal == OVERTAKEN:
+        return 'a footprint with a later stamp came before it'
+    return 'the source holds max_count obstacles already'

@@ -1,0 +1,113 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Serialised tf2_msgs/TFMessage to plain data, with every length checked."""
+
+from __future__ import annotations
+
+import struct
+from typing import NamedTuple
+
+from sat_collision.messages.cdr import MessageError
+from sat_collision.scene.rotations import Transform
+
+_HEAD = 8
+_STAMP_SIZE = 8
+_LENGTH_SIZE = 4
+_TRANSFORM_SIZE = 56
+_SECOND = 1_000_000_000
+
+
+class _Order:
+    """What reads the numbers of one byte order."""
+
+    def __init__(self, sign: str) -> None:
+        self.count = struct.Struct(f'{sign}I').unpack_from
+        self.stamp = struct.Struct(f'{sign}iI').unpack_from
+        self.transform = struct.Struct(f'{sign}7d').unpack_from
+
+
+_ORDERS = {b'\x00\x01\x00\x00': _Order('<'), b'\x00\x00\x00\x00': _Order('>')}
+
+
+class StampedTransform(NamedTuple):
+    """
+    Where a frame is in another.
+
+    Attributes
+    ----------
+    parent, child : str
+    stamp : int
+        In ns.
+    transform : Transform
+        As received: its rotation may have any length.
+
+    """
+
+    parent: str
+    child: str
+    stamp: int
+    transform: Transform
+
+
+def decode_transforms(data: bytes) -> list[StampedTransform]:
+    """
+    Read a TFMessage, of either byte order.
+
+    Raises
+    ------
+    MessageError
+        If not every byte is accounted for, a name is not UTF-8 or a stamp is no time.
+
+    """
+    order = _ORDERS.get(data[:4])
+    if order is None or len(data) < _HEAD:
+        raise MessageError(f'{len(data)} bytes that begin with {data[:4].hex()!r} are no message')
+    count, = order.count(data, 4)
+    at = _HEAD
+    transforms = []
+    try:
+        for _ in range(count):
+            seconds, nanoseconds = order.stamp(data, at)
+            parent, at = _name(data, at + _STAMP_SIZE, order)
+            child, at = _name(data, at, order)
+            # Alignment counts from behind the encapsulation, hence the 4.
+            at = ((at - 4 + 7) & ~7) + 4
+            transform = order.transform(data, at)
+            at += _TRANSFORM_SIZE
+            if nanoseconds >= _SECOND:
+                raise MessageError(
+                    f'{nanoseconds} nanoseconds in a stamp make more than a second')
+            transforms.append(StampedTransform(
+                parent, child, seconds * _SECOND + nanoseconds, transform))
+    except struct.error as error:
+        raise MessageError(f'ends before its {count} transforms do') from error
+    if at != len(data):
+        raise MessageError(f'{len(data)} bytes where the contents need {at}')
+    return transforms
+
+
+def _name(data: bytes, at: int, order: _Order) -> tuple[str, int]:
+    """Return the string that begins somewhere, and where the number behind it would stand."""
+    at = (at + 3) & ~3
+    length, = order.count(data, at)
+    start = at + _LENGTH_SIZE
+    end = start + length
+    # The first NUL must be the last byte of the string.
+    if length == 0 or data.find(b'\0', start, end) != end - 1:
+        raise MessageError('a frame name does not end where it says')
+    try:
+        return data[start:end - 1].decode(), end
+    except UnicodeDecodeError as error:
+        raise MessageError('a frame name is not UTF-8') from error

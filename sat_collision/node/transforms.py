@@ -1,0 +1,69 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The subscriptions of /tf and /tf_static."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from rclpy.callback_groups import CallbackGroup
+from rclpy.node import Node
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile
+from sat_collision.messages.transform_listener import TF, TF_STATIC
+from sat_collision.node.loop import Input
+from sat_collision.scene.settings import Settings
+
+# As tf2 has them.
+_DEPTH = 100
+_DURABILITIES = {TF: QoSDurabilityPolicy.VOLATILE, TF_STATIC: QoSDurabilityPolicy.TRANSIENT_LOCAL}
+
+
+def transform_type(node: Node, settings: Settings) -> type | None:
+    """Return the class TFMessage; None where tf2_msgs is not installed, or no frame is fixed."""
+    if not settings.frame_id:
+        return None
+    try:
+        from tf2_msgs.msg import TFMessage
+    except ImportError:
+        node.get_logger().warning(
+            f'tf2_msgs is not installed: bodies are taken in {settings.frame_id} only')
+        return None
+    return TFMessage  # type: ignore[no-any-return]
+
+
+def subscribe(node: Node, kind: type, receive: Callable[..., Any],
+              group: CallbackGroup) -> list[Input]:
+    """
+    Subscribe to the bytes of /tf and /tf_static.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    kind : type
+        The class TFMessage.
+    receive : callable
+        Takes the name of a topic, the bytes of a message and what rclpy knows of it.
+    group : rclpy.callback_groups.CallbackGroup
+
+    Returns
+    -------
+    list of Input
+
+    """
+    return [Input(topic, node.create_subscription(
+        kind, topic, partial(receive, topic), QoSProfile(depth=_DEPTH, durability=durability),
+        raw=True, callback_group=group)) for topic, durability in _DURABILITIES.items()]

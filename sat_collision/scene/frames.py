@@ -1,0 +1,263 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Where a frame was in another when something was seen there, or why that is not known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+import math
+from typing import NamedTuple
+
+from sat_collision.geometry.polygon import PlaneMap
+from sat_collision.scene.deadlines import NEVER
+from sat_collision.scene.frame_tree import FrameTree
+from sat_collision.scene.rotations import (
+    composed, IDENTITY, inverse, plane_map, tilt, Transform)
+
+BAD_FRAME_ID = 'bad frame_id'
+GAP = 'gap between transforms'
+LOOP = 'frames in a circle'
+NO_TRANSFORM = 'no transform'
+NOT_CONNECTED = 'frames not connected'
+OLD_LATEST = 'latest transform too old'
+TILTED = 'tilted'
+UNKNOWN_FRAME = 'unknown frame'
+
+_MOST_MAPS = 256
+
+
+class Located(NamedTuple):
+    """
+    Where a frame is in another.
+
+    Attributes
+    ----------
+    transform : Transform
+        From the one to the other.
+    at : int or None
+        The time that it holds for in ns, None for all times.
+
+    """
+
+    transform: Transform
+    at: int | None
+
+
+class Mapped(NamedTuple):
+    """
+    What takes points of the plane of a frame to that of another.
+
+    Attributes
+    ----------
+    plane : PlaneMap
+    at : int or None
+        As in `Located`.
+
+    """
+
+    plane: PlaneMap
+    at: int | None
+
+
+class NoTransform(NamedTuple):
+    """
+    Why it is not known where a frame is in another.
+
+    Attributes
+    ----------
+    reason : str
+        A few words without names and figures, to count by.
+    detail : str
+        What is the matter here, for users.
+    may_come : bool
+        Whether later transforms may yet tell.
+
+    """
+
+    reason: str
+    detail: str
+    may_come: bool
+
+
+class Frames:
+    """
+    The transforms of the last seconds, and what follows from them.
+
+    With tf2's meaning: between two stamps the translation is interpolated linearly and the
+    rotation evenly, and static frames are where they are at all times. But where a frame was is
+    not known before its first stamp, after its last, and between two that are further apart than
+    `max_gap`.
+
+    Times are ints in ns.
+
+    Parameters
+    ----------
+    history : int
+        For so long before the newest transform of a frame its others are kept, in ns.
+    max_gap : float, optional
+        How far apart two stamps may be to know what is between them, in ns; NEVER for any.
+    max_tilt : float, optional
+        By how much a frame may be tilted to be projected onto the plane, in rad.
+
+    """
+
+    def __init__(self, history: int, max_gap: float = NEVER, max_tilt: float = math.pi) -> None:
+        self._max_gap = max_gap
+        self._max_tilt = max_tilt
+        self._tree = FrameTree(history)
+        self._maps: dict[tuple[str, str, int], Mapped] = {}
+
+    def clear(self) -> None:
+        """Forget all that moves, as tf2 does; what is static is told only once."""
+        self._tree.clear()
+        self._maps.clear()
+
+    def configure(self, max_gap: float, max_tilt: float) -> None:
+        """Apply other limits."""
+        self._max_gap = max_gap
+        self._max_tilt = max_tilt
+        self._maps.clear()
+
+    def insert(self, parent: str, child: str, stamp: int, transform: Transform,
+               static: bool = False) -> str | None:
+        """Take where a child frame is in its parent; return why not, as `FrameTree.insert`."""
+        tree = self._tree
+        refusal = tree.insert(parent, child, stamp, transform, static)
+        if tree.rewritten:
+            # Where nothing but the newest is added, what was looked up stays true.
+            self._maps.clear()
+            tree.rewritten = False
+        return refusal
+
+    def lookup(self, target: str, source: str, stamp: int) -> Located | NoTransform:
+        """Return where the source frame was in the target frame at a time."""
+        if source == target:
+            return Located(IDENTITY, stamp)
+        climb, gap = self._tree.climb, self._max_gap
+        below, top = climb(source, stamp, gap, (target,))
+        if top == target:
+            return Located(below[target], stamp)
+        if top:
+            above, common = climb(target, stamp, gap, below)
+            if common in below:
+                return Located(composed(inverse(above[common]), below[common]), stamp)
+        return self._explain(target, source, stamp)
+
+    def newest(self, target: str, source: str, oldest: float = -NEVER) -> Located | NoTransform:
+        """
+        Return where the source frame is in the target frame, at the newest time that all know.
+
+        Parameters
+        ----------
+        target, source : str
+        oldest : float, optional
+            What is older than this time is no answer.
+
+        Returns
+        -------
+        Located or NoTransform
+
+        """
+        below, top = self._tree.climb_newest(source, (target,))
+        time = below.get(target)
+        if time is None:
+            above, common = self._tree.climb_newest(target, below)
+            if not top or common not in below:
+                return self._explain(target, source, None)
+            time = min(above[common], below[common])
+        if time == NEVER:
+            found = self.lookup(target, source, 0)
+            return found._replace(at=None) if isinstance(found, Located) else found
+        if time < oldest:
+            return NoTransform(
+                OLD_LATEST, f'{_between(source, target)}: the newest is past the timeout by '
+                f'{_seconds(oldest - time)}', True)
+        return self.lookup(target, source, int(time))
+
+    def plane(self, target: str, source: str, stamp: int) -> Mapped | NoTransform:
+        """Return as `lookup` does what takes the plane of a frame to that of another."""
+        key = target, source, stamp
+        known = self._maps.get(key)
+        if known is None:
+            found = self._projected(self.lookup(target, source, stamp), target, source)
+            if isinstance(found, NoTransform):
+                return found
+            if len(self._maps) >= _MOST_MAPS:
+                self._maps.clear()
+            self._maps[key] = known = found
+        return known
+
+    def newest_plane(self, target: str, source: str, oldest: float) -> Mapped | NoTransform:
+        """Return as `newest` does what takes the plane of a frame to that of another."""
+        return self._projected(self.newest(target, source, oldest), target, source)
+
+    def _projected(self, found: Located | NoTransform, target: str,
+                   source: str) -> Mapped | NoTransform:
+        if isinstance(found, NoTransform):
+            return found
+        angle = tilt(found.transform)
+        if angle > self._max_tilt:
+            return NoTransform(
+                TILTED, f'{source} is tilted by {math.degrees(angle):.1f} degrees in {target}, '
+                f'more than {math.degrees(self._max_tilt):g}', False)
+        return Mapped(plane_map(found.transform), found.at)
+
+    def _explain(self, target: str, source: str, stamp: int | None) -> NoTransform:
+        """Put into words why there is no answer for a time, or for the newest."""
+        tree, way = self._tree, _between(source, target)
+        for name in (source, target):
+            if not name or name[0] == '/':
+                return NoTransform(BAD_FRAME_ID, f"'{name}' is no frame: a name is not empty and "
+                                   'begins without a slash', False)
+        for name in (source, target):
+            if name not in tree:
+                return NoTransform(UNKNOWN_FRAME, f'{way}: no good transform has named {name} yet',
+                                   True)
+        faults = []
+        for name in (source, target):
+            passed: Iterable[str]
+            if stamp is None:
+                passed, top = tree.climb_newest(name)
+            else:
+                passed, top = tree.climb(name, stamp, self._max_gap)
+                if top in tree.moving:
+                    faults.append(self._fault(top, stamp, way))
+            if not top:
+                return NoTransform(LOOP, f'{way}: the parents of {name} lead in a circle: '
+                                   f'{", ".join(passed)}', True)
+        if not faults:
+            return NoTransform(NOT_CONNECTED, f'{way}: no transforms connect them', True)
+        return faults[0]._replace(may_come=any(fault.may_come for fault in faults))
+
+    def _fault(self, frame: str, stamp: int, way: str) -> NoTransform:
+        """Put into words why it is not known where a frame was at a time."""
+        track = self._tree.moving[frame]
+        if stamp > track.stamps[-1]:
+            return NoTransform(NO_TRANSFORM, f'{way} at its stamp: the newest of {frame} is '
+                               f'{_seconds(stamp - track.stamps[-1])} older', True)
+        if stamp < track.stamps[0]:
+            return NoTransform(NO_TRANSFORM, f'{way} at its stamp: the oldest of {frame} is '
+                               f'{_seconds(track.stamps[0] - stamp)} newer', False)
+        return NoTransform(GAP, f'{way} at its stamp: the transforms of {frame} around it are '
+                           f'{_seconds(track.gap(stamp))} apart, more than '
+                           f'{_seconds(self._max_gap)}', False)
+
+
+def _between(source: str, target: str) -> str:
+    return f'no transform from {source} to {target}'
+
+
+def _seconds(nanoseconds: float) -> str:
+    return f'{nanoseconds / 1e9:.3g} s'

@@ -1,0 +1,135 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Messages that wait until more is known, in the order in which they came."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+import enum
+from typing import Generic, TypeVar
+
+from sat_collision.scene.deadlines import NEVER
+
+_Item = TypeVar('_Item')
+_Outcome = TypeVar('_Outcome')
+
+
+class Wait(enum.Enum):
+    """What is said of a message that must wait."""
+
+    WAIT = 'wait'
+
+
+WAIT = Wait.WAIT
+
+
+class Waiting(Generic[_Item, _Outcome]):
+    """
+    What waits, by the name of what it is for, each behind that which came before it.
+
+    Parameters
+    ----------
+    take : callable
+        Takes name, what waits first, present time in ns and whether it may wait on; returns WAIT
+        for that, else what came of it.
+    changed : callable
+        Takes a name for which something waits now, or nothing any more.
+
+    Attributes
+    ----------
+    earliest : float
+        Time in ns at which the patience with one of them ends; NEVER if nothing waits.
+
+    """
+
+    def __init__(self, take: Callable[[str, _Item, int, bool], _Outcome | Wait | None],
+                 changed: Callable[[str], None]) -> None:
+        self._take = take
+        self._changed = changed
+        self._queues: dict[str, deque[tuple[_Item, int]]] = {}
+        self.earliest = NEVER
+
+    def __contains__(self, name: str) -> bool:
+        """Tell whether something waits for what has this name."""
+        return name in self._queues
+
+    def counts(self) -> dict[str, int]:
+        """Return how many wait, by the name of what they are for."""
+        return {name: len(queue) for name, queue in self._queues.items()}
+
+    def add(self, name: str, item: _Item, now: int, patience: int, most: int) -> list[_Outcome]:
+        """
+        Let something wait behind all that waits for the same.
+
+        Parameters
+        ----------
+        name : str
+        item : object
+        now, patience : int
+            Present time, and how long it may wait, in ns.
+        most : int
+            How many may wait; where there are more, those that came first wait no longer.
+
+        Returns
+        -------
+        list
+            What came of those.
+
+        """
+        begins = name not in self._queues
+        queue = self._queues.setdefault(name, deque())
+        queue.append((item, now + patience))
+        outcomes: list[_Outcome] = []
+        while len(queue) > most:
+            self._take_first(name, now, False, outcomes)
+        self._find_earliest()
+        if begins:
+            self._changed(name)
+        return outcomes
+
+    def take(self, now: int) -> list[_Outcome]:
+        """Take what need not wait any more, and return what came of it."""
+        outcomes: list[_Outcome] = []
+        for name, queue in list(self._queues.items()):
+            while queue and self._take_first(name, now, now <= queue[0][1], outcomes):
+                pass
+            if not queue:
+                del self._queues[name]
+                self._changed(name)
+        self._find_earliest()
+        return outcomes
+
+    def drop(self) -> None:
+        """Let nothing wait any more."""
+        names = list(self._queues)
+        self._queues.clear()
+        self._find_earliest()
+        for name in names:
+            self._changed(name)
+
+    def _take_first(self, name: str, now: int, may_wait: bool, outcomes: list[_Outcome]) -> bool:
+        """Take what waits first for a name; return whether it waits no more."""
+        queue = self._queues[name]
+        outcome = self._take(name, queue[0][0], now, may_wait)
+        if isinstance(outcome, Wait):
+            return False
+        queue.popleft()
+        if outcome is not None:
+            outcomes.append(outcome)
+        return True
+
+    def _find_earliest(self) -> None:
+        self.earliest = min((queue[0][1] for queue in self._queues.values()), default=NEVER)

@@ -1,0 +1,290 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Faults done to a real process of the node, over DDS: how soon each shows, and for how long.
+
+``make faults`` does each several times and writes the table of docs/reliability.md. The short form
+in the test suite does each once.
+"""
+
+import argparse
+from collections.abc import Callable
+import contextlib
+import os
+from pathlib import Path
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / 'test' / 'support')]
+
+from builders import box, serialised  # noqa: E402
+from geometry_msgs.msg import PolygonStamped  # noqa: E402
+import rclpy  # noqa: E402
+from rclpy.duration import Duration  # noqa: E402
+from rclpy.event_handler import SubscriptionEventCallbacks  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.qos import LivelinessPolicy, QoSProfile  # noqa: E402
+from std_msgs.msg import Bool  # noqa: E402
+
+PATIENCE = 60.0
+_PERIOD = 0.02
+_TIMEOUT = 0.5
+# What a subscriber may count on, see the README: no flag for so long is a raised one.
+_TOO_OLD = 0.3
+
+# The node, with a loop that stands still while a file is there.
+_PROGRAM = """
+import os, sys, time
+from sat_collision.node.footprint_monitor import FootprintMonitor
+from sat_collision.node.__main__ import main
+tick = FootprintMonitor.tick
+def tick_or_hang(self, *arguments):
+    while os.path.exists(sys.argv[1]):
+        time.sleep(0.001)
+    return tick(self, *arguments)
+FootprintMonitor.tick = tick_or_hang
+sys.exit(main(sys.argv))
+"""
+
+
+class Outcome(NamedTuple):
+    """
+    How a fault went.
+
+    Attributes
+    ----------
+    detected : float
+        Seconds from the fault until a subscriber that follows the README's rule took the flag for
+        raised.
+    recovered : float
+        Seconds from the end of the fault until the flag fell again.
+    wrong_clears : int
+        Flags that said clear, while the fault lasted, after it had been detected.
+
+    """
+
+    detected: float
+    recovered: float
+    wrong_clears: int
+
+
+class Rig:
+    """A node's process, a robot that is clear of what is seen, and who listens to the flag."""
+
+    def __init__(self) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix='sat_collision_faults_')
+        self.hanging = Path(self._folder.name, 'hang')
+        self._context = rclpy.Context()
+        self._context.init(domain_id=int(os.environ.get('ROS_DOMAIN_ID', 0)))
+        self._node = rclpy.create_node('rig', context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._flags: list[tuple[float, bool]] = []
+        self._told_dead = 0.0
+        self._node.create_subscription(
+            Bool, '/footprint_monitor/collision', self._hear,
+            QoSProfile(depth=100, deadline=Duration(seconds=0.35),
+                       liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
+                       liveliness_lease_duration=Duration(seconds=0.6)),
+            event_callbacks=SubscriptionEventCallbacks(
+                deadline=lambda event: None, liveliness=lambda event: None))
+        self._publishers = {name: self._node.create_publisher(PolygonStamped, name, 100)
+                            for name in ('footprint', 'obstacles')}
+        self.x = {'footprint': 0.0, 'obstacles': 5.0}
+        self.silent: set[str] = set()
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._publish)
+        self._thread.start()
+        self.process: subprocess.Popen[bytes] | None = None
+
+    def start(self, *command: str) -> None:
+        """Start the node's process."""
+        self.process = subprocess.Popen(
+            [*command, sys.executable, '-c', _PROGRAM, str(self.hanging), '--ros-args',
+             '-p', f'footprint.timeout:={_TIMEOUT}', '-p', f'obstacle.timeout:={_TIMEOUT}'],
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=ROOT)
+
+    def close(self) -> None:
+        """End all that was begun."""
+        self._ended.set()
+        self._thread.join()
+        if self.process:
+            self.process.kill()
+            self.process.wait()
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.shutdown()
+        self._folder.cleanup()
+
+    def _publish(self) -> None:
+        while not self._ended.wait(_PERIOD):
+            for name, publisher in self._publishers.items():
+                if name not in self.silent:
+                    publisher.publish(serialised(box(self.x[name], 0), time.time_ns()))
+
+    def _hear(self, flag: Bool) -> None:
+        self._flags.append((time.monotonic(), flag.data))
+
+    def spin(self, seconds: float = 0.0) -> None:
+        """Take what has arrived, for some time."""
+        end = time.monotonic() + seconds
+        self._executor.spin_once(timeout_sec=0.002)
+        while time.monotonic() < end:
+            self._executor.spin_once(timeout_sec=0.002)
+
+    def is_clear(self) -> bool:
+        """Tell whether a subscriber that follows the rule may take the robot for clear."""
+        if not self._flags:
+            return False
+        when, raised = self._flags[-1]
+        return not raised and time.monotonic() - when < _TOO_OLD
+
+    def until(self, condition: Callable[[], bool]) -> float:
+        """Spin until a condition holds; return for how long."""
+        begun = time.monotonic()
+        while not condition():
+            if time.monotonic() - begun > PATIENCE:
+                raise TimeoutError('what was awaited did not happen')
+            self.spin()
+        return time.monotonic() - begun
+
+    def clears_since(self, when: float) -> int:
+        """Return how many flags said clear after a time."""
+        return sum(not raised for time_, raised in self._flags if time_ > when)
+
+
+def outcome(rig: Rig, begin: Callable[[], object], end: Callable[[], object],
+            lasting: float = 1.5) -> Outcome:
+    """Do a fault to a rig that is clear."""
+    rig.until(rig.is_clear)
+    begin()
+    detected = rig.until(lambda: not rig.is_clear())
+    since = time.monotonic()
+    rig.spin(lasting)
+    wrong = rig.clears_since(since)
+    end()
+    return Outcome(detected, rig.until(rig.is_clear), wrong)
+
+
+def _killed(rig: Rig) -> Outcome:
+    assert rig.process
+
+    def restart() -> None:
+        assert rig.process
+        rig.process.wait()
+        rig.start()
+    return outcome(rig, rig.process.kill, restart)
+
+
+def _stopped(rig: Rig) -> Outcome:
+    assert rig.process
+    process = rig.process
+    return outcome(rig, lambda: process.send_signal(signal.SIGSTOP),
+                   lambda: process.send_signal(signal.SIGCONT))
+
+
+def _stalled(rig: Rig) -> Outcome:
+    return outcome(rig, rig.hanging.touch, rig.hanging.unlink)
+
+
+def _silent(name: str) -> Callable[[Rig], Outcome]:
+    return lambda rig: outcome(rig, lambda: rig.silent.add(name), rig.silent.clear)
+
+
+def _contact(rig: Rig) -> Outcome:
+    def move(x: float) -> None:
+        rig.x['footprint'] = x
+    return outcome(rig, lambda: move(5.0), lambda: move(0.0))
+
+
+def _contact_in_flood(rig: Rig) -> Outcome:
+    """Let the robot touch something while another publisher floods the topic."""
+    flooded = threading.Event()
+    noise = rig._node.create_publisher(PolygonStamped, 'obstacles', 1000)
+
+    def flood() -> None:
+        while not flooded.wait(0.001):
+            for _ in range(10):
+                noise.publish(b'no message')
+    thread = threading.Thread(target=flood)
+
+    def begin() -> None:
+        rig.x['footprint'] = 5.0
+        thread.start()
+
+    def end() -> None:
+        flooded.set()
+        thread.join()
+        # As long as it is there, the topic has two publishers, whose sets cannot be told apart.
+        rig._node.destroy_publisher(noise)
+        rig.x['footprint'] = 0.0
+    try:
+        return outcome(rig, begin, end)
+    finally:
+        flooded.set()
+
+
+FAULTS: dict[str, Callable[[Rig], Outcome]] = {
+    'no fault: the robot touches an obstacle': _contact,
+    'the monitor is killed and started again': _killed,
+    'the monitor is stopped and goes on (SIGSTOP, SIGCONT)': _stopped,
+    'the loop of the monitor hangs': _stalled,
+    'the footprint is silent (timeout 0.5 s)': _silent('footprint'),
+    'the obstacles are silent (timeout 0.5 s)': _silent('obstacles'),
+    'the robot touches while 10,000 messages/s of no use come': _contact_in_flood,
+}
+
+
+@contextlib.contextmanager
+def rig():
+    """Run a rig whose node has become clear once."""
+    made = Rig()
+    try:
+        made.start()
+        made.until(made.is_clear)
+        yield made
+    finally:
+        made.close()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser.add_argument('--repeat', type=int, default=10)
+    parser.add_argument('--write', metavar='FILE', help='a page whose table is to be replaced')
+    arguments = parser.parse_args()
+    rows = ['| fault | detected after | recovered after | wrong clears |', '|---|---|---|---|']
+    with rig() as made:
+        for name, fault in FAULTS.items():
+            outcomes = [fault(made) for _ in range(arguments.repeat)]
+            cells = [f'{statistics.median(times):.2f} s (at most {max(times):.2f} s)'
+                     for times in list(zip(*outcomes))[:2]]
+            wrong = sum(one.wrong_clears for one in outcomes)
+            rows.append(f'| {name} | {cells[0]} | {cells[1]} | {wrong} of {len(outcomes)} |')
+            print(rows[-1], flush=True)
+    if arguments.write:
+        page = Path(arguments.write)
+        head, begun, rest = page.read_text().partition('<!-- faults -->\n')
+        _, ended, tail = rest.partition('<!-- until here -->\n')
+        page.write_text('\n'.join([head + begun + rows[0], *rows[1:], ended + tail]))
+
+
+if __name__ == '__main__':
+    main()

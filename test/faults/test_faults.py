@@ -1,0 +1,36 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The short form of ``make faults``: each fault once."""
+
+from faults import FAULTS, rig
+import pytest
+
+# More than the rule's 0.3 s and a timeout of 0.5 s, for the machine may be busy.
+_SLOW = 3.0
+
+
+@pytest.fixture(scope='module')
+def made():
+    """Return one node's process, to which all is done."""
+    with rig() as made:
+        yield made
+
+
+@pytest.mark.parametrize('fault', FAULTS)
+def test_fault(made, fault):
+    """Detected, recovered from, and no flag says clear in between."""
+    outcome = FAULTS[fault](made)
+    assert outcome.wrong_clears == 0
+    assert outcome.detected < _SLOW

@@ -1,0 +1,151 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Random bytes, polygons and parameters, as many as one likes: nothing raises, nothing passes.
+
+- bytes: a message with some bytes changed is taken, or refused with a reason; what is taken is
+  what rclpy's own decoder reads.
+- polygons: of whatever numbers, a body is made whose parts cover its area, or a PolygonError.
+- parameters: values of all types are refused or applied, and the scene goes on.
+"""
+
+import argparse
+import math
+from pathlib import Path
+import random
+import sys
+import time
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / 'test' / 'support')]
+
+from builders import box, serialised  # noqa: E402
+import numpy as np  # noqa: E402
+from sat_collision.geometry.polygon import Polygon, PolygonError  # noqa: E402
+from sat_collision.messages.cdr import decode, MessageError  # noqa: E402
+from sat_collision.messages.interfaces import deserialize, PolygonStamped  # noqa: E402
+from sat_collision.monitor import Monitor, Rejection  # noqa: E402
+from sat_collision.scene.parameters import (  # noqa: E402
+    declare_parameters, ParameterError, read_settings)
+
+_NUMBERS = (0.0, -0.0, 1.0, -1.0, 1e-45, 3.4e38, -3.4e38, 16777216.0, 0.1, math.inf, math.nan)
+
+
+def settings():
+    """Return the settings that there are by default."""
+    values = {}
+
+    def declare(name, default, spec):
+        values[name] = default
+        return default
+    names = declare_parameters(declare)
+    return read_settings(*names, values.__getitem__, lambda topic: f'/{topic}')
+
+
+def fuzz_bytes(rng, monitor):
+    """Give a monitor a message that somebody has tampered with."""
+    data = bytearray(serialised(box(rng.random(), 0), order=rng.choice('<>'),
+                                frame_id=rng.choice(('map', 'a', 'odom' * 9))))
+    for _ in range(rng.randrange(4)):
+        data[rng.randrange(len(data))] = rng.choice((0, 1, 255, rng.randrange(256)))
+    if rng.random() < 0.2:
+        data = data[:rng.randrange(len(data) + 1)]
+    if rng.random() < 0.1:
+        data += rng.randbytes(rng.randrange(1, 9))
+    data = bytes(data)
+    rejection = monitor.receive(rng.choice(('footprint', 'obstacle')), data, 10**18)
+    assert rejection is None or (isinstance(rejection, Rejection)
+                                 and rejection.text.isprintable() and len(rejection.text) < 900)
+    try:
+        stamp, frame_id, (points, start, count), _ = decode(data, False)
+    except MessageError:
+        return
+    message = deserialize(data, PolygonStamped)
+    assert message.header.frame_id == frame_id and len(message.polygon.points) == count
+    numbers = np.frombuffer(points, np.float32, 3 * count, start).reshape(-1, 3)
+    theirs = np.float32([(p.x, p.y, p.z) for p in message.polygon.points]).reshape(-1, 3)
+    assert np.array_equal(numbers, theirs, equal_nan=True)
+
+
+def fuzz_polygon(rng, monitor):
+    """Make a polygon of few numbers that like to coincide, or of any."""
+    count = rng.randrange(1, 12)
+    if rng.random() < 0.7:
+        points = [(rng.randrange(4), rng.randrange(4)) for _ in range(count)]
+    else:
+        points = [(rng.choice(_NUMBERS), rng.choice(_NUMBERS)) for _ in range(count)]
+    try:
+        body = Polygon(points)
+    except PolygonError as error:
+        assert str(error).isprintable()
+        return
+    if max(map(abs, body.bounds)) < 1e6:
+        parts = sum(_area(part.vertices) for part in body.parts)
+        assert abs(parts - _area(body.vertices)) <= 1e-9 * max(1.0, parts), points
+
+
+def fuzz_parameter(rng, monitor):
+    """Try to change a parameter to a value of any type."""
+    values = {}
+
+    def declare(name, default, spec):
+        values[name] = default
+        return default
+    names = declare_parameters(declare)
+    name = rng.choice([name for name in values if name.endswith('topic')])
+    values[name] = rng.choice(('', 'a b', '/x', '~', 'x' * 300, '\n', '{', 'obstacles'))
+
+    def resolve(topic):
+        if not topic.replace('/', '').isidentifier():
+            raise ValueError(f'cannot be a topic: {topic!r}')
+        return topic
+    try:
+        read_settings(*names, values.__getitem__, resolve)
+    except ParameterError as error:
+        assert '\n' not in str(error)
+
+
+def _area(vertices):
+    x, y = vertices[:, 0], vertices[:, 1]
+    return 0.5 * float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
+
+
+FUZZERS = {'bytes': fuzz_bytes, 'polygons': fuzz_polygon, 'parameters': fuzz_parameter}
+
+
+def fuzz(name, count, seed):
+    """Run a fuzzer for so many inputs; what fails can be repeated by its seed."""
+    monitor = Monitor(settings())
+    for k in range(count):
+        try:
+            FUZZERS[name](random.Random(f'{seed} {k}'), monitor)
+        except BaseException:
+            print(f'{name}: input {k} of seed {seed}', file=sys.stderr)
+            raise
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser.add_argument('--inputs', type=float, default=1e7, help='of all fuzzers together')
+    parser.add_argument('--seed', type=int, default=1)
+    arguments = parser.parse_args()
+    for name in FUZZERS:
+        begun = time.monotonic()
+        count = round(arguments.inputs / len(FUZZERS))
+        fuzz(name, count, arguments.seed)
+        print(f'{name}: {count:,} inputs, {time.monotonic() - begun:.0f} s', flush=True)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,145 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The node's process, and the other ways in, where there is little to start with."""
+
+import os
+from pathlib import Path
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+from hardship import allow_writing, forbid_writing, without_privileges
+import pytest
+from sat_collision.geometry.jit import COMPILED
+
+PACKAGE = Path(__file__).resolve().parents[2] / 'sat_collision'
+TO_END = 2.0
+
+
+@pytest.fixture
+def place(tmp_path):
+    """Return a folder with the package, nothing compiled of it, and an empty home."""
+    shutil.copytree(PACKAGE, tmp_path / 'sat_collision',
+                    ignore=shutil.ignore_patterns('__pycache__'))
+    (tmp_path / 'home').mkdir()
+    yield tmp_path
+    allow_writing(tmp_path)
+
+
+@pytest.fixture
+def start(place, domain):
+    """Start a program in that place, with nothing of the user's environment that helps."""
+    started = []
+
+    def start(*arguments, **environment):
+        started.append(subprocess.Popen(
+            [sys.executable, *arguments], cwd=place / 'home', text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, preexec_fn=without_privileges,
+            env={**os.environ, 'HOME': str(place / 'home'), 'ROS_LOG_DIR': '',
+                 'PYTHONPATH': str(place), 'ROS_DOMAIN_ID': str(domain), 'NUMBA_CACHE_DIR': '',
+                 'XDG_CACHE_HOME': '', 'PYTHONUNBUFFERED': '1', **environment}))
+        return started[-1]
+    yield start
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+def lines_until(process, words):
+    """Return the lines of a process up to one with some words."""
+    lines = []
+    for line in process.stdout:
+        lines.append(line)
+        if words in line:
+            return lines
+    pytest.fail(f'ended without a word of {words}: {lines}')
+
+
+def test_node_that_may_write_nowhere(start, place):
+    """Neither package nor home: it says so in a line each, runs, and ends as told."""
+    forbid_writing(place)
+    node = start('-m', 'sat_collision.node', NUMBA_DISABLE_JIT='1')
+    lines = lines_until(node, 'on /obstacles')
+    assert sum('log' in line and 'not to a file' in line for line in lines) == 1, lines
+    node.terminate()
+    rest, _ = node.communicate(timeout=30)
+    assert node.returncode == 0 and 'Traceback' not in ''.join([*lines, rest])
+
+
+@pytest.mark.parametrize('arguments', [('-c', 'from sat_collision import intersects'),
+                                       ('-m', 'sat_collision.replay', 'nowhere')])
+def test_import_and_replay_that_may_write_nowhere(start, place, arguments):
+    """One line about kernels, where any are compiled, and no traceback."""
+    forbid_writing(place)
+    output, _ = start(*arguments).communicate(timeout=120)
+    lines = [line for line in output.splitlines() if 'compiled kernels' in line]
+    assert len(lines) == COMPILED and 'Traceback' not in output, output
+
+
+def test_node_without_a_compiler(start, place):
+    """It need not be there, and nothing is said of it but the kernel."""
+    (place / 'numba.py').write_text("raise ModuleNotFoundError('no numba', name='numba')")
+    node = start('-m', 'sat_collision.node')
+    text = ''.join(lines_until(node, 'on /obstacles'))
+    assert 'kernels (plain Python) ready' in text and 'WARN' not in text
+    node.terminate()
+    assert node.wait(30) == 0
+
+
+def test_node_with_a_compiler_that_does_not_work(start, place):
+    """It runs in plain Python; the log says why."""
+    (place / 'llvmlite').mkdir()
+    (place / 'llvmlite' / '__init__.py').write_text("raise OSError('no libllvmlite.so')")
+    pytest.importorskip('numba')
+    node = start('-m', 'sat_collision.node')
+    text = ''.join(lines_until(node, 'on /obstacles'))
+    assert 'plain Python: OSError: no libllvmlite.so' in text and 'ready' in text
+    node.terminate()
+    assert node.wait(30) == 0
+
+
+@pytest.mark.parametrize('number', (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
+def test_signal_at_some_moment_of_the_first_start(start, number):
+    """While kernels compile, in this process and in its helper: both end, with status 0."""
+    pytest.importorskip('numba')
+    rng = random.Random(number)
+    node = start('-m', 'sat_collision.node')
+    lines = lines_until(node, 'preparing kernels')
+    time.sleep(rng.uniform(0.0, 6.0))
+    helpers = children(node.pid)
+    sent = time.monotonic()
+    node.send_signal(number)
+    rest, _ = node.communicate(timeout=30)
+    assert time.monotonic() - sent < TO_END
+    assert (node.returncode, 'Traceback' in ''.join([*lines, rest])) == (0, False), rest
+    while any(is_running(helper) for helper in helpers):
+        assert time.monotonic() - sent < TO_END, 'the helper goes on'
+        time.sleep(0.01)
+
+
+def children(pid):
+    """Return the processes that a process has started."""
+    return [int(child) for child in
+            Path(f'/proc/{pid}/task/{pid}/children').read_text().split()]
+
+
+def is_running(pid):
+    try:
+        return ') Z ' not in Path(f'/proc/{pid}/stat').read_text()
+    except FileNotFoundError:
+        return False

@@ -1,0 +1,115 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What anybody in the domain can send: parameters, names, lengths. None of it talks into clear."""
+
+from pathlib import Path
+import struct
+from xml.etree import ElementTree
+
+from builders import serialised
+from geometry_msgs.msg import PolygonStamped
+from harness import box, health
+import pytest
+
+LOCKED = {'enabled': False, 'unknown_is_collision': False, 'margin': 0.5, 'release_delay': 5.0,
+          'footprint__timeout': 0.0, 'footprint__enabled': False, 'obstacle__timeout': 0.0,
+          'obstacle__enabled': False, 'obstacle__set_window': 5.0, 'obstacle__accumulate': True,
+          'watchdog': 0.0, 'use_sim_time': True}
+
+
+@pytest.mark.parametrize('name', LOCKED)
+def test_locked_parameters_stay(start, name):
+    """Refused, with a reason; nothing is changed by the attempt."""
+    running = start(lock_parameters=True, watchdog=0.5)
+    reason, = running.set_parameters(**{name: LOCKED[name]})
+    assert 'lock_parameters' in reason
+    dotted = name.replace('__', '.')
+    assert running.monitor.get_parameter(dotted).value != LOCKED[name]
+    assert not running.monitor.get_clock().ros_time_is_active
+
+
+def test_what_decides_nothing_is_not_locked(start):
+    """How often is published may be changed, and the lock itself may not be opened."""
+    running = start(lock_parameters=True)
+    assert running.set_parameters(publish_rate=20.0) == [None]
+    assert running.set_parameters(lock_parameters=False) != [None]
+    assert running.set_parameters(margin=1.0) != [None]
+
+
+def test_without_a_lock_each_change_is_told(start):
+    """In the log with old and new value, and in /diagnostics."""
+    running = start()
+    assert running.set_parameters(margin=0.25, use_sim_time=True) == [None, None]
+    running.logged('parameter margin was changed from 0.0 to 0.25')
+    running.logged('parameter use_sim_time was changed from False to True')
+    running.until(lambda: health(running).get('margin: changed') == 'from 0.0 to 0.25')
+
+
+def test_a_frame_id_cannot_forge_a_line_of_the_log(start):
+    """New lines and colours are shown as what they are; only the beginning of a long one is."""
+    running = start(frame_id='map')
+    forged = 'odom\n[INFO] all is well \x1b[2J' + 100 * 'x'
+    running.send('footprint', box(0, 0), frame_id=forged)
+    line = running.logged('odom', 'other frame')[0]
+    assert line.isprintable() and len(line) < 400, line
+    assert 'x' * 70 not in line
+
+
+@pytest.mark.parametrize('length, reason', [(255, 'other frame'), (256, 'long frame_id'),
+                                            (200_000, 'long frame_id')])
+def test_a_long_frame_id_is_refused(start, length, reason):
+    """It would be repeated in each state and each marker."""
+    running = start(frame_id='map')
+    running.send('footprint', box(0, 0), frame_id='x' * length)
+    running.logged(reason)
+    running.until(lambda: health(running).get(f'footprint: rejected, {reason}'))
+    assert len(running.await_state('unknown').message) < 400
+
+
+@pytest.mark.parametrize('order', '<>')
+@pytest.mark.parametrize('where', ['frame_id', 'points'])
+def test_an_absurd_length_costs_no_line_of_the_middleware(start, capfd, where, order):
+    """Counted and refused; rclpy, which writes to the standard error itself, never sees it."""
+    running = start()
+    data = bytearray(serialised(box(0, 0), order=order))
+    struct.pack_into(order + 'I', data, 12 if where == 'frame_id' else 20, 0xFFFFFFFF)
+    publisher = running.publisher('footprint', PolygonStamped)
+    capfd.readouterr()
+    for _ in range(20):
+        publisher.publish(bytes(data))
+        running.spin(0.01)
+    running.until(
+        lambda: int(health(running).get('footprint: rejected, undecodable', 0)) >= 1)
+    written = capfd.readouterr().err
+    assert 'cdr' not in written.lower() and written.count('\n') < 10, written
+    running.await_state('unknown')
+
+
+POLICY = Path(__file__).resolve().parents[2] / 'config' / 'sros2_policy.xml'
+
+
+def test_the_policy_allows_exactly_what_the_node_has(start):
+    """Each topic and service of the node with its default names, and no other."""
+    node = start().monitor
+    profile, = ElementTree.parse(POLICY).iter('profile')
+
+    def allowed(kind, how):
+        return sorted(one.text for group in profile.iter(kind) if group.get(how) == 'ALLOW'
+                      for one in group)
+    assert allowed('topics', 'publish') == sorted(
+        ['/rosout', *(one.topic_name for one in node.publishers)])
+    assert allowed('topics', 'subscribe') == sorted(one.topic_name for one in node.subscriptions)
+    assert allowed('services', 'reply') == sorted(one.service_name for one in node.services)
+    assert not list(node.clients)

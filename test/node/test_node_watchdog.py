@@ -1,0 +1,199 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A loop that does not turn: the flags are raised by who watches it, and DDS tells of the dead."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+
+from harness import box, health, Peer, values
+import pytest
+from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.qos import LivelinessPolicy, QoSProfile
+from std_msgs.msg import Bool
+
+
+class Stall:
+    """Keeps a monitor's loop from turning, from its next tick on, until it is released."""
+
+    def __init__(self, monitor):
+        self._monitor = monitor
+        self._released = threading.Event()
+        self.begun = threading.Event()
+        self._tick = monitor.tick
+        monitor.tick = self._hang
+
+    def _hang(self, now, is_all_taken):
+        self.begun.set()
+        self._released.wait()
+        del self._monitor.tick
+        return self._tick(now, is_all_taken)
+
+    def release(self):
+        self._released.set()
+
+
+@pytest.fixture
+def stall():
+    """Stall a running monitor; it is released at the latest when the test ends."""
+    stalls = []
+
+    def stall(running):
+        stalls.append(Stall(running.monitor))
+        running.until(stalls[-1].begun.is_set)
+        return stalls[-1]
+    yield stall
+    for one in stalls:
+        one.release()
+
+
+def clear(running):
+    """Have the monitor say that the footprint is clear."""
+    running.send_until('clear', 'footprint', box(0, 0))
+    running.until(lambda: running.flag() is False)
+
+
+PARAMETERS = {'footprint__timeout': 0.0, 'obstacle__timeout': 0.0, 'watchdog': 0.3}
+
+
+def test_a_stalled_loop_raises_the_flags(start, stall):
+    """All flags are raised and all states unknown, in words, until the loop turns again."""
+    running = start(**PARAMETERS)
+    running.send('obstacles', box(5, 5))
+    clear(running)
+    assert running.flag('footprint') is not True
+    running.logged('footprint: ')
+    stalled = stall(running)
+    running.until(lambda: running.flag() and running.flag('footprint'), 'flags raised')
+    status = running.await_state('unknown')
+    assert status.level == b'\x03' and 'stalled for' in values(status)['reason']
+    running.logged('stalled for', 'all flags are raised')
+    stalled.release()
+    running.await_state('clear')
+    running.until(lambda: running.flag() is False and running.flag('footprint') is False)
+    running.logged('goes on after a stall')
+    running.until(lambda: '1, the longest' in health(running).get('stalls', ''))
+
+
+def test_the_alarm_ends_with_the_stall(start, stall):
+    """After it, no flag is raised any more: what was said by two threads comes in order."""
+    running = start(**PARAMETERS)
+    running.send('obstacles', box(5, 5))
+    clear(running)
+    for _ in range(5):
+        stalled = stall(running)
+        running.until(running.flag, 'the flag raised')
+        stalled.release()
+        running.until(lambda: running.flag() is False)
+        heard = len(running.listen('~/collision'))
+        running.until(lambda: len(running.listen('~/collision')) > heard + 2)
+        assert not any(flag.data for flag in running.listen('~/collision')[heard:])
+
+
+def test_without_a_watchdog(start, stall):
+    """With watchdog 0.0 nobody speaks while the loop stands still."""
+    running = start(**{**PARAMETERS, 'watchdog': 0.0})
+    running.send('obstacles', box(5, 5))
+    clear(running)
+    stalled = stall(running)
+    heard = len(running.listen('~/collision'))
+    running.spin(0.7)
+    assert not any(flag.data for flag in running.listen('~/collision')[heard:])
+    stalled.release()
+
+
+def test_watchdog_may_be_changed(start, stall):
+    """A longer one lets a short stall pass; the log and /diagnostics tell of the change."""
+    running = start(**PARAMETERS)
+    running.send('obstacles', box(5, 5))
+    clear(running)
+    assert running.set_parameters(watchdog=30.0) == [None]
+    running.logged('parameter watchdog was changed from 0.3 to 30.0')
+    running.until(lambda: health(running).get('watchdog: changed') == 'from 0.3 to 30.0')
+    stalled = stall(running)
+    heard = len(running.listen('~/collision'))
+    running.spin(0.7)
+    assert not any(flag.data for flag in running.listen('~/collision')[heard:])
+    stalled.release()
+
+
+@pytest.fixture
+def process(domain):
+    """Start the node's process in this domain."""
+    started = []
+
+    def start(**environment):
+        started.append(subprocess.Popen(
+            [sys.executable, '-m', 'sat_collision.node'], stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, 'ROS_DOMAIN_ID': str(domain), **environment}))
+        return started[-1]
+    yield start
+    for one in started:
+        one.kill()
+        one.wait()
+
+
+@pytest.mark.parametrize('number', (signal.SIGKILL, signal.SIGSTOP))
+def test_dds_tells_of_a_dead_monitor(process, domain, number):
+    """Killed or stopped: a subscriber that asks for deadline and liveliness is told of either."""
+    monitor = process()
+    peer = Peer(domain)
+    late, lost, heard = [], [], []
+    qos = QoSProfile(depth=10, deadline=Duration(seconds=0.4),
+                     liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
+                     liveliness_lease_duration=Duration(seconds=0.6))
+    peer.node.create_subscription(
+        Bool, '/footprint_monitor/collision', heard.append, qos,
+        event_callbacks=SubscriptionEventCallbacks(
+            deadline=late.append,
+            liveliness=lambda event: lost.append(event) if event.not_alive_count_change > 0
+            or event.alive_count_change < 0 else None))
+    peer.until(lambda: len(heard) > 5, 'flags', patience=60.0)
+    del late[:], lost[:]
+    begun = time.monotonic()
+    monitor.send_signal(number)
+    peer.until(lambda: late and lost, 'word of the dead', patience=5.0)
+    assert time.monotonic() - begun < 5.0
+    peer.close()
+
+
+def test_systemd_is_told(process, tmp_path):
+    """READY=1 when the loop turns, WATCHDOG=1 ever after, STOPPING=1 at the end."""
+    address = str(tmp_path / 'notify')
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as connection:
+        connection.bind(address)
+        connection.settimeout(60.0)
+        monitor = process(NOTIFY_SOCKET=address, WATCHDOG_USEC='200000')
+        told = [connection.recv(100) for _ in range(5)]
+        monitor.terminate()
+        assert told == [b'READY=1', *[b'WATCHDOG=1'] * 4]
+        while (last := connection.recv(100)) == b'WATCHDOG=1':
+            pass
+        assert last == b'STOPPING=1'
+    assert monitor.wait(60) == 0
+
+
+def test_no_systemd_behind_the_socket(process, domain, tmp_path):
+    """Who does not listen any more does not disturb the node."""
+    process(NOTIFY_SOCKET=str(tmp_path / 'nobody'))
+    peer = Peer(domain)
+    peer.until(lambda: len(peer.listen('~/collision')) > 3, 'flags', patience=60.0)
+    peer.close()

@@ -1,0 +1,330 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is not known of frames is refused, in words; times are seconds since START."""
+
+import math
+
+import numpy as np
+import pytest
+from sat_collision.scene import frames
+from sat_collision.scene.frame_tree import BAD_NAMES, BAD_TRANSFORM, OLD_TRANSFORM
+from sat_collision.scene.frames import Frames, Mapped, NoTransform
+
+SECOND = 10**9
+START = 1000 * SECOND
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+
+
+def nanoseconds(seconds):
+    return START + round(seconds * SECOND)
+
+
+def rolled(degrees):
+    return math.sin(math.radians(degrees) / 2), 0.0, 0.0, math.cos(math.radians(degrees) / 2)
+
+
+class Tree:
+    """Frames with short ways to say what they are told and asked."""
+
+    def __init__(self, **limits):
+        limits = {'max_gap': SECOND // 2, 'max_tilt': math.radians(5), **limits}
+        self.frames = Frames(10 * SECOND, **limits)
+
+    def moving(self, parent, child, *places, rotation=UPRIGHT):
+        """Tell (time, x) of a child frame."""
+        for time, x in places:
+            assert self.frames.insert(parent, child, nanoseconds(time),
+                                      (float(x), 0.0, 0.0, *rotation)) is None
+
+    def static(self, parent, child, x=0.0, rotation=UPRIGHT):
+        assert self.frames.insert(parent, child, 0, (x, 0.0, 0.0, *rotation), True) is None
+
+    def where(self, source, time, target='odom'):
+        """Return x of the source, or why it is not known: reason, detail, whether to wait."""
+        found = self.frames.lookup(target, source, nanoseconds(time))
+        return found if isinstance(found, NoTransform) else found.transform[0]
+
+    def newest(self, source, oldest, target='odom'):
+        found = self.frames.newest(target, source, nanoseconds(oldest))
+        return found if isinstance(found, NoTransform) else (found.transform[0], found.at)
+
+    def plane(self, source, time, target='odom'):
+        return self.frames.plane(target, source, nanoseconds(time))
+
+
+@pytest.fixture
+def tree():
+    """Return frames in which the base is at x = 0 at 0 s and moves by 1 m/s until 1 s."""
+    tree = Tree()
+    tree.moving('odom', 'base', *((k / 10, k / 10) for k in range(11)))
+    tree.static('base', 'laser', 0.25)
+    return tree
+
+
+def test_between_two_stamps_all_moves_evenly(tree):
+    assert tree.where('laser', 0.5) == 0.75
+    assert tree.where('laser', 0.53) == pytest.approx(0.78)
+    assert tree.where('odom', 0.53, target='laser') == pytest.approx(-0.78)
+    assert tree.where('laser', 99.0, target='base') == 0.25
+
+
+def test_what_is_newer_than_all_transforms_may_still_come(tree):
+    assert tree.where('laser', 1.3) == (
+        frames.NO_TRANSFORM, 'no transform from laser to odom at its stamp: the newest of base is '
+        '0.3 s older', True)
+    tree.moving('odom', 'base', (1.4, 1.4))
+    assert tree.where('laser', 1.3) == pytest.approx(1.55)
+
+
+def test_what_is_older_than_all_transforms_will_not_come(tree):
+    assert tree.where('laser', -0.02) == (
+        frames.NO_TRANSFORM, 'no transform from laser to odom at its stamp: the oldest of base is '
+        '0.02 s newer', False)
+
+
+def test_nobody_knows_what_was_in_a_gap(tree):
+    tree.moving('odom', 'base', (1.51, 2))
+    assert tree.where('base', 1.2) == (
+        frames.GAP, 'no transform from base to odom at its stamp: the transforms of base around '
+        'it are 0.51 s apart, more than 0.5 s', False)
+    assert tree.where('base', 1.51) == 2.0 and tree.where('base', 1.0) == 1.0
+    tree.moving('odom', 'base', (1.3, 1.3))
+    assert tree.where('base', 1.2) == pytest.approx(1.2)
+
+
+def test_a_chain_waits_while_one_of_its_frames_may_come(tree):
+    """The map begins later than the stamp, but the base need not pass through it."""
+    tree.moving('map', 'odom', (9.0, 0), (9.1, 0))
+    tree.moving('odom', 'camera', (0.0, 5), (0.1, 5))
+    assert tree.where('base', 0.35, target='camera').may_come
+    tree.moving('odom', 'camera', (0.4, 5))
+    assert tree.where('base', 0.35, target='camera') == pytest.approx(-4.65)
+
+
+@pytest.mark.parametrize('source, target, named', [
+    ('sonar', 'odom', 'sonar'), ('laser', 'map', 'map'), ('sonar', 'map', 'sonar')])
+def test_a_frame_that_never_came_is_named(tree, source, target, named):
+    assert tree.where(source, 0.5, target) == (
+        frames.UNKNOWN_FRAME, f'no transform from {source} to {target}: no good transform has '
+        f'named {named} yet', True)
+    assert tree.newest(source, -9, target).reason == frames.UNKNOWN_FRAME
+
+
+def test_two_trees(tree):
+    tree.moving('world', 'crane', (0.0, 0), (1.0, 0))
+    words = frames.NOT_CONNECTED, 'no transform from crane to odom: no transforms connect them'
+    assert tree.where('crane', 1.0) == (*words, True)
+    assert tree.newest('crane', -9) == (*words, True)
+
+
+@pytest.mark.parametrize('name', ['', '/base'])
+def test_names_that_are_none(tree, name):
+    found = tree.where(name, 0.5)
+    assert (found.reason, found.may_come) == (frames.BAD_FRAME_ID, False)
+    assert f"'{name}' is no frame" in found.detail
+    assert tree.where('base', 0.5, target=name).reason == frames.BAD_FRAME_ID
+
+
+def test_a_circle_is_named(tree):
+    tree.static('b', 'a')
+    tree.static('a', 'b')
+    tree.static('b', 'c')
+    words = 'no transform from c to odom: the parents of c lead in a circle: c, b, a'
+    assert tree.where('c', 0.5) == (frames.LOOP, words, True)
+    assert tree.newest('c', -9) == (frames.LOOP, words, True)
+    back = 'no transform from odom to c: the parents of c lead in a circle: c, b, a'
+    assert tree.where('odom', 0.5, target='c') == (frames.LOOP, back, True)
+    assert tree.newest('odom', -9, target='c') == (frames.LOOP, back, True)
+    assert tree.where('c', 0.5, target='a') == 0.0
+    tree.static('odom', 'b', 7.0)
+    assert tree.where('c', 0.5) == 7.0
+
+
+def test_of_two_in_a_circle_neither_is_above_a_third(tree):
+    """Who goes up from one meets the way from the third, but no root."""
+    tree.static('b', 'a')
+    tree.static('a', 'b')
+    tree.static('b', 'c')
+    assert tree.where('a', 0.5, target='c').reason == frames.LOOP
+
+
+def test_the_newest_is_the_newest_that_all_know(tree):
+    tree.moving('map', 'odom', (0.85, 100), (2.0, 100))
+    assert tree.newest('laser', 0.9, target='map') == (
+        frames.GAP, 'no transform from laser to map at its stamp: the transforms of odom around '
+        'it are 1.15 s apart, more than 0.5 s', False)
+    tree.moving('map', 'odom', (1.1, 100))
+    assert tree.newest('laser', 0.9, target='map') == (101.25, nanoseconds(1.0))
+
+
+def test_a_newest_that_is_too_old(tree):
+    assert tree.newest('laser', 1.0) == (1.25, nanoseconds(1.0))
+    assert tree.newest('laser', 1.75) == (
+        frames.OLD_LATEST, 'no transform from laser to odom: the newest is past the timeout by '
+        '0.75 s', True)
+
+
+def test_static_frames_have_no_age(tree):
+    assert tree.newest('laser', 1e9, target='base') == (0.25, None)
+    assert tree.newest('base', 1e9, target='laser') == (-0.25, None)
+    assert tree.newest('base', 1e9, target='base') == (0.0, None)
+
+
+@pytest.mark.parametrize('degrees, good', [(0, True), (4.9, True), (-4.9, True), (5.1, False),
+                                           (90, False), (180, True), (176, True), (174, False)])
+def test_what_is_tilted_out_of_the_plane_is_not_projected(degrees, good):
+    tree = Tree()
+    tree.static('odom', 'ramp', 1.0, rolled(degrees))
+    found = tree.plane('ramp', 0)
+    assert isinstance(found, Mapped) == good
+    if good:
+        assert found.plane == pytest.approx(
+            (1, 0, 1, 0, math.cos(math.radians(degrees)), 0), abs=1e-15)
+    else:
+        tilted = min(abs(degrees), 180 - abs(degrees))
+        assert found == (frames.TILTED,
+                         f'ramp is tilted by {tilted:.1f} degrees in odom, more than 5', False)
+        assert tree.frames.newest_plane('odom', 'ramp', 0.0).reason == frames.TILTED
+
+
+def test_a_ramp_of_two_halves_is_tilted_by_both():
+    tree = Tree()
+    tree.static('odom', 'lower', 0.0, rolled(3))
+    tree.static('lower', 'upper', 0.0, rolled(3))
+    assert isinstance(tree.plane('lower', 0), Mapped)
+    assert tree.plane('upper', 0).reason == frames.TILTED
+
+
+def test_a_map_is_found_once_until_what_it_rests_on_changes(tree):
+    first = tree.plane('laser', 0.53)
+    tree.moving('odom', 'base', (1.1, 1.1))
+    assert tree.plane('laser', 0.53) is first
+    changes = [lambda: tree.moving('odom', 'base', (0.52, 0)),
+               lambda: tree.moving('odom', 'base', (0.52, 1)),
+               lambda: tree.static('base', 'laser', 0.5),
+               lambda: tree.static('odom', 'base', 0.5),
+               lambda: tree.moving('odom', 'base', (0.53, 8)),
+               lambda: tree.frames.configure(SECOND, -1.0),
+               lambda: tree.frames.clear()]
+    for change in changes:
+        change()
+        after = tree.plane('laser', 0.53)
+        assert after != first
+        first = after
+    assert first.reason == frames.UNKNOWN_FRAME
+
+
+def test_static_frames_told_again_and_again_cost_no_map(tree):
+    """As robot descriptions are."""
+    first = tree.plane('laser', 0.53)
+    tree.static('base', 'laser', 0.25)
+    assert tree.plane('laser', 0.53) is first
+
+
+def test_another_frame_or_stamp_is_another_map(tree):
+    tree.moving('map', 'odom', *((k / 10, 100) for k in range(11)))
+    planes = {tree.plane(*asked).plane[2] for asked in
+              [('laser', 0.5), ('laser', 0.6), ('base', 0.5), ('laser', 0.5, 'map')]}
+    assert len(planes) == 4
+
+
+def test_maps_do_not_pile_up(tree):
+    for k in range(2000):
+        assert isinstance(tree.plane('laser', k / 2000), Mapped)
+    assert len(tree.frames._maps) <= 256
+
+
+def test_transforms_do_not_pile_up():
+    """Neither over time nor where a clock stands still, and what is kept is ten seconds."""
+    buffer = Frames(10 * SECOND)
+    for k in range(5000):
+        buffer.insert('odom', 'base', START + k * SECOND // 100, (float(k), 0.0, 0.0, *UPRIGHT))
+    for k in range(5000):
+        buffer.insert('odom', 'base', START + 50 * SECOND, (float(k), 0.0, 0.0, *UPRIGHT))
+    track = buffer._tree.moving['base']
+    assert 1000 <= len(track.stamps) == len(track.links) <= 1004
+
+
+def test_what_is_kept_is_measured_from_the_newest_before():
+    """As tf2 does: the last one forgets what was too old when it came."""
+    tree = Tree(max_gap=frames.NEVER)
+    tree.moving('odom', 'base', *((time, time) for time in (0, 1, 19, 20, 30)))
+    assert tree.where('base', 19) == 19.0 and tree.where('base', 1).reason == frames.NO_TRANSFORM
+
+
+def test_of_several_with_one_stamp_the_last_counts_from_then_on():
+    tree = Tree()
+    tree.moving('odom', 'base', (0.0, 0), (0.2, 2), (0.4, 4), (0.2, 12), (0.2, 22), (0.2, 22))
+    assert tree.where('base', 0.2) == 22.0
+    assert tree.where('base', 0.1) == 1.0
+    assert tree.where('base', 0.3) == 13.0
+
+
+@pytest.mark.parametrize('parent, child, transform, wanted', [
+    ('base', 'base', (0, 0, 0, *UPRIGHT), BAD_NAMES), ('', 'base', (0, 0, 0, *UPRIGHT), BAD_NAMES),
+    ('odom', '', (0, 0, 0, *UPRIGHT), BAD_NAMES), ('odom', '/', (0, 0, 0, *UPRIGHT), BAD_NAMES),
+    ('/base', 'base', (0, 0, 0, *UPRIGHT), BAD_NAMES),
+    ('odom', 'base', (math.nan, 0, 0, *UPRIGHT), BAD_TRANSFORM),
+    ('odom', 'base', (0, 0, 0, 0, 0, 0, 0), BAD_TRANSFORM)])
+@pytest.mark.parametrize('static', (False, True))
+def test_a_refused_transform_changes_nothing(tree, parent, child, transform, wanted, static):
+    before = tree.where('base', 1.0)
+    assert tree.frames.insert(parent, child, nanoseconds(1), transform, static) == wanted
+    assert tree.where('base', 1.0) == before
+
+
+def test_a_transform_older_than_what_is_kept_is_refused(tree):
+    tree.moving('odom', 'base', (20, 20))
+    assert tree.frames.insert('odom', 'base', nanoseconds(9), (0.0,) * 3 + UPRIGHT) == (
+        OLD_TRANSFORM)
+    assert tree.frames.insert('odom', 'base', nanoseconds(11), (7.0, 0.0, 0.0, *UPRIGHT)) is None
+    assert tree.where('base', 11) == 7.0
+
+
+def test_a_slash_before_a_name_is_dropped_when_told(tree):
+    tree.moving('/odom', '/base', (1.1, 5))
+    assert tree.where('base', 1.1) == 5.0
+
+
+def test_a_frame_may_change_its_parent(tree):
+    """A cart is lifted by a robot: until then it stood on the map, as far as anybody knows."""
+    tree.moving('odom', 'cart', (0.0, 9), (0.5, 9))
+    tree.moving('base', 'cart', (0.9, 0.5), (1.0, 0.5))
+    assert tree.where('cart', 0.7) == 9.0
+    assert tree.where('cart', 0.9) == pytest.approx(1.4)
+    assert tree.newest('cart', 0) == (1.5, nanoseconds(1.0))
+    tree.moving('base', 'cart', (1.51, 0.5))
+    tree.moving('odom', 'cart', (2.1, 9))
+    tree.moving('odom', 'base', *((k / 10, 0) for k in range(11, 23)))
+    assert tree.where('cart', 1.6).reason == frames.GAP
+
+
+def test_the_last_kind_of_a_frame_counts(tree):
+    tree.static('odom', 'base', 50.0)
+    assert tree.where('base', -5) == 50.0
+    tree.moving('odom', 'base', (3.0, 3))
+    assert tree.where('base', 3.0) == 3.0 and tree.where('base', -5).reason == frames.NO_TRANSFORM
+
+
+def test_two_publishers_of_one_frame_have_the_last_word_each():
+    """Their stamps interleave; at each stamp the frame is where it was told to be."""
+    rng = np.random.default_rng(3)
+    tree = Tree()
+    told = {}
+    for k in range(200):
+        time = int(rng.integers(100)) / 100
+        told[time] = float(k)
+        tree.moving('odom', 'base', (time, k))
+    assert all(tree.where('base', time) == x for time, x in told.items())

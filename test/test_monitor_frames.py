@@ -1,0 +1,383 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Bodies in frames that move: each is where it was at its own stamp, in the fixed frame."""
+
+from dataclasses import replace
+import math
+
+from builders import box, SECOND, serialised, transforms
+import pytest
+from sat_collision.messages.transform_listener import TF, TF_STATIC
+from sat_collision.monitor import Monitor
+from sat_collision.scene import frames
+from sat_collision.scene.frame_tree import BAD_TRANSFORM
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+
+START = 1000 * SECOND
+SETTINGS = Settings(
+    frame_id='odom', footprints=(FootprintSettings('robot', '/footprint'),),
+    obstacles=(ObstacleSettings('lidar', '/polygons', type='polygon_instance', max_count=5),))
+SETS = replace(SETTINGS, obstacles=(ObstacleSettings('lidar', '/polygons', timeout=5.0),))
+
+
+def nanoseconds(time):
+    return START + round(time * SECOND)
+
+
+class Robot:
+    """
+    A monitor that hears a robot; times are seconds since START.
+
+    The fixed frame is odom. The robot moves by 1 m/s along x from 0 at 0 s and is as wide as a box
+    of 1 m; its laser, 1 m before its origin, is turned to the left.
+    """
+
+    def __init__(self, settings=SETTINGS):
+        self.monitor = Monitor(settings, transforms=True)
+        self.time = 0.0
+        self.rejections = []
+        self.tell(TF_STATIC, ('base', 'laser', 0, 1.0, 0.0, math.pi / 2))
+
+    @property
+    def now(self):
+        return nanoseconds(self.time)
+
+    def tell(self, topic, *links):
+        self.rejections += self.monitor.receive_transforms(topic, transforms(*links), self.now)
+
+    def move(self, time, x=None):
+        """Let the transform of the base at a time come now."""
+        self.tell(TF, ('odom', 'base', nanoseconds(time), time if x is None else x, 0.0))
+
+    def wait_until(self, time):
+        self.time = time
+        self.rejections += self.monitor.advance(self.now)
+
+    def stand(self, x, time=None):
+        """Send a footprint in the fixed frame."""
+        assert self.send('robot', box(x), time, 'odom') is None
+
+    def see(self, points, time, frame_id='laser', instance=1):
+        return self.send('lidar', points, time, frame_id, instance)
+
+    def send(self, name, points, time, frame_id, instance=None):
+        stamp = self.now if time is None else 0 if time == 'none' else nanoseconds(time)
+        rejection = self.monitor.receive(name, serialised(points, stamp, frame_id, instance),
+                                         self.now)
+        if rejection:
+            self.rejections.append(rejection)
+        return rejection
+
+    @property
+    def status(self):
+        return self.monitor.scene.state('robot').status.value
+
+    @property
+    def bounds(self):
+        """The bounds of all obstacles."""
+        return [polygon.bounds for _, polygon in self.monitor.scene.obstacles]
+
+    @property
+    def reasons(self):
+        return [rejection.reason for rejection in self.rejections]
+
+
+@pytest.fixture
+def robot():
+    """Return a robot whose place is known from 0 to 1 s, in an empty world."""
+    robot = Robot()
+    for k in range(11):
+        robot.move(k / 10)
+    robot.wait_until(1.0)
+    robot.stand(0)
+    return robot
+
+
+def test_an_obstacle_is_where_the_laser_was_at_its_stamp(robot):
+    """What is 2 m to the right of the laser's axis lies ahead of the robot."""
+    robot.see([(0, -2), (1, -2), (0, -3)], 0.35)
+    assert robot.bounds == [pytest.approx((3.35, 0.0, 4.35, 1.0), abs=1e-12)]
+    robot.see([(0, -2), (1, -2), (0, -3)], 1.0)
+    assert robot.bounds == [pytest.approx((4.0, 0.0, 5.0, 1.0), abs=1e-12)]
+    assert robot.status == 'clear' and not robot.rejections
+
+
+def test_a_footprint_in_its_own_frame_is_one_too():
+    robot = Robot()
+    robot.move(0.5)
+    robot.move(1.0)
+    robot.time = 1.0
+    robot.send('robot', box(0), 0.5, 'base')
+    robot.see(box(1.75), 1.0, 'odom')
+    assert robot.status == 'clear'
+    robot.send('robot', box(0), 0.75, 'base')
+    assert robot.status == 'collision'
+
+
+def test_messages_in_the_fixed_frame_need_no_transform():
+    """They are taken at once and bit for bit, whatever is known of frames."""
+    robot = Robot()
+    robot.stand(0)
+    robot.see([(0.1, 0.3), (3, 7), (1 / 3, 5)], None, 'odom')
+    (_, polygon), = robot.monitor.scene.obstacles
+    assert polygon.vertices.tolist() == [
+        [0.10000000149011612, 0.30000001192092896], [3, 7], [0.3333333432674408, 5]]
+    assert 'lidar' not in robot.monitor.waiting
+
+
+def test_what_is_not_convex_is_moved_too(robot):
+    robot.see([(0, 0), (4, 0), (4, 4), (2, 1)], 1.0, 'base')
+    (_, polygon), = robot.monitor.scene.obstacles
+    assert polygon.vertices.tolist() == [[1, 0], [5, 0], [5, 4], [3, 1]]
+    assert robot.status == 'collision'
+
+
+def test_a_message_waits_for_its_transform(robot):
+    """What waits is not yet seen: what was there before stays."""
+    robot.see(box(0.5), 1.0, 'odom')
+    assert robot.status == 'collision'
+    robot.wait_until(1.05)
+    assert robot.see(box(9), 1.05, 'base') is None
+    assert robot.status == 'collision' and 'lidar' in robot.monitor.waiting
+    robot.wait_until(1.1)
+    robot.move(1.1)
+    assert robot.status == 'clear' and 'lidar' not in robot.monitor.waiting
+    assert robot.bounds == [pytest.approx((10.05, 0, 11.05, 1))]
+
+
+def test_messages_wait_in_order(robot):
+    """The second one's frame is fixed, but it tells of later."""
+    robot.wait_until(1.05)
+    robot.see(box(9), 1.04, 'base')
+    robot.see(box(0), 1.05, 'odom')
+    assert robot.bounds == []
+    robot.wait_until(1.1)
+    robot.move(1.1)
+    assert robot.bounds == [(0, 0, 1, 1)]
+
+
+def test_patience_ends(robot):
+    """The refused obstacle makes the footprint unknown, and says why."""
+    robot.see(box(9), 1.0, 'odom')
+    robot.wait_until(1.05)
+    robot.see(box(9), 1.05, 'laser')
+    robot.wait_until(1.25)
+    assert robot.status == 'clear'
+    robot.wait_until(1.2500001)
+    assert robot.status == 'unknown' and robot.reasons == [frames.NO_TRANSFORM]
+    text = robot.rejections[0].text
+    assert text.startswith(
+        'lidar: a message on /polygons was rejected, no transform: no transform from laser to odom'
+        ' at its stamp: the newest of base is 0.05 s older; ')
+    assert robot.monitor.scene.state('robot').reasons == (
+        'obstacle source lidar on /polygons sent what was refused: no transform',)
+    robot.move(1.3)
+    robot.see(box(9), 1.25, 'laser')
+    assert robot.status == 'clear'
+
+
+def test_waiting_ends_when_the_timeout_says_and_not_before(robot):
+    assert robot.monitor.deadline > robot.now
+    robot.wait_until(1.05)
+    robot.see(box(9), 1.05)
+    assert robot.monitor.deadline == nanoseconds(1.25)
+
+
+def test_waiting_is_part_of_the_age(robot):
+    """An obstacle counts from its stamp, not from when it could be placed."""
+    robot.wait_until(1.05)
+    robot.see(box(9), 1.05)
+    robot.wait_until(1.2)
+    robot.move(1.2)
+    assert robot.bounds
+    robot.wait_until(3.05)
+    assert robot.bounds
+    robot.wait_until(3.0500001)
+    assert not robot.bounds
+
+
+@pytest.mark.parametrize('time, reason', [(-0.5, frames.NO_TRANSFORM), (1.3, frames.GAP)])
+def test_what_cannot_come_any_more_is_not_waited_for(robot, time, reason):
+    robot.wait_until(1.6)
+    robot.move(1.6)
+    robot.see(box(9), time)
+    assert robot.reasons == [reason] and 'lidar' not in robot.monitor.waiting
+    assert robot.status == 'unknown'
+
+
+def test_tilted_frames_are_refused(robot):
+    tilt = math.radians(6)
+    robot.tell(TF_STATIC, ('base', 'ramp', 0, 0, 0, 0, 0, math.sin(tilt / 2), 0,
+                           math.cos(tilt / 2)))
+    robot.see(box(9), 1.0, 'ramp')
+    assert robot.reasons == [frames.TILTED]
+    assert 'ramp is tilted by 6.0 degrees in odom, more than 5' in robot.rejections[0].text
+
+
+def test_a_frame_that_never_comes_is_named(robot):
+    robot.see(box(9), 1.0, 'camera')
+    robot.wait_until(1.3)
+    assert robot.reasons == [frames.UNKNOWN_FRAME]
+    assert 'no good transform has named camera yet' in robot.rejections[0].text
+
+
+def test_a_footprint_waits_as_well_and_is_refused(robot):
+    robot.see(box(9), 1.0, 'odom')
+    robot.wait_until(1.1)
+    robot.send('robot', box(0), 1.1, 'base')
+    assert robot.status == 'clear'
+    robot.wait_until(1.4)
+    assert robot.reasons == [frames.NO_TRANSFORM]
+    assert robot.monitor.scene.state('robot').reasons == (
+        'footprint robot on /footprint was refused: no transform',)
+
+
+def test_stamp_zero_takes_the_newest_transform(robot):
+    robot.see(box(1), 'none', 'base')
+    assert robot.bounds == [(2, 0, 3, 1)]
+
+
+def test_stamp_zero_takes_no_newest_that_is_older_than_the_timeout(robot):
+    """The timeout of the source is 2 s."""
+    robot.wait_until(3.0)
+    assert robot.see(box(1), 'none', 'base') is None
+    robot.wait_until(3.001)
+    assert robot.see(box(1), 'none', 'base').reason == frames.OLD_LATEST
+    assert 'past the timeout by 0.001 s' in robot.rejections[0].text
+    assert 'lidar' not in robot.monitor.waiting
+
+
+def test_an_empty_polygon_is_nowhere_and_needs_no_transform(robot):
+    robot.see([], 1.0, 'camera')
+    assert robot.status == 'clear' and not robot.rejections
+
+
+def test_where_too_much_waits_the_first_are_refused(robot):
+    """Of a source no more than twice its max_count waits."""
+    robot.wait_until(1.01)
+    for k in range(12):
+        robot.see(box(9 + k), 1.01, instance=k % 5)
+    assert robot.monitor.waiting.counts() == {'lidar': 10}
+    assert robot.reasons == [frames.NO_TRANSFORM] * 2
+
+
+def test_losses_count_where_they_happened(robot):
+    """What was lost before a message that waits is not before one that was there already."""
+    monitor = Robot(SETS).monitor
+    told = []
+    monitor.scene.lose = lambda name, now: told.append('lost')
+    place = monitor.scene.obstacle
+    monitor.scene.obstacle = lambda *arguments: told.append('placed') or place(*arguments)
+    monitor.receive_transforms(TF, transforms(('odom', 'base', START, 0, 0)), START)
+    later = START + SECOND // 10
+    monitor.receive_batch('lidar', [
+        (serialised(box(1), later, 'base'), 1), (serialised(box(2), later, 'base'), 2),
+        (serialised(box(3), later, 'base'), 4)], START)
+    assert told == []
+    monitor.receive_transforms(TF, transforms(('odom', 'base', later, 0, 0)), later)
+    assert told == ['placed', 'placed', 'lost', 'placed']
+
+
+def test_a_set_that_waits_is_not_whole():
+    """Half of it could be told; nothing has come for longer than a set is quiet."""
+    robot = Robot(SETS)
+    robot.stand(0)
+    robot.move(0.0)
+    robot.move(0.1)
+    robot.wait_until(0.1)
+    robot.see(box(0), 0.1, 'odom', None)
+    robot.wait_until(0.15)
+    robot.stand(0)
+    assert robot.status == 'collision'
+    robot.wait_until(0.2)
+    robot.stand(0)
+    robot.see(box(7), 0.2, 'odom', None)
+    robot.see(box(0), 0.2, 'base', None)
+    robot.wait_until(0.39)
+    assert robot.status == 'collision'
+    robot.move(0.35, 0.2)
+    assert robot.status == 'collision'
+    robot.wait_until(0.6)
+    # At 0.2 s, between 0.1 at 0.1 s and 0.2 at 0.35 s, the base was at 0.14.
+    assert sorted(robot.bounds) == [pytest.approx((0.14, 0, 1.14, 1)), (7, 0, 8, 1)]
+
+
+def test_the_disabled_hear_nothing_of_what_waited(robot):
+    robot.wait_until(1.05)
+    robot.see(box(9), 1.05)
+    off = replace(SETTINGS.obstacles[0], enabled=False)
+    robot.monitor.update(replace(SETTINGS, obstacles=(off,)))
+    robot.move(1.1)
+    assert robot.bounds == [] and not robot.rejections
+
+
+def test_a_jump_back_begins_anew(robot):
+    """A bag that loops: what waits and what moves belongs to another time, the static stays."""
+    robot.wait_until(1.05)
+    robot.see(box(9), 1.05)
+    robot.wait_until(0.0)
+    assert 'lidar' not in robot.monitor.waiting
+    robot.see(box(9), 0.0, 'base')
+    assert 'lidar' in robot.monitor.waiting
+    robot.move(0.0, 100.0)
+    assert robot.bounds == [(109, 0, 110, 1)]
+    robot.stand(0)
+    assert robot.status == 'clear' and not robot.rejections
+
+
+def test_a_jump_back_is_seen_by_a_message_first(robot):
+    """It must not be moved by what was told of that time before the jump."""
+    robot.time = 0.5
+    robot.see(box(9), 0.5, 'base')
+    assert robot.bounds == [] and 'lidar' in robot.monitor.waiting
+    robot.wait_until(0.6)
+    robot.move(0.5, 50.0)
+    assert robot.bounds == [(59, 0, 60, 1)]
+
+
+def test_settings_change_while_it_runs(robot):
+    robot.monitor.update(replace(SETTINGS, transform_timeout=1.0, max_tf_gap=0.05, max_tilt=0.2))
+    robot.see(box(9), 0.55)
+    assert robot.reasons == [frames.GAP]
+    robot.see(box(9), 1.05)
+    assert robot.monitor.deadline == nanoseconds(2.0)
+
+
+def test_without_transforms_other_frames_are_refused_at_once():
+    """Where there is no tf2_msgs, or no /tf in a recording."""
+    monitor = Monitor(SETTINGS)
+    rejection = monitor.receive('lidar', serialised(box(0), START, 'laser', 1), START)
+    assert rejection.reason == 'other frame'
+
+
+def test_a_refused_transform_is_told_with_its_frame(robot):
+    robot.tell(TF, ('odom', 'base', nanoseconds(1.1), math.nan, 0.0),
+               ('odom', 'arm', nanoseconds(1.1), 1, 2, 3, 0, 0, 0, 0),
+               ('odom', 'cart', nanoseconds(1.1), 5.0, 0.0))
+    assert [one.text for one in robot.rejections] == [
+        '/tf: a message on /tf was rejected, not finite or no rotation: the transform of '
+        f"'{child}' in 'odom' by an unknown publisher is ({numbers}); the publisher must send "
+        'finite numbers and a quaternion of length 1'
+        for child, numbers in (('base', 'nan, 0, 0, 0, 0, 0, 1'),
+                               ('arm', '1, 2, 3, 0, 0, 0, 0'))]
+    assert robot.monitor.transforms.rejected == {
+        ('base', BAD_TRANSFORM): 1, ('arm', BAD_TRANSFORM): 1}
+    assert robot.see(box(0), 1.1, 'cart') is None and robot.bounds == [(5, 0, 6, 1)]
+
+
+def test_what_is_no_message_is_told(robot):
+    robot.rejections += robot.monitor.receive_transforms(TF, b'\0\1\0\0\1\0\0\0', robot.now)
+    assert robot.reasons == ['undecodable']
+    assert robot.monitor.transforms.received == {TF: 12, TF_STATIC: 1}

@@ -18,11 +18,10 @@ Compiling takes seconds where nothing is kept from an earlier process, see `kern
 processes may share the work, as what one has compiled the other finds on disk: while one prepares
 contacts and what is nearest, ``python -m sat_collision.geometry.warm_up`` prepares packing, says
 so, and goes on with convex parts and margins, until it is done or its standard input ends, which
-the other one holds; with ``--all`` it prepares everything.
+the other one holds; see `preparation`.
 """
 
 import os
-import sys
 import threading
 
 import numpy as np
@@ -103,13 +102,8 @@ def _end_with_input() -> None:
 
 
 if __name__ == '__main__':
-    if '--all' not in sys.argv:
-        threading.Thread(target=_end_with_input, daemon=True).start()
+    threading.Thread(target=_end_with_input, daemon=True).start()
     prepare_packing()
     print('packing', flush=True)
     prepare_parts()
     prepare_margins()
-    if '--all' in sys.argv:
-        prepare_contacts()
-        prepare_nearest()
-        prepare_pairs()

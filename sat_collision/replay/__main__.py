@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Sequence
 import sys
 import traceback
@@ -26,6 +27,7 @@ def main(args: Sequence[str] | None = None) -> int:
     try:
         from sat_collision.replay.arguments import parse
         options = parse(args)
+        _prepare_kernels(options)
         from sat_collision.replay.command import run
         return run(options)
     except KeyboardInterrupt:
@@ -38,6 +40,15 @@ def main(args: Sequence[str] | None = None) -> int:
         print(f'replay_check: cannot start: {type(error).__name__}: {words} '
               '(--debug shows where)', file=sys.stderr)
         return 3
+
+
+def _prepare_kernels(options: argparse.Namespace) -> None:
+    """Have the kernels compiled, and say so, where it pays; a cluster has kernels of its own."""
+    from sat_collision.replay.kernels import choose, prepare
+    from sat_collision.replay.unpacking import Limits
+    limits = Limits(options.max_memory, options.max_disk)
+    if not options.dask and choose(options.bags, limits):
+        prepare(lambda words: print(f'replay_check: {words}', file=sys.stderr))
 
 
 if __name__ == '__main__':

@@ -26,6 +26,7 @@ import os
 import sys
 from typing import NoReturn
 
+from sat_collision import __version__
 from sat_collision.replay.options import HEADER, NODE, RECEIVE
 from sat_collision.replay.unpacking import Limits
 from sat_collision.replay.verdict import Verdict
@@ -70,6 +71,7 @@ def _parser() -> argparse.ArgumentParser:
         'replay_check', description=_DESCRIPTION,
         formatter_class=argparse.RawDescriptionHelpFormatter)
     add = parser.add_argument
+    add('--version', action='version', version=f'sat_collision {__version__}')
     add('bags', nargs='*', metavar='BAG', help='rosbag2 directory or storage file')
     scene = parser.add_argument_group('what to check')
     add = scene.add_argument

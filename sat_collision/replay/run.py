@@ -31,7 +31,7 @@ from sat_collision.replay.motion.timeline import MotionTimeline
 from sat_collision.replay.options import HEADER, Options, RECEIVE
 from sat_collision.replay.recording import Recording
 from sat_collision.replay.result import FootprintResult, Result, SourceResult
-from sat_collision.replay.storage import Message
+from sat_collision.replay.storage import Message, Recorded
 from sat_collision.replay.timeline import Timeline
 from sat_collision.replay.topics import all_sources, missing_topics, settings_for, wrong_types
 from sat_collision.scene.deadlines import NEVER
@@ -68,16 +68,24 @@ def check(path: str | Path, options: Options = Options(),
         Whatever is wrong with the recording or the parameters is in its problems.
 
     """
-    result = Result(str(path), options.clock, options.max_unknown, options.as_live)
     with Recording(path, options.limits) as recording:
-        try:
-            settings = settings_for(recording.topics, options.parameters, options.footprints,
-                                    options.obstacles, options.node)
-            _Run(recording, settings, options, result).run(progress)
-        except (ParameterError, OutputError, OSError) as error:
-            result.problems.append(f'{path}: {error}')
-        result.problems[:0] = recording.problems
+        result = check_recording(recording, options, progress)
         result.content = recording.content
+    return result
+
+
+def check_recording(recording: Recorded, options: Options,
+                    progress: OnProgress | None = None) -> Result:
+    """Check what is open, as `check` does."""
+    path = recording.path
+    result = Result(str(path), options.clock, options.max_unknown, options.as_live)
+    try:
+        settings = settings_for(recording.topics, options.parameters, options.footprints,
+                                options.obstacles, options.node)
+        _Run(recording, settings, options, result).run(progress)
+    except (ParameterError, OutputError, OSError) as error:
+        result.problems.append(f'{path}: {error}')
+    result.problems[:0] = recording.problems
     return result
 
 
@@ -93,7 +101,7 @@ class _Timer:
 class _Run:
     """One recording on its way through the scene."""
 
-    def __init__(self, recording: Recording, settings: Settings, options: Options,
+    def __init__(self, recording: Recorded, settings: Settings, options: Options,
                  result: Result) -> None:
         self._recording = recording
         self._settings = settings

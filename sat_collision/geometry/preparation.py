@@ -42,15 +42,12 @@ def prepare(say: Callable[[str], object]) -> None:
         say(f'preparing kernels ({KERNEL}); the first start after an installation compiles them')
         other = subprocess.Popen(
             [sys.executable, '-m', warm_up.__name__], stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+            stderr=subprocess.DEVNULL)
     warm_up.prepare_contacts()
-    if other and other.stdout:
-        other.stdout.readline()
-    warm_up.prepare_packing()
-    warm_up.prepare_nearest()
+    warm_up.prepare_distances()
     if other:
         other.wait()
         other.communicate()
+    warm_up.prepare_packing()
     warm_up.prepare_parts()
-    warm_up.prepare_margins()
     say(f'kernels ({KERNEL}) ready after {time.monotonic() - begun:.1f} s')

@@ -16,9 +16,8 @@ Kernels compiled, or loaded, before they are needed, so that no message has to w
 
 Compiling takes seconds where nothing is kept from an earlier process, see `kernel_cache`. Two
 processes may share the work, as what one has compiled the other finds on disk: while one prepares
-contacts and what is nearest, ``python -m sat_collision.geometry.warm_up`` prepares packing, says
-so, and goes on with convex parts and margins, until it is done or its standard input ends, which
-the other one holds; see `preparation`.
+contacts and distances, ``python -m sat_collision.geometry.warm_up`` prepares packing and convex
+parts, until it is done or its standard input ends, which the other one holds; see `preparation`.
 """
 
 import os
@@ -57,33 +56,26 @@ def prepare_packing() -> None:
     Polygon.from_float32(*points, plane=_UNMOVED)
 
 
-def prepare_contacts() -> None:
-    """Have ready what finds the bodies of a set that a body meets."""
-    # A point in the origin, packed by hand, because packing may still be in the making.
-    point = indexable(np.zeros(packed_size(1))), 1
-    bodies = PolygonSet()
-    bodies.place(bodies.new_row(), point, bodies)
-    bodies.is_same(0, point)
-
-
 def prepare_parts() -> None:
     """Have ready what cuts bodies into convex parts, and finds their centroids."""
     Polygon(_NOTCHED).centroid
 
 
-def prepare_nearest() -> None:
-    """Have ready what finds the body of a set that is nearest to a body."""
-    body = Polygon(_TRIANGLE)
-    PolygonSet([body]).nearest(body)
+def prepare_contacts() -> None:
+    """Have ready what finds the bodies of a set that a body meets."""
+    point = _origin()
+    bodies = PolygonSet()
+    bodies.place(bodies.new_row(), point.packed, bodies)
+    bodies.is_same(0, point.packed)
 
 
-def prepare_margins() -> None:
-    """Have ready what finds the bodies of a set within a margin of a body."""
-    body = Polygon(_TRIANGLE)
-    bodies = PolygonSet([body])
-    bodies.place(0, Polygon(2 * _TRIANGLE).packed, PolygonSet(), 1.0)
-    bodies.rows_within(body, 1.0)
-    bodies.rows_within(body, 0.0)
+def prepare_distances() -> None:
+    """Have ready what finds the body of a set that is nearest, and those within a margin."""
+    point = _origin()
+    bodies = PolygonSet([point])
+    bodies.nearest(point)
+    bodies.place(0, point.packed, PolygonSet([point]), 1.0)
+    bodies.rows_within(point, 1.0)
 
 
 def prepare_pairs() -> None:
@@ -95,6 +87,11 @@ def prepare_pairs() -> None:
     closest_points(body, body)
 
 
+def _origin() -> Polygon:
+    """Return a point packed by hand, because packing may still be in the making."""
+    return Polygon.of_packed(np.zeros(packed_size(1)), 1)
+
+
 def _end_with_input() -> None:
     # Not by sys.stdin, whose lock would be held when the interpreter ends.
     os.read(0, 1)
@@ -104,6 +101,4 @@ def _end_with_input() -> None:
 if __name__ == '__main__':
     threading.Thread(target=_end_with_input, daemon=True).start()
     prepare_packing()
-    print('packing', flush=True)
     prepare_parts()
-    prepare_margins()

@@ -138,7 +138,7 @@ def _options(options: argparse.Namespace) -> Options:
     for path in options.params_file:
         parameters.update(parameters_of_file(path, options.node))
     parameters.update(parameter_of_text(text) for text in options.param)
-    settings_of(parameters, options.node)
+    settings_of(parameters, options.node, False)
     return Options(
         parameters=parameters, footprints=tuple(options.footprint),
         obstacles=tuple(options.obstacles), node=options.node, as_live=options.as_live,

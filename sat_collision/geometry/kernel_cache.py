@@ -25,12 +25,13 @@ The files are pickles: who may write to their folder may run code as whoever rea
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path
 import pickle
 import sys
 from typing import Any, Callable
 
-from numba import __version__
+from numba import __version__, config
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.registry import cpu_target
 from numba.core.sigutils import normalize_signature
@@ -59,8 +60,20 @@ def keep_compiled(kernel: Any) -> None:
             "nor the user's cache directory can be written to")
 
 
+def use_plain_python() -> None:
+    """Compile nothing, here and in processes that are started: before any kernel is imported."""
+    os.environ['NUMBA_DISABLE_JIT'] = '1'
+    config.DISABLE_JIT = 1
+
+
 def prepared_mark() -> Path | None:
-    """Return the file that tells that all kernels of now are kept, for this processor."""
+    """
+    Return the file that tells that all kernels of now are kept, for this processor.
+
+    None if nothing is compiled, or can be kept.
+    """
+    if config.DISABLE_JIT:
+        return None
     try:
         folder = FunctionCache(keep_compiled).cache_path
     except (OSError, RuntimeError):  # as above

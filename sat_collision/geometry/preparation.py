@@ -26,9 +26,9 @@ from sat_collision.geometry.jit import KERNEL
 from sat_collision.geometry.kernel_problem import kernel_problem
 
 
-def prepare(say: Callable[[str], object]) -> None:
+def prepare(say: Callable[[str], object], warn: Callable[[str], object]) -> None:
     """
-    Compile or load the kernels that the node needs, and say so.
+    Compile or load the kernels that the node needs; say so, and warn of what is wrong with them.
 
     The first start after an installation compiles them. A second process takes half of that; what
     it has compiled is loaded from disk here. It ends with this one, however this one ends.
@@ -51,3 +51,5 @@ def prepare(say: Callable[[str], object]) -> None:
     warm_up.prepare_packing()
     warm_up.prepare_parts()
     say(f'kernels ({KERNEL}) ready after {time.monotonic() - begun:.1f} s')
+    if problem := kernel_problem():
+        warn(problem)

@@ -97,9 +97,7 @@ class FootprintMonitor(Node):
         super().__init__(NAME, **options)
         parameters = Parameters(self)
         settings = parameters.settings
-        prepare(self.get_logger().info)
-        if problem := kernel_problem():
-            self.get_logger().warning(problem)
+        prepare(self.get_logger().info, self.get_logger().warning)
         self._choose_clock()
         self._clock_changes = self.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=None, on_clock_change=True),
@@ -114,12 +112,11 @@ class FootprintMonitor(Node):
         self._logged: dict[tuple[str, str], float] = {}
         in_loop = waiting.is_supported()
         self._taken_by = loop.Reserved() if in_loop else self.default_callback_group
-        inputs = [self._subscribe(footprint, PolygonStamped, _FOOTPRINT_DEPTH)
-                  for footprint in settings.footprints]
+        self._inputs = inputs = [self._subscribe(footprint, PolygonStamped, _FOOTPRINT_DEPTH)
+                                 for footprint in settings.footprints]
         for source in settings.obstacles:
             kind = PolygonInstanceStamped if source.type == POLYGON_INSTANCE else PolygonStamped
             inputs.append(self._subscribe(source, kind, _SETS_IN_QUEUE * source.max_count))
-        self._inputs = inputs
         transform_inputs = transforms and subscribe(self, transforms, self._receive_alone,
                                                     self._taken_by)
         self._clock_watch = ClockWatch()

@@ -29,7 +29,6 @@ from sat_collision.replay.colours import with_colour
 from sat_collision.replay.configuration import (
     parameter_of_text, parameters_of_file, settings_of)
 from sat_collision.replay.destinations import check_outputs, check_picture, OutputError
-from sat_collision.replay.example import write_example
 from sat_collision.replay.expectation import differences, ExpectationError
 from sat_collision.replay.formats import write_csv, write_json, write_junit
 from sat_collision.replay.options import Options
@@ -69,6 +68,8 @@ def run(options: argparse.Namespace) -> int:
 
 def _run(options: argparse.Namespace) -> int:
     if options.write_example:
+        check_bag_writer()
+        from sat_collision.replay.example import write_example
         write_example(options.write_example)
         print(f'wrote {options.write_example}; check it with\n  replay_check '
               f'{options.write_example} --params-file {options.write_example}/params.yaml')

@@ -22,7 +22,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 import contextlib
-import os
 from pathlib import Path
 import sys
 import time
@@ -52,9 +51,8 @@ def choose(bags: Iterable[str], limits: Limits) -> bool:
                         if kind in _TYPES)
         if left <= 0:
             return True
-    import numba
-    os.environ['NUMBA_DISABLE_JIT'] = '1'
-    numba.config.DISABLE_JIT = 1
+    from sat_collision.geometry.kernel_cache import use_plain_python
+    use_plain_python()
     return False
 
 
@@ -63,7 +61,7 @@ def prepare(say: Callable[[str], object]) -> None:
     from sat_collision.geometry import preparation, warm_up
     from sat_collision.replay.rehearsal import rehearse
     begun = time.monotonic()
-    preparation.prepare(say)
+    preparation.prepare(say, say)
     say('preparing the kernels of replay and of the functions on two bodies')
     warm_up.prepare_pairs()
     rehearse()
@@ -90,9 +88,8 @@ def main() -> int:
 def _mark() -> Path | None:
     """Return the file that is there if all is compiled; None if nothing can be."""
     try:
-        import numba
         from sat_collision.geometry.kernel_cache import prepared_mark
-        return None if numba.config.DISABLE_JIT else prepared_mark()
+        return prepared_mark()
     except Exception:  # a numba that does not work may raise anything; kernels say so
         return None
 

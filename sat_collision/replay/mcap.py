@@ -92,10 +92,10 @@ class McapFile:
             self.start, self.end = min(times), max(times)
 
     @property
-    def is_packed(self) -> bool:
-        """Whether any chunk is compressed."""
-        return self._layout is not None and any(
-            block.compression for block in self._layout.blocks)
+    def compressions(self) -> set[str]:
+        """How chunks are compressed."""
+        blocks = self._layout.blocks if self._layout else []
+        return {block.compression for block in blocks} - {''}
 
     def close(self) -> None:
         if self._file is not None:

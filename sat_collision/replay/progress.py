@@ -14,10 +14,17 @@
 
 """How far a run has come, shown on a terminal."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
 import sys
 import time
-from typing import TextIO
+from typing import TextIO, TypeAlias, TypeVar
 
+OnProgress: TypeAlias = Callable[[float], None]
+
+_Any = TypeVar('_Any')
+_EVERY = 500
 _BAR = 30
 _PATIENCE = 1.0
 _REDRAW = 0.1
@@ -61,3 +68,11 @@ class Progress:
             self._stream.write('\r\033[K')
             self._stream.flush()
             self._shown = False
+
+
+def with_progress(messages: Iterable[_Any], total: int, progress: OnProgress) -> Iterator[_Any]:
+    """Yield messages, and tell now and then what share of the total has passed."""
+    for count, message in enumerate(messages):
+        if count % _EVERY == 0:
+            progress(min(count / max(total, 1), 1.0))
+        yield message

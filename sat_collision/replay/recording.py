@@ -31,7 +31,7 @@ from sat_collision.replay.rosbag2 import is_there, Rosbag2Storage
 from sat_collision.replay.sqlite import SqliteFile
 from sat_collision.replay.storage import Message, Storage
 from sat_collision.replay.unpacking import (
-    can_unpack, Damage, in_words, Limits, Scratch, unpacked, ZSTD_MAGIC)
+    Damage, in_words, Limits, Scratch, unpacked, why_not_unpacked, ZSTD_MAGIC)
 
 _STORAGE = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 _ROS_1 = b'#ROSBAG V'
@@ -76,7 +76,7 @@ class Recording:
         self._metadata: Metadata | None = None
         self._parts: list[Storage] = []
         self._sums: Counter[str] = Counter()
-        self._is_packed = False
+        self._compressions: set[str] = set()
 
     def __enter__(self) -> Recording:
         try:
@@ -86,9 +86,9 @@ class Recording:
             known = list(self._faults)
             for file in files:
                 self._open(file)
-            if self._is_packed and not can_unpack() and is_there():
+            if missing := why_not_unpacked(self._compressions):
                 self._faults[:] = known
-                self._open_by_rosbag2()
+                self._open_by_rosbag2(missing)
         except OSError as error:
             self._own.damaged(in_words(error))
         self._compare(self.counts)
@@ -160,7 +160,8 @@ class Recording:
                 self._own.damaged('no .mcap or .db3 file in this directory')
             return present
         self.latched = self._metadata.latched
-        self._is_packed = self._metadata.packed
+        if self._metadata.packed:
+            self._compressions.add('zstd')
         total = sum(self._metadata.counts.values())
         if total != self._metadata.total:
             faults.differs('total', f'announces {self._metadata.total} messages in all, but '
@@ -180,7 +181,7 @@ class Recording:
         plain = file
         try:
             if file.suffix == '.zstd':
-                self._is_packed = True
+                self._compressions.add('zstd')
                 plain, damage = self._scratch.unpack(file)
                 if damage:
                     faults.damaged(in_words(damage))
@@ -196,18 +197,22 @@ class Recording:
             self._add(SqliteFile(plain, faults, self._scratch, self._limits))
         elif plain.suffix == '.mcap':
             part = McapFile(plain, faults, self._limits)
-            self._is_packed = self._is_packed or part.is_packed
+            self._compressions |= part.compressions
             self._add(part)
         else:
             faults.damaged('neither a .mcap nor a .db3 file')
 
-    def _open_by_rosbag2(self) -> None:
-        """Begin anew, now that there is something that only rosbag2_py unpacks here."""
+    def _open_by_rosbag2(self, missing: str) -> None:
+        """Begin anew, now that there is something that nothing but rosbag2_py unpacks here."""
         for part in self._parts:
             part.close()
         self._parts.clear()
         self.topics, self.counts, self.start, self.end = {}, Counter(), None, None
         by_one = bool(self._metadata and self._metadata.packed)
+        if not is_there():
+            self._own.damaged(missing)
+            self._metadata = None
+            return
         self._add(Rosbag2Storage(self.path, self._own, by_one, self._scratch))
 
     def _add(self, part: Storage) -> None:

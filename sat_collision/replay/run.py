@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 from sat_collision.messages.cdr import header_stamp
 from sat_collision.messages.rejections import Rejection
@@ -29,6 +29,7 @@ from sat_collision.replay.destinations import OutputError
 from sat_collision.replay.motion.motion import Motion
 from sat_collision.replay.motion.timeline import MotionTimeline
 from sat_collision.replay.options import HEADER, Options, RECEIVE
+from sat_collision.replay.progress import OnProgress, with_progress
 from sat_collision.replay.recording import Recording
 from sat_collision.replay.result import FootprintResult, Result, SourceResult
 from sat_collision.replay.storage import Message, Recorded
@@ -41,11 +42,8 @@ from sat_collision.scene.settings import Settings
 if TYPE_CHECKING:
     from sat_collision.replay.outputs import BagOutputs
 
-OnProgress: TypeAlias = Callable[[float], None]
-
 _TRANSFORM_TYPE = 'tf2_msgs/msg/TFMessage'
 _LONGEST_QUIET = 60 * 10**9
-_PROGRESS_EVERY = 5000
 _APART = 3600 * 10**9
 
 
@@ -173,7 +171,8 @@ class _Run:
         messages = self._with_clocks_compared(
             self._recording.messages(names, start if self._options.start else None, stop))
         if progress:
-            messages = self._with_progress(messages, names, progress)
+            total = sum(self._recording.counts[topic] for topic in names)
+            messages = with_progress(messages, total, progress)
         if self._options.write_bag:
             self._write_outputs(self._options.write_bag)
         for topic in self._recording.latched & names.keys():
@@ -283,14 +282,6 @@ class _Run:
                 timer.due += quiet
         self._now = now
         self._due = timer.due if timer else NEVER
-
-    def _with_progress(self, messages: Iterable[Message], names: Iterable[str],
-                       progress: OnProgress) -> Iterator[Message]:
-        total = sum(self._recording.counts[topic] for topic in names)
-        for count, message in enumerate(messages):
-            if count % _PROGRESS_EVERY == 0:
-                progress(min(count / max(total, 1), 1.0))
-            yield message
 
     def _with_clocks_compared(self, messages: Iterator[Message]) -> Iterable[Message]:
         """Note clocks so far apart at the first message that one cannot be the robot's."""

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 import sys
@@ -26,7 +26,8 @@ from typing import Any, BinaryIO
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 
 _PIECE = 2**20
-_MISSING = ("unpacking {} needs {} (pip install 'sat_collision[replay]') or rosbag2_py of ROS")
+_MISSING = ("it is compressed: unpacking {} needs {} (pip install 'sat_collision[replay]') or "
+            'rosbag2_py of ROS')
 
 
 class Damage(Exception):
@@ -92,14 +93,16 @@ def unpacked(packed: bytes, compression: str, most: int) -> bytes:
     return content
 
 
-def can_unpack() -> bool:
-    """Tell whether the libraries are there that unpack."""
-    try:
-        _zstd()
-        _lz4()
-    except Damage:
-        return False
-    return True
+def why_not_unpacked(compressions: Iterable[str]) -> str | None:
+    """Return what is missing here to unpack what is compressed so, None if nothing is."""
+    for compression in compressions:
+        try:
+            _LIBRARIES[compression]()
+        except KeyError:
+            pass  # told of what it is, when it is read
+        except Damage as damage:
+            return str(damage)
+    return None
 
 
 def _zstd() -> Any:
@@ -119,6 +122,9 @@ def _lz4() -> Any:
     except ImportError as error:
         raise Damage(_MISSING.format('lz4', 'lz4')) from error
     return frame
+
+
+_LIBRARIES = {'zstd': _zstd, 'lz4': _lz4}
 
 
 class Scratch:

@@ -136,7 +136,7 @@ def rosbag2_py(request, monkeypatch):
         raise unpacking.Damage('it is hidden')
 
     monkeypatch.setattr(unpacking, '_zstd', missing)
-    monkeypatch.setattr(unpacking, '_lz4', missing)
+    monkeypatch.setitem(unpacking._LIBRARIES, 'zstd', missing)
 
 
 @pytest.mark.parametrize('storage, compression', PACKED)

@@ -9,7 +9,7 @@ demo: $(VENV)/demo.stamp
 
 test: $(VENV)/test.stamp
 	$(BIN)/python -m mypy
-	$(BIN)/python -m sat_collision.geometry.warm_up --all
+	$(BIN)/python -m sat_collision.replay.kernels
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 # What README, config and docs/ARCHITECTURE.md take from the code.

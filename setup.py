@@ -12,7 +12,13 @@ extras = {
     ],
     'fast': ['numba'],
     'plot': ['matplotlib'],
-    'replay': ['pyyaml', 'rosbags'],
+    'replay': [
+        'argcomplete',
+        'backports.zstd; python_version < "3.14"',
+        'lz4',
+        'pyyaml',
+        'rosbags',
+    ],
     'cluster': ['dask[distributed]'],
     'bench': ['matplotlib', 'pymunk', 'pyyaml', 'rosbags', 'shapely>=2'],
     'test': [
@@ -59,7 +65,8 @@ setup(
         'console_scripts': [
             'footprint_monitor = sat_collision.node.__main__:main',
             'sat_collision_demo = sat_collision.demo.__main__:main',
-            'replay_check = sat_collision.replay.command:main',
+            'prepare_kernels = sat_collision.replay.kernels:main',
+            'replay_check = sat_collision.replay.__main__:main',
         ],
     },
 )

@@ -50,7 +50,18 @@ _HOMES = {'KERNEL': 'jit', 'Polygon': 'polygon', 'PolygonError': 'polygon', 'Rea
 
 
 def __getattr__(name: str) -> Any:
-    """Return what is offered by that name."""
+    """Return what is offered by that name, or the version."""
+    if name == '__version__':
+        return _version()
     if name not in __all__:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     return getattr(import_module(f'{__name__}.geometry.{_HOMES.get(name, "query")}'), name)
+
+
+def _version() -> str:
+    """Return the version that is installed; setup.py and package.xml have it."""
+    from importlib.metadata import PackageNotFoundError, version
+    try:
+        return version(__name__)
+    except PackageNotFoundError:
+        return 'unknown: not installed'

@@ -29,8 +29,8 @@ BELOW = {
     'scene': {'geometry'},
     'messages': {'scene', 'geometry'},
     'monitor': {'messages', 'scene', 'geometry'},
-    'node': {'monitor', 'messages', 'scene', 'geometry'},
-    'replay': {'monitor', 'messages', 'scene', 'geometry'},
+    'node': {'sat_collision', 'monitor', 'messages', 'scene', 'geometry'},
+    'replay': {'sat_collision', 'monitor', 'messages', 'scene', 'geometry'},
     'demo': set(),
 }
 # Parts of other projects that are for some modules only; a module is said by its full name.

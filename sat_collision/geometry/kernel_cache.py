@@ -25,15 +25,22 @@ The files are pickles: who may write to their folder may run code as whoever rea
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path
 import pickle
+import sys
 from typing import Any, Callable
 
-from numba import __version__
+from numba import __version__, config
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.registry import cpu_target
 from numba.core.sigutils import normalize_signature
+from sat_collision.geometry.compilation import say_compiling
 from sat_collision.geometry.kernel_problem import report_problem
 
+# What is compiled of these, whenever the package is imported, takes a fraction of a second.
+_QUICK = ('sat_collision.geometry.arithmetic', 'sat_collision.geometry.jit',
+          'sat_collision.geometry.rows')
 _DIGEST_SIZE = hashlib.sha256().digest_size
 
 
@@ -53,6 +60,29 @@ def keep_compiled(kernel: Any) -> None:
             "nor the user's cache directory can be written to")
 
 
+def use_plain_python() -> None:
+    """Compile nothing, here and in processes that are started: before any kernel is imported."""
+    os.environ['NUMBA_DISABLE_JIT'] = '1'
+    config.DISABLE_JIT = 1
+
+
+def prepared_mark() -> Path | None:
+    """
+    Return the file that tells that all kernels of now are kept, for this processor.
+
+    None if nothing is compiled, or can be kept.
+    """
+    if config.DISABLE_JIT:
+        return None
+    try:
+        folder = FunctionCache(keep_compiled).cache_path
+    except (OSError, RuntimeError):  # as above
+        return None
+    machine = cpu_target.target_context.codegen().magic_tuple()
+    known = repr((__version__, sys.version_info[:2], _SOURCES, machine))
+    return Path(folder, f'prepared-{hashlib.sha256(known.encode()).hexdigest()[:16]}')
+
+
 def _digest() -> str:
     """Return a digest of all sources of the kernels that may call each other."""
     digest = hashlib.sha256()
@@ -69,6 +99,7 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
+        self._is_quick = function.__module__ in _QUICK
         locator = self._impl.locator
         self._cache_file = _CheckedFile(self.cache_path, self._impl.filename_base,
                                         (__version__, _SOURCES, locator.get_source_stamp()))
@@ -87,11 +118,13 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
         except Exception as error:  # reading damaged files may raise anything
             report_problem('compiled kernels were damaged, and are compiled again: '
                            f'{self.cache_path} ({type(error).__name__}: {error})')
-            return None
+            found = None
         # Processes that save two signatures at once may each take the same file for its own.
-        if found is not None and found.signature.args != normalize_signature(sig)[0]:
-            return None
-        return found
+        if found is not None and found.signature.args == normalize_signature(sig)[0]:
+            return found
+        if not self._is_quick:
+            say_compiling(self.cache_path)
+        return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Save what was compiled for a signature, if possible."""

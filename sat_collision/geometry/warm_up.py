@@ -17,12 +17,10 @@ Kernels compiled, or loaded, before they are needed, so that no message has to w
 Compiling takes seconds where nothing is kept from an earlier process, see `kernel_cache`. Two
 processes may share the work, as what one has compiled the other finds on disk: while one prepares
 contacts and distances, ``python -m sat_collision.geometry.warm_up`` prepares packing and convex
-parts, until it is done or its standard input ends, which the other one holds; with ``--all`` it
-prepares everything.
+parts, until it is done or its standard input ends, which the other one holds; see `preparation`.
 """
 
 import os
-import sys
 import threading
 
 import numpy as np
@@ -101,11 +99,6 @@ def _end_with_input() -> None:
 
 
 if __name__ == '__main__':
-    if '--all' not in sys.argv:
-        threading.Thread(target=_end_with_input, daemon=True).start()
+    threading.Thread(target=_end_with_input, daemon=True).start()
     prepare_packing()
     prepare_parts()
-    if '--all' in sys.argv:
-        prepare_contacts()
-        prepare_distances()
-        prepare_pairs()

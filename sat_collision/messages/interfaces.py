@@ -21,7 +21,7 @@ The node has ROS. The replay tool needs none, and makes the same messages with t
 try:
     from builtin_interfaces.msg import Time
     from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-    from geometry_msgs.msg import Point, PolygonInstanceStamped, PolygonStamped
+    from geometry_msgs.msg import Point, Point32, PolygonInstanceStamped, PolygonStamped
     from rclpy.serialization import deserialize_message as deserialize
     from rclpy.serialization import serialize_message as serialize
     from std_msgs.msg import Bool, ColorRGBA
@@ -33,6 +33,7 @@ except ImportError:
     DiagnosticStatus = message_class('diagnostic_msgs/msg/DiagnosticStatus')
     KeyValue = message_class('diagnostic_msgs/msg/KeyValue')
     Point = message_class('geometry_msgs/msg/Point')
+    Point32 = message_class('geometry_msgs/msg/Point32')
     PolygonInstanceStamped = message_class('geometry_msgs/msg/PolygonInstanceStamped')
     PolygonStamped = message_class('geometry_msgs/msg/PolygonStamped')
     Bool = message_class('std_msgs/msg/Bool')
@@ -41,7 +42,7 @@ except ImportError:
     MarkerArray = message_class('visualization_msgs/msg/MarkerArray')
 
 __all__ = ['Bool', 'ColorRGBA', 'DiagnosticArray', 'DiagnosticStatus', 'KeyValue', 'Marker',
-           'MarkerArray', 'Point', 'PolygonInstanceStamped', 'PolygonStamped', 'Time',
+           'MarkerArray', 'Point', 'Point32', 'PolygonInstanceStamped', 'PolygonStamped', 'Time',
            'deserialize', 'serialize', 'type_name']
 
 

@@ -19,11 +19,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 import sys
 
+from sat_collision import __version__
 from sat_collision.node.signals import end_on_signals
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node until SIGINT, SIGTERM or SIGHUP and return the exit status."""
+    if '--version' in (sys.argv if args is None else args):
+        print(f'sat_collision {__version__}')
+        return 0
     end_on_signals()
     # Not before: it takes so long to import that a signal may come meanwhile.
     from sat_collision.node.process import run

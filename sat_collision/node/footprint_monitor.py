@@ -33,11 +33,12 @@ from rclpy.qos import qos_policy_name_from_kind, QoSDurabilityPolicy, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sat_collision.geometry.jit import KERNEL
 from sat_collision.geometry.kernel_problem import kernel_problem
+from sat_collision.geometry.preparation import prepare
 from sat_collision.messages.outputs import Outputs
 from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
-from sat_collision.node import kernels, loop, waiting
+from sat_collision.node import loop, waiting
 from sat_collision.node.fallback import ExecutorLoop
 from sat_collision.node.health import Health
 from sat_collision.node.parameters import Parameters
@@ -89,7 +90,7 @@ class FootprintMonitor(Node):
         super().__init__(NAME, **options)
         parameters = Parameters(self)
         settings = parameters.settings
-        kernels.prepare(self.get_logger())
+        prepare(self.get_logger().info, self.get_logger().warning)
         self._choose_clock()
         self._clock_changes = self.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=None, on_clock_change=True),
@@ -106,12 +107,11 @@ class FootprintMonitor(Node):
         self._dead: Counter[str] = Counter()
         in_loop = waiting.is_supported()
         self._taken_by = loop.Reserved() if in_loop else self.default_callback_group
-        inputs = [self._subscribe(footprint, PolygonStamped, _FOOTPRINT_DEPTH)
-                  for footprint in settings.footprints]
+        self._inputs = inputs = [self._subscribe(footprint, PolygonStamped, _FOOTPRINT_DEPTH)
+                                 for footprint in settings.footprints]
         for source in settings.obstacles:
             kind = PolygonInstanceStamped if source.type == POLYGON_INSTANCE else PolygonStamped
             inputs.append(self._subscribe(source, kind, _SETS_IN_QUEUE * source.max_count))
-        self._inputs = inputs
         transform_inputs = transforms and subscribe(self, transforms, self._receive_alone,
                                                     self._taken_by)
         self._clock_watch = ClockWatch()

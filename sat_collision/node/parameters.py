@@ -24,7 +24,8 @@ from rcl_interfaces.msg import (
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from sat_collision.scene.parameters import declare_parameters, ParameterError, read_settings
+from sat_collision.scene.parameters import (
+    check_names_given, declare_parameters, ParameterError, read_settings, type_problem)
 from sat_collision.scene.settings import Settings, Spec
 
 
@@ -48,7 +49,8 @@ class Parameters:
     Raises
     ------
     ParameterError
-        If a value given at start has the wrong type or is out of place.
+        If a value given at start has the wrong type or is out of place, or there is no parameter
+        of that name.
 
     """
 
@@ -59,7 +61,10 @@ class Parameters:
         self._note: Callable[[str, Any, Any], None] | None = None
         self._values: dict[str, Any] = {}
         node.add_on_set_parameters_callback(self._validate)
+        # What was given for this node, by files and on the command line.
+        self._given: dict[str, Parameter] = node._parameter_overrides
         self._footprints, self._obstacles = declare_parameters(self._declare)
+        check_names_given(self._given, self._specs)
         self.settings = self._read()
         node.add_post_set_parameters_callback(self._apply)
 
@@ -80,7 +85,9 @@ class Parameters:
         try:
             value = self._node.declare_parameter(name, default, _descriptor(default, spec)).value
         except ParameterException as error:
-            raise ParameterError(error) from error
+            given = self._given.get(name)
+            raise ParameterError(
+                given and type_problem(name, given.value, default) or error) from error
         if value is None:
             raise ParameterError(f"parameter '{name}' has no value")
         return value

@@ -12,11 +12,44 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""python -m sat_collision.replay."""
+"""Where replay_check begins: a crash, even of an import, never has the status of a collision."""
 
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
 import sys
+import traceback
 
-from sat_collision.replay.command import main
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the command and return the exit status."""
+    try:
+        from sat_collision.replay.arguments import parse
+        options = parse(args)
+        _prepare_kernels(options)
+        from sat_collision.replay.command import run
+        return run(options)
+    except KeyboardInterrupt:
+        print('replay_check: interrupted', file=sys.stderr)
+        return 2
+    except Exception as error:
+        if '--debug' in (sys.argv if args is None else args):
+            traceback.print_exc()
+        words = ' '.join(str(error).split())
+        print(f'replay_check: cannot start: {type(error).__name__}: {words} '
+              '(--debug shows where)', file=sys.stderr)
+        return 3
+
+
+def _prepare_kernels(options: argparse.Namespace) -> None:
+    """Have the kernels compiled, and say so, where it pays; a cluster has kernels of its own."""
+    from sat_collision.replay.kernels import choose, prepare
+    from sat_collision.replay.unpacking import Limits
+    limits = Limits(options.max_memory, options.max_disk)
+    if not options.dask and choose(options.bags, limits):
+        prepare(lambda words: print(f'replay_check: {words}', file=sys.stderr))
+
 
 if __name__ == '__main__':
     sys.exit(main())

@@ -23,16 +23,14 @@ from pathlib import Path
 import re
 from typing import Any
 
+from sat_collision.replay.options import NODE
 from sat_collision.replay.unpacking import in_words
-from sat_collision.scene.parameters import declare_parameters, ParameterError, read_settings
+from sat_collision.scene.parameters import (
+    check_names_given, declare_parameters, ParameterError, read_settings, type_problem)
 from sat_collision.scene.settings import Settings, Spec
 import yaml
 
-NODE = '/footprint_monitor'
-
 _TOPIC = re.compile(r'(~/|/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*', re.ASCII)
-_TYPES = {bool: 'a bool', int: 'an integer', float: 'a double', str: 'a string',
-          list: 'a list of strings'}
 
 
 class _Loader(yaml.SafeLoader):
@@ -90,14 +88,17 @@ def parameter_of_text(text: str) -> tuple[str, Any]:
         raise ParameterError(f'{text}: {in_words(error)}') from error
 
 
-def settings_of(parameters: Mapping[str, Any], node: str = NODE) -> Settings:
+def settings_of(parameters: Mapping[str, Any], node: str = NODE,
+                is_complete: bool = True) -> Settings:
     """
     Return the Settings that parameters by dotted names make; what the node refuses is refused.
+
+    Unless they are complete, parameters of sources that nobody has named yet are left out.
 
     Raises
     ------
     ParameterError
-        If a value has the wrong type or is not allowed.
+        If a value has the wrong type or is not allowed, or there is no such parameter.
 
     """
     values: dict[str, Any] = {}
@@ -107,6 +108,7 @@ def settings_of(parameters: Mapping[str, Any], node: str = NODE) -> Settings:
         return values[name]
 
     footprints, obstacles = declare_parameters(declare)
+    check_names_given([name for name in parameters if is_complete or '.' not in name], values)
     return read_settings(footprints, obstacles, values.__getitem__,
                          lambda topic: _resolved(topic, node))
 
@@ -136,10 +138,8 @@ def _checked(name: str, value: Any, default: Any, spec: Spec) -> Any:
     """Return a value that has the type of the default and is within limits, as the node would."""
     if value is None:
         raise ParameterError(f"parameter '{name}' has no value")
-    wanted = type(default)
-    if type(value) is not wanted or wanted is list and not all(
-            isinstance(item, str) for item in value):
-        raise ParameterError(f"parameter '{name}' is {value!r}, but must be {_TYPES[wanted]}")
+    if problem := type_problem(name, value, default):
+        raise ParameterError(problem)
     if spec.choices and value not in spec.choices:
         raise ParameterError(f"{name}: '{value}' is not one of {', '.join(spec.choices)}")
     if spec.limits and not (spec.limits[0] <= value <= spec.limits[1] and math.isfinite(value)):

@@ -20,9 +20,9 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.rosbag2 import StoragePlugin, Writer
 from sat_collision.demo import warehouse
-from sat_collision.messages.rosbags_interfaces import message_class, serialize, STORE
+from sat_collision.messages.interfaces import Point32, PolygonStamped, serialize
+from sat_collision.replay.bag_writer import new_bag
 
 _START = 1_700_000_000 * 10**9
 _PERIOD = 0.05
@@ -47,33 +47,32 @@ def write_example(path: str | Path) -> None:
 
     Raises
     ------
-    WriterError
-        If the path exists.
+    OutputError
+        If the path exists, or nothing is there that writes bags.
 
     """
     path = Path(path)
-    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        topics = {name: writer.add_connection(f'/{name}', _KIND, typestore=STORE)
-                  for name in [*warehouse.FOOTPRINTS, 'warehouse', 'people']}
-        for tick in range(round(warehouse.DURATION / _PERIOD) + 1):
-            elapsed = tick * _PERIOD
-            stamp = _START + round(elapsed * 1e9)
-            outlines = [(name, warehouse.footprint(name, elapsed))
-                        for name in warehouse.FOOTPRINTS]
-            outlines.append(('people', warehouse.person(elapsed)))
-            if tick % _STATIC_EVERY == 0:
-                outlines += [('warehouse', outline) for outline in warehouse.STATIC]
-            for name, outline in outlines:
-                writer.write(topics[name], stamp + _DELAY, _message(outline, stamp))
+    writer = new_bag(path)
+    for name in (*warehouse.FOOTPRINTS, 'warehouse', 'people'):
+        writer.add_topic(f'/{name}', _KIND)
+    for tick in range(round(warehouse.DURATION / _PERIOD) + 1):
+        elapsed = tick * _PERIOD
+        stamp = _START + round(elapsed * 1e9)
+        outlines = [(name, warehouse.footprint(name, elapsed)) for name in warehouse.FOOTPRINTS]
+        outlines.append(('people', warehouse.person(elapsed)))
+        if tick % _STATIC_EVERY == 0:
+            outlines += [('warehouse', outline) for outline in warehouse.STATIC]
+        for name, outline in outlines:
+            writer.write(f'/{name}', stamp + _DELAY, _message(outline, stamp))
+    writer.close()
     parameters = _PARAMETERS.format(footprints=', '.join(warehouse.FOOTPRINTS),
                                     frame=warehouse.FRAME)
     (path / 'params.yaml').write_text(parameters)
 
 
 def _message(outline: NDArray[np.float64], stamp: int) -> bytes:
-    message = message_class(_KIND)()
+    message = PolygonStamped()
     message.header.frame_id = warehouse.FRAME
     message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
-    point = message_class('geometry_msgs/msg/Point32')
-    message.polygon.points = [point(x=x, y=y) for x, y in outline.astype(np.float32).tolist()]
-    return serialize(message)
+    message.polygon.points = [Point32(x=x, y=y) for x, y in outline.astype(np.float32).tolist()]
+    return bytes(serialize(message))

@@ -23,7 +23,7 @@ import json
 from typing import Any
 from xml.etree import ElementTree
 
-from sat_collision.replay.report import how_found, how_undecided, lasting, report, summary
+from sat_collision.replay.report import how_found, how_undecided, report, summary, when
 from sat_collision.replay.result import FootprintResult, overall, Result
 
 SCHEMA = 'sat_collision.replay/2'
@@ -99,10 +99,8 @@ def _case(suite: ElementTree.Element, bag: str, name: str, kind: str,
 def _failures(footprint: FootprintResult, result: Result) -> Iterator[str]:
     for contact in result.contacts:
         if contact.footprint == footprint.name:
-            yield (f'in contact with {contact.obstacle} from '
-                   f'{result.since(contact.first):.3f} s on for '
-                   f'{lasting(contact.last - contact.first)} s, {contact.depth:.4f} m deep, '
-                   f'found {how_found(contact, result)}')
+            yield (f'in contact with {contact.obstacle} {when(contact, result)}, '
+                   f'{contact.depth:.4f} m deep, found {how_found(contact, result)}')
     if footprint.unknown > 1e9 * result.max_unknown or not footprint.ever_known:
         yield f'unknown for {footprint.unknown / 1e9:.3f} s'
 

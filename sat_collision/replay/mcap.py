@@ -91,6 +91,12 @@ class McapFile:
         if times and self.start is None:
             self.start, self.end = min(times), max(times)
 
+    @property
+    def compressions(self) -> set[str]:
+        """How chunks are compressed."""
+        blocks = self._layout.blocks if self._layout else []
+        return {block.compression for block in blocks} - {''}
+
     def close(self) -> None:
         if self._file is not None:
             os.close(self._file)

@@ -40,6 +40,8 @@ class Metadata(NamedTuple):
         Number of messages in all.
     latched : set of str
         Topics whose publishers had what they sent last delivered to who came later.
+    packed : bool
+        Files or messages are compressed one by one.
 
     """
 
@@ -47,6 +49,7 @@ class Metadata(NamedTuple):
     counts: dict[str, int]
     total: int
     latched: set[str]
+    packed: bool
 
 
 def read_metadata(path: Path, most: int) -> Metadata:
@@ -76,7 +79,8 @@ def read_metadata(path: Path, most: int) -> Metadata:
         counts[name] = counts.get(name, 0) + _entry(topic, 'message_count', int)
         if _is_latched(described.get('offered_qos_profiles')):
             latched.add(name)
-    return Metadata(files, counts, _entry(information, 'message_count', int), latched)
+    return Metadata(files, counts, _entry(information, 'message_count', int), latched,
+                    bool(information.get('compression_mode')))
 
 
 def _is_latched(profiles: Any) -> bool:

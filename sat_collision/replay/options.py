@@ -19,9 +19,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from sat_collision.replay.configuration import NODE
 from sat_collision.replay.unpacking import Limits
 
+NODE = '/footprint_monitor'
 RECEIVE = 'receive'
 HEADER = 'header'
 

@@ -20,10 +20,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from rosbags.rosbag2 import StoragePlugin, Writer
 from sat_collision.messages.interfaces import serialize, Time, type_name
 from sat_collision.messages.outputs import Outputs
-from sat_collision.messages.rosbags_interfaces import STORE
+from sat_collision.replay.bag_writer import BagWriter, new_bag
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import Settings
 
@@ -45,15 +44,13 @@ class BagOutputs:
 
     Raises
     ------
-    WriterError
+    OutputError
         If the directory exists, or cannot be made.
 
     """
 
     def __init__(self, path: str, node: str, settings: Settings, scene: Scene) -> None:
-        Path(path).parent.mkdir(parents=True, exist_ok=True)
-        self._writer = Writer(Path(path), version=9, storage_plugin=StoragePlugin.MCAP)
-        self._writer.open()
+        self._writer = new_bag(Path(path))
         self._clock = _Clock()
         self._outputs = Outputs(_Node(node, self._writer, self._clock), settings, scene)
 
@@ -94,7 +91,7 @@ class _Clock:
 class _Node:
     """What Outputs asks of a node: a name, a clock, and publishers."""
 
-    def __init__(self, name: str, writer: Writer, clock: _Clock) -> None:
+    def __init__(self, name: str, writer: BagWriter, clock: _Clock) -> None:
         self._name = name
         self._writer = writer
         self._clock = clock
@@ -113,9 +110,10 @@ class _Node:
 class _Topic:
     """A topic of the bag, used as a publisher."""
 
-    def __init__(self, writer: Writer, name: str, kind: str, clock: _Clock) -> None:
+    def __init__(self, writer: BagWriter, name: str, kind: str, clock: _Clock) -> None:
         self._writer = writer
-        self._connection = writer.add_connection(name, kind, typestore=STORE)
+        self._name = name
+        writer.add_topic(name, kind)
         self._clock = clock
 
     def get_subscription_count(self) -> int:
@@ -123,4 +121,4 @@ class _Topic:
 
     def publish(self, message: Any) -> None:
         data = message if isinstance(message, bytes) else serialize(message)
-        self._writer.write(self._connection, self._clock.time, data)
+        self._writer.write(self._name, self._clock.time, data)

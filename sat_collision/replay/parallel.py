@@ -26,8 +26,9 @@ import signal
 import traceback
 
 from sat_collision.replay.options import Options
+from sat_collision.replay.progress import OnProgress
 from sat_collision.replay.result import Result
-from sat_collision.replay.run import check, OnProgress
+from sat_collision.replay.run import check
 from sat_collision.replay.unpacking import in_words
 
 _ATTEMPTS = 3

@@ -14,19 +14,36 @@
 
 """How far a run has come, shown on a terminal."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
 import sys
 import time
-from typing import TextIO
+from typing import TextIO, TypeAlias, TypeVar
 
+OnProgress: TypeAlias = Callable[[float], None]
+
+_Any = TypeVar('_Any')
+_EVERY = 500
 _BAR = 30
 _PATIENCE = 1.0
 _REDRAW = 0.1
 
 
 class Progress:
-    """A bar on a terminal that appears when a run takes long, and vanishes after it."""
+    """
+    A bar on a terminal that appears when a run takes long, and vanishes after it.
 
-    def __init__(self, stream: TextIO = sys.stderr) -> None:
+    Parameters
+    ----------
+    what : str
+        What the bar is about.
+    stream : file, optional
+
+    """
+
+    def __init__(self, what: str = '', stream: TextIO = sys.stderr) -> None:
+        self._what = f'{what} ' if what else ''
         self._stream = stream
         self._begun = time.monotonic()
         self._next = self._begun + _PATIENCE if stream.isatty() else float('inf')
@@ -39,7 +56,7 @@ class Progress:
             return
         self._next = now + _REDRAW
         self._shown = True
-        bar = f'[{"#" * round(_BAR * share):{_BAR}}] {share:4.0%}'
+        bar = f'{self._what}[{"#" * round(_BAR * share):{_BAR}}] {share:4.0%}'
         if share:
             bar += f'  {(now - self._begun) * (1.0 / share - 1.0):.0f} s left'
         self._stream.write(f'\r\033[K{bar}')
@@ -50,3 +67,12 @@ class Progress:
         if self._shown:
             self._stream.write('\r\033[K')
             self._stream.flush()
+            self._shown = False
+
+
+def with_progress(messages: Iterable[_Any], total: int, progress: OnProgress) -> Iterator[_Any]:
+    """Yield messages, and tell now and then what share of the total has passed."""
+    for count, message in enumerate(messages):
+        if count % _EVERY == 0:
+            progress(min(count / max(total, 1), 1.0))
+        yield message

@@ -27,10 +27,11 @@ import zlib
 from sat_collision.replay.faults import Faults
 from sat_collision.replay.mcap import McapFile
 from sat_collision.replay.metadata import Metadata, read_metadata
+from sat_collision.replay.rosbag2 import is_there, Rosbag2Storage
 from sat_collision.replay.sqlite import SqliteFile
 from sat_collision.replay.storage import Message, Storage
 from sat_collision.replay.unpacking import (
-    Damage, in_words, Limits, Scratch, unpacked, ZSTD_MAGIC)
+    Damage, in_words, Limits, Scratch, unpacked, why_not_unpacked, ZSTD_MAGIC)
 
 _STORAGE = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 _ROS_1 = b'#ROSBAG V'
@@ -75,13 +76,19 @@ class Recording:
         self._metadata: Metadata | None = None
         self._parts: list[Storage] = []
         self._sums: Counter[str] = Counter()
+        self._compressions: set[str] = set()
 
     def __enter__(self) -> Recording:
         try:
             if not self.path.exists():
                 self._own.damaged('no such file or directory')
-            for file in self._files():
+            files = self._files()
+            known = list(self._faults)
+            for file in files:
                 self._open(file)
+            if missing := why_not_unpacked(self._compressions):
+                self._faults[:] = known
+                self._open_by_rosbag2(missing)
         except OSError as error:
             self._own.damaged(in_words(error))
         self._compare(self.counts)
@@ -153,6 +160,8 @@ class Recording:
                 self._own.damaged('no .mcap or .db3 file in this directory')
             return present
         self.latched = self._metadata.latched
+        if self._metadata.packed:
+            self._compressions.add('zstd')
         total = sum(self._metadata.counts.values())
         if total != self._metadata.total:
             faults.differs('total', f'announces {self._metadata.total} messages in all, but '
@@ -172,12 +181,13 @@ class Recording:
         plain = file
         try:
             if file.suffix == '.zstd':
+                self._compressions.add('zstd')
                 plain, damage = self._scratch.unpack(file)
                 if damage:
                     faults.damaged(in_words(damage))
             with plain.open('rb') as opened:
                 ros_1 = opened.read(len(_ROS_1)) == _ROS_1
-        except OSError as error:
+        except (Damage, OSError) as error:
             faults.damaged(in_words(error))
             return
         if ros_1:
@@ -186,9 +196,24 @@ class Recording:
         elif plain.suffix == '.db3':
             self._add(SqliteFile(plain, faults, self._scratch, self._limits))
         elif plain.suffix == '.mcap':
-            self._add(McapFile(plain, faults, self._limits))
+            part = McapFile(plain, faults, self._limits)
+            self._compressions |= part.compressions
+            self._add(part)
         else:
             faults.damaged('neither a .mcap nor a .db3 file')
+
+    def _open_by_rosbag2(self, missing: str) -> None:
+        """Begin anew, now that there is something that nothing but rosbag2_py unpacks here."""
+        for part in self._parts:
+            part.close()
+        self._parts.clear()
+        self.topics, self.counts, self.start, self.end = {}, Counter(), None, None
+        by_one = bool(self._metadata and self._metadata.packed)
+        if not is_there():
+            self._own.damaged(missing)
+            self._metadata = None
+            return
+        self._add(Rosbag2Storage(self.path, self._own, by_one, self._scratch))
 
     def _add(self, part: Storage) -> None:
         self._parts.append(part)

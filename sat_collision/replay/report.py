@@ -20,10 +20,11 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from sat_collision.replay.result import (
-    BETWEEN_FRAMES, Contact, FootprintResult, overall, Result, SourceResult, Verdict)
+    BETWEEN_FRAMES, Contact, FootprintResult, overall, Result, SourceResult)
+from sat_collision.replay.verdict import Verdict
 
 _MOST_ROWS = 20
-_SHORT = 500_000
+_MOMENT = 500_000
 _CLOCKS = {'receive': 'receive time', 'header': 'header stamps'}
 
 
@@ -47,14 +48,14 @@ def report(result: Result) -> list[str]:
         ('footprint', 'obstacle', 'first [s]', 'duration [s]', 'depth [m]', 'x [m]', 'y [m]',
          'found'),
         [(contact.footprint, contact.obstacle, f'{result.since(contact.first):.3f}',
-          lasting(contact.last - contact.first) + ('+' if contact.at_end else ''),
+          lasting(contact) + ('+' if contact.at_end else ''),
           f'{contact.depth:.4g}', f'{contact.x:.3f}', f'{contact.y:.3f}',
           how_found(contact, result)) for contact in result.contacts], 'contacts')
     lines += _table(
         ('footprint', 'first [s]', 'duration [s]', 'reason'),
         [(unknown.footprint, f'{result.since(unknown.first):.3f}',
           f'{(unknown.last - unknown.first) / 1e9:.3f}', '; '.join(unknown.reasons))
-         for unknown in result.unknown if unknown.last - unknown.first >= _SHORT], 'unknown')
+         for unknown in result.unknown if unknown.last - unknown.first >= _MOMENT], 'unknown')
     return lines
 
 
@@ -64,9 +65,17 @@ def how_undecided(source: SourceResult) -> str:
             'frames were decided')
 
 
-def lasting(duration: int) -> str:
-    """Return a duration in s of one that is in ns; a short one is not said to be 0."""
-    return f'{duration / 1e9:.3f}' if duration >= _SHORT else '<0.001'
+def lasting(contact: Contact) -> str:
+    """Return how long a contact lasted in s; one that a table would say lasted 0 is a moment."""
+    duration = contact.last - contact.first
+    return f'{duration / 1e9:.3f}' if duration >= _MOMENT else 'moment'
+
+
+def when(contact: Contact, result: Result) -> str:
+    """Return in words when there was a contact: at a moment, or from one on for some time."""
+    since = f'{result.since(contact.first):.3f} s'
+    duration = lasting(contact)
+    return f'at {since}' if duration == 'moment' else f'from {since} on for {duration} s'
 
 
 def how_found(contact: Contact, result: Result) -> str:
@@ -149,7 +158,7 @@ def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]], title: str) -
 
 def _is_number(cell: str) -> bool:
     try:
-        float(cell.lstrip('<').rstrip('+ %') or 0)
+        float(cell.rstrip('+ %') or 0)
     except ValueError:
-        return False
+        return cell.rstrip('+') == 'moment'
     return True

@@ -18,30 +18,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-import enum
 
 import numpy as np
 from numpy.typing import NDArray
 from sat_collision.geometry.polygon import Polygon
+from sat_collision.replay.verdict import Verdict
 
 
 # How a contact or a separation was found.
 AT_A_FRAME = 'at a frame'
 BETWEEN_FRAMES = 'between frames'
 AT_A_MESSAGE = 'at a message'
-
-
-class Verdict(enum.IntEnum):
-    """The verdict, whose value is the exit status."""
-
-    CLEAR = 0
-    COLLISION = 1
-    UNKNOWN = 2
-    BAD_INPUT = 3
-
-    @property
-    def words(self) -> str:
-        return self.name.lower().replace('_', ' ')
 
 
 @dataclass

@@ -19,19 +19,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
-from rosbags.rosbag2 import WriterError
 from sat_collision.messages.cdr import header_stamp
 from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TF_STATIC, TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
+from sat_collision.replay.destinations import OutputError
 from sat_collision.replay.motion.motion import Motion
 from sat_collision.replay.motion.timeline import MotionTimeline
 from sat_collision.replay.options import HEADER, Options, RECEIVE
+from sat_collision.replay.progress import OnProgress, with_progress
 from sat_collision.replay.recording import Recording
 from sat_collision.replay.result import FootprintResult, Result, SourceResult
-from sat_collision.replay.storage import Message
+from sat_collision.replay.storage import Message, Recorded
 from sat_collision.replay.timeline import Timeline
 from sat_collision.replay.topics import all_sources, missing_topics, settings_for, wrong_types
 from sat_collision.scene.deadlines import NEVER
@@ -41,11 +42,8 @@ from sat_collision.scene.settings import Settings
 if TYPE_CHECKING:
     from sat_collision.replay.outputs import BagOutputs
 
-OnProgress: TypeAlias = Callable[[float], None]
-
 _TRANSFORM_TYPE = 'tf2_msgs/msg/TFMessage'
 _LONGEST_QUIET = 60 * 10**9
-_PROGRESS_EVERY = 5000
 _APART = 3600 * 10**9
 
 
@@ -68,17 +66,25 @@ def check(path: str | Path, options: Options = Options(),
         Whatever is wrong with the recording or the parameters is in its problems.
 
     """
+    with Recording(path, options.limits) as recording:
+        result = check_recording(recording, options, progress)
+        result.content = recording.content
+    return result
+
+
+def check_recording(recording: Recorded, options: Options,
+                    progress: OnProgress | None = None) -> Result:
+    """Check what is open, as `check` does."""
+    path = recording.path
     result = Result(str(path), options.clock, options.max_unknown, options.as_live,
                     max_undecided=options.max_undecided)
-    with Recording(path, options.limits) as recording:
-        try:
-            settings = settings_for(recording.topics, options.parameters, options.footprints,
-                                    options.obstacles, options.node)
-            _Run(recording, settings, options, result).run(progress)
-        except (ParameterError, WriterError, OSError) as error:
-            result.problems.append(f'{path}: {error}')
-        result.problems[:0] = recording.problems
-        result.content = recording.content
+    try:
+        settings = settings_for(recording.topics, options.parameters, options.footprints,
+                                options.obstacles, options.node)
+        _Run(recording, settings, options, result).run(progress)
+    except (ParameterError, OutputError, OSError) as error:
+        result.problems.append(f'{path}: {error}')
+    result.problems[:0] = recording.problems
     return result
 
 
@@ -94,7 +100,7 @@ class _Timer:
 class _Run:
     """One recording on its way through the scene."""
 
-    def __init__(self, recording: Recording, settings: Settings, options: Options,
+    def __init__(self, recording: Recorded, settings: Settings, options: Options,
                  result: Result) -> None:
         self._recording = recording
         self._settings = settings
@@ -166,7 +172,8 @@ class _Run:
         messages = self._with_clocks_compared(
             self._recording.messages(names, start if self._options.start else None, stop))
         if progress:
-            messages = self._with_progress(messages, names, progress)
+            total = sum(self._recording.counts[topic] for topic in names)
+            messages = with_progress(messages, total, progress)
         if self._options.write_bag:
             self._write_outputs(self._options.write_bag)
         for topic in self._recording.latched & names.keys():
@@ -276,14 +283,6 @@ class _Run:
                 timer.due += quiet
         self._now = now
         self._due = timer.due if timer else NEVER
-
-    def _with_progress(self, messages: Iterable[Message], names: Iterable[str],
-                       progress: OnProgress) -> Iterator[Message]:
-        total = sum(self._recording.counts[topic] for topic in names)
-        for count, message in enumerate(messages):
-            if count % _PROGRESS_EVERY == 0:
-                progress(min(count / max(total, 1), 1.0))
-            yield message
 
     def _with_clocks_compared(self, messages: Iterator[Message]) -> Iterable[Message]:
         """Note clocks so far apart at the first message that one cannot be the robot's."""

@@ -17,7 +17,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Set
+from pathlib import Path
 from typing import Protocol, TypeAlias
 
 Message: TypeAlias = tuple[str, int, bytes]  # topic, time in ns, data
@@ -46,5 +47,34 @@ class Storage(Protocol):
 
     def messages(self, topics: Collection[str], start: int | None,
                  stop: int | None) -> Iterator[Message]:
+        """Yield (topic, time in ns, data) of some topics, from start on and before stop (ns)."""
+        ...
+
+
+class Recorded(Protocol):
+    """What is asked of a recording to check it; the attributes are those of Recording."""
+
+    path: Path
+    topics: dict[str, str]
+    counts: Counter[str]
+
+    @property
+    def latched(self) -> Set[str]:
+        ...
+
+    @property
+    def start(self) -> int | None:
+        ...
+
+    @property
+    def end(self) -> int | None:
+        ...
+
+    @property
+    def problems(self) -> list[str]:
+        ...
+
+    def messages(self, topics: Collection[str], start: int | None = None,
+                 stop: int | None = None) -> Iterator[Message]:
         """Yield (topic, time in ns, data) of some topics, from start on and before stop (ns)."""
         ...

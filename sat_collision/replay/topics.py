@@ -21,7 +21,8 @@ from dataclasses import fields
 import re
 from typing import TypeAlias
 
-from sat_collision.replay.configuration import NODE, settings_of
+from sat_collision.replay.configuration import settings_of
+from sat_collision.replay.options import NODE
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON, POLYGON_INSTANCE, Settings)
@@ -73,12 +74,12 @@ def settings_for(types: Mapping[str, str], parameters: Mapping[str, object],
     polygons = {topic: _KINDS[kind] for topic, kind in types.items() if kind in _KINDS}
     said = [kind for kind, source in defaults.items()
             if kind in values or f'{source.name}.topic' in values or source.topic in polygons]
-    settings = settings_of(values, node)
+    settings = settings_of(values, node, False)
     taken = {source.topic for kind in said for source in getattr(settings, kind)}
     free = {topic: kind for topic, kind in polygons.items() if topic not in taken}
     for kind, topic in _detected(free, [kind for kind in defaults if kind not in said]).items():
         values.update(_named(kind, [topic], defaults[kind].name))
-    for source in settings_of(values, node).obstacles:
+    for source in settings_of(values, node, False).obstacles:
         if source.topic in polygons:
             values.setdefault(f'{source.name}.type', polygons[source.topic])
     return settings_of(values, node)

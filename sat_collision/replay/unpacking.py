@@ -16,22 +16,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 import sys
 import tempfile
-from typing import BinaryIO
-
-from lz4.frame import LZ4FrameDecompressor
-if sys.version_info >= (3, 14):
-    from compression import zstd
-else:
-    from backports import zstd
+from typing import Any, BinaryIO
 
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 
 _PIECE = 2**20
+_MISSING = ("it is compressed: unpacking {} needs {} (pip install 'sat_collision[replay]') or "
+            'rosbag2_py of ROS')
 
 
 class Damage(Exception):
@@ -79,16 +75,56 @@ def unpacked(packed: bytes, compression: str, most: int) -> bytes:
         return packed
     if compression not in ('zstd', 'lz4'):
         raise Damage(f"unknown compression '{compression}'")
-    decompressor = zstd.ZstdDecompressor() if compression == 'zstd' else LZ4FrameDecompressor()
+    errors: tuple[type[Exception], ...] = RuntimeError, EOFError
+    if compression == 'zstd':
+        zstd = _zstd()
+        decompressor = zstd.ZstdDecompressor()
+        errors += zstd.ZstdError,
+    else:
+        decompressor = _lz4().LZ4FrameDecompressor()
     try:
         content: bytes = decompressor.decompress(packed, max_length=most + 1)
-    except (zstd.ZstdError, RuntimeError, EOFError) as error:
+    except errors as error:
         raise Damage(in_words(error)) from error
     if len(content) > most:
         raise Damage(f'it holds more than {most} bytes')
     if not decompressor.eof:
         raise Damage('compressed data that is cut off')
     return content
+
+
+def why_not_unpacked(compressions: Iterable[str]) -> str | None:
+    """Return what is missing here to unpack what is compressed so, None if nothing is."""
+    for compression in compressions:
+        try:
+            _LIBRARIES[compression]()
+        except KeyError:
+            pass  # told of what it is, when it is read
+        except Damage as damage:
+            return str(damage)
+    return None
+
+
+def _zstd() -> Any:
+    try:
+        if sys.version_info >= (3, 14):
+            from compression import zstd
+        else:
+            from backports import zstd
+    except ImportError as error:
+        raise Damage(_MISSING.format('zstd', 'backports.zstd')) from error
+    return zstd
+
+
+def _lz4() -> Any:
+    try:
+        from lz4 import frame
+    except ImportError as error:
+        raise Damage(_MISSING.format('lz4', 'lz4')) from error
+    return frame
+
+
+_LIBRARIES = {'zstd': _zstd, 'lz4': _lz4}
 
 
 class Scratch:
@@ -127,8 +163,17 @@ class Scratch:
         return plain
 
     def unpack(self, packed: Path) -> tuple[Path, Damage | None]:
-        """Return a file with what a zstd-compressed one holds, and why that is not all."""
+        """
+        Return a file with what a zstd-compressed one holds, and why that is not all.
+
+        Raises
+        ------
+        Damage
+            If there is no library for it.
+
+        """
         plain = self._place(packed.stem)
+        zstd = _zstd()
         try:
             with zstd.open(packed, 'rb') as source, plain.open('wb') as target:
                 self._write(source.read, target)

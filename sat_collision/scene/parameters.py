@@ -16,7 +16,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
+from difflib import get_close_matches
 from typing import Any
 
 from sat_collision.scene.settings import (
@@ -26,6 +27,8 @@ from sat_collision.scene.settings import (
 _LISTS = {'footprints': DEFAULT_FOOTPRINT, 'obstacles': DEFAULT_SOURCE}
 # What every node of rclpy has beside these parameters.
 _OF_EVERY_NODE = ('qos_overrides', 'start_type_description_service', 'use_sim_time')
+_TYPES = {bool: 'true or false', int: 'a whole number', float: 'a double', str: 'a text',
+          list: 'a list of texts'}
 _RESERVED = frozenset((*specs(Settings), *_OF_EVERY_NODE))
 
 
@@ -69,6 +72,49 @@ def declare_parameters(
                 declare(f'{name}.{field}', _topic(kind, name) if field == 'topic' else default,
                         spec)
     return footprints, obstacles
+
+
+def check_names_given(given: Iterable[str], known: Collection[str]) -> None:
+    """
+    Refuse parameters that there are not: mistyped, one would keep its default in silence.
+
+    Parameters
+    ----------
+    given : iterable of str
+        The names that files and the command line have for the node.
+    known : collection of str
+        The names that were declared.
+
+    Raises
+    ------
+    ParameterError
+        If a name is neither known nor one that every node has.
+
+    """
+    for name in given:
+        if name not in known and name.partition('.')[0] not in _OF_EVERY_NODE:
+            hint = ''
+            if nearest := get_close_matches(name, known, 1):
+                hint = f': did you mean {nearest[0]}?'
+            elif '.' in name:
+                hint = '; a source has some only if footprints or obstacles name it'
+            raise ParameterError(f"there is no parameter '{name}'{hint}")
+
+
+def type_problem(name: str, value: object, default: object) -> str | None:
+    """Return what is wrong with the type of a value and what to write, None if it is right."""
+    wanted = type(default)
+    if type(value) is wanted and (not isinstance(value, list) or all(
+            isinstance(item, str) for item in value)):
+        return None
+    hint = ''
+    if wanted is float and type(value) is int:
+        hint = f': write {float(value)}'
+    elif wanted is str and isinstance(value, (bool, int, float)):
+        hint = f': write "{value}", in quotes'
+    elif wanted is list and isinstance(value, str):
+        hint = f': write [{value}]'
+    return f"parameter '{name}' is {value!r}, but must be {_TYPES[wanted]}{hint}"
 
 
 def read_settings(footprints: Iterable[str], obstacles: Iterable[str],

@@ -187,6 +187,14 @@ def test_parameters_that_cannot_be_end_the_process_with_a_word(launch, arguments
     assert any(words in line and 'footprint_monitor' in line for line in output.splitlines())
 
 
+def test_version_is_told_without_a_node():
+    """The installed one; the source tree alone has none."""
+    result = subprocess.run([sys.executable, '-m', 'sat_collision.node', '--version'], cwd=ROOT,
+                            capture_output=True, text=True)
+    assert (result.returncode, result.stderr) == (0, '')
+    assert result.stdout.startswith('sat_collision ')
+
+
 def test_first_lines_say_what_the_node_does(launch):
     """Which kernel is being prepared and which topics are listened to."""
     process = launch('-r', 'obstacles:=/seen')

@@ -250,7 +250,7 @@ def test_progress_is_shown_on_a_terminal_only(monkeypatch):
     now = [0.0]
     monkeypatch.setattr('time.monotonic', lambda: now[0])
     with os.fdopen(slave, 'w') as terminal:
-        progress = Progress(terminal)
+        progress = Progress('3 of 7: bag', terminal)
         for now[0], share in ((0.5, 0.1), (2.0, 0.25), (2.01, 0.26), (6.0, 0.75)):
             progress.show(share)
         progress.clear()
@@ -261,6 +261,6 @@ def test_progress_is_shown_on_a_terminal_only(monkeypatch):
     os.close(master)
     assert [part.split('  ')[-1] for part in shown.split('\r\033[K') if part] == [
         '6 s left', '2 s left']
-    assert shown.endswith('\r\033[K')
+    assert shown.count('3 of 7: bag [') == 2 and shown.endswith('\r\033[K')
     with open(os.devnull, 'w') as file:
-        Progress(file).show(0.5)
+        Progress(stream=file).show(0.5)

@@ -32,10 +32,10 @@ from recordings import box, drive, POLYGON, SOURCE, START, write
 from sat_collision.replay.command import main
 from sat_collision.replay.faults import Faults
 from sat_collision.replay.options import Options
-from sat_collision.replay.result import Verdict
 from sat_collision.replay.run import check
 from sat_collision.replay.sqlite import SqliteFile
 from sat_collision.replay.unpacking import Limits, Scratch
+from sat_collision.replay.verdict import Verdict
 
 pytest.importorskip('mcap')
 

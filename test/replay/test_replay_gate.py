@@ -171,15 +171,17 @@ def test_damaged_file_is_told_once(tmp_path, capsys, storage):
 
 
 def test_no_row_says_that_it_lasted_0_s(tmp_path, capsys):
-    """A contact of the last message, and 100 us without obstacles at the start."""
+    """A contact of the last message is a moment; and 100 us without obstacles at the start."""
     messages = [('/footprint', 0.0, box(0)), ('/obstacles', 1e-4, box(3)),
                 ('/obstacles', 1e-4, []), ('/footprint', 0.5, box(0)),
                 ('/obstacles', 0.5, box(0.5))]
     bag = write(tmp_path / 'bag', messages, latched=('/obstacles',))
-    assert main([str(bag), '--as-live']) == 1
+    junit = tmp_path / 'result.xml'
+    assert main([str(bag), '--as-live', '--junit', str(junit)]) == 1
     out = capsys.readouterr().out
-    assert re.search(r'footprint +obstacle/0 +0.500 +<0.001\+ +0.5 ', out)
+    assert re.search(r'footprint +obstacle/0 +0.500 +moment\+ +0.5 ', out)
     assert 'reason' not in out
+    assert 'in contact with obstacle/0 at 0.500 s, 0.5000 m deep' in junit.read_text()
 
 
 def test_reader_that_goes_away_is_no_error(bags, tmp_path):

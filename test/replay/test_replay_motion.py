@@ -21,8 +21,9 @@ import pytest
 from recordings import box, INSTANCE, needs_shared, SHARED, SOURCE, START, write
 from sat_collision.replay.command import main
 from sat_collision.replay.options import Options
-from sat_collision.replay.result import AT_A_FRAME, BETWEEN_FRAMES, Verdict
+from sat_collision.replay.result import AT_A_FRAME, BETWEEN_FRAMES
 from sat_collision.replay.run import check
+from sat_collision.replay.verdict import Verdict
 
 NAMES = ('autoware_ego_trajectory_boxes', 'commonroad_BEL_Zaventem-1_2_T-1',
          'commonroad_USA_Lanker-1_1_ego1247', 'tysik_front_scan_polygons')

@@ -24,7 +24,7 @@ from recordings import drive, NAMES, needs_shared, SHARED, write
 from sat_collision.replay import parallel
 from sat_collision.replay.command import main
 from sat_collision.replay.options import Options
-from sat_collision.replay.result import Verdict
+from sat_collision.replay.verdict import Verdict
 
 
 @pytest.fixture

@@ -21,8 +21,8 @@ import zlib
 from builders import serialised
 import pytest
 from recordings import box, drive, POLYGON, START, write
-from sat_collision.replay.result import Verdict
 from sat_collision.replay.run import check
+from sat_collision.replay.verdict import Verdict
 
 ALL = 3 * 101
 

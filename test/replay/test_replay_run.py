@@ -23,8 +23,8 @@ from sat_collision.messages.cdr import decode
 from sat_collision.replay import run as replay
 from sat_collision.replay.options import HEADER, Options
 from sat_collision.replay.recording import Recording
-from sat_collision.replay.result import Verdict
 from sat_collision.replay.run import check
+from sat_collision.replay.verdict import Verdict
 
 
 LIVE = Options(as_live=True)

@@ -49,8 +49,8 @@ FILES = {
 }
 
 
-def node_settings(domain, *arguments):
-    """Return the Settings that a real node has with these arguments, or why it has none."""
+def node_settings(domain, *arguments, refusal=type):
+    """Return the Settings that a real node has with these arguments, or `refusal` of the error."""
     rclpy = pytest.importorskip('rclpy')
     from sat_collision.node.parameters import Parameters
     context = rclpy.Context()
@@ -59,8 +59,8 @@ def node_settings(domain, *arguments):
                              cli_args=['--ros-args', *arguments])
     try:
         return Parameters(node).settings
-    except ParameterError:
-        return ParameterError
+    except ParameterError as error:
+        return refusal(error)
     finally:
         node.destroy_node()
         context.shutdown()
@@ -86,7 +86,9 @@ def test_shipped_parameter_files_are_read(domain, name):
     f'{SOURCE}.type:=circle', 'footprint.timeout:=soon', 'footprint.timeout:=1',
     'footprint.timeout:=-1.0', 'footprint.timeout:=.nan', f'{SOURCE}.max_count:=0',
     'publish_rate:=1000.0', 'footprints:=robot', 'footprints:=[left arm]', 'footprints:=[a, a]',
-    'obstacles:=[footprint]', 'footprint.topic:=a b', "footprint.topic:=''", 'enabled:=1'])
+    'obstacles:=[footprint]', 'footprint.topic:=a b', "footprint.topic:=''", 'enabled:=1',
+    'margin:=1', 'frame_id:=5', 'margn:=1.0', f'{SOURCE}.timout:=1.0', 'scan.timeout:=1.0',
+    'colour:=red'])
 def test_what_the_node_refuses_is_refused(domain, text):
     """And in one line that names the parameter."""
     name, value = parameter_of_text(text)
@@ -94,6 +96,39 @@ def test_what_the_node_refuses_is_refused(domain, text):
         settings_of({name: value})
     assert '\n' not in str(error.value)
     assert node_settings(domain, '-p', text) is ParameterError
+
+
+@pytest.mark.parametrize('text, words', [
+    ('margn:=1.0', "no parameter 'margn': did you mean margin?"),
+    ('footprint.timout:=1.0', 'did you mean footprint.timeout?'),
+    ('colour:=red', "no parameter 'colour'"),
+    ('zzz.zzz:=1', 'only if footprints or obstacles name it'),
+    ('margin:=1', "'margin' is 1, but must be a double: write 1.0"),
+    ('frame_id:=5', 'write "5", in quotes'), ('footprints:=robot', r'write \[robot\]')])
+def test_refusal_says_what_to_write(domain, text, words):
+    """The same words from replay and from the node."""
+    name, value = parameter_of_text(text)
+    with pytest.raises(ParameterError, match=words) as error:
+        settings_of({name: value})
+    assert node_settings(domain, '-p', text, refusal=str) == str(error.value)
+
+
+def test_parameters_that_every_node_has_are_no_mistakes(domain):
+    """And a dump of the node has them."""
+    given = ['use_sim_time:=true', 'start_type_description_service:=false',
+             'qos_overrides./obstacles.subscription.depth:=5']
+    settings = settings_of(dict(map(parameter_of_text, given)), NODE)
+    assert settings == node_settings(domain, *(part for text in given for part in ('-p', text)))
+
+
+def test_parameters_of_sources_that_options_or_recordings_name_are_known():
+    """Only when all sources are known one can tell that a parameter belongs to none."""
+    types = {'/footprint': POLYGON, '/people': POLYGON}
+    for options in ({}, {'obstacles': ['/people']}):
+        settings = settings_for(types, {'people.timeout': 7.0}, **options)
+        assert settings.obstacles[0].timeout == 7.0
+    with pytest.raises(ParameterError, match='did you mean people.timeout'):
+        settings_for(types, {'people.timout': 7.0})
 
 
 @pytest.mark.parametrize('content, words', [

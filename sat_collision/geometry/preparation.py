@@ -11,35 +11,35 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-
-"""Kernels made ready at the start, so that no message waits for a compilation."""
+"""All kernels of a node made ready at its start, so that no message waits for a compilation."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import subprocess
 import sys
 import time
 
-from rclpy.impl.rcutils_logger import RcutilsLogger
 from sat_collision.geometry import warm_up
+from sat_collision.geometry.compilation import was_said
 from sat_collision.geometry.jit import KERNEL
 from sat_collision.geometry.kernel_problem import kernel_problem
 
 
-def prepare(logger: RcutilsLogger) -> None:
+def prepare(say: Callable[[str], object], warn: Callable[[str], object]) -> None:
     """
-    Compile or load all kernels, and say so.
+    Compile or load the kernels that the node needs; say so, and warn of what is wrong with them.
 
     The first start after an installation compiles them. A second process takes half of that; what
     it has compiled is loaded from disk here. It ends with this one, however this one ends.
     """
     begun = time.monotonic()
     other = None
+    was_said()
     if warm_up.is_prepared() or kernel_problem():
-        logger.info(f'preparing kernels ({KERNEL})')
+        say(f'preparing kernels ({KERNEL})')
     else:
-        logger.info(f'preparing kernels ({KERNEL}); '
-                    'the first start after an installation compiles them')
+        say(f'preparing kernels ({KERNEL}); the first start after an installation compiles them')
         other = subprocess.Popen(
             [sys.executable, '-m', warm_up.__name__], stdin=subprocess.PIPE,
             stderr=subprocess.DEVNULL)
@@ -50,6 +50,6 @@ def prepare(logger: RcutilsLogger) -> None:
         other.communicate()
     warm_up.prepare_packing()
     warm_up.prepare_parts()
-    logger.info(f'kernels ({KERNEL}) ready after {time.monotonic() - begun:.1f} s')
+    say(f'kernels ({KERNEL}) ready after {time.monotonic() - begun:.1f} s')
     if problem := kernel_problem():
-        logger.warning(problem)
+        warn(problem)

@@ -1,0 +1,114 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What compiles before a check, and that it is said."""
+
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+
+import pytest
+from recordings import box, drive, write
+from sat_collision.geometry.jit import COMPILED
+from sat_collision.replay import kernels
+from sat_collision.replay.unpacking import Limits
+
+pytestmark = pytest.mark.skipif(not COMPILED, reason='nothing is compiled here')
+
+PACKAGE = Path(__file__).resolve().parents[2] / 'sat_collision'
+INTERSECTS = 'from sat_collision import intersects; print(intersects([(0, 0)], [(0, 0)]))'
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Run a program where nothing is compiled of the package yet."""
+    shutil.copytree(PACKAGE, tmp_path / 'sat_collision',
+                    ignore=shutil.ignore_patterns('__pycache__'))
+    (tmp_path / 'home').mkdir()
+
+    def start(*arguments, **environment):
+        return subprocess.run(
+            [sys.executable, *arguments], cwd=tmp_path, capture_output=True, text=True,
+            env={**os.environ, 'PYTHONPATH': str(tmp_path), 'NUMBA_CACHE_DIR': '',
+                 'HOME': str(tmp_path / 'home'), **environment})
+    return start
+
+
+def compiled(folder):
+    return {path.name for path in (folder / 'sat_collision').rglob('*.nbc')}
+
+
+def long_recording(path):
+    """Return one of more messages than plain Python is asked to check."""
+    return str(write(path, [(topic, k / 1000, box(x)) for k in range(kernels._FEW // 2 + 1)
+                            for topic, x in (('/footprint', 0), ('/obstacles', 3))]))
+
+
+def test_all_that_the_commands_need_is_prepared_ahead(start, tmp_path):
+    """Then neither replay nor the library compiles anything, nor says so."""
+    small = str(write(tmp_path / 'small', drive(1.0)))
+    result = start('-m', 'sat_collision.replay', small)
+    assert (result.returncode, result.stderr, compiled(tmp_path)) == (0, '', set()), (
+        'a check of few messages is done before kernels would be compiled')
+    result = start('-m', 'sat_collision.replay.kernels')
+    assert (result.returncode, result.stderr) == (0, '')
+    assert 'the first start after an installation compiles them' in result.stdout
+    assert f'kept in {tmp_path / "sat_collision" / "geometry" / "__pycache__"}' in result.stdout
+    prepared = compiled(tmp_path)
+    assert len(prepared) > 50
+    for arguments in (('-m', 'sat_collision.replay', small),
+                      ('-m', 'sat_collision.replay', long_recording(tmp_path / 'long')),
+                      ('-m', 'sat_collision.replay', '--as-live', small),
+                      ('-c', INTERSECTS)):
+        assert start(*arguments).stderr == ''
+    assert compiled(tmp_path) == prepared
+
+
+def test_library_says_that_it_compiles(start, tmp_path):
+    """Once, with where that is kept; and nothing where there is nothing to compile."""
+    result = start('-c', INTERSECTS, NUMBA_DISABLE_JIT='1')
+    assert (result.stdout, result.stderr, compiled(tmp_path)) == ('True\n', '', set())
+    result = start('-c', INTERSECTS)
+    line, = result.stderr.splitlines()
+    assert 'compiling kernels' in line and str(tmp_path) in line
+    result = start('-c', INTERSECTS)
+    assert (result.stdout, result.stderr) == ('True\n', '')
+
+
+@pytest.fixture
+def unprepared(tmp_path, monkeypatch):
+    """Have no kernels kept, and undo what is chosen."""
+    import numba
+    monkeypatch.setattr(kernels, '_mark', lambda: tmp_path / 'mark')
+    monkeypatch.setattr(numba.config, 'DISABLE_JIT', 0)
+    monkeypatch.setenv('NUMBA_DISABLE_JIT', '0')
+    return tmp_path
+
+
+def test_many_messages_are_worth_compiling(unprepared, monkeypatch):
+    """Of one recording, or of several together; and once kernels are kept they are used."""
+    small = str(write(unprepared / 'small', drive(1.0)))
+    long = long_recording(unprepared / 'long')
+    assert kernels.choose([small, long], Limits())
+    assert os.environ['NUMBA_DISABLE_JIT'] == '0'
+    monkeypatch.setattr(kernels, '_FEW', 60)
+    assert not kernels.choose([small], Limits())
+    assert os.environ['NUMBA_DISABLE_JIT'] == '1', 'for processes that it starts, too'
+    monkeypatch.setenv('NUMBA_DISABLE_JIT', '0')
+    assert kernels.choose([small, small], Limits())
+    (unprepared / 'mark').touch()
+    assert not kernels.choose([small], Limits())
+    assert os.environ['NUMBA_DISABLE_JIT'] == '0'

@@ -123,7 +123,7 @@ class Footprint(Body[Obstacle]):
         self.configure(settings)
 
     def configure(self, settings: FootprintSettings) -> None:
-        """Apply settings."""
+        """Apply settings; with other sources its contacts must be decided anew."""
         self.settings = settings
         self.timeout = round(settings.timeout * 1e9) if settings.timeout > 0.0 else NEVER
 

@@ -24,7 +24,7 @@ try:
     from geometry_msgs.msg import Point, PolygonInstanceStamped, PolygonStamped
     from rclpy.serialization import deserialize_message as deserialize
     from rclpy.serialization import serialize_message as serialize
-    from std_msgs.msg import Bool, ColorRGBA
+    from std_msgs.msg import Bool, ColorRGBA, Float64
     from visualization_msgs.msg import Marker, MarkerArray
 except ImportError:
     from sat_collision.messages.rosbags_interfaces import deserialize, message_class, serialize
@@ -37,11 +37,12 @@ except ImportError:
     PolygonStamped = message_class('geometry_msgs/msg/PolygonStamped')
     Bool = message_class('std_msgs/msg/Bool')
     ColorRGBA = message_class('std_msgs/msg/ColorRGBA')
+    Float64 = message_class('std_msgs/msg/Float64')
     Marker = message_class('visualization_msgs/msg/Marker')
     MarkerArray = message_class('visualization_msgs/msg/MarkerArray')
 
-__all__ = ['Bool', 'ColorRGBA', 'DiagnosticArray', 'DiagnosticStatus', 'KeyValue', 'Marker',
-           'MarkerArray', 'Point', 'PolygonInstanceStamped', 'PolygonStamped', 'Time',
+__all__ = ['Bool', 'ColorRGBA', 'DiagnosticArray', 'DiagnosticStatus', 'Float64', 'KeyValue',
+           'Marker', 'MarkerArray', 'Point', 'PolygonInstanceStamped', 'PolygonStamped', 'Time',
            'deserialize', 'serialize', 'type_name']
 
 

@@ -87,7 +87,7 @@ class FootprintSettings:
         'false leaves the footprint out: its state is unknown, and it does not raise the common '
         'flag', live=True, safety=True))
     obstacles: tuple[str, ...] = field(default=(), metadata=_setting(
-        "names of the sources whose obstacles it must not touch, and whose faults make it "
+        'names of the sources whose obstacles it must not touch, and whose faults make it '
         "unknown; [''] for all", live=True, safety=True))
 
     def minds(self, source: str) -> bool:

@@ -88,7 +88,8 @@ def test_faults_of_other_sources_are_nothing_to_it():
     assert stage.status('all') == 'clear'
     stage.wait_until(2.001)
     stage.refuse(name='dock')
-    silent = 'obstacle source lidar on /polygons has been silent for longer than its timeout of 2 s'
+    silent = ('obstacle source lidar on /polygons has been silent for longer than its timeout of '
+              '2 s')
     refused = 'obstacle source dock on /dock sent what was refused: not finite'
     assert findings(stage) == ('clear', ())
     assert stage.state('cart').reasons == (silent,)

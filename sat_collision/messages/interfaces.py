@@ -19,7 +19,7 @@ The node has ROS. The replay tool needs none, and makes the same messages with t
 """
 
 try:
-    from builtin_interfaces.msg import Time
+    from builtin_interfaces.msg import Duration, Time
     from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
     from geometry_msgs.msg import Point, PolygonInstanceStamped, PolygonStamped
     from rclpy.serialization import deserialize_message as deserialize
@@ -28,6 +28,7 @@ try:
     from visualization_msgs.msg import Marker, MarkerArray
 except ImportError:
     from sat_collision.messages.rosbags_interfaces import deserialize, message_class, serialize
+    Duration = message_class('builtin_interfaces/msg/Duration')
     Time = message_class('builtin_interfaces/msg/Time')
     DiagnosticArray = message_class('diagnostic_msgs/msg/DiagnosticArray')
     DiagnosticStatus = message_class('diagnostic_msgs/msg/DiagnosticStatus')
@@ -41,9 +42,9 @@ except ImportError:
     Marker = message_class('visualization_msgs/msg/Marker')
     MarkerArray = message_class('visualization_msgs/msg/MarkerArray')
 
-__all__ = ['Bool', 'ColorRGBA', 'DiagnosticArray', 'DiagnosticStatus', 'Float64', 'KeyValue',
-           'Marker', 'MarkerArray', 'Point', 'PolygonInstanceStamped', 'PolygonStamped', 'Time',
-           'deserialize', 'serialize', 'type_name']
+__all__ = ['Bool', 'ColorRGBA', 'DiagnosticArray', 'DiagnosticStatus', 'Duration', 'Float64',
+           'KeyValue', 'Marker', 'MarkerArray', 'Point', 'PolygonInstanceStamped',
+           'PolygonStamped', 'Time', 'deserialize', 'serialize', 'type_name']
 
 
 def type_name(kind: type) -> str:

@@ -116,14 +116,15 @@ class Outputs:
             self._common_flag.publish(_FLAGS[True])
 
     def publish(self, names: Iterable[str] | None = None) -> None:
-        """Publish what is known of some footprints or of all, the common flag and all states."""
+        """Publish the common flag, what is known of some footprints or all, and all states."""
         names = list(self._flags if names is None else names)
         for name in names:
             self._flags[name].publish(_FLAGS[name in self._raised])
         self._common_flag.publish(_FLAGS[not self._raised.isdisjoint(self._watched)])
         measured = [name for name in names if self._separations[name].get_subscription_count()]
         with_states = self._state_publisher.get_subscription_count() > 0
-        nearest = {name: self._nearest(name) for name in (self._flags if with_states else measured)}
+        nearest = {name: self._nearest(name)
+                   for name in (self._flags if with_states else measured)}
         for name in measured:
             self._publish_separation(name, nearest[name])
         if with_states:

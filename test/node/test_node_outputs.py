@@ -41,7 +41,7 @@ def test_late_subscriber_gets_the_whole_scene(start):
     monitor.until(lambda: len(heard) > 2, 'markers')
     first, *others = heard
     assert first.markers[0].action == Marker.DELETEALL
-    assert {'footprint/fill', 'obstacle/outline', 'contacts/names'} <= spaces(first)
+    assert {'footprint/fill', 'obstacle/outline', 'footprint/name'} <= spaces(first)
     assert all(spaces(other) == spaces(first) for other in others)
 
 
@@ -52,15 +52,16 @@ def test_markers_follow_the_scene_and_nothing_stale_stays(start):
     monitor.until(lambda: heard and not spaces(heard[-1]), 'an empty picture')
     monitor.send('footprint', ROBOT)
     monitor.send('obstacles', TOUCHING)
-    monitor.until(lambda: 'contacts/pairs' in spaces(heard[-1]))
+    monitor.until(lambda: 'contacts/points' in spaces(heard[-1]))
     monitor.send('obstacles', APART)
     monitor.until(lambda: 'nearest/axis' in spaces(heard[-1])
-                  and 'contacts/pairs' not in spaces(heard[-1]))
+                  and 'contacts/points' not in spaces(heard[-1]))
     monitor.send('obstacles', box(7, 7))
     monitor.until(lambda: any(marker.ns == 'obstacle/outline' and marker.points[0].x >= 7
                               for marker in heard[-1].markers), 'the obstacle where it is')
     assert monitor.set_parameters(obstacle__enabled=False) == [None]
-    monitor.until(lambda: spaces(heard[-1]) == {'footprint/fill', 'footprint/outline'})
+    monitor.until(lambda: spaces(heard[-1]) == {
+        'footprint/fill', 'footprint/outline', 'footprint/name'})
 
 
 def test_nobody_subscribed_no_markers_are_made(start, monkeypatch):

@@ -78,7 +78,7 @@ def test_written_bag_has_the_flags_at_the_right_times(tmp_path):
     markers = topics['/footprint_monitor/markers']
     assert len(markers) == 101
     assert {marker.ns for marker in dict(markers)[4.5].markers} >= {
-        'footprint/fill', f'{SOURCE}/outline', 'contacts/pairs'}
+        'footprint/fill', f'{SOURCE}/outline', 'contacts/regions'}
 
 
 def test_written_markers_follow_bodies_whose_state_stays(tmp_path):

@@ -166,6 +166,8 @@ class Health:
         self._status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
         problems = [f'incompatible QoS on {topic}' for topic in self._incompatible]
         problems += monitor.scene.source_faults
+        if not self._node.get_clock().ros_time_is_active and self._node.count_publishers('/clock'):
+            problems.append('/clock is published, but not used here: set use_sim_time: true')
         if refused > self._refused:
             problems.append(f'messages rejected: {refused - self._refused}')
         if lost > self._lost:

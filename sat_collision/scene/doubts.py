@@ -23,8 +23,8 @@ from sat_collision.scene.settings import ObstacleSettings
 
 # Stamps so far from the present, in ns, are by another clock.
 FAR = 3600 * 10**9
-BY_ANOTHER_CLOCK = ('more than an hour from the clock of this node: set use_sim_time: true where a '
-                    'recording or a simulation tells the time by /clock')
+BY_ANOTHER_CLOCK = ('more than an hour from the clock of this node: set use_sim_time: true where '
+                    'a recording or a simulation tells the time by /clock')
 
 
 @dataclass(slots=True)

@@ -178,7 +178,7 @@ def _yaml(value):
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, list):
-        return f'[{", ".join(value)}]'
+        return f'[{", ".join(map(_yaml, value))}]'
     return "''" if value == '' else str(value)
 
 

@@ -37,26 +37,34 @@ def draw_markers(markers: MarkerArray, axes: Axes) -> None:
 
     """
     from matplotlib.collections import LineCollection, PolyCollection
+    from matplotlib.patches import PathPatch
+    from matplotlib.textpath import TextPath
     for marker in markers.markers:
         colour = np.array([marker.color.r, marker.color.g, marker.color.b])
-        # Mixed with the white ground beforehand: where triangles meet nothing is drawn twice.
+        # Mixed with the white ground beforehand.
         colour = 1.0 - marker.color.a * (1.0 - colour)
+        height = 2.0 + marker.pose.position.z
         points = np.array([(point.x, point.y) for point in marker.points]).reshape(-1, 2)
         if marker.type == marker.TRIANGLE_LIST:
-            axes.add_collection(PolyCollection(list(points.reshape(-1, 3, 2)), facecolor=colour,
-                                               edgecolor=colour, linewidth=0.3))
+            # Between triangles with smoothed edges the ground would shine through.
+            axes.add_collection(PolyCollection(
+                list(points.reshape(-1, 3, 2)), facecolor=colour, linewidth=0.0,
+                antialiased=False, zorder=height))
         elif marker.type == marker.LINE_LIST:
-            axes.add_collection(LineCollection(list(points.reshape(-1, 2, 2)), colors=[colour],
-                                               linewidths=60.0 * marker.scale.x))
+            axes.add_collection(LineCollection(
+                list(points.reshape(-1, 2, 2)), colors=[colour],
+                linewidths=60.0 * marker.scale.x, zorder=height))
         elif marker.type == marker.SPHERE_LIST:
             x, y = points.T
-            axes.scatter(x, y, color=[colour], s=12.0)
+            axes.scatter(x, y, color=[colour], s=1500.0 * marker.scale.x**2, zorder=height)
         elif marker.type == marker.TEXT_VIEW_FACING:
-            place = marker.pose.position
-            axes.annotate(marker.text, (place.x, place.y), color=colour, fontsize=8,
-                          xytext=(6, 6), textcoords='offset points', zorder=4,
-                          bbox={'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.8,
-                                'pad': 1.0})
+            # Its middle at its place and its height in metres, as viewers of ROS have it.
+            text = TextPath((0.0, 0.0), marker.text, size=marker.scale.z)
+            box = text.get_extents()
+            place = np.array([marker.pose.position.x, marker.pose.position.y])
+            axes.add_patch(PathPatch(
+                TextPath(place - 0.5 * (box.p0 + box.p1), marker.text, size=marker.scale.z),
+                facecolor=colour, linewidth=0.0, zorder=height))
     axes.autoscale_view()
     axes.set_aspect('equal')
     axes.set_xlabel('x [m]')

@@ -202,7 +202,7 @@ class PolygonSet:
         """
         packed, count = as_polygon(body).packed
         row, separation, ax, ay, bx, by = nearest_row(
-            self._array, packed, count, indexable(np.fromiter(skipped, np.int64)))
+            self._array, packed, count, indexable(np.sort(np.fromiter(skipped, np.int64))))
         return None if row < 0 else (row, separation, (ax, ay), (bx, by))
 
     def intersects(self, body: Polygon | ArrayLike) -> NDArray[np.bool_]:

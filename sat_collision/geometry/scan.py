@@ -215,10 +215,15 @@ def nearest_row(set_array, body, count, skipped):
 
 @inner
 def _contains(numbers, number):
-    for k in range(len(numbers)):
-        if numbers[k] == number:
-            return True
-    return False
+    """Tell whether a number is among others, which ascend."""
+    begin, end = 0, len(numbers)
+    while begin < end:
+        middle = (begin + end) // 2
+        if numbers[middle] < number:
+            begin = middle + 1
+        else:
+            end = middle
+    return begin < len(numbers) and numbers[begin] == number
 
 
 @inner

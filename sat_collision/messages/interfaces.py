@@ -19,15 +19,16 @@ The node has ROS. The replay tool needs none, and makes the same messages with t
 """
 
 try:
-    from builtin_interfaces.msg import Time
+    from builtin_interfaces.msg import Duration, Time
     from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
     from geometry_msgs.msg import Point, Point32, PolygonInstanceStamped, PolygonStamped
     from rclpy.serialization import deserialize_message as deserialize
     from rclpy.serialization import serialize_message as serialize
-    from std_msgs.msg import Bool, ColorRGBA
+    from std_msgs.msg import Bool, ColorRGBA, Float64
     from visualization_msgs.msg import Marker, MarkerArray
 except ImportError:
     from sat_collision.messages.rosbags_interfaces import deserialize, message_class, serialize
+    Duration = message_class('builtin_interfaces/msg/Duration')
     Time = message_class('builtin_interfaces/msg/Time')
     DiagnosticArray = message_class('diagnostic_msgs/msg/DiagnosticArray')
     DiagnosticStatus = message_class('diagnostic_msgs/msg/DiagnosticStatus')
@@ -38,12 +39,13 @@ except ImportError:
     PolygonStamped = message_class('geometry_msgs/msg/PolygonStamped')
     Bool = message_class('std_msgs/msg/Bool')
     ColorRGBA = message_class('std_msgs/msg/ColorRGBA')
+    Float64 = message_class('std_msgs/msg/Float64')
     Marker = message_class('visualization_msgs/msg/Marker')
     MarkerArray = message_class('visualization_msgs/msg/MarkerArray')
 
-__all__ = ['Bool', 'ColorRGBA', 'DiagnosticArray', 'DiagnosticStatus', 'KeyValue', 'Marker',
-           'MarkerArray', 'Point', 'Point32', 'PolygonInstanceStamped', 'PolygonStamped', 'Time',
-           'deserialize', 'serialize', 'type_name']
+__all__ = ['Bool', 'ColorRGBA', 'DiagnosticArray', 'DiagnosticStatus', 'Duration', 'Float64',
+           'KeyValue', 'Marker', 'MarkerArray', 'Point', 'Point32', 'PolygonInstanceStamped',
+           'PolygonStamped', 'Time', 'deserialize', 'serialize', 'type_name']
 
 
 def type_name(kind: type) -> str:

@@ -17,15 +17,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from itertools import chain
+from itertools import chain, islice
 from operator import itemgetter
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 from sat_collision.geometry.polygon import Polygon
-from sat_collision.messages.interfaces import ColorRGBA, Marker, MarkerArray, Point
-from sat_collision.scene.footprints import Status
+from sat_collision.messages.interfaces import ColorRGBA, Duration, Marker, MarkerArray, Point
+from sat_collision.messages.labels import Box, Labels
+from sat_collision.messages.shared_region import contact_marks, Ring
+from sat_collision.messages.states import in_words
+from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
 
@@ -37,10 +40,15 @@ _RED = (0.9, 0.1, 0.1)
 _GREY = (0.6, 0.6, 0.6)
 _SLATE = (0.3, 0.4, 0.55)
 _AMBER = (0.95, 0.6, 0.0)
+_MAROON = (0.45, 0.0, 0.1)
 _COLOURS = {Status.CLEAR: _GREEN, Status.COLLISION: _RED, Status.UNKNOWN: _GREY}
 _LINE = 0.03
 _DOT = 0.1
 _TEXT = 0.25
+# How many periods markers are shown: a dead monitor shall not leave a green robot behind.
+_PERIODS = 3
+# Who touches more than these sees it without further marks, each of which costs time.
+_MOST_CONTACTS = 50
 
 
 class _Style(NamedTuple):
@@ -54,7 +62,9 @@ class _Style(NamedTuple):
 _FILL = _Style(Marker.TRIANGLE_LIST, 0.0, 1.0)
 _OUTLINE = _Style(Marker.LINE_LIST, 0.01, _LINE)
 _DOTS = _Style(Marker.SPHERE_LIST, 0.01, _DOT)
-_PAIR = _Style(Marker.LINE_LIST, 0.02, _LINE)
+_REGION = _Style(Marker.TRIANGLE_LIST, 0.02, 1.0)
+_SEGMENTS = _Style(Marker.LINE_LIST, 0.02, 2.0 * _LINE)
+_SPOTS = _Style(Marker.SPHERE_LIST, 0.02, 1.5 * _DOT)
 _AXIS = _Style(Marker.LINE_LIST, 0.02, 0.5 * _LINE)
 _CLOSEST = _Style(Marker.SPHERE_LIST, 0.02, _DOT)
 
@@ -63,6 +73,7 @@ class _Shape(NamedTuple):
     """A body's points as markers want them, made once for each polygon."""
 
     polygon: Polygon
+    parts: list[tuple[Ring, Box]]
     triangles: list[Any]
     lines: list[Any]
     dots: list[Any]
@@ -70,16 +81,12 @@ class _Shape(NamedTuple):
     @classmethod
     def of(cls, polygon: Polygon) -> _Shape:
         points = _points(polygon.vertices)
+        parts = [(part.vertices, part.bounds) for part in polygon.parts]
         if len(points) == 1:
-            return cls(polygon, [], [], points)
+            return cls(polygon, parts, [], [], points)
         edges = zip(points, points[1:] + points[:1]) if len(points) > 2 else [points]
-        triangles: list[Any] = []
-        if len(points) > 2:
-            for part in polygon.parts:
-                corners = _points(part.vertices)
-                for b, c in zip(corners[1:], corners[2:]):
-                    triangles += corners[0], b, c
-        return cls(polygon, triangles, [point for edge in edges for point in edge], [])
+        return cls(polygon, parts, [point for part, _ in parts for point in _triangles(part)],
+                   [point for edge in edges for point in edge], [])
 
 
 class Markers:
@@ -88,7 +95,8 @@ class Markers:
 
     Every message deletes all and draws all. Namespaces: `<name>/fill`, `<name>/outline` and
     `<name>/points` for each footprint and source of obstacles, of which id 1 has those in contact
-    and id 0 the rest; `contacts/...` and `nearest/...` explain them.
+    and id 0 the rest; `<footprint>/name` says its name and state. `contacts/...` show where bodies
+    meet, `nearest/...` the nearest pair apart.
     """
 
     def __init__(self) -> None:
@@ -97,6 +105,8 @@ class Markers:
     def message(self, scene: Scene) -> Any:
         """Return the markers of a scene, made anew only where a polygon is new."""
         self._frame_id = scene.frame_id
+        lifetime = round(_PERIODS * 1e9 / scene.settings.marker_rate)
+        self._lifetime = Duration(sec=lifetime // 10**9, nanosec=lifetime % 10**9)
         self._markers = [Marker(action=Marker.DELETEALL)]
         self._markers[0].header.frame_id = scene.frame_id
         footprints = dict(scene.footprints)
@@ -104,14 +114,19 @@ class Markers:
         bodies = chain[tuple[_Body, Polygon]](footprints.items(), obstacles.items())
         self._shapes = {body: self._shape(body, polygon) for body, polygon in bodies}
         states = {name: scene.state(name) for name in footprints}
-        contacts = [(name, obstacle) for name, state in states.items()
-                    for obstacle in state.contacts if obstacle in obstacles]
         for name, state in states.items():
             self._draw(name, 0, _COLOURS[state.status], 0.6, [name])
-        self._draw_obstacles(obstacles, {obstacle for _, obstacle in contacts})
-        self._draw_contacts(contacts)
+        self._draw_obstacles(obstacles, {obstacle for state in states.values()
+                                         for obstacle in state.contacts})
+        self._labels = Labels((part for shape in self._shapes.values() for part in shape.parts),
+                              _TEXT)
         known = [name for name, state in states.items() if state.status is not Status.UNKNOWN]
         self._draw_nearest(scene, known)
+        for name, state in states.items():
+            self._name(name, state, scene.settings.margin)
+        self._draw_contacts(contact for name, state in states.items()
+                            if state.status is Status.COLLISION
+                            for contact in scene.contacts(name))
         return MarkerArray(markers=self._markers)
 
     def _shape(self, body: _Body, polygon: Polygon) -> _Shape:
@@ -137,13 +152,26 @@ class Markers:
         self._add(f'{name}/points', number, _DOTS, colour,
                   [point for shape in shapes for point in shape.dots])
 
-    def _draw_contacts(self, contacts: list[tuple[str, ObstacleId]]) -> None:
-        pairs: list[Any] = []
-        for number, (name, obstacle) in enumerate(contacts):
-            ends = np.array([self._shapes[body].polygon.centroid for body in (name, obstacle)])
-            pairs += _points(ends)
-            self._write('contacts/names', number, _RED, ends.mean(axis=0), f'{name} - {obstacle}')
-        self._add('contacts/pairs', 0, _PAIR, _RED, pairs)
+    def _name(self, name: str, state: State, margin: float) -> None:
+        """Write the name of a footprint beside it, and what it touches."""
+        text = name
+        if state.status is Status.COLLISION:
+            text += f': {in_words(state, margin)}'
+        elif state.status is Status.UNKNOWN:
+            text += ': unknown'
+        self._write(f'{name}/name', _COLOURS[state.status], self._shapes[name].polygon.bounds,
+                    text)
+
+    def _draw_contacts(self, contacts: Iterable[tuple[ObstacleId, Polygon, Polygon]]) -> None:
+        marks = [mark for _, own, other in islice(contacts, _MOST_CONTACTS)
+                 for mark in contact_marks(own, other)]
+        for ns, style, points in (
+                ('regions', _REGION, [p for mark in marks for p in _triangles(mark)]),
+                ('segments', _SEGMENTS, [p for mark in marks if len(mark) == 2
+                                         for p in _points(mark)]),
+                ('points', _SPOTS, [p for mark in marks if len(mark) == 1
+                                    for p in _points(mark)])):
+            self._add(f'contacts/{ns}', 0, style, _MAROON, points)
 
     def _draw_nearest(self, scene: Scene, names: list[str]) -> None:
         """Draw the closest points of the nearest pair apart, and the axis they are on."""
@@ -156,10 +184,11 @@ class Markers:
         min_x, min_y, max_x, max_y = self._shapes[name].polygon.bounds
         length = np.hypot(*gap) or 1.0  # bodies apart by less than the points' rounding
         beyond = gap / length * max(0.5 * np.hypot(max_x - min_x, max_y - min_y), _TEXT)
-        axis = _points([ends[0] - beyond, ends[1] + beyond])
-        self._add('nearest/axis', 0, _AXIS, _AMBER, axis)
+        axis = np.array([ends[0] - beyond, ends[1] + beyond])
+        self._labels.keep_free(axis)
+        self._add('nearest/axis', 0, _AXIS, _AMBER, _points(axis))
         self._add('nearest/points', 0, _CLOSEST, _AMBER, _points(ends))
-        self._write('nearest/distance', 0, _AMBER, ends.mean(axis=0),
+        self._write('nearest/distance', _AMBER, (*ends.min(0).tolist(), *ends.max(0).tolist()),
                     f'{name} - {obstacle}: {distance:.3g} m')
 
     def _add(self, ns: str, number: int, style: _Style, colour: _Colour,
@@ -172,10 +201,10 @@ class Markers:
         marker.scale.x = marker.scale.y = marker.scale.z = style.size
         marker.points = points
 
-    def _write(self, ns: str, number: int, colour: _Colour, place: ArrayLike,
-               text: str) -> None:
-        marker = self._marker(ns, number, Marker.TEXT_VIEW_FACING, colour)
-        x, y = np.asarray(place).tolist()
+    def _write(self, ns: str, colour: _Colour, box: Box, text: str) -> None:
+        """Write a text beside what is in a box."""
+        marker = self._marker(ns, 0, Marker.TEXT_VIEW_FACING, colour)
+        x, y = self._labels.place(text, box)
         marker.pose.position = Point(x=x, y=y, z=_TEXT)
         marker.scale.z = _TEXT
         marker.text = text
@@ -183,11 +212,18 @@ class Markers:
     def _marker(self, ns: str, number: int, kind: int, colour: _Colour) -> Any:
         """Add an empty marker; its stamp of 0 has it drawn at the latest transform."""
         red, green, blue, *opacity = colour
-        marker = Marker(ns=ns, id=number, type=kind, action=Marker.ADD, color=ColorRGBA(
-            r=red, g=green, b=blue, a=opacity[0] if opacity else 1.0))
+        marker = Marker(ns=ns, id=number, type=kind, action=Marker.ADD, lifetime=self._lifetime,
+                        color=ColorRGBA(r=red, g=green, b=blue,
+                                        a=opacity[0] if opacity else 1.0))
         marker.header.frame_id = self._frame_id
         self._markers.append(marker)
         return marker
+
+
+def _triangles(ring: Ring) -> list[Any]:
+    """Return the corners of triangles that fill a convex ring, in threes."""
+    first, *others = _points(ring)
+    return [corner for pair in zip(others, others[1:]) for corner in (first, *pair)]
 
 
 def _points(vertices: ArrayLike) -> list[Any]:

@@ -12,28 +12,32 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the node publishes of a scene: flags, states and markers."""
+"""What the node publishes of a scene: flags, separations, states and markers."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+import math
 from typing import Any, Protocol
 
-from sat_collision.messages.interfaces import Bool, DiagnosticArray, MarkerArray, serialize
+from sat_collision.messages.interfaces import (
+    Bool, DiagnosticArray, Float64, MarkerArray, serialize)
 from sat_collision.messages.markers import Markers
-from sat_collision.messages.states import coordinate_step, States
+from sat_collision.messages.states import States
 from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import Settings
+from sat_collision.scene.view import Nearest
 
 _FLAGS = {raised: serialize(Bool(data=raised)) for raised in (False, True)}
+_UNKNOWN = serialize(Float64(data=math.nan))
 
 
 class NodeLike(Protocol):
     """What is asked of a node: rclpy's, or a stand-in that writes a bag."""
 
-    def get_name(self) -> str:
-        """Return the name without the namespace."""
+    def get_fully_qualified_name(self) -> str:
+        """Return the name with the namespace."""
 
     def get_clock(self) -> Any:
         """Return a clock whose now() has to_msg()."""
@@ -69,11 +73,14 @@ class Outputs:
         self._flags = {
             footprint.name: node.create_publisher(Bool, f'~/{footprint.name}/collision', flag_qos)
             for footprint in settings.footprints}
+        self._separations = {
+            name: node.create_publisher(Float64, f'~/{name}/separation', 10)
+            for name in self._flags}
         self._raised: set[str] = set()
-        self._node_name = node.get_name()
+        self._node_name = node.get_fully_qualified_name()
         self._states = States(self._node_name, settings)
+        self._brief_states = States(self._node_name, settings, moving=False)
         self._state_publisher = node.create_publisher(DiagnosticArray, '~/state', 10)
-        self._unwritten: set[str] = set()
         self._markers = Markers()
         self._marker_publisher = node.create_publisher(MarkerArray, '~/markers', 1)
         self._marker_message: Any = None
@@ -82,7 +89,7 @@ class Outputs:
 
     def configure(self, settings: Settings) -> None:
         """Apply settings, with which every flag may mean something else."""
-        self._states.settings = settings
+        self._states.settings = self._brief_states.settings = settings
         self._raising = ((Status.COLLISION, Status.UNKNOWN) if settings.unknown_is_collision
                          else (Status.COLLISION,))
         # If none is enabled, nothing is known: all are unknown.
@@ -97,7 +104,8 @@ class Outputs:
                 self._raised.add(name)
             else:
                 self._raised.discard(name)
-        self._unwritten.update(names)
+        self._states.note(names)
+        self._brief_states.note(names)
         self.markers_current = False
 
     def publish_rise(self, names: Iterable[str]) -> None:
@@ -108,40 +116,63 @@ class Outputs:
             self._common_flag.publish(_FLAGS[True])
 
     def publish(self, names: Iterable[str] | None = None) -> None:
-        """Publish the common flag, the flags of some footprints or of all, and all states."""
-        for name in self._flags if names is None else names:
+        """Publish the common flag, what is known of some footprints or all, and all states."""
+        names = list(self._flags if names is None else names)
+        for name in names:
             self._flags[name].publish(_FLAGS[name in self._raised])
         self._common_flag.publish(_FLAGS[not self._raised.isdisjoint(self._watched)])
-        if self._state_publisher.get_subscription_count():
-            self._publish_states()
+        measured = [name for name in names if self._separations[name].get_subscription_count()]
+        with_states = self._state_publisher.get_subscription_count() > 0
+        nearest = {name: self._nearest(name)
+                   for name in (self._flags if with_states else measured)}
+        for name in measured:
+            self._publish_separation(name, nearest[name])
+        if with_states:
+            self._publish_states(nearest)
 
-    def publish_unknown(self, reason: str) -> None:
+    def statuses(self) -> list[Any]:
+        """Return a status of each footprint, without what changes all the time."""
+        self._brief_states.update(self._scene)
+        return self._brief_states.statuses
+
+    def publish_unknown(self, reason: str) -> list[Any]:
         """
-        Raise all flags and call all states unknown, whatever is known of them.
+        Raise all flags and call all states unknown, whatever is known; return these statuses.
 
         For a thread other than the one that all else is called from: it shares the publishers
         only.
         """
         for publisher in (self._common_flag, *self._flags.values()):
             publisher.publish(_FLAGS[True])
-        if self._state_publisher.get_subscription_count():
-            states = States(self._node_name, self._states.settings)
-            state = State(Status.UNKNOWN, (), (reason,), None)
-            for name in self._flags:
-                states.write(name, state, 0.0)
-            self._state_publisher.publish(states.message(self._clock.now().to_msg()))
-
-    def _publish_states(self) -> None:
-        polygons = dict(self._scene.footprints)
+        for publisher in self._separations.values():
+            publisher.publish(_UNKNOWN)
+        states = States(self._node_name, self._states.settings)
+        state = State(Status.UNKNOWN, (), (reason,), None)
         for name in self._flags:
+            states.write(name, state, 0.0)
+        if self._state_publisher.get_subscription_count():
+            self._state_publisher.publish(states.message(self._clock.now().to_msg()))
+        return states.statuses
+
+    def _nearest(self, name: str) -> Nearest | None:
+        """Return what is nearest to a footprint, None if nothing is or its state is unknown."""
+        is_known = self._scene.status(name) is not Status.UNKNOWN
+        return self._scene.nearest(name) if is_known else None
+
+    def _publish_separation(self, name: str, nearest: Nearest | None) -> None:
+        """Publish how far the nearest is, infinity where nothing is."""
+        if self._scene.status(name) is Status.UNKNOWN:
+            self._separations[name].publish(_UNKNOWN)
+        else:
+            separation = nearest[1] if nearest else math.inf
+            self._separations[name].publish(serialize(Float64(data=separation)))
+
+    def _publish_states(self, nearest: Mapping[str, Nearest | None]) -> None:
+        self._states.update(self._scene)
+        for name, found in nearest.items():
             state = self._scene.state(name)
-            step = coordinate_step(polygons.get(name))
-            if name in self._unwritten or not self._states.is_current(name, step):
-                self._states.write(name, state, step)
-            nearest = self._scene.nearest(name)
-            named = {*state.contacts, *((nearest[0],) if nearest else ())}
-            self._states.write_moving(name, state.age, nearest, self._scene.newer_by(name, named))
-        self._unwritten.clear()
+            named = {*state.contacts, *((found[0],) if found else ())}
+            self._states.write_moving(name, state.age, found, self._scene.newer_by(name, named))
         self._state_publisher.publish(self._states.message(self._clock.now().to_msg()))
 
     def publish_markers(self) -> None:

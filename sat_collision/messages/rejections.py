@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 from sat_collision.geometry.polygon import Reason
 from sat_collision.scene import frame_tree, frames
+from sat_collision.scene.doubts import BY_ANOTHER_CLOCK, FAR
 from sat_collision.scene.frame_ids import in_quotes
 from sat_collision.scene.holders import OTHER_FRAME, TOO_MANY
 from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
@@ -103,10 +104,11 @@ def detail_of(refusal: str, frame_id: str, fixed: str, age: float, timeout: floa
     """
     if refusal == OTHER_FRAME:
         return f'it is in {in_quotes(frame_id)}, all else in {in_quotes(fixed)}'
+    far = f', {BY_ANOTHER_CLOCK}' if abs(age) > FAR / 1e9 else ''
     if refusal == TOO_OLD:
-        return f'its stamp is {age:.3f} s old, past the timeout of {timeout:g} s'
+        return f'its stamp is {age:.3f} s old, past the timeout of {timeout:g} s{far}'
     if refusal == FROM_FUTURE:
-        return f'its stamp is {-age:.3f} s ahead of the clock'
+        return f'its stamp is {-age:.3f} s ahead of the clock{far}'
     if refusal == OVERTAKEN:
         return 'a footprint with a later stamp came before it'
     return 'the source holds max_count obstacles already'

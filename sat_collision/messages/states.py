@@ -16,17 +16,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 from sat_collision.geometry.polygon import Polygon
-from sat_collision.geometry.polygon_set import Point
 
 from sat_collision.messages.interfaces import DiagnosticArray, DiagnosticStatus, KeyValue
 from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import Settings
+from sat_collision.scene.view import Nearest
 
 _LEVELS = {
     Status.CLEAR: DiagnosticStatus.OK,
@@ -56,25 +57,43 @@ def coordinate_step(polygon: Polygon | None) -> float:
 
 class States:
     """
-    The message of ~/state: one status a footprint, rewritten only where a state has changed.
+    One status a footprint, rewritten only where a state has changed.
 
     Parameters
     ----------
     node_name : str
     settings : Settings
+    moving : bool, optional
+        Whether they have what changes all the time, too, as those of ~/state.
 
     """
 
-    def __init__(self, node_name: str, settings: Settings) -> None:
+    def __init__(self, node_name: str, settings: Settings, moving: bool = True) -> None:
         self.settings = settings
         self._statuses = {
             footprint.name: DiagnosticStatus(name=f'{node_name}: {footprint.name}',
                                              hardware_id=footprint.topic)
             for footprint in settings.footprints}
-        self._moving = {name: [KeyValue(key=key) for key in _MOVING] for name in self._statuses}
+        keys = _MOVING if moving else ()
+        self._moving = {name: [KeyValue(key=key) for key in keys] for name in self._statuses}
+        self._unwritten = set(self._statuses)
         self._contacts: dict[str, tuple[ObstacleId, ...]] = dict.fromkeys(self._statuses, ())
         self._coarse: dict[str, bool | None] = dict.fromkeys(self._statuses)
         self._message = DiagnosticArray(status=list(self._statuses.values()))
+
+    def note(self, names: Iterable[str]) -> None:
+        """Take note that the states of footprints have changed."""
+        self._unwritten.update(names)
+
+    def update(self, scene: Scene) -> None:
+        """Write down all states that have changed, or whose coordinates have other steps."""
+        polygons = dict(scene.footprints)
+        for name in self._statuses:
+            step = coordinate_step(polygons.get(name))
+            coarse = step > self.settings.resolution
+            if name in self._unwritten or self._coarse[name] != coarse:
+                self.write(name, scene.state(name), step)
+        self._unwritten.clear()
 
     def write(self, name: str, state: State, step: float) -> None:
         """
@@ -106,12 +125,8 @@ class States:
             *self._moving[name],
             KeyValue(key='reason', value='; '.join(state.reasons))]
 
-    def is_current(self, name: str, step: float) -> bool:
-        """Tell whether what was written of the coordinates' step still holds."""
-        return self._coarse[name] == (step > self.settings.resolution)
-
     def write_moving(self, name: str, age: float | None,
-                     nearest: tuple[ObstacleId, float, Point, Point] | None,
+                     nearest: Nearest | None,
                      newer: Mapping[ObstacleId, float]) -> None:
         """
         Write down what changes all the time.
@@ -122,7 +137,7 @@ class States:
         age : float or None
             Seconds since the footprint's stamp.
         nearest : tuple or None
-            As `Scene.nearest` returns it.
+            As `Scene.nearest` returns it; None while that is not known.
         newer : dict
             By how many s the nearest obstacle, and each in contact, is newer than the footprint.
 
@@ -137,6 +152,11 @@ class States:
         contacts_value.value = ', '.join(f'{obstacle} {newer[obstacle]:.3f}'
                                          for obstacle in self._contacts[name]
                                          if obstacle in newer)
+
+    @property
+    def statuses(self) -> list[Any]:
+        """The statuses, in the order of the settings."""
+        return list(self._message.status)
 
     def message(self, stamp: Any) -> Any:
         """Return the message as of a stamp."""

@@ -22,7 +22,6 @@ from functools import partial
 import time
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 from rclpy.clock import JumpThreshold, TimeJump
 from rclpy.event_handler import (
@@ -99,9 +98,8 @@ class FootprintMonitor(Node):
         self._monitor = Monitor(settings, transforms is not None)
         self._scene = self._monitor.scene
         self._outputs = Outputs(self, settings, self._scene, flag_qos(settings))
-        self._health = Health(self.get_name(), self.get_fully_qualified_name(),
-                              {'kernel': KERNEL, 'problem of kernels': kernel_problem() or 'none'})
-        self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._health = Health(self, {'kernel': KERNEL,
+                                     'problem of kernels': kernel_problem() or 'none'})
         self._logged: dict[tuple[str, str], float] = {}
         # Publishers whose liveliness is lost: DDS still counts them, some for very long.
         self._dead: Counter[str] = Counter()
@@ -223,8 +221,7 @@ class FootprintMonitor(Node):
         if self._marking.due(steady):
             self._outputs.publish_markers()
         if self._reporting.due(steady):
-            self._health_publisher.publish(self._health.message(
-                self.get_clock().now().to_msg(), self._monitor))
+            self._health.publish(self._monitor, self._outputs.statuses())
         due = (self._monitor.deadline - now) / 1e9
         return min(self._tick_period, max(due, _SHORTEST_TICK))
 
@@ -240,7 +237,7 @@ class FootprintMonitor(Node):
         if not self._is_stalled:
             self._is_stalled = True
             self.get_logger().error(f'{reason}: all flags are raised until it goes on')
-        self._outputs.publish_unknown(reason)
+        self._health.publish_stall(reason, self._outputs.publish_unknown(reason))
 
     def _end_alarm(self, stalled: float) -> None:
         """Say that the stall is over; what is known follows."""

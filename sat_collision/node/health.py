@@ -17,11 +17,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 import time
 
-from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
 from sat_collision.monitor import Monitor
 from sat_collision.node.receiver import Backlog
 
@@ -31,20 +31,24 @@ _NOTEWORTHY = 0.1
 
 class Health:
     """
-    The message of /diagnostics: what came in, what was refused, and what a check costs.
+    Publishes /diagnostics: what came in, what was refused, what a check costs, and the states.
 
     Parameters
     ----------
-    node_name, hardware_id : str
+    node : rclpy.node.Node
     facts : dict
         What does not change while the node runs, such as the kernel in use.
 
     """
 
-    def __init__(self, node_name: str, hardware_id: str, facts: Mapping[str, str]) -> None:
-        self._status = DiagnosticStatus(name=f'{node_name}: health', hardware_id=hardware_id)
+    def __init__(self, node: Node, facts: Mapping[str, str]) -> None:
+        self._node = node
+        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        name = node.get_fully_qualified_name()
+        self._status = DiagnosticStatus(name=f'{name}: health', hardware_id=name)
         self._facts = facts
         self._incompatible: dict[str, str] = {}
+        self._unseen: set[str] = set()
         self._events: Counter[tuple[str, str]] = Counter()
         self._news: Counter[str] = Counter()
         self._received: Counter[str] = Counter()
@@ -70,6 +74,7 @@ class Health:
     def incompatible_qos(self, topic: str, policy: str) -> None:
         """Note that a publisher on a topic cannot be heard."""
         self._incompatible[topic] = policy
+        self._unseen.add(topic)
 
     def count_event(self, topic: str, what: str, count: int) -> None:
         """Count what the quality of service of a topic promised and did not keep."""
@@ -89,17 +94,45 @@ class Health:
         else:
             self._backlogs.pop(name, None)
 
-    def message(self, stamp: Time, monitor: Monitor) -> DiagnosticArray:
+    def publish(self, monitor: Monitor, states: Iterable[DiagnosticStatus]) -> None:
         """
-        Return the message on the period that ends now, and begin the next.
+        Publish what there is to say of the period that ends now, and begin the next.
 
         Parameters
         ----------
-        stamp : builtin_interfaces.msg.Time
         monitor : Monitor
             Has counted the messages since the start.
+        states : iterable of DiagnosticStatus
+            Of the footprints.
 
         """
+        self._forget_who_left()
+        self._write(monitor)
+        self._send([self._status, *states])
+
+    def publish_stall(self, reason: str, states: Iterable[DiagnosticStatus]) -> None:
+        """Publish that the node stands still; for another thread, which may come in between."""
+        status = DiagnosticStatus(name=self._status.name, hardware_id=self._status.hardware_id,
+                                  level=DiagnosticStatus.ERROR, message=reason)
+        self._send([status, *states])
+
+    def _send(self, statuses: list[DiagnosticStatus]) -> None:
+        message = DiagnosticArray(status=statuses)
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(message)
+
+    def _forget_who_left(self) -> None:
+        """Forget incompatible publishers of topics that have none any more."""
+        for subscription in self._node.subscriptions:
+            topic = subscription.topic_name
+            if topic in self._incompatible:
+                all_publishers = self._node.count_publishers(topic)
+                if all_publishers > subscription.get_publisher_count():
+                    self._unseen.discard(topic)
+                elif topic not in self._unseen:
+                    del self._incompatible[topic]
+
+    def _write(self, monitor: Monitor) -> None:
         now = time.monotonic()
         period = now - self._begun
         transforms = monitor.transforms
@@ -132,6 +165,9 @@ class Health:
             values[f'{topic}: incompatible QoS'] = policy
         self._status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
         problems = [f'incompatible QoS on {topic}' for topic in self._incompatible]
+        problems += monitor.scene.source_faults
+        if not self._node.get_clock().ros_time_is_active and self._node.count_publishers('/clock'):
+            problems.append('/clock is published, but not used here: set use_sim_time: true')
         if refused > self._refused:
             problems.append(f'messages rejected: {refused - self._refused}')
         if lost > self._lost:
@@ -147,6 +183,3 @@ class Health:
         self._refused, self._lost = refused, lost
         self._begun = now
         self._messages, self._seconds, self._longest = 0, 0.0, 0.0
-        message = DiagnosticArray(status=[self._status])
-        message.header.stamp = stamp
-        return message

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -103,6 +103,11 @@ class Parameters:
                 return SetParametersResult(
                     successful=False, reason=f"{parameter.name}: '{parameter.value}' is not one "
                                              f'of {", ".join(spec.choices)}')
+        if self._on_change:
+            try:
+                self._read({parameter.name: parameter.value for parameter in parameters})
+            except ParameterError as error:
+                return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _is_locked(self, name: str) -> bool:
@@ -125,9 +130,11 @@ class Parameters:
             self.settings = self._read()
             self._on_change(self.settings)
 
-    def _read(self) -> Settings:
-        return read_settings(self._footprints, self._obstacles,
-                             lambda name: self._node.get_parameter(name).value,
+    def _read(self, changes: Mapping[str, Any] = {}) -> Settings:
+        """Return the settings as they are, or as they would be with other values."""
+        def value(name: str) -> Any:
+            return changes[name] if name in changes else self._node.get_parameter(name).value
+        return read_settings(self._footprints, self._obstacles, value,
                              self._node.resolve_topic_name)
 
 

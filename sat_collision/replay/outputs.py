@@ -31,7 +31,7 @@ _SECOND = 10**9
 
 class BagOutputs:
     """
-    Writes flags, states and markers to a new bag.
+    Writes flags, separations, states and markers to a new bag.
 
     Parameters
     ----------
@@ -96,8 +96,8 @@ class _Node:
         self._writer = writer
         self._clock = clock
 
-    def get_name(self) -> str:
-        return self._name.rpartition('/')[2]
+    def get_fully_qualified_name(self) -> str:
+        return self._name
 
     def get_clock(self) -> _Clock:
         return self._clock

@@ -62,11 +62,16 @@ class Contacts:
         """Decide everything anew by another margin, if it is another."""
         if margin != self._margin:
             self._margin = margin
-            for row, footprint in self._footprints.bodies.items():
-                polygon = self._footprints.polygons.polygon(row)
-                rows = self._obstacles.polygons.rows_within(polygon, margin)
-                if update_contacts(footprint, self._obstacles.of_rows(rows.tolist())):
-                    self.changed.add(footprint)
+            for footprint in self._footprints.bodies.values():
+                self.decide(footprint)
+
+    def decide(self, footprint: Footprint) -> None:
+        """Decide a footprint anew, if it is placed."""
+        if footprint.row is not None:
+            polygon = self._footprints.polygons.polygon(footprint.row)
+            rows = self._obstacles.polygons.rows_within(polygon, self._margin).tolist()
+            if update_contacts(footprint, self._minded(footprint, rows)):
+                self.changed.add(footprint)
 
     def place_footprint(self, footprint: Footprint, where: PackedBody) -> None:
         """Put a footprint somewhere, or move it there."""
@@ -79,7 +84,7 @@ class Contacts:
         if met is not None:
             footprint.moved()
             if (met or footprint.contacts) and update_contacts(
-                    footprint, self._obstacles.of_rows(met)):
+                    footprint, self._minded(footprint, met)):
                 self.changed.add(footprint)
 
     def place_obstacle(self, obstacle: Obstacle, where: PackedBody) -> bool:
@@ -94,7 +99,9 @@ class Contacts:
             return False
         obstacle.moved()
         if met or obstacle.contacts:
-            self.changed.update(update_contacts(obstacle, self._footprints.of_rows(met)))
+            self.changed.update(update_contacts(obstacle, [
+                footprint for footprint in self._footprints.of_rows(met)
+                if footprint.settings.minds(obstacle.name.source)]))
         return True
 
     def begin_set(self, source: str, stamp: int) -> None:
@@ -134,7 +141,7 @@ class Contacts:
     def nearest(self, footprint: Footprint, skipped: Iterable[Obstacle] = ()
                 ) -> tuple[Obstacle, float, Point, Point] | None:
         """
-        Return what is nearest to a footprint, None if there is nothing to be so.
+        Return what is nearest to a footprint of all that it minds, None if there is no such.
 
         Parameters
         ----------
@@ -150,9 +157,17 @@ class Contacts:
         """
         if footprint.polygon is None:
             return None
-        found = self._obstacles.polygons.nearest(
-            footprint.polygon, [body.row for body in skipped if body.row is not None])
+        left_out = [body.row for body in skipped if body.row is not None]
+        if footprint.settings.obstacles:
+            left_out += [row for row, obstacle in self._obstacles.bodies.items()
+                         if not footprint.settings.minds(obstacle.name.source)]
+        found = self._obstacles.polygons.nearest(footprint.polygon, left_out)
         return found and (self._obstacles.bodies[found[0]], *found[1:])
+
+    def _minded(self, footprint: Footprint, rows: list[int]) -> list[Obstacle]:
+        """Return the obstacles of some rows that a footprint minds."""
+        return [obstacle for obstacle in self._obstacles.of_rows(rows)
+                if footprint.settings.minds(obstacle.name.source)]
 
 
 class _Placed(Generic[_Kind]):

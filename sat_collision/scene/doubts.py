@@ -21,6 +21,11 @@ from dataclasses import dataclass, field
 
 from sat_collision.scene.settings import ObstacleSettings
 
+# Stamps so far from the present, in ns, are by another clock.
+FAR = 3600 * 10**9
+BY_ANOTHER_CLOCK = ('more than an hour from the clock of this node: set use_sim_time: true where '
+                    'a recording or a simulation tells the time by /clock')
+
 
 @dataclass(slots=True)
 class Doubts:
@@ -31,6 +36,8 @@ class Doubts:
     ----------
     is_heard : bool
         Whether anything has come since the source was last forgotten.
+    is_far : bool
+        Whether all that came of late had stamps of another clock than ours.
     is_silent : bool
         Whether nothing has come for longer than the timeout.
     is_known : bool
@@ -51,6 +58,7 @@ class Doubts:
     """
 
     is_heard: bool = False
+    is_far: bool = False
     is_silent: bool = False
     is_known: bool = False
     is_lossy: bool = False
@@ -60,6 +68,17 @@ class Doubts:
     is_left: bool = False
     refusals: Counter[str] = field(default_factory=Counter)
 
+    def note_late(self, age: int) -> None:
+        """Take note that a message was of no use because of its age in ns."""
+        self.is_far |= age > FAR
+
+    def hear(self) -> bool:
+        """Take note of a sign of life; tell whether it was missed before."""
+        was_missed = not self.is_heard or self.is_silent
+        if was_missed:
+            self.is_heard, self.is_far, self.is_silent = True, False, False
+        return was_missed
+
     def in_words(self, settings: ObstacleSettings, in_sets: bool) -> tuple[str, ...]:
         """Return a sentence for each doubt, none for a source that is disabled."""
         if not settings.enabled:
@@ -68,6 +87,8 @@ class Doubts:
         words = []
         if self.is_left:
             words.append('has no publisher any more')
+        elif self.is_far and (self.is_silent or not self.is_heard):
+            words.append(f'has stamps that are {BY_ANOTHER_CLOCK}')
         elif not self.is_heard:
             words.append('has not been heard yet')
         elif self.is_silent:

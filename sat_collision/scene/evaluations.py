@@ -28,6 +28,7 @@ _DISABLED = 'checking is disabled'
 _NO_CLOCK = 'no clock yet: the time reads 0, as with use_sim_time before the first /clock'
 _CLOCK_STANDS = 'the clock stands still: /clock tells the same time, or comes no more'
 _NO_SOURCE = 'no obstacle source is enabled'
+_NONE_OF_THEM = 'none of its obstacle sources is enabled'
 
 
 class Evaluations:
@@ -54,11 +55,12 @@ class Evaluations:
         self._reported = reported
         self._unreported: set[Footprint] = set()
         self._in_collision: set[str] = set()
-        self._faults: tuple[str, tuple[str, ...]] = '', ()
+        self._told: tuple[str, Settings | None, tuple[tuple[str, ...], ...]] = '', None, ()
+        self._faults: dict[str, tuple[str, tuple[str, ...]]] = dict.fromkeys(footprints, ('', ()))
 
     def find_faults(self, settings: Settings, now: int, clock_stands: bool,
                     sources: Iterable[Source]) -> None:
-        """Find out what is common to all footprints; have all evaluated anew if it is new."""
+        """Find out what concerns footprints; have those evaluated anew for which it is new."""
         monitor_fault = ''
         if not settings.enabled:
             monitor_fault = _DISABLED
@@ -66,17 +68,21 @@ class Evaluations:
             monitor_fault = _NO_CLOCK
         elif clock_stands:
             monitor_fault = _CLOCK_STANDS
-        source_faults = tuple(chain.from_iterable(source.faults for source in sources))
-        if not any(source.enabled for source in settings.obstacles):
-            source_faults = _NO_SOURCE,
-        if (monitor_fault, source_faults) != self._faults:
-            self._faults = monitor_fault, source_faults
-            self._changed.update(self._footprints.values())
+        sources = tuple(sources)
+        told = monitor_fault, settings, tuple(source.faults for source in sources)
+        if told == self._told:
+            return
+        self._told = told
+        for name, footprint in self._footprints.items():
+            faults = monitor_fault, _faults_for(footprint, sources)
+            if faults != self._faults[name]:
+                self._faults[name] = faults
+                self._changed.add(footprint)
 
     def evaluate(self, now: int, release_delay: int) -> None:
         """Evaluate the footprints for which something has changed; times in ns."""
         for footprint in self._changed:
-            footprint.evaluate(now, *self._faults, release_delay)
+            footprint.evaluate(now, *self._faults[footprint.settings.name], release_delay)
             self._deadlines.watch(footprint)
             if footprint.status is Status.COLLISION:
                 self._in_collision.add(footprint.settings.name)
@@ -109,3 +115,11 @@ class Evaluations:
         self._unreported.clear()
         self._in_collision.clear()
         return changed
+
+
+def _faults_for(footprint: Footprint, sources: Iterable[Source]) -> tuple[str, ...]:
+    """Return why there may be obstacles that a footprint minds and nobody told of."""
+    minded = [source for source in sources if footprint.settings.minds(source.settings.name)]
+    if not any(source.settings.enabled for source in minded):
+        return (_NONE_OF_THEM if footprint.settings.obstacles else _NO_SOURCE),
+    return tuple(chain.from_iterable(source.faults for source in minded))

@@ -22,6 +22,7 @@ from typing import NamedTuple, TypeAlias
 
 from sat_collision.scene.bodies import Body
 from sat_collision.scene.deadlines import NEVER
+from sat_collision.scene.doubts import BY_ANOTHER_CLOCK, FAR
 from sat_collision.scene.obstacles import Obstacle, ObstacleId
 from sat_collision.scene.settings import FootprintSettings
 
@@ -123,7 +124,7 @@ class Footprint(Body[Obstacle]):
         self.configure(settings)
 
     def configure(self, settings: FootprintSettings) -> None:
-        """Apply settings."""
+        """Apply settings; with other sources its contacts must be decided anew."""
         self.settings = settings
         self.timeout = round(settings.timeout * 1e9) if settings.timeout > 0.0 else NEVER
 
@@ -215,4 +216,6 @@ class Footprint(Body[Obstacle]):
         fault = self.fault
         if self.stale:
             fault = f'is older than its timeout of {self.settings.timeout:g} s'
+            if self.heard is not None and self.time is not None and self.heard - self.time > FAR:
+                fault = f'has stamps that are {BY_ANOTHER_CLOCK}'
         return f'footprint {self.settings.name} on {self.settings.topic} {fault}'

@@ -69,8 +69,7 @@ def declare_parameters(
     for kind, names in ((FootprintSettings, footprints), (ObstacleSettings, obstacles)):
         for name in names:
             for field, (default, spec) in specs(kind).items():
-                declare(f'{name}.{field}', _topic(kind, name) if field == 'topic' else default,
-                        spec)
+                declare(f'{name}.{field}', _default(kind, name, field, default), spec)
     return footprints, obstacles
 
 
@@ -138,7 +137,8 @@ def read_settings(footprints: Iterable[str], obstacles: Iterable[str],
     Raises
     ------
     ParameterError
-        If a topic cannot have the name that it was given.
+        If a topic cannot have the name that it was given, or a footprint has sources that
+        there are not.
 
     """
     def values(kind: type, name: str) -> dict[str, Any]:
@@ -147,20 +147,41 @@ def read_settings(footprints: Iterable[str], obstacles: Iterable[str],
             found['topic'] = resolve(found['topic'])
         except (RuntimeError, ValueError) as error:  # rcl's are RuntimeErrors
             raise ParameterError(f'{name}.topic: {error}') from error
+        if kind is FootprintSettings:
+            found['obstacles'] = _sources_of(name, found['obstacles'], sources)
         return found
 
+    sources = list(obstacles)
     return Settings(
         footprints=tuple(FootprintSettings(name=name, **values(FootprintSettings, name))
                          for name in footprints),
         obstacles=tuple(ObstacleSettings(name=name, **values(ObstacleSettings, name))
-                        for name in obstacles),
+                        for name in sources),
         **{name: value(name) for name in specs(Settings) if name not in _LISTS})
 
 
-def _topic(kind: type, name: str) -> str:
-    """Return the topic of a source that is given none: its name, but for the default source."""
-    is_default = kind is ObstacleSettings and name == DEFAULT_SOURCE
-    return DEFAULT_SOURCE_TOPIC if is_default else name
+def nearest_name(wrong: str, names: Iterable[str]) -> str:
+    """Return the question whether one of some names was meant, empty if none is like it."""
+    found = get_close_matches(wrong, names, n=1)
+    return f"; did you mean '{found[0]}'?" if found else ''
+
+
+def _default(kind: type, name: str, field: str, default: Any) -> Any:
+    """Return the default of a parameter of a footprint or source; a list is never empty."""
+    if field == 'topic':
+        is_default = kind is ObstacleSettings and name == DEFAULT_SOURCE
+        return DEFAULT_SOURCE_TOPIC if is_default else name
+    # A parameter file cannot say that a list of strings is empty: it would have no type.
+    return [''] if default == () else default
+
+
+def _sources_of(name: str, given: Iterable[str], sources: Iterable[str]) -> tuple[str, ...]:
+    """Return the sources that a footprint was given, which must be there."""
+    for one in filter(None, given):
+        if one not in sources:
+            raise ParameterError(f"{name}.obstacles: there is no obstacle source '{one}'"
+                                 f'{nearest_name(one, sources)}')
+    return tuple(filter(None, given))
 
 
 def _check_names(footprints: list[str], obstacles: list[str]) -> None:

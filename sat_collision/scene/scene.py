@@ -50,6 +50,8 @@ class Scene(Circumstances):
       is enabled: there may be an obstacle that nobody told of;
     - else CLEAR, which is reported once it has been so for `release_delay`.
 
+    Where a footprint has sources of its own, these alone count for it.
+
     Every method that takes `now` first lets time pass until then, as `pass_time` does. Times are
     ints in ns by one clock. A header stamp of 0 means now, and no stamp counts from the future.
     A body is a packed polygon, whose array may be used again once the method has returned.
@@ -103,14 +105,17 @@ class Scene(Circumstances):
         self.settings = settings
         self._release_delay = round(settings.release_delay * 1e9)
         self._future_tolerance = round(settings.future_tolerance * 1e9)
-        self._contacts.use_margin(settings.margin)
         for source in settings.obstacles:
             self._sources[source.name].configure(source, self._now)
         for new in settings.footprints:
             footprint = self._footprints[new.name]
             if new.enabled != footprint.settings.enabled:
                 self._invalidate(footprint, _UNHEARD)
+            minded = footprint.settings.obstacles
             footprint.configure(new)
+            if new.obstacles != minded:
+                self._contacts.decide(footprint)
+        self._contacts.use_margin(settings.margin)
         self._contacts.changed.update(self._footprints.values())
         self._reevaluate_all()
         self.pass_time(self._now)

@@ -86,6 +86,13 @@ class FootprintSettings:
     enabled: bool = field(default=True, metadata=_setting(
         'false leaves the footprint out: its state is unknown, and it does not raise the common '
         'flag', live=True, safety=True))
+    obstacles: tuple[str, ...] = field(default=(), metadata=_setting(
+        'names of the sources whose obstacles it must not touch, and whose faults make it '
+        "unknown; [''] for all", live=True, safety=True))
+
+    def minds(self, source: str) -> bool:
+        """Tell whether the obstacles of a source, and its faults, concern the footprint."""
+        return not self.obstacles or source in self.obstacles
 
 
 @dataclass(frozen=True, slots=True)

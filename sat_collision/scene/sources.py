@@ -222,12 +222,12 @@ class Source:
         """Note a sign of life; return the time it counts from, None if that is too long ago."""
         time = stamp if 0 < stamp < now else now
         if time + self._timeout < now:
+            self._doubts.note_late(now - time)
+            self._find_faults()
             return None
         if time > self._heard:
             self._heard = time
-            doubts = self._doubts
-            if not doubts.is_heard or doubts.is_silent:
-                doubts.is_heard, doubts.is_silent = True, False
+            if self._doubts.hear():
                 self._deadlines.watch(self)
                 self._find_faults()
         return time

@@ -17,6 +17,8 @@
 from __future__ import annotations
 
 from collections.abc import Set
+from itertools import chain
+from typing import TypeAlias
 
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.polygon_set import Point
@@ -27,6 +29,10 @@ from sat_collision.scene.footprints import Footprint, State, Status
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings
 from sat_collision.scene.sources import Source
+
+
+# An obstacle, its separation (m) from a footprint, and the closest points of the two.
+Nearest: TypeAlias = tuple[ObstacleId, float, Point, Point]
 
 
 class View:
@@ -55,6 +61,11 @@ class View:
     def doubts(self, name: str) -> tuple[str, ...]:
         """Return why it is not known what a footprint touches, whatever it is known to touch."""
         return self._footprints[name].doubts
+
+    @property
+    def source_faults(self) -> tuple[str, ...]:
+        """Why sources of obstacles cannot be trusted, in sentences."""
+        return tuple(chain.from_iterable(source.faults for source in self._sources.values()))
 
     def changes(self) -> list[str]:
         """Return the names of footprints whose state, age apart, changed since the last call."""
@@ -95,8 +106,7 @@ class View:
         return [(obstacle.name, own, other) for obstacle in footprint.contacts
                 if (own := footprint.polygon) and (other := obstacle.polygon)]
 
-    def nearest(self, name: str, apart: bool = False
-                ) -> tuple[ObstacleId, float, Point, Point] | None:
+    def nearest(self, name: str, apart: bool = False) -> Nearest | None:
         """
         Return what is nearest to a footprint, None if one of the two is nowhere.
 

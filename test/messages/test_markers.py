@@ -56,6 +56,8 @@ def drawn(scene, markers=None):
     assert first.action == Marker.DELETEALL
     assert all(marker.action == Marker.ADD for marker in rest)
     assert {marker.header.frame_id for marker in rest} <= {scene.frame_id}
+    lifetimes = {(marker.lifetime.sec, marker.lifetime.nanosec) for marker in rest}
+    assert lifetimes <= {(0, 300_000_000)}
     by_name = {(marker.ns, marker.id): marker for marker in rest}
     assert len(by_name) == len(rest), 'a marker would replace another'
     return by_name
@@ -127,18 +129,35 @@ def test_points_and_segments_are_drawn(scene):
     assert not names & {'map/fill', 'map/outline', 'people/fill', 'people/points'}
 
 
-def test_contacts_are_named_and_joined(scene):
-    """Two footprints on one obstacle, one of them on another, too."""
+def test_contacts_are_marked_and_named(scene):
+    """Two footprints share a region, one a point, one a segment with an obstacle."""
     place(scene, 'a', box(0, 0, 2, 2))
-    place(scene, 'b', box(2, 0, 2, 2))
-    place(scene, 'map', box(1, 1, 2, 2))
+    place(scene, 'b', box(5, 0, 2, 2))
+    place(scene, 'map', box(1, 1, 5, 2))
+    place(scene, 'map', [(0, -1), (0, 1)])
     place(scene, 'people', [(0.5, 0.5)])
     markers = drawn(scene)
-    texts = {marker.text for (ns, _), marker in markers.items() if ns == 'contacts/names'}
-    assert texts == {'a - map/0', 'a - people/0', 'b - map/0'}
-    ends = {tuple(map(tuple, pair)) for pair in xy(markers['contacts/pairs', 0]).reshape(-1, 2, 2)}
-    assert ends == {((1, 1), (2, 2)), ((3, 1), (2, 2)), ((1, 1), (0.5, 0.5))}
+    regions = xy(markers['contacts/regions', 0]).reshape(-1, 3, 2)
+    shared = shapely.union_all([shapely.box(1, 1, 2, 2), shapely.box(5, 1, 6, 2)])
+    assert shapely.union_all(shapely.polygons(regions)).equals(shared)
+    assert sorted(xy(markers['contacts/segments', 0]).tolist()) == [[0, 0], [0, 1]]
+    assert xy(markers['contacts/points', 0]).tolist() == [[0.5, 0.5]]
+    assert markers['a/name', 0].text == 'a: in contact with map/0, map/1, people/0'
+    assert markers['b/name', 0].text == 'b: in contact with map/0'
     assert ('nearest/axis', 0) in markers, 'b and people are apart'
+
+
+def test_footprints_are_named_beside_their_bodies(scene):
+    """As long as nobody told of obstacles, nothing is known of them."""
+    place(scene, 'a', box(0, 0))
+    place(scene, 'b', box(5, 5))
+    assert {drawn(scene)[f'{name}/name', 0].text for name in 'ab'} == {'a: unknown', 'b: unknown'}
+    for name in ('map', 'people'):
+        place(scene, name, box(9, 9))
+        whole(scene, name)
+    text = drawn(scene)['a/name', 0]
+    assert text.text == 'a' and colour(text) == GREEN
+    assert text.pose.position.y > 1.0
 
 
 def test_nearest_clear_pair_and_its_axis(scene):

@@ -15,6 +15,7 @@
 """A running node whose time is that of /clock."""
 
 from harness import box, SECOND, values
+from rosgraph_msgs.msg import Clock
 
 ROBOT = box(0, 0)
 APART = box(5, 5)
@@ -124,3 +125,22 @@ def test_simulated_time_can_be_switched_on_and_off(start):
     monitor.await_state('unknown')
     send_pair(monitor, APART, monitor.now())
     monitor.await_state('clear')
+
+
+def test_recording_played_by_the_clock_of_today(start):
+    """State, log and health say what is to be set, and health is well again without /clock."""
+    monitor = start(footprint__timeout=1.0)
+    last_year = monitor.now() - 365 * 24 * 3600 * SECOND
+    monitor.send('/obstacles', box(5, 5), last_year)
+    monitor.send('/footprint', box(0, 0), last_year)
+    monitor.logged('/obstacles was rejected, too old', 'set use_sim_time: true')
+    monitor.until(lambda: (status := monitor.status())
+                  and values(status)['reason'].count('set use_sim_time: true') == 2, 'a reason')
+    clock = monitor.node.create_publisher(Clock, '/clock', 1)
+
+    def is_warned():
+        return '/clock is published' in monitor.health().message
+    monitor.until(monitor.health)
+    monitor.until(is_warned, 'a warning')
+    monitor.node.destroy_publisher(clock)
+    monitor.until(lambda: not is_warned(), 'no warning any more')

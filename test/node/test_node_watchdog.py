@@ -14,6 +14,7 @@
 
 """A loop that does not turn: the flags are raised by who watches it, and DDS tells of the dead."""
 
+import math
 import os
 import signal
 import socket
@@ -80,13 +81,19 @@ def test_a_stalled_loop_raises_the_flags(start, stall):
     clear(running)
     assert running.flag('footprint') is not True
     running.logged('footprint: ')
+    running.listen('/diagnostics')
+    running.until(lambda: running.listen('~/footprint/separation'))
     stalled = stall(running)
     running.until(lambda: running.flag() and running.flag('footprint'), 'flags raised')
     status = running.await_state('unknown')
     assert status.level == b'\x03' and 'stalled for' in values(status)['reason']
     running.logged('stalled for', 'all flags are raised')
+    running.until(lambda: running.health() and 'stalled for' in running.health().message)
+    assert 'stalled for' in running.told('/footprint_monitor: footprint').message
+    running.until(lambda: math.isnan(running.listen('~/footprint/separation')[-1].data))
     stalled.release()
     running.await_state('clear')
+    running.until(lambda: running.listen('~/footprint/separation')[-1].data == 4 * 2**0.5)
     running.until(lambda: running.flag() is False and running.flag('footprint') is False)
     running.logged('goes on after a stall')
     running.until(lambda: '1, the longest' in health(running).get('stalls', ''))

@@ -85,7 +85,8 @@ def test_nav2_parameter_file_takes_the_footprint_that_nav2_publishes(declare):
 
 def test_every_setting_can_be_given(declare):
     """All fields of all settings, two footprints and two sources."""
-    footprints = (FootprintSettings('a', '/robot', 0.5, False), FootprintSettings('b', '/b'))
+    footprints = (FootprintSettings('a', '/robot', 0.5, False, ('d',)),
+                  FootprintSettings('b', '/b', obstacles=('c', 'd')))
     obstacles = (ObstacleSettings('c', '/map', 'polygon_instance', 0.0, False, 0.1, 0.2, True,
                                   7),
                  ObstacleSettings('d', '/d'))
@@ -97,7 +98,7 @@ def test_every_setting_can_be_given(declare):
                       max_batch_delay=0.005)
     values = {'footprints': ['a', 'b'], 'obstacles': ['c', 'd']}
     for source in (*footprints, *obstacles):
-        values.update({f'{source.name}.{key}': value
+        values.update({f'{source.name}.{key}': list(value) if key == 'obstacles' else value
                        for key, value in dataclasses.asdict(source).items() if key != 'name'})
     values.update({key: value for key, value in dataclasses.asdict(wanted).items()
                    if key not in values})
@@ -189,6 +190,7 @@ def test_every_parameter_is_described(declare):
     ({'scan.timeout': 1.0}, 'no parameter'),
     ({'footprint.topic': 'a b'}, 'footprint.topic'),
     ({'footprint.topic': ''}, 'footprint.topic'),
+    ({'footprint.obstacles': ['obstacles']}, "'obstacles'; did you mean 'obstacle'"),
 ])
 def test_senseless_values_at_start_end_in_one_line(declare, values, words):
     """The message names the parameter and says what is wrong, in a line."""
@@ -246,6 +248,19 @@ def test_bad_value_while_running_is_refused(declare, name, value, words):
     parameters.on_change(pytest.fail)
     assert words in set_one(node, name, value)
     assert parameters.settings == before
+
+
+def test_sources_of_a_footprint_can_be_changed_to_others_that_there_are(declare):
+    """One that there is not is refused with the nearest name; an empty name is none."""
+    node, parameters = declare({'obstacles': ['dock', 'walls']})
+    parameters.on_change(lambda _: None)
+    for given in (['walls'], [''], ['dock', 'walls']):
+        assert set_one(node, 'footprint.obstacles', given) is None
+        assert parameters.settings.footprints[0].obstacles == tuple(filter(None, given))
+    assert set_one(node, 'footprint.obstacles', ['wall']) == (
+        "footprint.obstacles: there is no obstacle source 'wall'; did you mean 'walls'?")
+    assert 'type' in set_one(node, 'footprint.obstacles', [1])
+    assert parameters.settings.footprints[0].obstacles == ('dock', 'walls')
 
 
 def test_one_bad_value_among_several_set_at_once_refuses_all(declare):

@@ -58,6 +58,27 @@ def test_leader_at_constant_distance_is_not_touched(tmp_path):
     assert check(bag, Options(as_live=True)).verdict is Verdict.COLLISION
 
 
+@pytest.mark.parametrize('as_live', [False, True])
+def test_footprint_has_sources_of_its_own(tmp_path, as_live):
+    """It stands in its dock, which is not one of them; for another footprint that is a contact."""
+    parameters = {'footprints': ['robot', 'cart'], 'obstacles': ['dock', 'walls'],
+                  'robot.obstacles': ['walls'], 'cart.obstacles': ['']}
+    messages = []
+    for k in range(20):
+        messages += [(f'/{name}', k / 10, box(0)) for name in ('robot', 'cart')]
+        messages += [('/walls', k / 10, box(3))]
+        if k < 2:
+            messages += [('/dock', k / 10, box(0.5))]
+    result = check(write(tmp_path / 'bag', messages),
+                   Options(parameters={**parameters, 'dock.timeout': 0.5}, as_live=as_live))
+    robot, cart = result.footprints
+    assert {(contact.footprint, str(contact.obstacle)) for contact in result.contacts} == {
+        ('cart', 'dock/0')}
+    assert (robot.ever_known, robot.collision, robot.least.separation) == (True, 0, 2.0)
+    assert {unknown.footprint for unknown in result.unknown
+            if 'silent' in str(unknown.reasons)} == {'cart'}
+
+
 @pytest.mark.parametrize('first', ['/footprint', '/obstacles'])
 def test_order_within_a_stamp_means_nothing(tmp_path, first):
     """Two cars 2 m apart at 3 m a frame, all messages of a frame at one stamp."""

@@ -14,6 +14,7 @@
 
 """The bag that replay writes, against what the live node publishes, and without any ROS."""
 
+import math
 import subprocess
 import sys
 import textwrap
@@ -58,7 +59,7 @@ def test_written_bag_has_the_flags_at_the_right_times(tmp_path):
     check(write(tmp_path / 'bag', drive()), Options(write_bag=str(tmp_path / 'out')))
     topics = written(tmp_path / 'out')
     assert set(topics) == {f'/footprint_monitor/{name}' for name in (
-        'collision', 'footprint/collision', 'state', 'markers')}
+        'collision', 'footprint/collision', 'footprint/separation', 'state', 'markers')}
     for name in ('collision', 'footprint/collision'):
         flags = [(time, flag.data) for time, flag in topics[f'/footprint_monitor/{name}']]
         changes = [flags[0]] + [b for a, b in zip(flags, flags[1:]) if a[1] != b[1]]
@@ -71,10 +72,13 @@ def test_written_bag_has_the_flags_at_the_right_times(tmp_path):
         assert (stamp.sec * SECOND + stamp.nanosec - START) / SECOND == time
         if 4.05 < time < 4.95:
             assert (status.level, values['obstacles in contact']) == (2, f'{SOURCE}/0')
+    separations = dict(topics['/footprint_monitor/footprint/separation'])
+    assert math.isnan(separations[0.0].data)
+    assert (separations[2.0].data, separations[4.5].data) == (2.0, -0.25)
     markers = topics['/footprint_monitor/markers']
     assert len(markers) == 101
     assert {marker.ns for marker in dict(markers)[4.5].markers} >= {
-        'footprint/fill', f'{SOURCE}/outline', 'contacts/pairs'}
+        'footprint/fill', f'{SOURCE}/outline', 'contacts/regions'}
 
 
 def test_written_markers_follow_bodies_whose_state_stays(tmp_path):
@@ -103,7 +107,7 @@ def test_written_bag_is_the_same_without_ros(tmp_path):
     """, str(bag), str(tmp_path / 'plain'))
     assert out == '[] 1 False\n'
     with_ros, without = written(tmp_path / 'ros'), written(tmp_path / 'plain')
-    assert len(with_ros) == 4
+    assert len(with_ros) == 5
     assert repr(with_ros) == repr(without)
 
 

@@ -235,3 +235,16 @@ def test_rise_is_never_delayed():
     assert stage.status() == 'collision'
     stage.refuse(name='robot')
     assert stage.status() == 'unknown'
+
+
+def test_stamps_of_another_clock_are_told_from_staleness():
+    """A recording of last year is played by the clock of today; once it is known, age is age."""
+    stage = clear_stage(PATIENT_LIDAR, start=1e5)
+    stage.wait_until(2.0)
+    stage.robot(stamp=-4000.0)
+    reason, = stage.state().reasons
+    assert 'footprint robot on /footprint has stamps' in reason and 'use_sim_time: true' in reason
+    stage.robot()
+    assert stage.status() == 'clear'
+    stage.wait_until(9000.0)
+    assert stage.state().reasons == (TOO_OLD,)

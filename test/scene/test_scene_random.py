@@ -36,7 +36,7 @@ from sat_collision.scene.sources import TOO_OLD
 
 pytest.importorskip('shapely')
 
-from scene_model import enable, SceneModel  # noqa: E402
+from scene_model import SceneModel, with_one  # noqa: E402
 from tellers import BAD_POINTS, ToldByMessages, ToldByPolygons  # noqa: E402
 
 MILLISECOND = SECOND // 1000
@@ -197,12 +197,12 @@ class SceneMachine(RuleBasedStateMachine):
 
     @rule(name=footprints | sources)
     def disable(self, name):
-        self._use(enable(self.model.settings, name, False))
+        self._use(with_one(self.model.settings, name, enabled=False))
 
     @rule()
     def all_are_heard(self):
         for name in (*map(attrgetter('name'), FOOTPRINTS), *self.sources):
-            self._use(enable(self.model.settings, name, True))
+            self._use(with_one(self.model.settings, name, enabled=True))
         for name in self.sources:
             self.publishers(name, 1)
         self.wait(100)
@@ -214,6 +214,12 @@ class SceneMachine(RuleBasedStateMachine):
     @rule(margin=margins)
     def use_margin(self, margin):
         self._use(replace(self.model.settings, margin=margin))
+
+    @rule(name=footprints, own=st.runner().flatmap(
+        lambda machine: st.lists(st.sampled_from(machine.sources), unique=True)))
+    def mind(self, name, own):
+        """Give a footprint sources of its own, or let it mind all again."""
+        self._use(with_one(self.model.settings, name, obstacles=tuple(own)))
 
     @invariant()
     def agree(self):

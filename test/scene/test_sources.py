@@ -17,6 +17,7 @@
 from dataclasses import replace
 
 from sat_collision.scene.settings import ObstacleSettings
+from sat_collision.scene.sources import TOO_OLD
 from stage import EVERY_KIND, findings, INSTANCES, LIDAR, Stage, with_robot
 
 DOUBT = 'obstacle source lidar on /polygons '
@@ -231,3 +232,22 @@ def test_timeout_changed_while_running():
     assert stage.held == {}
     stage.heartbeat()
     assert findings(stage) == ('clear', ())
+
+
+@EVERY_KIND
+def test_stamps_of_another_clock_are_told_from_silence(settings):
+    """A recording of an hour ago is played, then one tells the time by /clock."""
+    stage = Stage(settings, start=1e5)
+    stage.robot()
+    assert stage.see(5, stamp=-3600.0, instance=1) == TOO_OLD
+    assert 'lidar on /polygons has not been heard yet' in stage.state().reasons[0]
+    assert stage.see(5, stamp=-3600.1, instance=1) == TOO_OLD
+    reason, = stage.state().reasons
+    assert 'lidar on /polygons has stamps' in reason and 'use_sim_time: true' in reason
+    stage.see(5, instance=1)
+    stage.whole()
+    assert stage.status() == 'clear'
+    stage.wait_until(2.5)
+    stage.robot()
+    reason, = stage.state().reasons
+    assert 'has been silent' in reason

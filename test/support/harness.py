@@ -29,7 +29,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sat_collision.node.footprint_monitor import FootprintMonitor
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, Float64
 from visualization_msgs.msg import MarkerArray
 
 PATIENCE = 10.0
@@ -108,7 +108,7 @@ class Peer:
 
     def listen(self, topic, qos=100):
         """Return the list that messages on a topic are added to from now on, oldest first."""
-        kind = _KINDS.get(topic, Bool)
+        kind = _KINDS.get(topic, Float64 if topic.endswith('/separation') else Bool)
         topic = topic.replace('~', f'/{self.name}')
         if topic not in self._heard:
             heard = self._heard[topic] = []
@@ -152,6 +152,12 @@ class Peer:
         """Return the health that /diagnostics reported last, None before the first."""
         heard = self.listen('/diagnostics')
         return heard[-1].status[0] if heard else None
+
+    def told(self, name):
+        """Return the status of a name that /diagnostics reported last, None before the first."""
+        heard = self.listen('/diagnostics')
+        return next((status for array in reversed(heard) for status in array.status
+                     if status.name == name), None)
 
     def markers(self):
         """Return the list of marker arrays received."""

@@ -147,7 +147,7 @@ class SceneModel:
     def must_not_be_clear(self, name, now):
         """Tell if a footprint meets a body of the last whole set, or of what is newer."""
         return any(separation(self._footprints[name].ring, ring) <= self.settings.margin
-                   for source in self._sources.values() if source.settings.enabled
+                   for source in self._minded(name) if source.settings.enabled
                    for ring in source.last_whole_and_newer(now))
 
     def state(self, name, now):
@@ -155,14 +155,15 @@ class SceneModel:
         settings = self.settings_of(name)
         if not settings.enabled:
             return 'unknown', set(), [f'footprint {name} is disabled']
-        doubts = self._doubts(now)
+        doubts = self._doubts(name, now)
+        minded = {source.settings.name for source in self._minded(name)}
         ring, time, fault, _ = self._footprints[name]
         if not fault and is_past(settings, time, now):
             fault = f'is older than its timeout of {settings.timeout:g} s'
         if fault:
             return 'unknown', set(), [f'footprint {name} on {settings.topic} {fault}', *doubts]
         contacts = {(source, key) for source, key, other in self.obstacles(now)
-                    if separation(ring, other) <= self.settings.margin}
+                    if source in minded and separation(ring, other) <= self.settings.margin}
         if contacts:
             return 'collision', contacts, doubts
         return 'unknown' if doubts else 'clear', set(), doubts
@@ -172,11 +173,17 @@ class SceneModel:
         time = self._footprints[name].time
         return None if time is None else (now - time) / SECOND
 
-    def _doubts(self, now):
+    def _minded(self, name):
+        """Return the sources that concern a footprint: its own, all if it has none."""
+        own = self.settings_of(name).obstacles or self._sources
+        return [source for key, source in self._sources.items() if key in own]
+
+    def _doubts(self, name, now):
         """Return why there may be obstacles that nobody told of, in sentences."""
-        enabled = [source for source in self._sources.values() if source.settings.enabled]
+        enabled = [source for source in self._minded(name) if source.settings.enabled]
         if not enabled:
-            return ['no obstacle source is enabled']
+            return ['none of its obstacle sources is enabled' if self.settings_of(name).obstacles
+                    else 'no obstacle source is enabled']
         return [f'obstacle source {source.settings.name} on {source.settings.topic} {doubt}'
                 for source in enabled for doubt in source.doubts(now)]
 
@@ -484,10 +491,10 @@ def is_past(settings, time, now):
     return settings.timeout > 0 and now - time > nanoseconds(settings.timeout)
 
 
-def enable(settings, name, enabled):
-    """Return the Settings with one footprint or source enabled or not."""
+def with_one(settings, name, **changes):
+    """Return the Settings with one footprint or source changed."""
     return replace(settings, **{
-        kind: tuple(replace(each, enabled=enabled) if each.name == name else each
+        kind: tuple(replace(each, **changes) if each.name == name else each
                     for each in getattr(settings, kind)) for kind in ('footprints', 'obstacles')})
 
 

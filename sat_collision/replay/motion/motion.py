@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from itertools import chain
 from typing import TypeVar
 
@@ -81,9 +82,10 @@ class Motion(Observer):
         self._named: dict[str, NamedTrail] = {}
         self._shown: dict[Trail, dict[str, Floats]] = {}
         keep = 3 * max(map(_patience, settings.obstacles), default=0)
-        timeouts = {one.name: one.timeout for one in settings.footprints}
+        self._footprints = {one.name: one for one in settings.footprints}
         self._walkers = {result.name: Walker(
-            result, self.contacts, timeouts[result.name], settings.margin, keep, self._note_least)
+            result, self.contacts, self._footprints[result.name].timeout,
+            settings.margin, keep, self._note_least)
             for result in results}
 
     def place_footprint(self, footprint: Footprint) -> None:
@@ -168,16 +170,18 @@ class Motion(Observer):
         trail = trails.get(source)
         if trail is None:
             trail = trails[source] = kind(
-                _patience(self._sources[source]), self._max_vertices, self._take)
+                _patience(self._sources[source]), self._max_vertices,
+                partial(self._take, source))
             trail.use_frame(self._frame_id)
         return trail
 
-    def _take(self, trail: Trail, step: Step) -> None:
+    def _take(self, source: str, trail: Trail, step: Step) -> None:
         """Take a step of a trail, to be decided for each footprint when its way is known."""
         if self._with_picture:
             self._show(trail, step)
-        for walker in self._walkers.values():
-            walker.queue(trail, step, self.now)
+        for name, walker in self._walkers.items():
+            if self._footprints[name].minds(source):
+                walker.queue(trail, step, self.now)
 
     def _show(self, trail: Trail, step: Step) -> None:
         """Keep where the obstacles are, for a picture."""

@@ -1,0 +1,180 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is shipped beside the package: files for other programs, an example, a fleet."""
+
+import importlib.util
+import json
+from pathlib import Path
+import re
+import time
+
+from geometry_msgs.msg import Twist
+from harness import box, values
+import pytest
+from rclpy.executors import SingleThreadedExecutor
+from std_msgs.msg import Bool
+import yaml
+
+ROOT = Path(__file__).resolve().parents[2]
+TIME_TO_STOP = 0.3
+
+
+def read_yaml(*path):
+    return yaml.safe_load(ROOT.joinpath(*path).read_text())
+
+
+def published(monitor):
+    """Return the names and types of all that a running monitor publishes."""
+    return {one.topic_name: one.msg_type for one in monitor.monitor.publishers}
+
+
+def test_rviz_shows_our_markers(start):
+    """The file is YAML of RViz's form, and its topic is one of markers."""
+    manager = read_yaml('rviz', 'footprint_monitor.rviz')['Visualization Manager']
+    topic, = [display['Topic']['Value'] for display in manager['Displays'] if 'Topic' in display]
+    assert published(start())[topic].__name__ == 'MarkerArray'
+    assert all(display['Class'].startswith('rviz_default_plugins/')
+               for display in manager['Displays'])
+
+
+def test_foxglove_shows_our_topics(start):
+    """Each panel that is placed is configured; each topic is ours, each field its message's."""
+    layout = json.loads((ROOT / 'foxglove' / 'footprint_monitor.json').read_text())
+    text = json.dumps(layout)
+    placed = re.findall(r'"(?:first|second)": "([^"]+)"', text)
+    assert sorted(placed) == sorted(layout['configById'])
+    ours = published(start())
+    topics = re.findall(r'"(/[^"]+)"', text)
+    assert len(topics) == 5
+    for topic, _, field in (path.partition('.') for path in topics):
+        assert hasattr(ours[topic](), field or '__slots__')
+
+
+def test_twist_mux_is_locked_by_the_flag(start):
+    """
+    The form that twist_mux documents: topic, timeout and priority of each input and lock.
+
+    A lock with a timeout is locked when nothing comes, and stops what has a lower priority.
+    """
+    parameters = read_yaml('config', 'twist_mux.yaml')['/**']['ros__parameters']
+    topics, locks = parameters['topics'], parameters['locks']
+    for one in (*topics.values(), *locks.values()):
+        assert {key: type(value) for key, value in one.items()} == {
+            'topic': str, 'timeout': float, 'priority': int}
+        assert 0 <= one['priority'] <= 255
+    lock = locks['collision']
+    assert published(start())['/' + lock['topic']] is Bool
+    assert lock['timeout'] == TIME_TO_STOP
+    assert topics['navigation']['priority'] < lock['priority'] < topics['teleop']['priority']
+
+
+@pytest.fixture
+def gate():
+    """Return a function that runs the example beside a running monitor, in the peer's process."""
+    path = ROOT / 'examples' / 'stop_on_collision.py'
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    executors = []
+
+    def run(peer):
+        node = example.StopOnCollision(context=peer.context)
+        executors.append(SingleThreadedExecutor(context=peer.context))
+        executors[-1].add_node(node)
+        return executors[-1], node
+    yield run
+    for executor in executors:
+        for node in executor.get_nodes():
+            node.destroy_node()
+        executor.shutdown()
+
+
+@pytest.fixture
+def robot(gate, start):
+    """Return a robot that is always told to drive, behind the example, by a running monitor."""
+    return Robot(gate, start(footprint__timeout=0.0, obstacle__timeout=0.0))
+
+
+class Robot:
+    """Hears what speeds the example passes on."""
+
+    def __init__(self, gate, monitor):
+        self.monitor = monitor
+        self.executor, self.node = gate(monitor)
+        self.commands = monitor.node.create_publisher(Twist, 'cmd_vel_nav', 1)
+        self.speed = None
+        monitor.node.create_subscription(Twist, 'cmd_vel', self.note, 1)
+
+    def note(self, twist):
+        self.speed = twist.linear.x
+
+    def is_told(self, speed):
+        """Tell it to drive; tell whether it has been told this speed at last."""
+        command = Twist()
+        command.linear.x = 0.5
+        self.commands.publish(command)
+        self.executor.spin_once(timeout_sec=0.01)
+        self.monitor.spin()
+        return self.speed == speed
+
+
+def test_example_stops_the_robot(robot):
+    """At first and in contact it stands, clear it drives."""
+    robot.monitor.until(lambda: robot.is_told(0.0), 'a stop before the first flag')
+    robot.monitor.send('/obstacles', box(5, 5))
+    robot.monitor.send('/footprint', box(0, 0))
+    robot.monitor.until(lambda: robot.is_told(0.5), 'motion')
+    robot.monitor.send('/obstacles', box(0.5, 0.5))
+    robot.monitor.until(lambda: robot.is_told(0.0), 'a stop')
+
+
+def test_example_stops_the_robot_without_a_flag(robot):
+    """The monitor stands still, and nobody raises a flag: for 0.3 s the last one counts."""
+    robot.monitor.send('/obstacles', box(5, 5))
+    robot.monitor.send('/footprint', box(0, 0))
+    robot.monitor.until(lambda: robot.is_told(0.5), 'motion')
+    flags = robot.monitor.listen('~/collision')
+    begin = len(flags)
+    robot.monitor._stop.set()
+    robot.monitor.until(lambda: robot.is_told(0.0), 'a stop')
+    assert time.monotonic() >= robot.node.clear_until > 0.0
+    assert not any(flag.data for flag in flags[begin:])
+
+
+def test_fleet_avoids_itself(start):
+    """One robot comes to the other: both touch; what one sees concerns both; one is silent."""
+    monitor = start(['--params-file', str(ROOT / 'config' / 'fleet.yaml')],
+                    robot1__timeout=0.0, robot2__timeout=0.0, body1__timeout=0.0,
+                    body2__timeout=1.5, obstacle__timeout=0.0)
+    topics = [f'/robot{k}/local_costmap/published_footprint' for k in (1, 2)]
+
+    def place(*robots):
+        for topic, x in zip(topics, robots):
+            monitor.send(topic, box(x, 0))
+        monitor.spin(0.05)
+
+    def until(one, other, *robots):
+        def are_so():
+            place(*robots)
+            return (monitor.state('robot1'), monitor.state('robot2')) == (one, other)
+        monitor.until(are_so, f'{one} and {other}')
+    monitor.send('/obstacles', box(20, 20))
+    until('clear', 'clear', 0, 5)
+    until('collision', 'collision', 0, 0.75)
+    assert monitor.contacts('robot1') == ['body2/0']
+    assert monitor.contacts('robot2') == ['body1/0']
+    until('clear', 'clear', 0, 5)
+    until('unknown', 'clear', 0)
+    assert 'body2' in values(monitor.status('robot1'))['reason']

@@ -196,7 +196,7 @@ def measure(seconds, repeats):
 
 def plot(figures, path):
     """Draw processor time a message and latency against the number of obstacles."""
-    figure, axes = pyplot.subplots(1, 2, figsize=(9.6, 3.8), layout='constrained')
+    figure, axes = pyplot.subplots(1, 2, figsize=(9.6, 4.2), layout='constrained')
     loads = [one for one in figures['loads'] if one['vertices'] == VERTICES[0]]
     sizes = [one['obstacles'] for one in loads]
     for (kind, title), style in zip(TITLES.items(), ('o-', 's--', 'd-.', '^:')):
@@ -211,6 +211,6 @@ def plot(figures, path):
         one.yaxis.set_major_formatter('{x:g}')
         one.yaxis.set_minor_formatter('{x:g}')
         one.grid(alpha=0.3, which='both')
-        one.legend()
+    figure.legend(*axes[0].get_legend_handles_labels(), loc='outside lower center', ncols=4)
     figure.savefig(path, dpi=120)
     pyplot.close(figure)

@@ -106,8 +106,8 @@ def _scene(scene):
         _wrapped(f"""At 10,000 obstacles that is {each:.2f} ns an obstacle
         ({_goal(each <= 1.5, 'at most 1.5')}), at 10 it is {one[10]['us']:.2f} µs
         ({_goal(one[10]['us'] < 1.0, 'less than 1')}). A fleet of {fleet['footprints']} footprints
-        against {fleet['obstacles']:,} obstacles takes {fleet['us'] / 1e3:.2f} ms; the STRtree, once
-        built, {fleet['tree_us'] / 1e3:.2f} ms."""),
+        against {fleet['obstacles']:,} obstacles takes {fleet['us'] / 1e3:.2f} ms; the STRtree,
+        once built, {fleet['tree_us'] / 1e3:.2f} ms."""),
         _wrapped("""A message, from its bytes to the changed states, in scenes of one footprint:
         an obstacle costs the same whatever the size of the scene, a footprint the scan more."""),
         _table(['obstacles', 'obstacle message µs', 'footprint message µs'],

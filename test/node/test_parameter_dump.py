@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A node started from what `ros2 param dump` writes of another, which is done with its services."""
+"""A node started from what `ros2 param dump` writes of another, by its parameter services."""
 
 import pytest
 from rclpy.parameter import parameter_value_to_python

@@ -46,12 +46,13 @@ _STATIC_STEPS = 20
 _FRAME_PERIOD = 0.19
 _HASTE = 2.0
 _START_TIMEOUT = 90.0
-# Long enough that a publisher held up by a busy machine does not count as silent.
+# Long enough that publisher and node may be held up by a busy machine.
 _TIMEOUT = 5.0
 _PARAMETERS: dict[str, object] = {
     'footprints': list(warehouse.FOOTPRINTS),
     'obstacles': ['warehouse', 'people'],
     'frame_id': warehouse.FRAME,
+    'watchdog': _TIMEOUT,
     **{f'{name}.timeout': _TIMEOUT for name in [*warehouse.FOOTPRINTS, 'warehouse', 'people']},
 }
 

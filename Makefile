@@ -12,13 +12,14 @@ test: $(VENV)/test.stamp
 	$(BIN)/python -m sat_collision.replay.kernels
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
-# What README, config and docs/ARCHITECTURE.md take from the code.
+# What README, config and docs take from the code and from the benchmarks.
 docs: $(VENV)/demo.stamp
 	$(BIN)/python docs/generate.py
 
 # What everything costs, measured and written to docs/benchmarks.
 bench: $(VENV)/bench.stamp
 	$(BIN)/python benchmarks/bench.py
+	$(BIN)/python docs/generate.py
 
 # Speed against error, measured and written to docs/report.
 report: $(VENV)/bench.stamp

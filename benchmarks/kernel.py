@@ -126,8 +126,10 @@ def plot(figures, path):
     axes.loglog(*zip(*goals), '_', color='#555555', markersize=14,
                 label="goal: shapely's time / 20, / 12 from 64 vertices on")
     for row in rows:
-        axes.annotate(f'{row["shapely"] / row["ours"]:.0f}x', (row['vertices'], row['ours']),
-                      xytext=(0, -14), textcoords='offset points', ha='center', fontsize=9)
+        # Half way between the lines nothing else is drawn.
+        axes.annotate(f'{row["shapely"] / row["ours"]:.0f}x',
+                      (row['vertices'], (row['shapely'] * row['ours']) ** 0.5),
+                      ha='center', va='center', fontsize=9)
     axes.set_xticks(n, [str(k) for k in n])
     axes.minorticks_off()
     axes.set_xlabel('vertices of each polygon')

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The node as a process under traffic, against a straightforward node and against the floor.
+The node as a process under traffic, against shapely in a callback and against the floor.
 
 Processor time is that of all threads of the process, as the kernel's scheduler counts it.
 """
@@ -40,11 +40,16 @@ HERE = Path(__file__).parent
 NODES = {'monitor': ['-m', 'sat_collision.node'],
          'floor': [str(HERE / 'floor_node.py')],
          'loop floor': [str(HERE / 'floor_node.py'), '--loop'],
-         'rival': [str(HERE / 'rival_node.py')]}
+         'rival': [str(HERE / 'rival_node.py')],
+         'plain': ['-m', 'sat_collision.node']}
+TITLES = {'monitor': 'sat_collision', 'floor': 'floor', 'loop floor': 'floor in our loop',
+          'rival': 'shapely in a callback'}
+_ENVIRONMENTS = {'plain': {'NUMBA_DISABLE_JIT': '1'}}
 _TOGETHER = 'monitor', 'floor', 'loop floor'
 OBSTACLES = 10, 100, 1000
 VERTICES = 4, 32
 RATES = 10_000, 20_000, 30_000, 60_000
+PLAIN_RATES = RATES[:2]
 _DISCOVERY = """<?xml version="1.0" encoding="UTF-8"?>
 <dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"><profiles>
   <participant profile_name="prompt" is_default_profile="true"><rtps><builtin><discovery_config>
@@ -74,9 +79,10 @@ def ros():
 
 @contextlib.contextmanager
 def running(kind, **environment):
-    """Start a node of some kind as a process; end it at last."""
+    """Start a node of some kind as a process, the plain one without numba; end it at last."""
     process = subprocess.Popen([sys.executable, *NODES[kind]], stdout=subprocess.DEVNULL,
-                               stderr=subprocess.DEVNULL, env={**os.environ, **environment})
+                               stderr=subprocess.DEVNULL,
+                               env={**os.environ, **_ENVIRONMENTS.get(kind, {}), **environment})
     try:
         yield process
     finally:
@@ -177,24 +183,26 @@ def measure(seconds, repeats):
         'loads': [{'obstacles': obstacles, 'vertices': vertices,
                    'together_us': together(_TOGETHER, obstacles, vertices, seconds,
                                            3 * repeats),
-                   **_by_turns(NODES, repeats, obstacles, vertices, seconds)}
+                   **_by_turns(TITLES, repeats, obstacles, vertices, seconds)}
                   for vertices in VERTICES for obstacles in OBSTACLES],
         'bursts': [{'obstacles': obstacles,
                     **_by_turns(('monitor', 'floor'), repeats, obstacles, 4, seconds, burst=True)}
                    for obstacles in OBSTACLES[1:]],
-        'rates': [{'asked_per_second': rate,
-                   **load('monitor', 1000, 4, seconds, rate=rate / 1000)} for rate in RATES]}
+        'rates': [{'kind': kind, 'asked_per_second': rate,
+                   **load(kind, 1000, 4, seconds, rate=rate / 1000)}
+                  for kind, rates in (('monitor', RATES), ('plain', PLAIN_RATES))
+                  for rate in rates]}
 
 
 def plot(figures, path):
     """Draw processor time a message and latency against the number of obstacles."""
-    figure, axes = pyplot.subplots(1, 2, figsize=(9.6, 3.8), layout='constrained')
+    figure, axes = pyplot.subplots(1, 2, figsize=(9.6, 4.2), layout='constrained')
     loads = [one for one in figures['loads'] if one['vertices'] == VERTICES[0]]
     sizes = [one['obstacles'] for one in loads]
-    for kind, style in zip(NODES, ('o-', 's--', 'd-.', '^:')):
+    for (kind, title), style in zip(TITLES.items(), ('o-', 's--', 'd-.', '^:')):
         axes[0].loglog(sizes, [one['together_us'].get(kind, one[kind]['cpu_us']) for one in loads],
-                       style, label=kind)
-        axes[1].loglog(sizes, [one[kind]['p99_ms'] for one in loads], style, label=kind)
+                       style, label=title)
+        axes[1].loglog(sizes, [one[kind]['p99_ms'] for one in loads], style, label=title)
     axes[0].set(xlabel='obstacles at 10 Hz', ylabel='processor time a message [µs]')
     axes[1].set(xlabel='obstacles at 10 Hz', ylabel='publish() to flag, 99 of 100 below [ms]')
     for one in axes:
@@ -203,6 +211,6 @@ def plot(figures, path):
         one.yaxis.set_major_formatter('{x:g}')
         one.yaxis.set_minor_formatter('{x:g}')
         one.grid(alpha=0.3, which='both')
-        one.legend()
+    figure.legend(*axes[0].get_legend_handles_labels(), loc='outside lower center', ncols=4)
     figure.savefig(path, dpi=120)
     pyplot.close(figure)

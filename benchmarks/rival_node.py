@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The straightforward node: typed messages, shapely, one flag, nothing checked but intersection.
+Shapely in a callback: typed messages, one flag, nothing checked but intersection.
 
 Obstacles of one stamp are a set, which replaces the set before. Each footprint is checked against
 all obstacles in one vectorised call.

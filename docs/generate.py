@@ -16,12 +16,13 @@
 """
 Write what the documents take from the code; with --check only tell what is out of date.
 
-That is the README's table of parameters, config/footprint_monitor.yaml, and the picture of the
-imports in ARCHITECTURE.md.
+That is the table of parameters, config/footprint_monitor.yaml, the picture of the imports in
+ARCHITECTURE.md, and the README's figures, from those of the benchmarks.
 """
 
 import argparse
 import ast
+import json
 from pathlib import Path
 import sys
 import textwrap
@@ -140,24 +141,44 @@ def import_picture():
     return '\n'.join([*lines, '```'])
 
 
+def cost_table(loads):
+    """Return in Markdown how much processor time a node with shapely takes, times that of ours."""
+    loads = [load for load in loads if load['vertices'] == 4]
+    head = '| obstacles, each at 10 Hz | ' + ' | '.join(
+        f'{load["obstacles"]:,}' for load in loads) + ' |'
+    ratios = ' | '.join(f'{load["rival"]["cpu_us"] / load["monitor"]["cpu_us"]:.1f} times ours'
+                        for load in loads)
+    return '\n'.join([head, '|---' * (len(loads) + 1) + '|',
+                      f'| processor time of shapely in a callback | {ratios} |'])
+
+
+def rate_words(rates):
+    """Return in Markdown what share of a core the node takes, with and without numba."""
+    kernels = {'monitor': 'with numba', 'plain': 'in plain Python'}
+    shares = [f'{rate["core"]:.0%} of a core {kernels[rate["kind"]]}' for rate in rates
+              if rate['asked_per_second'] == 10_000]
+    return f'10,000 obstacle messages a second take {", ".join(shares)}.'
+
+
 def documents():
     """Return the text that each document should have, by path."""
-    return {path: make() for path, make in (
-        (ROOT / 'config' / 'footprint_monitor.yaml', parameter_file),
-        (ROOT / 'README.md', lambda: _with_block('README.md', parameter_table())),
-        (ROOT / 'docs' / 'ARCHITECTURE.md',
-         lambda: _with_block('docs/ARCHITECTURE.md', import_picture())))}
+    node = json.loads((ROOT / 'docs' / 'benchmarks' / 'figures.json').read_text())['node']
+    return {
+        ROOT / 'config' / 'footprint_monitor.yaml': parameter_file(),
+        **{ROOT / name: _with_blocks(name, *blocks) for name, *blocks in (
+            ('README.md', cost_table(node['loads']), rate_words(node['rates'])),
+            ('docs/parameters.md', parameter_table()),
+            ('docs/ARCHITECTURE.md', import_picture()))}}
 
 
-def _with_block(name, block):
-    """Return a document with the block between its marks replaced."""
-    text = (ROOT / name).read_text()
+def _with_blocks(name, *blocks):
+    """Return a document with what is between its marks replaced, in their order."""
     begin, end = '<!-- written by docs/generate.py -->\n', '<!-- until here -->\n'
-    head, begun, rest = text.partition(begin)
-    _, ended, tail = rest.partition(end)
-    if not (begun and ended):
+    head, *rest = (ROOT / name).read_text().split(begin)
+    if len(rest) != len(blocks) or not all(end in one for one in rest):
         raise ValueError(f'{name}: {begin.strip()} and {end.strip()} must enclose what is written')
-    return f'{head}{begin}{block}\n{end}{tail}'
+    return head + ''.join(f'{begin}{block}\n{end}{one.partition(end)[2]}'
+                          for block, one in zip(blocks, rest))
 
 
 def _mark(spec, before, behind):

@@ -16,7 +16,7 @@
 """The build of the project: who may import whom, how long a file is, and documents that follow."""
 
 import ast
-from pathlib import Path
+import re
 import sys
 
 from generate import documents, imports, part, ROOT
@@ -49,6 +49,7 @@ POINTS = {'segments_meet': 8}
 
 IMPORTS = imports()
 PACKAGE = {module: names for module, names in IMPORTS.items() if part(module) != 'benchmarks'}
+PAGES = [*ROOT.glob('*.md'), *ROOT.glob('docs/**/*.md')]
 FILES = sorted((ROOT / 'sat_collision').rglob('*.py'))
 
 
@@ -120,11 +121,33 @@ def test_file_is_read_in_one_sitting(path):
             assert len(taken) <= most, f'line {node.lineno}: {len(taken)} arguments'
 
 
-@pytest.mark.parametrize('path', [Path('README.md'), Path('config', 'footprint_monitor.yaml'),
-                                  Path('docs', 'ARCHITECTURE.md')], ids=str)
+@pytest.mark.parametrize('path', documents(), ids=lambda path: path.name)
 def test_documents_say_what_the_code_says(path):
-    """The parameters, their defaults and the picture of the imports; else run `make docs`."""
-    assert (ROOT / path).read_text() == documents()[ROOT / path]
+    """The parameters, the picture of the imports and the figures; else run `make docs`."""
+    assert path.read_text() == documents()[path]
+
+
+def test_readme_shows_the_parameters_beside_nav2():
+    """As they are in the file that is installed."""
+    _, block = (ROOT / 'README.md').read_text().split('```yaml\n')
+    assert block.partition('```')[0] == (ROOT / 'config' / 'nav2.yaml').read_text()
+
+
+@pytest.mark.parametrize('path', PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_links_lead_somewhere(path):
+    """Files are there, and so are the headings within."""
+    for target in re.findall(r'\]\(([^)\s]+)\)', path.read_text()):
+        name, _, heading = target.partition('#')
+        other = (path.parent / name).resolve() if name else path
+        if '://' not in target:
+            assert other.exists(), target
+            assert not heading or heading in headings(other), target
+
+
+def headings(path):
+    """Return the anchors of a page's headings, as they are on the web."""
+    return {re.sub(r'[^a-z0-9_ -]', '', line.lstrip('# ').lower()).replace(' ', '-')
+            for line in path.read_text().splitlines() if line.startswith('#')}
 
 
 def test_example_of_the_readme_gives_what_it_says():

@@ -23,7 +23,7 @@ import sys
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-FOLDERS = ('sat_collision', 'test', 'benchmarks', 'docs', 'launch')
+FOLDERS = ('sat_collision', 'test', 'benchmarks', 'docs', 'examples', 'launch')
 SOURCES = [path for folder in FOLDERS for path in sorted((ROOT / folder).rglob('*.py'))]
 BUILT = ('.venv', 'build', 'install', 'log')
 

@@ -53,7 +53,7 @@ def _draw(panel, example, draw):
     centres = np.array(example['centres'])
     for body, name, at in zip((a, b), 'PQ', centres):
         panel.fill(*body.T, facecolor='#bbbbbb', edgecolor='#333333', alpha=0.6)
-        panel.annotate(name, at, (6, 6), textcoords='offset points', fontsize=12,
+        panel.annotate(name, at, (0, 5), textcoords='offset points', fontsize=11,
                        annotation_clip=True)
     panel.plot(*centres.T, 'o--', color='#0072B2', markersize=4, label='centre line')
     draw(panel, example, a, b, centres)
@@ -70,14 +70,13 @@ def _frame(x, y, half):
 def _draw_a(panel, example, a, b, centres):
     """Draw the edges whose normals are tried, and a line that separates nonetheless."""
     along = centres[1] - centres[0]
-    for body, sign, name in ((a, 1, 'B'), (b, -1, 'C')):
+    for body, sign, name, place in ((a, 1, 'B', (-4, 7)), (b, -1, 'C', (6, -14))):
         i = int(np.argmax(sign * body @ along))
         tried = body[[i - 1, i, (i + 1) % len(body)]]
         panel.plot(*tried.T, color=_A, linewidth=3,
                    label='edges whose normals A tries' if sign > 0 else None)
         panel.plot(*body[i], 'o', color=_A)
-        panel.annotate(name, body[i], (6, -14), textcoords='offset points', fontsize=10,
-                       bbox={'facecolor': 'white', 'alpha': 0.7, 'pad': 1, 'linewidth': 0})
+        panel.annotate(name, body[i], place, textcoords='offset points', fontsize=10)
     p, q = np.array(example['closest_points'])
     normal = (q - p) / np.hypot(*(q - p))
     middle, line = (p + q) / 2, np.array([-normal[1], normal[0]])

@@ -89,8 +89,8 @@ METHODS = {
     'filtered': Method('filtered orientations', '#117733', '8', filters.filtered_axes, 'heads',
                        'edges by orientations, each filtered as in CGAL, with exact fallback'),
     'improved': Method('improved', '#009E73', '*', None, None, 'what this package runs'),
-    'shapely': Method('shapely (GEOS)', '#0072B2', 'X', None, None,
-                      'a general geometry library'),
+    'shapely': Method('shapely', '#0072B2', 'X', None, None,
+                      'a general geometry library, on GEOS'),
     'chipmunk': Method('Chipmunk', '#661100', '1', None, None,
                        'a game engine, through pymunk; asked pair by pair, so not timed'),
 }

@@ -75,14 +75,13 @@ def preparation(rng, scale=1.0):
         rings = prepared.sides[0]
         made = {
             'Polygon': lambda: [Polygon(ring) for ring in rings],
-            'shapely (GEOS)': lambda: [shapely_shape(ring) for ring in rings],
+            'shapely': lambda: [shapely_shape(ring) for ring in rings],
             'Chipmunk': lambda: [chipmunk_shape(ring) for ring in rings],
             'centre of gravity, compiled': lambda: find_centres(prepared),
         }
         asked = {
             'improved': lambda: [intersects(a, b) for a, b in zip(*prepared.polygons)],
-            'shapely (GEOS)': lambda: [shapely.intersects(a, b)
-                                       for a, b in zip(*prepared.shapely)],
+            'shapely': lambda: [shapely.intersects(a, b) for a, b in zip(*prepared.shapely)],
             'Chipmunk': functools.partial(run, 'chipmunk', prepared),
         }
         if 'chipmunk' not in applicable():

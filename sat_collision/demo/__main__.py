@@ -16,7 +16,8 @@ See the monitor at work: robots in a warehouse, three processes, real DDS.
 
 This process starts the footprint_monitor node and a publisher of the embedded scene, prints each
 change of a flag as it arrives, checks that the flags are those that the scene is built to cause,
-and draws the published markers at the first contact into demo.png.
+and draws the published markers: those at the first contact into demo.png, all of them into
+demo.gif.
 """
 
 from __future__ import annotations
@@ -35,19 +36,23 @@ from geometry_msgs.msg import Point32, PolygonStamped
 import rclpy
 from rclpy.node import Node
 from sat_collision.demo import warehouse
-from sat_collision.demo.picture import draw_markers
+from sat_collision.demo.picture import Frame, write_movie, write_picture
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
 _PERIOD = 0.05
 _STATIC_STEPS = 20
+# Of the moving picture: seconds from frame to frame, and how many times faster it goes.
+_FRAME_PERIOD = 0.19
+_HASTE = 2.0
 _START_TIMEOUT = 90.0
-# Long enough that a publisher held up by a busy machine does not count as silent.
+# Long enough that publisher and node may be held up by a busy machine.
 _TIMEOUT = 5.0
 _PARAMETERS: dict[str, object] = {
     'footprints': list(warehouse.FOOTPRINTS),
     'obstacles': ['warehouse', 'people'],
     'frame_id': warehouse.FRAME,
+    'watchdog': _TIMEOUT,
     **{f'{name}.timeout': _TIMEOUT for name in [*warehouse.FOOTPRINTS, 'warehouse', 'people']},
 }
 
@@ -84,15 +89,15 @@ class _Publisher(Node):
 
 
 class _Viewer(Node):
-    """Notes the flags, the obstacles in contact, and the markers at the first contact."""
+    """Notes the flags, the obstacles in contact, and the markers."""
 
     def __init__(self) -> None:
         super().__init__('viewer')
         self.flags: dict[str, list[bool]] = {name: [] for name in warehouse.FOOTPRINTS}
         self.touched: dict[str, list[str]] = {name: [] for name in warehouse.FOOTPRINTS}
-        self.markers: MarkerArray | None = None
+        self.frames: list[Frame] = []
         # When the first robot was seen to be clear: the scene has begun.
-        self.start = time.monotonic()
+        self._start: float | None = None
         monitor = '/footprint_monitor'
         for name in self.flags:
             self.create_subscription(Bool, f'{monitor}/{name}/collision',
@@ -100,14 +105,19 @@ class _Viewer(Node):
         self.create_subscription(DiagnosticArray, f'{monitor}/state', self._note_state, 10)
         self.create_subscription(MarkerArray, f'{monitor}/markers', self._note_markers, 10)
 
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the scene has begun, 0 before."""
+        return time.monotonic() - self._start if self._start else 0.0
+
     def _note_flag(self, name: str, flag: Bool) -> None:
         flags = self.flags[name]
         raised = flag.data
         if not flags or flags[-1] != raised:
-            if not raised and not any(False in seen for seen in self.flags.values()):
-                self.start = time.monotonic()
+            if not raised and not self._start:
+                self._start = time.monotonic()
             flags.append(raised)
-            _print(f'{time.monotonic() - self.start:6.2f} s  {name:8} collision: {raised}')
+            _print(f'{self.elapsed:6.2f} s  {name:8} collision: {raised}')
 
     def _note_state(self, states: DiagnosticArray) -> None:
         for name, status in zip(self.flags, states.status):
@@ -119,11 +129,13 @@ class _Viewer(Node):
                 _print(f'{"":8}  {name:8} {status.message}')
 
     def _note_markers(self, markers: MarkerArray) -> None:
-        if self.markers is None and any(m.ns.startswith('contacts/') for m in markers.markers):
-            self.markers = markers
+        flags = {name: flags[-1] for name, flags in self.flags.items() if flags}
+        # Before the scene has begun and after it has ended all flags are raised.
+        if False in flags.values():
+            self.frames.append(Frame(self.elapsed, flags, markers))
 
     def show_progress(self) -> None:
-        share = min((time.monotonic() - self.start) / warehouse.DURATION, 1.0)
+        share = min(self.elapsed / warehouse.DURATION, 1.0)
         flags = '  '.join(f'{name} {"COLLISION" if flags[-1] else "clear"}'
                           for name, flags in self.flags.items() if flags)
         if sys.stdout.isatty():
@@ -187,16 +199,21 @@ def _verdict(viewer: _Viewer) -> bool:
     return right
 
 
-def _draw(markers: MarkerArray, path: str) -> None:
-    import matplotlib
-    matplotlib.use('Agg')
-    from matplotlib import pyplot
-    figure, axes = pyplot.subplots(figsize=(11, 6.5))
-    draw_markers(markers, axes)
-    axes.set_title('The published markers at the first contact')
-    figure.tight_layout()
-    figure.savefig(path, dpi=110)
-    print(f'wrote {path}')
+def _draw(frames: Sequence[Frame], picture: str, movie: str) -> bool:
+    """Write picture and moving picture; return whether there was a contact to draw."""
+    contacts = [frame for frame in frames
+                if any(marker.ns.startswith('contacts/') for marker in frame.markers.markers)]
+    if not contacts:
+        return False
+    write_picture(contacts[0], warehouse.BOUNDS, picture)
+    print(f'wrote {picture}', flush=True)
+    shown: list[Frame] = []
+    for frame in frames:
+        if not shown or frame.time - shown[-1].time >= _FRAME_PERIOD:
+            shown.append(frame)
+    write_movie(shown, warehouse.BOUNDS, _HASTE * len(shown) / shown[-1].time, movie)
+    print(f'wrote {movie}', flush=True)
+    return True
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -204,6 +221,7 @@ def main(args: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--publish', action='store_true', help='only publish the scene')
     parser.add_argument('--picture', default='demo.png', help='where to draw the first contact')
+    parser.add_argument('--movie', default='demo.gif', help='where to draw the whole scene')
     options = parser.parse_args(args)
     if options.publish:
         rclpy.init()
@@ -217,9 +235,8 @@ def main(args: Sequence[str] | None = None) -> int:
     viewer = _Viewer()
     right = _watch(viewer) and _verdict(viewer)
     rclpy.shutdown()
-    if viewer.markers is not None:
-        _draw(viewer.markers, options.picture)
-    return 0 if right and viewer.markers is not None else 1
+    drawn = _draw(viewer.frames, options.picture, options.movie)
+    return 0 if right and drawn else 1
 
 
 if __name__ == '__main__':

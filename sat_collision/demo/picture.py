@@ -11,17 +11,82 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Draw a visualization_msgs/MarkerArray as a picture, as RViz would from above."""
+"""Draw the markers of a scene as RViz would from above: a picture, or a moving one."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import NamedTuple, TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from visualization_msgs.msg import MarkerArray
+
+_WORDS = {False: ('clear', '#1a9933'), True: ('COLLISION', '#d11919')}
+
+
+class Frame(NamedTuple):
+    """What the node said at one time (s): the flag of each footprint, and the markers."""
+
+    time: float
+    flags: dict[str, bool]
+    markers: MarkerArray
+
+
+def write_picture(frame: Frame, bounds: Sequence[float], path: str) -> None:
+    """Draw one frame; parameters as those of `write_movie`."""
+    _draw(frame, bounds, _figure()).savefig(path, dpi=120)
+
+
+def write_movie(frames: Sequence[Frame], bounds: Sequence[float], rate: float,
+                path: str) -> None:
+    """
+    Draw a moving picture.
+
+    Parameters
+    ----------
+    frames : sequence of Frame
+    bounds : sequence of float
+        Least x and y and greatest x and y of what is shown, in metres.
+    rate : float
+        Frames to show in a second.
+    path : str
+        The GIF file to write.
+
+    """
+    from matplotlib.animation import PillowWriter
+    figure = _figure()
+    writer = PillowWriter(fps=rate)
+    with writer.saving(figure, path, dpi=80):
+        for frame in frames:
+            figure.clear()
+            _draw(frame, bounds, figure)
+            writer.grab_frame()
+
+
+def _figure() -> Figure:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    figure = Figure(figsize=(9.0, 5.2))
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _draw(frame: Frame, bounds: Sequence[float], figure: Figure) -> Figure:
+    """Draw the markers, and above them the time and the flags."""
+    axes = figure.add_axes((0.06, 0.1, 0.925, 0.84))
+    draw_markers(frame.markers, axes)
+    min_x, min_y, max_x, max_y = bounds
+    axes.set(xlim=(min_x, max_x), ylim=(min_y, max_y))
+    axes.set_title(f'{frame.time:4.1f} s', loc='left', family='monospace')
+    for number, (name, raised) in enumerate(frame.flags.items()):
+        word, colour = _WORDS[raised]
+        axes.text(0.25 * (number + 1), 1.02, f'{name}: {word}', color=colour,
+                  transform=axes.transAxes)
+    return figure
 
 
 def draw_markers(markers: MarkerArray, axes: Axes) -> None:

@@ -13,6 +13,7 @@
 # limitations under the License.
 """The demo's scene causes just the contacts that it says it does, and the demo sees them."""
 
+import re
 import subprocess
 import sys
 
@@ -43,12 +44,18 @@ def test_contacts_of_the_scene(name):
 
 
 def test_demo_succeeds(tmp_path):
-    """Node, publisher and viewer as three processes over DDS; the picture is written."""
+    """Node, publisher and viewer as three processes over DDS; log and pictures are as promised."""
     pytest.importorskip('rclpy')
     pytest.importorskip('matplotlib')
-    picture = tmp_path / 'demo.png'
-    result = subprocess.run([sys.executable, '-m', 'sat_collision.demo', '--picture', picture],
-                            capture_output=True, text=True, timeout=180)
+    from PIL import Image
+    picture, movie = tmp_path / 'demo.png', tmp_path / 'demo.gif'
+    result = subprocess.run([sys.executable, '-m', 'sat_collision.demo', '--picture', picture,
+                             '--movie', movie], capture_output=True, text=True, timeout=240)
     assert result.returncode == 0, result.stdout + result.stderr
     assert 'the flags are right' in result.stdout
+    times = [float(time) for time in re.findall(r'^ *([0-9.]+) s ', result.stdout, re.MULTILINE)]
+    assert times[0] == 0.0 and times == sorted(times)
     assert picture.read_bytes().startswith(b'\x89PNG')
+    with Image.open(movie) as frames:
+        assert frames.format == 'GIF' and frames.n_frames > 20
+    assert movie.stat().st_size < 3e6

@@ -1,0 +1,135 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Publish what a laser sees as polygons: LaserScan in, one set of PolygonStamped a scan out.
+
+Returns next to each other that are no further apart than `gap` are one surface. It is split where
+it bends, so that no piece is thicker than `thickness`, and the convex hull of each piece is
+published: a wall around the robot stays a ring of thin pieces. All have the stamp and the frame of
+the scan, and an empty polygon ends the set, so that the monitor need not wait for more.
+"""
+
+import math
+import sys
+
+from geometry_msgs.msg import Point32, PolygonStamped
+import numpy as np
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data, QoSProfile
+from sensor_msgs.msg import LaserScan
+
+
+class ScanToPolygons(Node):
+    """Takes `scan`, publishes `obstacles`."""
+
+    def __init__(self):
+        super().__init__('scan_to_polygons')
+        self._gap = self.declare_parameter('gap', 0.2).value
+        self._thickness = self.declare_parameter('thickness', 0.1).value
+        self._obstacles = self.create_publisher(PolygonStamped, 'obstacles',
+                                                QoSProfile(depth=1000))
+        self.create_subscription(LaserScan, 'scan', self._convert, qos_profile_sensor_data)
+
+    def _convert(self, scan):
+        for outline in outlines(scan, self._gap, self._thickness):
+            self._publish(scan.header, outline)
+        self._publish(scan.header, [])
+
+    def _publish(self, header, outline):
+        message = PolygonStamped(header=header)
+        message.polygon.points = [Point32(x=float(x), y=float(y)) for x, y in outline]
+        self._obstacles.publish(message)
+
+
+def outlines(scan, gap, thickness):
+    """
+    Return the obstacles that a scan shows.
+
+    Parameters
+    ----------
+    scan : sensor_msgs.msg.LaserScan
+        What is not between range_min and range_max is no return.
+    gap, thickness : float
+        In metres, see above.
+
+    Returns
+    -------
+    list of (n, 2) ndarray
+        Convex, counterclockwise, in the frame of the scan; 1 point or 2 for a point or a segment.
+
+    """
+    ranges = np.array(scan.ranges)
+    angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
+    if abs(scan.angle_increment) * len(ranges) > 2.0 * math.pi - 1e-3:
+        # All around: what ends the scan goes on at its beginning.
+        ranges, angles = (np.append(values, values[:1]) for values in (ranges, angles))
+    ranges[~((ranges >= scan.range_min) & (ranges <= scan.range_max))] = np.nan
+    # As the message will have them: a hull of other points could be rounded into no polygon at all.
+    points = np.float32([ranges * np.cos(angles), ranges * np.sin(angles)]).T.astype(float)
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    surfaces = np.split(points, np.flatnonzero(~(steps <= gap)) + 1)
+    return [hull(piece) for surface in surfaces if np.isfinite(surface).all()
+            for piece in pieces(surface, thickness)]
+
+
+def pieces(points, thickness):
+    """Split points in a row at the one furthest from the chord, until all are near to theirs."""
+    chord = points[-1] - points[0]
+    offsets = points - points[0]
+    length = np.hypot(*chord)
+    if length > 0.0:
+        distances = np.abs(chord[0] * offsets[:, 1] - chord[1] * offsets[:, 0]) / length
+    else:
+        distances = np.hypot(*offsets.T)
+    furthest = int(np.argmax(distances))
+    if distances[furthest] <= 0.5 * thickness:
+        return [points]
+    # Both have the point of the bend, so that there is no gap between them.
+    return pieces(points[:furthest + 1], thickness) + pieces(points[furthest:], thickness)
+
+
+def hull(points):
+    """Return the convex hull, by Andrew's monotone chain."""
+    ordered = np.unique(points, axis=0)
+    if len(ordered) < 3:
+        return ordered
+    return np.array(_chain(ordered)[:-1] + _chain(ordered[::-1])[:-1])
+
+
+def _chain(points):
+    chain = []
+    for point in points:
+        while len(chain) > 1 and _turn(chain[-2], chain[-1], point) <= 0.0:
+            chain.pop()
+        chain.append(point)
+    return chain
+
+
+def _turn(a, b, c):
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def main():
+    """Run the node until it is ended."""
+    rclpy.init()
+    try:
+        rclpy.spin(ScanToPolygons())
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+
+
+if __name__ == '__main__':
+    sys.exit(main())

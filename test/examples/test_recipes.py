@@ -1,0 +1,74 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The recipes, taken from their page, make obstacles that the monitor checks."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from harness import box, to_time  # noqa: E402, I100
+from geometry_msgs.msg import Point32, Polygon  # noqa: E402
+from std_msgs.msg import Header  # noqa: E402
+
+PAGE = (Path(__file__).resolve().parents[2] / 'docs' / 'recipes.md').read_text()
+
+
+def recipe(heading, language):
+    """Return the block of code under a heading."""
+    _, text = PAGE.split(f'\n## {heading}\n')
+    _, block = text.partition('\n## ')[0].split(f'```{language}\n')
+    return block.partition('```')[0]
+
+
+def functions(heading):
+    known = {}
+    exec(recipe(heading, 'python'), known)
+    return SimpleNamespace(**known)
+
+
+def test_static_map(start, tmp_path):
+    """Sent once, before the monitor knows of it; it counts for ever."""
+    params = tmp_path / 'params.yaml'
+    params.write_text(recipe('A static map', 'yaml'))
+    monitor = start(('--params-file', str(params)))
+    publisher = functions('A static map').publish_map(
+        monitor.node, [box(0.0), box(5.0), [(9.0, 0.0), (9.0, 5.0)]])
+    for x, state in ((2.0, 'clear'), (4.0, 'collision'), (8.5, 'collision'), (2.0, 'clear')):
+        monitor.send_until(state, 'footprint', box(x))
+    assert publisher.get_subscription_count() == 1
+
+
+def test_costmap_converter(start):
+    """A closed ring, a line, a point and nothing, in a message without a frame."""
+    monitor = start(obstacle__set_quiet=60.0)
+    to_set = functions('costmap_converter').to_set
+    ring = box(5.0)
+
+    def state_is(state, x):
+        outlines = [*ring, ring[0]], [(8.0, 0.0), (9.0, 0.0)], [(12.0, 0.5)], []
+        message = SimpleNamespace(header=Header(stamp=to_time(monitor.now())), obstacles=[
+            SimpleNamespace(polygon=Polygon(points=[Point32(x=x, y=y) for x, y in outline]))
+            for outline in outlines])
+        for obstacle in to_set(message, 'map'):
+            monitor.publisher('obstacles').publish(obstacle)
+        monitor.send('footprint', box(x))
+        monitor.spin(0.03)
+        return monitor.state() == state
+    for x, state in ((2.0, 'clear'), (4.0, 'collision'), (10.0, 'clear'), (9.0, 'collision'),
+                     (11.5, 'collision'), (2.0, 'clear')):
+        monitor.until(lambda: state_is(state, x), f'{state} at {x}', 60.0)

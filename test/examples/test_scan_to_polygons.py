@@ -1,0 +1,114 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The examples do what they say: a laser's scans become obstacles that the monitor checks."""
+
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+shapely = pytest.importorskip('shapely')
+
+from harness import box, to_time  # noqa: E402, I100
+from sensor_msgs.msg import LaserScan  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.append(str(ROOT / 'examples'))
+
+from scan_to_polygons import outlines  # noqa: E402, I100
+
+RAYS = 720
+ROOM = shapely.box(-4.0, -3.0, 4.0, 3.0).exterior
+BOX = shapely.box(1.5, -0.5, 2.0, 0.5)
+NEAR = shapely.box(0.45, -0.1, 1.0, 0.1)
+
+
+def scan_of(bodies, rays=RAYS, span=2.0 * np.pi):
+    """Return the scan that a laser at the origin makes of bodies."""
+    scan = LaserScan(angle_min=-0.5 * span, angle_increment=span / rays, range_min=0.05,
+                     range_max=8.0)
+    scan.header.frame_id = 'base_scan'
+    bodies = shapely.union_all(bodies)
+    for angle in scan.angle_min + scan.angle_increment * np.arange(rays):
+        ray = shapely.LineString([(0, 0), (9 * np.cos(angle), 9 * np.sin(angle))])
+        seen = ray.intersection(bodies)
+        scan.ranges.append(float('inf') if seen.is_empty else
+                           shapely.Point(0, 0).distance(seen))
+    return scan
+
+
+def shapes(scan, gap=0.2, thickness=0.1):
+    """Return what a scan shows, rounded as a message rounds it."""
+    kinds = {1: lambda ring: shapely.Point(ring[0]), 2: shapely.LineString}
+    found = [np.float32(outline) for outline in outlines(scan, gap, thickness)]
+    return [kinds.get(len(ring), shapely.Polygon)(ring) for ring in found]
+
+
+@pytest.mark.parametrize('bodies', [[ROOM], [ROOM, BOX], [BOX, NEAR]])
+def test_every_return_is_on_an_obstacle_and_free_space_on_none(bodies):
+    """A wall all around does not swallow the robot, nor does a corner of it the room."""
+    scan = scan_of(bodies)
+    found = shapes(scan)
+    angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
+    for distance, angle in zip(scan.ranges, angles):
+        if np.isfinite(distance):
+            point = shapely.Point(distance * np.cos(angle), distance * np.sin(angle))
+            assert min(point.distance(shape) for shape in found) < 1e-6
+    assert all(shape.is_valid for shape in found)
+    solid = shapely.union_all(bodies).buffer(0.11)
+    assert all(solid.covers(shape) for shape in found)
+
+
+def test_wall_has_no_gap_where_the_scan_begins():
+    """The laser looks backwards first, at a wall, which is seen as one ring."""
+    seen = shapely.union_all([shape.buffer(1e-6) for shape in shapes(scan_of([ROOM]))])
+    assert seen.geom_type == 'Polygon' and len(seen.interiors) == 1
+
+
+def test_what_is_out_of_range_is_no_return():
+    """Nor is what is not a number."""
+    scan = LaserScan(angle_increment=0.1, range_min=0.1, range_max=5.0,
+                     ranges=[0.05, 1.0, float('nan'), 6.0, float('inf'), 2.0])
+    assert [len(outline) for outline in outlines(scan, 0.2, 0.1)] == [1, 1]
+
+
+@pytest.fixture
+def converter(domain):
+    process = subprocess.Popen([sys.executable, ROOT / 'examples' / 'scan_to_polygons.py'],
+                               env={**os.environ, 'ROS_DOMAIN_ID': str(domain)})
+    yield process
+    process.terminate()
+    process.wait(20)
+
+
+def test_scans_are_checked(start, converter):
+    """In a room the robot is clear; with a box at its nose it is not."""
+    monitor = start(obstacle__set_quiet=60.0)
+    scans = monitor.node.create_publisher(LaserScan, 'scan', 1)
+    for scene, state in (([ROOM, BOX], 'clear'), ([ROOM, NEAR], 'collision'),
+                         ([ROOM, BOX], 'clear')):
+        scan = scan_of(scene)
+
+        def seen():
+            scan.header.stamp = to_time(monitor.now())
+            scans.publish(scan)
+            monitor.send('footprint', box(-0.5, -0.3, 1.0, 0.6), frame_id='base_scan')
+            monitor.spin(0.05)
+            return monitor.state() == state
+        monitor.until(seen, state, patience=60.0)

@@ -139,7 +139,7 @@ def _options(options: argparse.Namespace) -> Options:
         obstacles=tuple(options.obstacles), node=options.node, as_live=options.as_live,
         clock=options.clock,
         start=options.start, duration=options.duration, max_unknown=options.max_unknown,
-        sample=options.sample, picture=bool(options.plot), write_bag=options.write_bag,
+        sample=options.sample, film=bool(options.plot), write_bag=options.write_bag,
         limits=Limits(options.max_memory, options.max_disk), debug=options.debug)
 
 

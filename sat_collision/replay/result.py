@@ -19,11 +19,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 import enum
+from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
 from sat_collision.geometry.polygon import Polygon
 
+if TYPE_CHECKING:
+    from sat_collision.replay.film import Film
 
 # How a contact or a separation was found.
 AT_A_FRAME = 'at a frame'
@@ -136,18 +137,6 @@ class SourceResult:
 
 
 @dataclass
-class Picture:
-    """The outlines (n, 2) of all bodies by name, at the least separation of a pair (m)."""
-
-    separation: float
-    time: int
-    footprint: str
-    obstacle: str
-    footprints: dict[str, NDArray[np.float64]]
-    obstacles: dict[str, NDArray[np.float64]]
-
-
-@dataclass
 class Result:
     """
     What was found in one recording.
@@ -155,7 +144,7 @@ class Result:
     `as_live` tells which question is answered: what the monitor would have said, or what touched.
     `origin` is when the recording begins, `start` what part of it was checked. `problems` say
     what is wrong with the recording, `notes` what else a reader should know.
-    `picture` has the bodies at the moment to draw, if that was asked for. `content` is what the
+    `film` has the bodies at moments worth drawing, if that was asked for. `content` is what the
     messages are known by, wherever they lie.
     """
 
@@ -173,7 +162,7 @@ class Result:
     unknown: list[Unknown] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    picture: Picture | None = None
+    film: Film | None = None
 
     @property
     def duration(self) -> float:

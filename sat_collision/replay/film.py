@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
+from collections import Counter
 from collections.abc import Sequence
 from operator import attrgetter
 from typing import NamedTuple, TypeAlias
@@ -27,8 +28,9 @@ from sat_collision.replay.result import Contact, Result
 from sat_collision.scene.scene import Scene
 
 Floats: TypeAlias = NDArray[np.float64]
-# Name of a body, whether it is a footprint, and where it is.
-_Place: TypeAlias = tuple[tuple[str, bool], Floats]
+# Name of a body, whether it is a footprint, and which one of this name; then where it is.
+_Key: TypeAlias = tuple[str, bool, int]
+_Place: TypeAlias = tuple[_Key, Floats]
 
 _SECOND = 10**9
 # How many moments there are in all, around a contact, and of how many contacts, the deepest.
@@ -97,7 +99,7 @@ class Film:
     def __init__(self, moments: Sequence[int]) -> None:
         self.moments = list(moments)
         self.bodies: list[FilmedBody] = []
-        self._held: dict[tuple[str, bool], FilmedBody] = {}
+        self._held: dict[_Key, FilmedBody] = {}
         self._taken = 0
         self._kept: tuple[int, float, list[_Place]] | None = None
 
@@ -151,7 +153,7 @@ class Film:
         kept = self._kept
         for key, ring in kept[2] if kept and kept[0] == now else _places(scene):
             if key not in self._held:
-                self._held[key] = self.add(*key)
+                self._held[key] = self.add(*key[:2])
             self._held[key].show(self._taken, number, ring)
         self._taken = number
 
@@ -168,13 +170,12 @@ def moments_of(result: Result) -> list[int]:
     known = [time for footprint in result.footprints for time, value in footprint.separation
              if value is not None]
     start, end = min(known, default=result.start), max(known, default=result.end)
-    moments = set(np.linspace(start, end, _MOMENTS, dtype=np.int64).tolist())
+    moments = _spread(start, end, _MOMENTS)
     contacts = deepest_contacts(result)
     for contact in contacts[:_MOST_AROUND]:
-        around = np.linspace(max(contact.first - _SECOND, start), min(contact.last + _SECOND, end),
-                             _AROUND, dtype=np.int64)
-        if around[-1] - around[0] < _AROUND * (end - start) / _MOMENTS:
-            moments.update(around.tolist())
+        first, last = max(contact.first - _SECOND, start), min(contact.last + _SECOND, end)
+        if last - first < _AROUND * (end - start) / _MOMENTS:
+            moments |= _spread(first, last, _AROUND)
     moments.update(time for contact in contacts for time in (contact.first, contact.deepest))
     moments.update(footprint.least.time for footprint in result.footprints if footprint.least)
     return sorted(moments)
@@ -185,10 +186,20 @@ def deepest_contacts(result: Result) -> list[Contact]:
     return sorted(result.contacts, key=lambda contact: -contact.depth)[:MOST_CONTACTS]
 
 
+def _spread(first: int, last: int, count: int) -> set[int]:
+    return {first + (last - first) * k // (count - 1) for k in range(count)}
+
+
 def _places(scene: Scene) -> list[_Place]:
-    return [((str(name), is_footprint), np.array(polygon.vertices))
-            for is_footprint, bodies in ((True, scene.footprints), (False, scene.obstacles))
-            for name, polygon in bodies]
+    """Return where all is; while a set comes in, two obstacles may have the same name."""
+    places: list[_Place] = []
+    told: Counter[tuple[str, bool]] = Counter()
+    for is_footprint, bodies in ((True, scene.footprints), (False, scene.obstacles)):
+        for name, polygon in bodies:
+            key = str(name), is_footprint
+            places.append(((*key, told[key]), np.array(polygon.vertices)))
+            told[key] += 1
+    return places
 
 
 def _middle_of_overlap(ring: Floats, other: Floats) -> list[float]:

@@ -1,0 +1,75 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A result as a picture: separations and bands over time, and the scene where it was nearest."""
+
+from __future__ import annotations
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from sat_collision.replay.drawing.labels import fit
+from sat_collision.replay.drawing.lanes import draw_curves, draw_lanes, label_lanes
+from sat_collision.replay.drawing.scene import draw_scene, look_at_pair
+from sat_collision.replay.drawing.words import distance, INK, name_of
+from sat_collision.replay.result import Least, Result
+
+_DPI = 110
+_LANE = 0.24
+
+
+def draw_picture(result: Result) -> Figure:
+    """Return a result as a figure; of a check with `film`."""
+    lanes = max(len(result.footprints), 1)
+    figure = Figure(figsize=(12, 5.2 + _LANE * lanes), dpi=_DPI, layout='constrained')
+    FigureCanvasAgg(figure)
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.4, 1), height_ratios=(4.2, _LANE * lanes))
+    curves, scene = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[:, 1])
+    lane_axes = figure.add_subplot(grid[1, 0], sharex=curves)
+    draw_curves(result, curves)
+    curves.tick_params(labelbottom=False)
+    curves.set_title('Separation from the nearest obstacle; below, whose contact when',
+                     fontsize=10)
+    draw_lanes(result, lane_axes)
+    scene.set_xlabel('x [m]')
+    scene.set_ylabel('y [m]')
+    title = figure.suptitle(f'{name_of(result)}: {result.verdict.words}', fontsize=14,
+                            fontweight='bold', color=INK)
+    fit(title, 0.96 * figure.bbox.width)
+    words = scene.set_title(_nearest(result), fontsize=10)
+    fit(words, 0.36 * figure.bbox.width)
+    figure.draw_without_rendering()
+    # Texts are placed by how large things are, which is to change no more.
+    figure.set_layout_engine('none')
+    label_lanes(result, lane_axes)
+    film = result.film
+    least = result.least
+    if film is None or least is None:
+        scene.set_xticks([])
+        scene.set_yticks([])
+        return figure
+    number = film.number(least.time)
+    bodies = [span.ring for body, span in film.at(number) if _is_of(least, body.name, result)]
+    if bodies:
+        look_at_pair(scene, least.separation, *bodies)
+    draw_scene(result, film, number, scene)
+    return figure
+
+
+def _nearest(result: Result) -> str:
+    least = result.least
+    if least is None:
+        return 'no separation could be measured'
+    footprint = next(one for one in result.footprints if one.least is least)
+    return (f'{result.since(least.time):.3f} s: {footprint.name} and {least.obstacle}, '
+            f'{distance(least.separation)}')

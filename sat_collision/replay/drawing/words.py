@@ -1,0 +1,67 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Colours, and what pictures and pages say in the same words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from sat_collision.replay.film import Film, FilmedBody
+from sat_collision.replay.result import Contact, Result
+
+CONTACT, UNKNOWN, OBSTACLE, INK = '#d62728', '#9aa0a6', '#5b7089', '#2b3138'
+# None of them is red or grey, which say something.
+_LINES = ('#1f77b4', '#e08214', '#7b52ab', '#1a9e96', '#8c564b', '#3f8f3f', '#c2559d', '#6b7a1f')
+
+
+def colours(result: Result) -> dict[str, str]:
+    """Return the colour of each footprint."""
+    return {footprint.name: _LINES[k % len(_LINES)]
+            for k, footprint in enumerate(result.footprints)}
+
+
+def name_of(result: Result) -> str:
+    """Return what a recording is called."""
+    return Path(result.bag).name or result.bag
+
+
+def distance(separation: float) -> str:
+    """Return a separation in words."""
+    if separation > 0.0:
+        return f'{separation:.3g} m apart'
+    return f'{-separation:.3g} m deep' if separation < 0.0 else 'touching'
+
+
+class Touching:
+    """
+    Which bodies of a film are in contact at which time.
+
+    Parameters
+    ----------
+    film : Film
+    contacts : list of Contact
+
+    """
+
+    def __init__(self, film: Film, contacts: list[Contact]) -> None:
+        self._found = [(contact, film.footprint(contact.footprint), film.obstacle(contact))
+                       for contact in contacts]
+
+    def at(self, time: int) -> Iterator[tuple[Contact, FilmedBody]]:
+        """Yield the contacts at a time, each with its footprint and again with its obstacle."""
+        for contact, *bodies in self._found:
+            if contact.first <= time <= contact.last:
+                yield from ((contact, body) for body in bodies if body is not None)

@@ -44,35 +44,36 @@ class Span(NamedTuple):
     """
     A body at consecutive moments, from number `first` until before number `end`.
 
-    `ring` (n, 2) is where it is, or if it is not known where, hence not `known`, was last.
+    `ring` (n, 2) is where it is, or, where that is not `known`, was last; `name` what it is called
+    then.
     """
 
     first: int
     end: int
+    name: str
     ring: Floats
     known: bool
 
 
 class FilmedBody:
-    """A footprint or an obstacle, which may have another name at another time."""
+    """A footprint, or an obstacle, which may have another name at another time."""
 
-    def __init__(self, name: str, is_footprint: bool) -> None:
-        self.name = name
+    def __init__(self, is_footprint: bool) -> None:
         self.is_footprint = is_footprint
         self.spans: list[Span] = []
 
-    def show(self, first: int, end: int, ring: Floats, known: bool = True) -> None:
-        """Show it at some moments that come after those at which it has been shown."""
+    def show(self, first: int, end: int, name: str, ring: Floats, known: bool = True) -> None:
+        """Show it at some moments, if it has not been shown at those or later ones."""
         last = self.spans[-1] if self.spans else None
         if last is not None:
             first = max(first, last.end)
         if first >= end:
             return
-        if last is not None and last.end == first and last.known == known and np.array_equal(
-                last.ring, ring):
+        if last is not None and (last.end, last.name, last.known) == (
+                first, name, known) and np.array_equal(last.ring, ring):
             self.spans[-1] = last._replace(end=end)
         else:
-            self.spans.append(Span(first, end, np.array(ring), known))
+            self.spans.append(Span(first, end, name, np.array(ring), known))
 
     def at(self, number: int) -> Span | None:
         """Return where it is at a moment, None if nowhere."""
@@ -103,9 +104,9 @@ class Film:
         self._taken = 0
         self._kept: tuple[int, float, list[_Place]] | None = None
 
-    def add(self, name: str, is_footprint: bool = False) -> FilmedBody:
+    def add(self, is_footprint: bool = False) -> FilmedBody:
         """Return a new body."""
-        self.bodies.append(FilmedBody(name, is_footprint))
+        self.bodies.append(FilmedBody(is_footprint))
         return self.bodies[-1]
 
     def number(self, time: int) -> int:
@@ -123,8 +124,8 @@ class Film:
 
     def footprint(self, name: str) -> FilmedBody | None:
         """Return a footprint, None if it was never seen."""
-        return next((body for body in self.bodies if body.is_footprint and body.name == name),
-                    None)
+        return next((body for body in self.bodies
+                     if body.is_footprint and body.spans[0].name == name), None)
 
     def obstacle(self, contact: Contact) -> FilmedBody | None:
         """Return the obstacle of a contact: the one that was where they overlapped most."""
@@ -137,7 +138,7 @@ class Film:
 
         def strangeness(found: tuple[FilmedBody, Span]) -> tuple[float, bool]:
             x, y = _middle_of_overlap(ring, found[1].ring)
-            return abs(x - contact.x) + abs(y - contact.y), found[0].name != contact.obstacle
+            return abs(x - contact.x) + abs(y - contact.y), found[1].name != contact.obstacle
 
         others = [one for one in self.at(number) if not one[0].is_footprint]
         return min(others, key=strangeness)[0] if others else None
@@ -153,8 +154,8 @@ class Film:
         kept = self._kept
         for key, ring in kept[2] if kept and kept[0] == now else _places(scene):
             if key not in self._held:
-                self._held[key] = self.add(*key[:2])
-            self._held[key].show(self._taken, number, ring)
+                self._held[key] = self.add(key[1])
+            self._held[key].show(self._taken, number, key[0], ring)
         self._taken = number
 
 

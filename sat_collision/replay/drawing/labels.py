@@ -16,7 +16,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
+from itertools import product
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -43,13 +44,18 @@ class Labels:
     def __init__(self, axes: Axes) -> None:
         self._axes = axes
         self._taken: list[Bbox] = []
+        self._spared: list[Bbox] = []
 
     def avoid(self, bounds: Bbox) -> None:
         """Let no text be placed over a part of the axes, given in pixels."""
         self._taken.append(bounds)
 
+    def spare(self, bounds: Bbox) -> None:
+        """Let a text be placed over a part of the axes only where there is no better place."""
+        self._spared.append(bounds)
+
     def place(self, text: str, bounds: Bbox, colour: str,
-              sides: Iterable[tuple[int, int]] = _SIDES) -> bool:
+              sides: Sequence[tuple[int, int]] = _SIDES) -> bool:
         """
         Write a text beside a body or a band, where it fits.
 
@@ -59,7 +65,7 @@ class Labels:
         bounds : Bbox
             Of the body or band, in pixels.
         colour : str
-        sides : iterable of tuple, optional
+        sides : sequence of tuple, optional
             Where to try: -1 is left or below, 1 right or above; (0, 0) is inside, in white.
 
         Returns
@@ -69,7 +75,7 @@ class Labels:
 
         """
         inverse = self._axes.transData.inverted()
-        for x, y in sides:
+        for taken, (x, y) in product(([*self._taken, *self._spared], [*self._taken]), sides):
             place = ((bounds.x0 + bounds.x1 + x * (bounds.width + 2 * _GAP)) / 2,
                      (bounds.y0 + bounds.y1 + y * (bounds.height + 2 * _GAP)) / 2)
             is_inside = x == y == 0
@@ -77,7 +83,7 @@ class Labels:
                 *inverse.transform(place), text, fontsize=8, zorder=5,
                 color='white' if is_inside else colour, ha=_ALIGNED[x][0], va=_ALIGNED[y][1])
             covered = found.get_window_extent()
-            others = [other for other in self._taken if not (is_inside and other is bounds)]
+            others = [other for other in taken if not (is_inside and other is bounds)]
             room = bounds if is_inside else self._axes.bbox
             if _holds(room, covered) and not any(covered.overlaps(one) for one in others):
                 self._taken.append(covered)

@@ -37,10 +37,9 @@ _HEIGHT = 0.7
 def draw_curves(result: Result, axes: Axes) -> None:
     """Draw separations over time, with contacts and unknown times as shades behind them."""
     axes.set_ylabel('separation [m]')
-    for first, last in _bounds(result.unknown, result):
-        axes.axvspan(first, last, color=UNKNOWN, alpha=0.2, linewidth=0)
-    for first, last in _bounds(result.contacts, result):
-        axes.axvspan(first, last, color=CONTACT, alpha=0.12, linewidth=0)
+    for bands, colour in ((result.unknown, UNKNOWN), (result.contacts, CONTACT)):
+        for first, last in _joined(_bounds(bands, result)):
+            axes.axvspan(first, last, color=colour, alpha=0.15, linewidth=0)
     for name, colour in colours(result).items():
         footprint = next(one for one in result.footprints if one.name == name)
         if footprint.separation:
@@ -105,6 +104,16 @@ def _bounds(bands: Iterable[Contact | Unknown], result: Result) -> list[tuple[fl
         missing = max(least - (last - first), 0.0) / 2
         found.append((first - missing, last + missing))
     return found
+
+
+def _joined(bounds: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return what is in any of some intervals, as intervals that do not meet."""
+    joined: list[tuple[float, float]] = []
+    for first, last in sorted(bounds):
+        if joined and first <= joined[-1][1]:
+            first, last = joined[-1][0], max(last, joined.pop()[1])
+        joined.append((first, last))
+    return joined
 
 
 def _use_times(result: Result, axes: Axes) -> None:

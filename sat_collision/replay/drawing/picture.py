@@ -18,9 +18,10 @@ from __future__ import annotations
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from sat_collision.replay.drawing.labels import fit
 from sat_collision.replay.drawing.lanes import draw_curves, draw_lanes, label_lanes
-from sat_collision.replay.drawing.scene import draw_scene, look_at_pair
+from sat_collision.replay.drawing.scene import draw_scene, look_at_least
 from sat_collision.replay.drawing.words import distance, INK, name_of
 from sat_collision.replay.result import Least, Result
 
@@ -31,7 +32,8 @@ _LANE = 0.24
 def draw_picture(result: Result) -> Figure:
     """Return a result as a figure; of a check with `film`."""
     lanes = max(len(result.footprints), 1)
-    figure = Figure(figsize=(12, 5.2 + _LANE * lanes), dpi=_DPI, layout='constrained')
+    figure = Figure(figsize=(12, 5.2 + _LANE * lanes), dpi=_DPI,
+                    layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.1))
     FigureCanvasAgg(figure)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.4, 1), height_ratios=(4.2, _LANE * lanes))
     curves, scene = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[:, 1])
@@ -48,21 +50,16 @@ def draw_picture(result: Result) -> Figure:
     fit(title, 0.96 * figure.bbox.width)
     words = scene.set_title(_nearest(result), fontsize=10)
     fit(words, 0.36 * figure.bbox.width)
-    figure.draw_without_rendering()
-    # Texts are placed by how large things are, which is to change no more.
+    film, least = result.film, result.least
+    # How large axes are depends on their labels, and these on what is shown.
+    for _ in range(2):
+        figure.draw_without_rendering()
+        if film and least:
+            look_at_least(scene, least, film.footprint(_whose(result, least)))
     figure.set_layout_engine('none')
     label_lanes(result, lane_axes)
-    film = result.film
-    least = result.least
-    if film is None or least is None:
-        scene.set_xticks([])
-        scene.set_yticks([])
-        return figure
-    number = film.number(least.time)
-    bodies = [span.ring for body, span in film.at(number) if _is_of(least, body.name, result)]
-    if bodies:
-        look_at_pair(scene, least.separation, *bodies)
-    draw_scene(result, film, number, scene)
+    if film and least:
+        draw_scene(result, film, film.number(least.time), scene, [least.obstacle])
     return figure
 
 
@@ -70,6 +67,9 @@ def _nearest(result: Result) -> str:
     least = result.least
     if least is None:
         return 'no separation could be measured'
-    footprint = next(one for one in result.footprints if one.least is least)
-    return (f'{result.since(least.time):.3f} s: {footprint.name} and {least.obstacle}, '
+    return (f'{result.since(least.time):.3f} s: {_whose(result, least)} and {least.obstacle}, '
             f'{distance(least.separation)}')
+
+
+def _whose(result: Result, least: Least) -> str:
+    return next(one.name for one in result.footprints if one.least is least)

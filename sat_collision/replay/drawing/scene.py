@@ -16,20 +16,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from matplotlib.transforms import Bbox
 import numpy as np
 from sat_collision.replay.drawing.labels import Labels
-from sat_collision.replay.drawing.words import colours, CONTACT, INK, OBSTACLE, Touching
-from sat_collision.replay.film import Film, Floats, Span
-from sat_collision.replay.result import Result
+from sat_collision.replay.drawing.words import colours, CONTACT, INK, OBSTACLE, touching
+from sat_collision.replay.film import Film, FilmedBody, Floats, Span
+from sat_collision.replay.result import Least, Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-def draw_scene(result: Result, film: Film, number: int, axes: Axes) -> None:
+def draw_scene(result: Result, film: Film, number: int, axes: Axes,
+               named: Collection[str] = ()) -> None:
     """
     Draw bodies, with their outlines broken where it is not known that they are there.
 
@@ -42,33 +44,36 @@ def draw_scene(result: Result, film: Film, number: int, axes: Axes) -> None:
         Of the moment.
     axes : matplotlib.axes.Axes
         Its limits are final.
+    named : collection of str, optional
+        Obstacles to name beside footprints and what is in contact.
 
     """
     of_footprint = colours(result)
-    names = {body: contact.obstacle
-             for contact, body in Touching(film, result.contacts).at(film.moments[number])}
+    in_contact = touching(result, film, film.moments[number])
     labels = Labels(axes)
-    named = []
+    texts = []
     for body, span in film.at(number):
-        colour = of_footprint[body.name] if body.is_footprint else OBSTACLE
-        _draw_body(axes, span, colour, CONTACT if body in names else colour)
+        colour = of_footprint[span.name] if body.is_footprint else OBSTACLE
+        face = CONTACT if body in in_contact else colour
+        _draw_body(axes, span, colour if body.is_footprint else face, face)
         box = Bbox.null()
         box.update_from_data_xy(axes.transData.transform(span.ring))
-        box = box.padded(1.0)
-        if (body.is_footprint or body in names) and box.overlaps(axes.bbox):
+        if not box.overlaps(axes.bbox):
+            continue
+        if body.is_footprint or body in in_contact or span.name in named:
             labels.avoid(box)
-            named.append((body.name if body.is_footprint else names[body], box,
-                          colour if body.is_footprint else INK))
-    for name, box, colour in named:
+            texts.append((span.name, box, colour if body.is_footprint else INK))
+        else:
+            labels.spare(box)
+    for name, box, colour in texts:
         labels.place(name, box, colour)
 
 
-def look_at_pair(axes: Axes, gap: float, *rings: Floats) -> None:
-    """Show the smaller body of a pair, some metres apart, and what is around it."""
-    low, high = min(((ring.min(axis=0), ring.max(axis=0)) for ring in rings),
-                    key=lambda corners: float((corners[1] - corners[0]).max()))
-    reach = max(max(gap, 0.0) + 2.5 * float((high - low).max()), 1.0)
-    _look_at(axes, (low + high) / 2, np.array([reach, reach]))
+def look_at_least(axes: Axes, least: Least, footprint: FilmedBody | None) -> None:
+    """Show where a footprint is nearest to an obstacle, and what is around it."""
+    size = float(np.ptp(footprint.spans[0].ring, axis=0).max()) if footprint else 0.0
+    reach = max(least.separation + 1.5 * size, 1.5 * size, 1.0)
+    _look_at(axes, np.array([least.x, least.y]), np.array([reach, reach]))
 
 
 def look_at_all(axes: Axes, film: Film) -> None:

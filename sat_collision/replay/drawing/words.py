@@ -16,11 +16,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 from sat_collision.replay.film import Film, FilmedBody
-from sat_collision.replay.result import Contact, Result
+from sat_collision.replay.result import Result
 
 CONTACT, UNKNOWN, OBSTACLE, INK = '#d62728', '#9aa0a6', '#5b7089', '#2b3138'
 # None of them is red or grey, which say something.
@@ -45,23 +44,8 @@ def distance(separation: float) -> str:
     return f'{-separation:.3g} m deep' if separation < 0.0 else 'touching'
 
 
-class Touching:
-    """
-    Which bodies of a film are in contact at which time.
-
-    Parameters
-    ----------
-    film : Film
-    contacts : list of Contact
-
-    """
-
-    def __init__(self, film: Film, contacts: list[Contact]) -> None:
-        self._found = [(contact, film.footprint(contact.footprint), film.obstacle(contact))
-                       for contact in contacts]
-
-    def at(self, time: int) -> Iterator[tuple[Contact, FilmedBody]]:
-        """Yield the contacts at a time, each with its footprint and again with its obstacle."""
-        for contact, *bodies in self._found:
-            if contact.first <= time <= contact.last:
-                yield from ((contact, body) for body in bodies if body is not None)
+def touching(result: Result, film: Film, time: int) -> set[FilmedBody]:
+    """Return the footprints and obstacles that are in contact at a time."""
+    found = [(film.footprint(contact.footprint), film.obstacle(contact))
+             for contact in result.contacts if contact.first <= time <= contact.last]
+    return {body for pair in found for body in pair if body is not None}

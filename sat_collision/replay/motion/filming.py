@@ -28,9 +28,10 @@ from sat_collision.scene.obstacles import ObstacleId
 
 
 class _Sight(NamedTuple):
-    """Where and when an obstacle was seen last."""
+    """Where and when an obstacle was seen last, and as what."""
 
     time: int
+    name: str
     ring: Floats
     body: FilmedBody
 
@@ -64,7 +65,7 @@ class MotionFilm:
                 sight = sights.get(name)
                 if sight is None:
                     continue
-                self._move(sight.body, ways, i)
+                self._move(sight, ways, i)
                 if ways.after is step.seen:
                     arrived[ways.after.names[ways.next_rows[i]]] = sight.body
                     del sights[name]
@@ -82,7 +83,7 @@ class MotionFilm:
             if body is None and name in sights:
                 self._hold(sights[name], stamp)
                 body = sights[name].body
-            sights[name] = _Sight(stamp, seen.ring(row), body or self._film.add(str(name)))
+            sights[name] = _Sight(stamp, str(name), seen.ring(row), body or self._film.add())
 
     def walk(self, name: str, track: Track) -> None:
         """Film a footprint on its way, as far as that is known now."""
@@ -93,8 +94,8 @@ class MotionFilm:
             outline = track.outline(self._film.moments[number])
             if outline is not None:
                 if name not in self._footprints:
-                    self._footprints[name] = self._film.add(name, is_footprint=True)
-                self._footprints[name].show(number, number + 1, outline.vertices)
+                    self._footprints[name] = self._film.add(is_footprint=True)
+                self._footprints[name].show(number, number + 1, name, outline.vertices)
             else:
                 self._lose(name, number + 1)
         self._next[name] = max(until, self._next.get(name, 0))
@@ -107,24 +108,25 @@ class MotionFilm:
         for name in self._footprints:
             self._lose(name, len(self._film.moments))
 
-    def _move(self, body: FilmedBody, ways: Ways, i: int) -> None:
+    def _move(self, sight: _Sight, ways: Ways, i: int) -> None:
         start, finish = ways.starts[i], ways.finishes[i]
         first, end = self._film.number(start), self._film.number(finish)
         if not ways.moved[i]:
-            body.show(first, end, ways.ring(i, start))
+            sight.body.show(first, end, sight.name, ways.ring(i, start))
             return
         for number in range(first, end):
-            body.show(number, number + 1, ways.ring(i, self._film.moments[number]))
+            ring = ways.ring(i, self._film.moments[number])
+            sight.body.show(number, number + 1, sight.name, ring)
 
     def _hold(self, sight: _Sight, end: int) -> None:
         """Show an obstacle where it was last, until before a time."""
         first, until = self._film.number(sight.time), self._film.number(end)
         if first < until and self._film.moments[first] == sight.time:
-            sight.body.show(first, first + 1, sight.ring)
-        sight.body.show(first, until, sight.ring, known=False)
+            sight.body.show(first, first + 1, sight.name, sight.ring)
+        sight.body.show(first, until, sight.name, sight.ring, known=False)
 
     def _lose(self, name: str, end: int) -> None:
         """Show a footprint where it was last, until before a moment."""
         body = self._footprints.get(name)
         if body is not None and body.spans:
-            body.show(0, end, body.spans[-1].ring, known=False)
+            body.show(0, end, name, body.spans[-1].ring, known=False)

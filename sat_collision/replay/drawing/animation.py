@@ -20,15 +20,15 @@ from matplotlib.animation import PillowWriter
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from sat_collision.replay.drawing.bands import lanes_of
 from sat_collision.replay.drawing.labels import fit
-from sat_collision.replay.drawing.lanes import draw_lanes, label_lanes
+from sat_collision.replay.drawing.lanes import draw_lanes, height, label_lanes, ROW
 from sat_collision.replay.drawing.scene import draw_scene, look_at_all
 from sat_collision.replay.drawing.words import distance, INK, name_of
 from sat_collision.replay.film import deepest_contacts, Film
 from sat_collision.replay.result import Contact, Result
 
 _DPI = 80
-_LANE = 0.24
 _FRAMES = 72
 _RATE = 8
 _MOST_CONTACTS = 5
@@ -48,21 +48,23 @@ def write_animation(result: Result, path: str) -> None:
 
     """
     film = result.film or Film([result.start or 0])
-    lanes = max(len(result.footprints), 1)
-    figure = Figure(figsize=(9, 5.6 + _LANE * lanes), dpi=_DPI,
+    lanes = lanes_of(result)
+    below = ROW * height(lanes)
+    figure = Figure(figsize=(9, 5.6 + below), dpi=_DPI,
                     layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.1))
     FigureCanvasAgg(figure)
-    scene, lane_axes = figure.subplots(2, 1, height_ratios=(5, _LANE * lanes))
-    draw_lanes(result, lane_axes)
+    scene, lane_axes = figure.subplots(2, 1, height_ratios=(5, below))
+    draw_lanes(result, lanes, lane_axes)
     title = figure.suptitle(f'{name_of(result)}: {result.verdict.words}', fontsize=13,
                             fontweight='bold', color=INK)
     fit(title, 0.96 * figure.bbox.width)
     scene.set_title(' ', fontsize=10)
+    scene.set(xlabel='x [m]', ylabel='y [m]')
     for _ in range(2):
         figure.draw_without_rendering()
         look_at_all(scene, film)
     figure.set_layout_engine('none')
-    label_lanes(result, lane_axes)
+    label_lanes(result, lanes, lane_axes)
     cursor = lane_axes.axvline(0.0, color=INK, linewidth=1.5, zorder=6)
     limits = scene.get_xlim(), scene.get_ylim()
     contacts = {film.number(contact.deepest): contact

@@ -22,33 +22,37 @@ from typing import TYPE_CHECKING
 from matplotlib.patches import Rectangle
 from matplotlib.transforms import Bbox
 import numpy as np
+from sat_collision.replay.drawing.bands import Band, Lane
 from sat_collision.replay.drawing.labels import fit, Labels
 from sat_collision.replay.drawing.words import colours, CONTACT, INK, UNKNOWN
-from sat_collision.replay.result import Contact, Result, Unknown
+from sat_collision.replay.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# How much of the whole time a band takes at least, so that it is seen.
+# Of a row in inches, of a band in rows, and how much of all time a band takes at least to be seen.
+ROW = 0.24
+_HEIGHT = 0.72
 _LEAST = 1 / 250
-_HEIGHT = 0.7
 
 
-def draw_curves(result: Result, axes: Axes) -> None:
+def draw_curves(result: Result, lanes: list[Lane], axes: Axes) -> None:
     """Draw separations over time, with contacts and unknown times as shades behind them."""
     axes.set_ylabel('separation [m]')
-    for bands, colour in ((result.unknown, UNKNOWN), (result.contacts, CONTACT)):
-        for first, last in _joined(_bounds(bands, result)):
+    bands = [band for lane in lanes for band in lane.bands]
+    for is_contact, colour in ((False, UNKNOWN), (True, CONTACT)):
+        for first, last in _joined(_bounds(band, result) for band in bands
+                                   if (band.contact is not None) is is_contact):
             axes.axvspan(first, last, color=colour, alpha=0.15, linewidth=0)
-    for name, colour in colours(result).items():
-        footprint = next(one for one in result.footprints if one.name == name)
+    of_footprint = colours(result)
+    for footprint in result.footprints:
         if footprint.separation:
             times, values = zip(*footprint.separation)
             # Sampled values last until the next one; those of moments are joined.
             axes.plot([result.since(time) for time in times],
                       [np.nan if value is None else value for value in values],
-                      drawstyle='steps-post' if result.as_live else 'default', color=colour,
-                      linewidth=1.4)
+                      drawstyle='steps-post' if result.as_live else 'default',
+                      color=of_footprint[footprint.name], linewidth=1.4)
     for contact in result.contacts:
         axes.plot(result.since(contact.deepest), -contact.depth, 'o', color=CONTACT,
                   markersize=4)
@@ -57,56 +61,55 @@ def draw_curves(result: Result, axes: Axes) -> None:
     _use_times(result, axes)
 
 
-def draw_lanes(result: Result, axes: Axes) -> None:
-    """Draw a lane for each footprint, with its contacts and unknown times as bands."""
-    names = colours(result)
+def draw_lanes(result: Result, lanes: list[Lane], axes: Axes) -> None:
+    """Draw the lanes, without words but for the names of footprints."""
     axes.set_xlabel('time since the recording begins [s]')
-    axes.set_ylim(len(names) - 0.5, -0.5)
-    axes.set_yticks(range(len(names)), [*names], fontweight='bold')
-    for label, colour in zip(axes.get_yticklabels(), names.values()):
+    axes.set_ylim(height(lanes) - 0.5, -0.5)
+    axes.set_yticks([(lane.first + lane.end - 1) / 2 for lane in lanes],
+                    [lane.name for lane in lanes], fontweight='bold')
+    for label, colour in zip(axes.get_yticklabels(), colours(result).values()):
         label.set_color(colour)
     axes.tick_params(axis='y', length=0)
     axes.spines[['left', 'right', 'top']].set_visible(False)
-    lanes = {name: lane for lane, name in enumerate(names)}
-    for bands, colour in ((result.unknown, UNKNOWN), (result.contacts, CONTACT)):
-        for band, (first, last) in zip(bands, _bounds(bands, result)):
-            axes.add_patch(Rectangle((first, lanes[band.footprint] - _HEIGHT / 2), last - first,
-                                     _HEIGHT, color=colour, linewidth=0))
+    for lane in lanes:
+        if lane.first:
+            axes.axhline(lane.first - 0.5, color=UNKNOWN, linewidth=0.4)
+        for band in lane.bands:
+            first, last = _bounds(band, result)
+            axes.add_patch(Rectangle(
+                (first, band.row - _HEIGHT / 2), last - first, _HEIGHT, linewidth=0,
+                color=CONTACT if band.contact else UNKNOWN))
     _use_times(result, axes)
 
 
-def label_lanes(result: Result, axes: Axes) -> None:
+def label_lanes(result: Result, lanes: list[Lane], axes: Axes) -> None:
     """Write what each band is; the deepest contacts come first where room is short."""
-    width = 0.25 * axes.bbox.width
     for label in axes.get_yticklabels():
-        fit(label, width)
-    for lane, name in enumerate(colours(result)):
-        contacts = sorted((contact for contact in result.contacts if contact.footprint == name),
-                          key=lambda contact: -contact.depth)
-        unknown = [one for one in result.unknown if one.footprint == name]
+        fit(label, 0.25 * axes.bbox.width)
+    for lane in lanes:
         labels = Labels(axes)
-        texts = [*[contact.obstacle for contact in contacts], *['unknown'] * len(unknown)]
-        boxes = [Bbox(axes.transData.transform([(first, lane + _HEIGHT / 2),
-                                                (last, lane - _HEIGHT / 2)]))
-                 for first, last in [*_bounds(contacts, result), *_bounds(unknown, result)]]
-        for box in boxes:
-            labels.avoid(box)
-        for box, text in zip(boxes, texts):
-            labels.place(text, box, INK, sides=((0, 0), (1, 0), (-1, 0)))
+        boxes = []
+        for band in lane.bands:
+            first, last = _bounds(band, result)
+            boxes.append(Bbox(axes.transData.transform([
+                (first, band.row + _HEIGHT / 2), (last, band.row - _HEIGHT / 2)])))
+            labels.avoid(boxes[-1])
+        for band, box in zip(lane.bands, boxes):
+            labels.place(band.text, box, INK, sides=((0, 0), (1, 0), (-1, 0)))
 
 
-def _bounds(bands: Iterable[Contact | Unknown], result: Result) -> list[tuple[float, float]]:
-    """Return from when to when bands are drawn, in s; short ones longer than they are."""
-    least = _LEAST * result.duration
-    found = []
-    for band in bands:
-        first, last = result.since(band.first), result.since(band.last)
-        missing = max(least - (last - first), 0.0) / 2
-        found.append((first - missing, last + missing))
-    return found
+def height(lanes: list[Lane]) -> int:
+    """Return how many rows there are in all, at least one."""
+    return lanes[-1].end if lanes else 1
 
 
-def _joined(bounds: list[tuple[float, float]]) -> list[tuple[float, float]]:
+def _bounds(band: Band, result: Result) -> tuple[float, float]:
+    """Return from when to when a band is drawn, in s; a short one longer than it is."""
+    missing = max(_LEAST * result.duration - (band.last - band.first), 0.0) / 2
+    return band.first - missing, band.last + missing
+
+
+def _joined(bounds: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
     """Return what is in any of some intervals, as intervals that do not meet."""
     joined: list[tuple[float, float]] = []
     for first, last in sorted(bounds):

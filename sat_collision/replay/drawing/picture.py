@@ -19,30 +19,32 @@ from __future__ import annotations
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from sat_collision.replay.drawing.bands import lanes_of
 from sat_collision.replay.drawing.labels import fit
-from sat_collision.replay.drawing.lanes import draw_curves, draw_lanes, label_lanes
+from sat_collision.replay.drawing.lanes import (
+    draw_curves, draw_lanes, height, label_lanes, ROW)
 from sat_collision.replay.drawing.scene import draw_scene, look_at_least
 from sat_collision.replay.drawing.words import distance, INK, name_of
 from sat_collision.replay.result import Least, Result
 
 _DPI = 110
-_LANE = 0.24
 
 
 def draw_picture(result: Result) -> Figure:
     """Return a result as a figure; of a check with `film`."""
-    lanes = max(len(result.footprints), 1)
-    figure = Figure(figsize=(12, 5.2 + _LANE * lanes), dpi=_DPI,
+    lanes = lanes_of(result)
+    below = ROW * height(lanes)
+    figure = Figure(figsize=(12, 5.2 + below), dpi=_DPI,
                     layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.1))
     FigureCanvasAgg(figure)
-    grid = figure.add_gridspec(2, 2, width_ratios=(1.4, 1), height_ratios=(4.2, _LANE * lanes))
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.4, 1), height_ratios=(4.2, below))
     curves, scene = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[:, 1])
     lane_axes = figure.add_subplot(grid[1, 0], sharex=curves)
-    draw_curves(result, curves)
+    draw_curves(result, lanes, curves)
     curves.tick_params(labelbottom=False)
-    curves.set_title('Separation from the nearest obstacle; below, whose contact when',
+    curves.set_title('Separation from the nearest obstacle; below, whose contact is when',
                      fontsize=10)
-    draw_lanes(result, lane_axes)
+    draw_lanes(result, lanes, lane_axes)
     scene.set_xlabel('x [m]')
     scene.set_ylabel('y [m]')
     title = figure.suptitle(f'{name_of(result)}: {result.verdict.words}', fontsize=14,
@@ -57,7 +59,7 @@ def draw_picture(result: Result) -> Figure:
         if film and least:
             look_at_least(scene, least, film.footprint(_whose(result, least)))
     figure.set_layout_engine('none')
-    label_lanes(result, lane_axes)
+    label_lanes(result, lanes, lane_axes)
     if film and least:
         draw_scene(result, film, film.number(least.time), scene, [least.obstacle])
     return figure

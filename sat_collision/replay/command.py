@@ -17,7 +17,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 import os
 from pathlib import Path
 import sys
@@ -25,9 +26,10 @@ import traceback
 from typing import NoReturn
 
 from rosbags.rosbag2 import WriterError
+from sat_collision.replay import plot
 from sat_collision.replay.configuration import (
     NODE, parameter_of_text, parameters_of_file, settings_of)
-from sat_collision.replay.destinations import check_outputs, check_picture, OutputError
+from sat_collision.replay.destinations import check_outputs, check_picture, is_page, OutputError
 from sat_collision.replay.example import write_example
 from sat_collision.replay.expectation import differences, ExpectationError
 from sat_collision.replay.formats import write_csv, write_json, write_junit
@@ -86,14 +88,17 @@ def _run(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
               'of its own, --obstacles A --obstacles B', file=sys.stderr)
     results: list[Result] = []
     for result in _results(options, several):
-        if options.plot:
-            _draw(result, options, several)
+        if options.plot and not (several and is_page(options.plot)):
+            path = _of_bag(options.plot, result.bag, '.png') if several else options.plot
+            _draw(partial(plot.plot, result, path), result, options)
         _say(report(result))
         results.append(result)
     if several:
         order = {bag: place for place, bag in enumerate(options.bags)}
         results.sort(key=lambda result: order[result.bag])
         _say(report_all(results))
+        if options.plot and is_page(options.plot):
+            _draw(partial(plot.plot_all, results, options.plot), results[0], options)
     for path, write in ((options.json, write_json), (options.csv, write_csv),
                         (options.junit, write_junit)):
         if path:
@@ -146,11 +151,12 @@ def _options(options: argparse.Namespace) -> Options:
 def _check_destinations(options: argparse.Namespace, several: bool) -> None:
     if options.write_bag and not several and Path(options.write_bag).exists():
         raise OutputError(f'--write-bag: {options.write_bag} already exists')
-    if options.plot and not several:
-        check_picture(options.plot)
+    in_folder = several and options.plot and not is_page(options.plot)
+    if options.plot:
+        check_picture('.png' if in_folder else options.plot)
     files = {'--json': options.json, '--csv': options.csv, '--junit': options.junit}
-    folders = {'--write-bag': options.write_bag, '--plot': options.plot if several else None}
-    check_outputs(files if several else {**files, '--plot': options.plot}, folders,
+    folders = {'--write-bag': options.write_bag, '--plot': options.plot if in_folder else None}
+    check_outputs(files if in_folder else {**files, '--plot': options.plot}, folders,
                   [*options.bags, *options.params_file, *filter(None, [options.expect])])
 
 
@@ -162,11 +168,10 @@ def _say(lines: Iterable[str]) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _draw(result: Result, options: argparse.Namespace, several: bool) -> None:
-    """Draw a picture; one that cannot be drawn is a problem of its recording only."""
-    from sat_collision.replay.plot import plot
+def _draw(draw: Callable[[], None], result: Result, options: argparse.Namespace) -> None:
+    """Draw; what cannot be drawn is a problem of its recording only."""
     try:
-        plot(result, _of_bag(options.plot, result.bag, '.png') if several else options.plot)
+        draw()
     except Exception as error:
         if options.debug:
             traceback.print_exc()
@@ -226,7 +231,8 @@ def _parser() -> argparse.ArgumentParser:
     add('--csv', metavar='FILE', help='write a row for each contact and each unknown interval')
     add('--junit', metavar='FILE', help='write a test suite for each recording')
     add('--plot', metavar='FILE',
-        help='draw a picture; for several recordings, a directory of pictures')
+        help='draw a picture (.png, .svg, .pdf), an animation (.gif) or a page (.html); for '
+        'several recordings, one page or a directory of pictures')
     add('--write-bag', metavar='DIR',
         help='write what the node would publish; for several recordings, a directory of bags')
     add('--write-example', metavar='DIR',

@@ -24,7 +24,7 @@ from sat_collision.replay.result import (
 
 _MOST_ROWS = 20
 _SHORT = 500_000
-_CLOCKS = {'receive': 'receive time', 'header': 'header stamps'}
+CLOCKS = {'receive': 'receive time', 'header': 'header stamps'}
 
 
 def report(result: Result) -> list[str]:
@@ -35,7 +35,7 @@ def report(result: Result) -> list[str]:
     if result.start is None:
         return lines
     question = 'as live' if result.as_live else 'recorded motion'
-    lines.append(f'  {question}, {result.duration:.3f} s by {_CLOCKS[result.clock]}, '
+    lines.append(f'  {question}, {result.duration:.3f} s by {CLOCKS[result.clock]}, '
                  f'{_counts(result)}')
     lines += _rejections(result)
     lines += [f'  {source.name}: for {source.undecided / 1e9:.3f} s it is not known how something '

@@ -45,6 +45,10 @@ class Verdict(enum.IntEnum):
         return self.name.lower().replace('_', ' ')
 
 
+# From the least grave verdict to the gravest.
+GRAVITY = (Verdict.CLEAR, Verdict.UNKNOWN, Verdict.BAD_INPUT, Verdict.COLLISION)
+
+
 @dataclass
 class Contact:
     """
@@ -207,6 +211,5 @@ def middle_of_overlap(body: Polygon, other: Polygon) -> tuple[float, float]:
 
 def overall(results: Iterable[Result]) -> Verdict:
     """Return the verdict on several recordings: the gravest one."""
-    gravity = (Verdict.CLEAR, Verdict.UNKNOWN, Verdict.BAD_INPUT, Verdict.COLLISION)
-    return max((result.verdict for result in results), key=gravity.index,
+    return max((result.verdict for result in results), key=GRAVITY.index,
                default=Verdict.BAD_INPUT)

@@ -65,12 +65,22 @@ def lanes_of(result: Result) -> list[Lane]:
         bands = _stacked(row, [
             *(Band(0, result.since(one.first), result.since(one.last), one.obstacle, one)
               for one in deepest_contacts(result) if one.footprint == footprint.name),
-            *(Band(0, result.since(one.first), result.since(one.last), 'unknown', None)
-              for one in result.unknown if one.footprint == footprint.name)])
+            *(Band(0, result.since(first), result.since(last), 'unknown', None)
+              for first, last in _doubts(result, footprint.name))])
         end = max([row, *(band.row for band in bands)]) + 1
         lanes.append(Lane(footprint.name, row, end, bands))
         row = end
     return lanes
+
+
+def _doubts(result: Result, name: str) -> list[tuple[int, int]]:
+    """Return when a footprint is unknown, for whatever reasons."""
+    joined: list[tuple[int, int]] = []
+    for one in result.unknown:
+        if one.footprint == name:
+            meets = joined and one.first <= joined[-1][1]
+            joined.append((joined.pop()[0] if meets else one.first, one.last))
+    return joined
 
 
 def _stacked(row: int, bands: Iterable[Band]) -> list[Band]:

@@ -79,8 +79,9 @@ class Labels:
             place = ((bounds.x0 + bounds.x1 + x * (bounds.width + 2 * _GAP)) / 2,
                      (bounds.y0 + bounds.y1 + y * (bounds.height + 2 * _GAP)) / 2)
             is_inside = x == y == 0
+            spot_x, spot_y = inverse.transform(place)
             found = self._axes.text(
-                *inverse.transform(place), text, fontsize=8, zorder=5,
+                spot_x, spot_y, text, fontsize=8, zorder=5,
                 color='white' if is_inside else colour, ha=_ALIGNED[x][0], va=_ALIGNED[y][1])
             covered = found.get_window_extent()
             others = [other for other in taken if not (is_inside and other is bounds)]

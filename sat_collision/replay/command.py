@@ -153,7 +153,7 @@ def _check_destinations(options: argparse.Namespace, several: bool) -> None:
         raise OutputError(f'--write-bag: {options.write_bag} already exists')
     in_folder = several and options.plot and not is_page(options.plot)
     if options.plot:
-        check_picture('.png' if in_folder else options.plot)
+        check_picture('a.png' if in_folder else options.plot)
     files = {'--json': options.json, '--csv': options.csv, '--junit': options.junit}
     folders = {'--write-bag': options.write_bag, '--plot': options.plot if in_folder else None}
     check_outputs(files if in_folder else {**files, '--plot': options.plot}, folders,

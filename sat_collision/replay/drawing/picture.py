@@ -51,7 +51,7 @@ def draw_picture(result: Result) -> Figure:
                             fontweight='bold', color=INK)
     fit(title, 0.96 * figure.bbox.width)
     words = scene.set_title(_nearest(result), fontsize=10)
-    fit(words, 0.36 * figure.bbox.width)
+    words.set_in_layout(False)
     film, least = result.film, result.least
     # How large axes are depends on their labels, and these on what is shown.
     for _ in range(2):
@@ -59,6 +59,7 @@ def draw_picture(result: Result) -> Figure:
         if film and least:
             look_at_least(scene, least, film.footprint(_whose(result, least)))
     figure.set_layout_engine('none')
+    fit(words, scene.bbox.width)
     label_lanes(result, lanes, lane_axes)
     if film and least:
         draw_scene(result, film, film.number(least.time), scene, [least.obstacle])

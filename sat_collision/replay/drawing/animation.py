@@ -16,10 +16,13 @@
 
 from __future__ import annotations
 
-from matplotlib.animation import PillowWriter
+from typing import Any
+
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+import numpy as np
+from PIL import Image
 from sat_collision.replay.drawing.bands import lanes_of
 from sat_collision.replay.drawing.labels import fit
 from sat_collision.replay.drawing.lanes import draw_lanes, height, label_lanes, ROW
@@ -30,10 +33,10 @@ from sat_collision.replay.result import Contact, Result
 
 _DPI = 80
 _FRAMES = 72
-_RATE = 8
 _MOST_CONTACTS = 5
-# How many frames long the picture stands still at the deepest moment of a contact.
-_STILL = 8
+# For how many ms a moment is shown, and one at which a contact is deepest.
+_SHOWN = 120
+_STILL = 1000
 
 
 def write_animation(result: Result, path: str) -> None:
@@ -52,7 +55,7 @@ def write_animation(result: Result, path: str) -> None:
     below = ROW * height(lanes)
     figure = Figure(figsize=(9, 5.6 + below), dpi=_DPI,
                     layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.1))
-    FigureCanvasAgg(figure)
+    canvas: Any = FigureCanvasAgg(figure)
     scene, lane_axes = figure.subplots(2, 1, height_ratios=(5, below))
     draw_lanes(result, lanes, lane_axes)
     title = figure.suptitle(f'{name_of(result)}: {result.verdict.words}', fontsize=13,
@@ -66,22 +69,21 @@ def write_animation(result: Result, path: str) -> None:
     figure.set_layout_engine('none')
     label_lanes(result, lanes, lane_axes)
     cursor = lane_axes.axvline(0.0, color=INK, linewidth=1.5, zorder=6)
-    limits = scene.get_xlim(), scene.get_ylim()
     contacts = {film.number(contact.deepest): contact
                 for contact in deepest_contacts(result)[:_MOST_CONTACTS]}
-    writer = PillowWriter(fps=_RATE)
-    writer.setup(figure, path, dpi=_DPI)
+    frames, durations = [], []
     for number in _numbers(film, contacts):
-        scene.clear()
-        scene.set(xlim=limits[0], ylim=limits[1], xlabel='x [m]', ylabel='y [m]')
+        for artist in (*scene.patches, *scene.lines, *scene.texts):
+            artist.remove()
         draw_scene(result, film, number, scene)
         time = result.since(film.moments[number])
         words = scene.set_title(_words(time, contacts.get(number)), fontsize=10)
-        fit(words, 0.8 * figure.bbox.width)
+        fit(words, scene.bbox.width)
         cursor.set_xdata([time, time])
-        for _ in range(_STILL if number in contacts else 1):
-            writer.grab_frame()
-    writer.finish()
+        canvas.draw()
+        frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy()))
+        durations.append(_STILL if number in contacts else _SHOWN)
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=durations, loop=0)
 
 
 def _numbers(film: Film, contacts: dict[int, Contact]) -> list[int]:

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 ROW = 0.24
 _HEIGHT = 0.72
 _LEAST = 1 / 250
+# How wide a name is at most, in widths of the axes.
+_NAME = 0.25
 
 
 def draw_curves(result: Result, lanes: list[Lane], axes: Axes) -> None:
@@ -69,6 +71,7 @@ def draw_lanes(result: Result, lanes: list[Lane], axes: Axes) -> None:
                     [lane.name for lane in lanes], fontweight='bold')
     for label, colour in zip(axes.get_yticklabels(), colours(result).values()):
         label.set_color(colour)
+        fit(label, _NAME * axes.bbox.width)
     axes.tick_params(axis='y', length=0)
     axes.spines[['left', 'right', 'top']].set_visible(False)
     for lane in lanes:
@@ -84,8 +87,6 @@ def draw_lanes(result: Result, lanes: list[Lane], axes: Axes) -> None:
 
 def label_lanes(result: Result, lanes: list[Lane], axes: Axes) -> None:
     """Write what each band is; the deepest contacts come first where room is short."""
-    for label in axes.get_yticklabels():
-        fit(label, 0.25 * axes.bbox.width)
     for lane in lanes:
         labels = Labels(axes)
         boxes = []

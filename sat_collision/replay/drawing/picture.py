@@ -23,7 +23,7 @@ from sat_collision.replay.drawing.bands import lanes_of
 from sat_collision.replay.drawing.labels import fit
 from sat_collision.replay.drawing.lanes import (
     draw_curves, draw_lanes, height, label_lanes, ROW)
-from sat_collision.replay.drawing.scene import draw_scene, look_at_least
+from sat_collision.replay.drawing.scene import draw_scene, look_at_all, look_at_least
 from sat_collision.replay.drawing.words import distance, INK, name_of
 from sat_collision.replay.result import Least, Result
 
@@ -58,11 +58,15 @@ def draw_picture(result: Result) -> Figure:
         figure.draw_without_rendering()
         if film and least:
             look_at_least(scene, least, film.footprint(_whose(result, least)))
+        elif film:
+            look_at_all(scene, film)
     figure.set_layout_engine('none')
     fit(words, scene.bbox.width)
     label_lanes(result, lanes, lane_axes)
     if film and least:
         draw_scene(result, film, film.number(least.time), scene, [least.obstacle])
+    elif film:
+        draw_scene(result, film, 0, scene)
     return figure
 
 

@@ -19,6 +19,8 @@ import pytest
 from recordings import box, drive, INSTANCE, nanoseconds, needs_shared, SHARED, write
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.query import separation
+from sat_collision.replay.configuration import NODE, parameters_of_file
+from sat_collision.replay.example import write_example
 from sat_collision.replay.film import moments_of
 from sat_collision.replay.options import Options
 from sat_collision.replay.run import check
@@ -42,12 +44,8 @@ def places(film, time, is_footprint=False):
             if body.is_footprint is is_footprint}
 
 
-@needs_shared
-@pytest.mark.parametrize('as_live', (False, True), ids=('motion', 'live'))
-@pytest.mark.parametrize('name', RECORDINGS)
-def test_film_has_each_contact_as_deep_as_it_is_said_to_be(name, as_live):
-    """To the last bit: the deepest moments are in the film, and so are the bodies of the pair."""
-    result = filmed(SHARED / name, as_live=as_live)
+def agree(result, as_live):
+    """Compare the pair of each contact in the film with its depth."""
     assert result.contacts
     told = {}
     for contact in result.contacts:
@@ -61,6 +59,22 @@ def test_film_has_each_contact_as_deep_as_it_is_said_to_be(name, as_live):
             other = result.film.obstacle(contact).at(number)
             assert own.known and other.known
             assert separation(Polygon(own.ring), Polygon(other.ring)) == -contact.depth
+
+
+@needs_shared
+@pytest.mark.parametrize('as_live', (False, True), ids=('motion', 'live'))
+@pytest.mark.parametrize('name', RECORDINGS)
+def test_film_has_each_contact_as_deep_as_it_is_said_to_be(name, as_live):
+    """To the last bit: the deepest moments are in the film, and so are the bodies of the pair."""
+    agree(filmed(SHARED / name, as_live=as_live), as_live)
+
+
+@pytest.mark.parametrize('as_live', (False, True), ids=('motion', 'live'))
+def test_film_has_a_contact_that_ends_at_the_time_at_which_it_is_deepest(tmp_path, as_live):
+    """Between two messages of one time a robot is deeper in a person than after them."""
+    write_example(tmp_path / 'warehouse')
+    parameters = parameters_of_file(str(tmp_path / 'warehouse' / 'params.yaml'), NODE)
+    agree(filmed(tmp_path / 'warehouse', as_live=as_live, parameters=parameters), as_live)
 
 
 def test_bodies_are_filmed_on_their_way_between_messages(tmp_path):

@@ -187,7 +187,10 @@ def test_click_on_a_contact_in_the_table_goes_to_where_it_is_deepest(
     state, = (text for text in shown.texts('#states li') if text.startswith(name))
     assert 'in contact with warehouse' in state
     left, right, top, bottom = shown.drawn(colour)
-    scene = shown.chromium.find_element(By.ID, 'scene').rect
+    scene = shown.chromium.execute_script(
+        'return document.getElementById("scene").getBoundingClientRect().toJSON()')
+    assert scene['left'] < left < right < scene['right']
+    assert scene['top'] < top < bottom < scene['bottom']
     assert right - left > 0.2 * scene['width']
     assert shown.text('#contacts tr.chosen').startswith(name)
 

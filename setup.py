@@ -11,7 +11,7 @@ extras = {
         'ros-jazzy-common-interfaces',
     ],
     'fast': ['numba'],
-    'plot': ['matplotlib'],
+    'plot': ['matplotlib', 'plotly'],
     'replay': [
         'argcomplete',
         'backports.zstd; python_version < "3.14"',
@@ -37,6 +37,7 @@ extras = {
         'pytest-xdist',
         'pyyaml',
         'rosbags',
+        'selenium',
         'shapely>=2',
         'types-PyYAML',
     ],
@@ -46,7 +47,7 @@ setup(
     name=package_name,
     version='0.1.0',
     packages=find_packages(exclude=['test']),
-    package_data={package_name: ['py.typed']},
+    package_data={package_name: ['py.typed', 'replay/drawing/page.*', 'replay/drawing/*.js']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),

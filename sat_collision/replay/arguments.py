@@ -108,7 +108,8 @@ def _parser() -> argparse.ArgumentParser:
     add('--csv', metavar='FILE', help='write a row for each contact and each unknown interval')
     add('--junit', metavar='FILE', help='write a test suite for each recording')
     add('--plot', metavar='FILE',
-        help='draw a picture; for several recordings, a directory of pictures')
+        help='draw a picture (.png, .svg, .pdf), an animation (.gif) or a page (.html); for '
+        'several recordings, one page or a directory of pictures')
     add('--write-bag', metavar='DIR',
         help='write what the node would publish; for several recordings, a directory of bags')
     add('--write-example', metavar='DIR',

@@ -17,18 +17,20 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 import os
 from pathlib import Path
 import sys
 import traceback
 
+from sat_collision.replay import plot
 from sat_collision.replay.arguments import parse
 from sat_collision.replay.bag_writer import check_bag_writer
 from sat_collision.replay.colours import with_colour
 from sat_collision.replay.configuration import (
     parameter_of_text, parameters_of_file, settings_of)
-from sat_collision.replay.destinations import check_outputs, check_picture, OutputError
+from sat_collision.replay.destinations import check_outputs, check_picture, is_page, OutputError
 from sat_collision.replay.expectation import differences, ExpectationError
 from sat_collision.replay.formats import write_csv, write_json, write_junit
 from sat_collision.replay.options import Options
@@ -82,14 +84,17 @@ def _run(options: argparse.Namespace) -> int:
               'of its own, --obstacles A --obstacles B', file=sys.stderr)
     results: list[Result] = []
     for result in _results(options, several):
-        if options.plot:
-            _draw(result, options, several)
+        if options.plot and not (several and is_page(options.plot)):
+            path = _of_bag(options.plot, result.bag, '.png') if several else options.plot
+            _draw(partial(plot.plot, result, path), result, options)
         _say(with_colour(report(result), result.verdict, sys.stdout))
         results.append(result)
     if several:
         order = {bag: place for place, bag in enumerate(options.bags)}
         results.sort(key=lambda result: order[result.bag])
         _say(with_colour(report_all(results), overall(results), sys.stdout))
+        if options.plot and is_page(options.plot):
+            _draw(partial(plot.plot_all, results, options.plot), results[0], options)
     for path, write in ((options.json, write_json), (options.csv, write_csv),
                         (options.junit, write_junit)):
         if path:
@@ -145,7 +150,7 @@ def _options(options: argparse.Namespace) -> Options:
         obstacles=tuple(options.obstacles), node=options.node, as_live=options.as_live,
         clock=options.clock,
         start=options.start, duration=options.duration, max_unknown=options.max_unknown,
-        max_undecided=options.max_undecided, sample=options.sample, picture=bool(options.plot),
+        max_undecided=options.max_undecided, sample=options.sample, film=bool(options.plot),
         write_bag=options.write_bag,
         limits=Limits(options.max_memory, options.max_disk), debug=options.debug)
 
@@ -155,11 +160,12 @@ def _check_destinations(options: argparse.Namespace, several: bool) -> None:
         raise OutputError(f'--write-bag: {options.write_bag} already exists')
     if options.write_bag:
         check_bag_writer()
-    if options.plot and not several:
-        check_picture(options.plot)
+    in_folder = several and options.plot and not is_page(options.plot)
+    if options.plot:
+        check_picture('a.png' if in_folder else options.plot)
     files = {'--json': options.json, '--csv': options.csv, '--junit': options.junit}
-    folders = {'--write-bag': options.write_bag, '--plot': options.plot if several else None}
-    check_outputs(files if several else {**files, '--plot': options.plot}, folders,
+    folders = {'--write-bag': options.write_bag, '--plot': options.plot if in_folder else None}
+    check_outputs(files if in_folder else {**files, '--plot': options.plot}, folders,
                   [*options.bags, *options.params_file, *filter(None, [options.expect])])
 
 
@@ -171,11 +177,10 @@ def _say(lines: Iterable[str]) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _draw(result: Result, options: argparse.Namespace, several: bool) -> None:
-    """Draw a picture; one that cannot be drawn is a problem of its recording only."""
-    from sat_collision.replay.plot import plot
+def _draw(draw: Callable[[], None], result: Result, options: argparse.Namespace) -> None:
+    """Draw; what cannot be drawn is a problem of its recording only."""
     try:
-        plot(result, _of_bag(options.plot, result.bag, '.png') if several else options.plot)
+        draw()
     except Exception as error:
         if options.debug:
             traceback.print_exc()

@@ -80,13 +80,26 @@ def check_picture(path: str) -> None:
     Raises
     ------
     OutputError
-        If no picture can have this ending.
+        If no picture can have this ending, or what draws it is not installed.
 
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    endings = FigureCanvasAgg.get_supported_filetypes()
-    if Path(path).suffix[1:].lower() not in endings:
+    ending = Path(path).suffix[1:].lower()
+    try:
+        if is_page(path):
+            import plotly.offline  # noqa: F401
+            return
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+    except ModuleNotFoundError as error:
+        raise OutputError(f'--plot: {error.name} is not installed; pip brings it with the extra '
+                          'sat_collision[plot]') from None
+    endings = {'gif', 'html', *FigureCanvasAgg.get_supported_filetypes()}
+    if ending not in endings:
         raise OutputError(f'--plot: {path} should end in one of {", ".join(sorted(endings))}')
+
+
+def is_page(path: str) -> bool:
+    """Tell whether what is drawn into a file is a page."""
+    return Path(path).suffix.lower() == '.html'
 
 
 def _files_of(path: Path) -> Iterator[Path]:

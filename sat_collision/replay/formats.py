@@ -110,8 +110,8 @@ def _bag(result: Result) -> dict[str, Any]:
         'bag': result.bag, 'question': 'as live' if result.as_live else 'recorded motion',
         'verdict': result.verdict.words, 'duration': result.duration,
         'messages': result.messages,
-        **dataclasses.asdict(dataclasses.replace(result, picture=None))}
-    del bag['picture'], bag['as_live']
+        **dataclasses.asdict(dataclasses.replace(result, film=None))}
+    del bag['film'], bag['as_live']
     for footprint, values in zip(result.footprints, bag['footprints']):
         values['coverage'] = footprint.coverage
     return bag

@@ -51,8 +51,8 @@ class Options:
         For how long in all the motion of a footprint or source may be undecided; None for any.
     sample : float
         As live, how often to measure the separation from the nearest obstacle.
-    picture : bool
-        Keep the bodies at the least separation.
+    film : bool
+        Keep where the bodies were, to be drawn; the recording is read once more.
     write_bag : str or None
         Where to write what the node would have published.
     limits : Limits
@@ -73,7 +73,7 @@ class Options:
     max_unknown: float = 1.0
     max_undecided: float | None = None
     sample: float = 0.1
-    picture: bool = False
+    film: bool = False
     write_bag: str | None = None
     limits: Limits = Limits()
     debug: bool = False

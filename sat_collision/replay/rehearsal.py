@@ -58,7 +58,7 @@ def rehearse() -> None:
     for as_live in (False, True):
         for margin in (0.0, 0.1):
             result = check_recording(_Rehearsed(), Options(
-                parameters={'margin': margin}, as_live=as_live, picture=True))
+                parameters={'margin': margin}, as_live=as_live))
             assert result.contacts and not result.problems, result
 
 

@@ -25,7 +25,7 @@ from sat_collision.replay.verdict import Verdict
 
 _MOST_ROWS = 20
 _MOMENT = 500_000
-_CLOCKS = {'receive': 'receive time', 'header': 'header stamps'}
+CLOCKS = {'receive': 'receive time', 'header': 'header stamps'}
 
 
 def report(result: Result) -> list[str]:
@@ -36,7 +36,7 @@ def report(result: Result) -> list[str]:
     if result.start is None:
         return lines
     question = 'as live' if result.as_live else 'recorded motion'
-    lines.append(f'  {question}, {result.duration:.3f} s by {_CLOCKS[result.clock]}, '
+    lines.append(f'  {question}, {result.duration:.3f} s by {CLOCKS[result.clock]}, '
                  f'{_counts(result)}')
     lines += _rejections(result)
     lines += [f'  {source.name}: {how_undecided(source)}' for source in result.sources
@@ -48,7 +48,7 @@ def report(result: Result) -> list[str]:
         ('footprint', 'obstacle', 'first [s]', 'duration [s]', 'depth [m]', 'x [m]', 'y [m]',
          'found'),
         [(contact.footprint, contact.obstacle, f'{result.since(contact.first):.3f}',
-          lasting(contact) + ('+' if contact.at_end else ''),
+          lasting(contact.last - contact.first) + ('+' if contact.at_end else ''),
           f'{contact.depth:.4g}', f'{contact.x:.3f}', f'{contact.y:.3f}',
           how_found(contact, result)) for contact in result.contacts], 'contacts')
     lines += _table(
@@ -65,16 +65,15 @@ def how_undecided(source: SourceResult) -> str:
             'frames were decided')
 
 
-def lasting(contact: Contact) -> str:
-    """Return how long a contact lasted in s; one that a table would say lasted 0 is a moment."""
-    duration = contact.last - contact.first
+def lasting(duration: int) -> str:
+    """Return in s what is in ns; what a table would say lasted 0 is a moment."""
     return f'{duration / 1e9:.3f}' if duration >= _MOMENT else 'moment'
 
 
 def when(contact: Contact, result: Result) -> str:
     """Return in words when there was a contact: at a moment, or from one on for some time."""
     since = f'{result.since(contact.first):.3f} s'
-    duration = lasting(contact)
+    duration = lasting(contact.last - contact.first)
     return f'at {since}' if duration == 'moment' else f'from {since} on for {duration} s'
 
 

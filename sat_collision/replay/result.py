@@ -18,17 +18,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.replay.verdict import Verdict
 
+if TYPE_CHECKING:
+    from sat_collision.replay.film import Film
 
 # How a contact or a separation was found.
 AT_A_FRAME = 'at a frame'
 BETWEEN_FRAMES = 'between frames'
 AT_A_MESSAGE = 'at a message'
+
+
+# From the least grave verdict to the gravest.
+GRAVITY = (Verdict.CLEAR, Verdict.UNKNOWN, Verdict.BAD_INPUT, Verdict.COLLISION)
 
 
 @dataclass
@@ -123,18 +128,6 @@ class SourceResult:
 
 
 @dataclass
-class Picture:
-    """The outlines (n, 2) of all bodies by name, at the least separation of a pair (m)."""
-
-    separation: float
-    time: int
-    footprint: str
-    obstacle: str
-    footprints: dict[str, NDArray[np.float64]]
-    obstacles: dict[str, NDArray[np.float64]]
-
-
-@dataclass
 class Result:
     """
     What was found in one recording.
@@ -142,7 +135,7 @@ class Result:
     `as_live` tells which question is answered: what the monitor would have said, or what touched.
     `origin` is when the recording begins, `start` what part of it was checked. `problems` say
     what is wrong with the recording, `notes` what else a reader should know.
-    `picture` has the bodies at the moment to draw, if that was asked for. `content` is what the
+    `film` has the bodies at moments worth drawing, if that was asked for. `content` is what the
     messages are known by, wherever they lie. `max_undecided` is for how long (s) the motion of
     each footprint and source may be undecided, None for any time.
     """
@@ -161,7 +154,7 @@ class Result:
     unknown: list[Unknown] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    picture: Picture | None = None
+    film: Film | None = None
     max_undecided: float | None = None
 
     @property
@@ -216,6 +209,5 @@ def middle_of_overlap(body: Polygon, other: Polygon) -> tuple[float, float]:
 
 def overall(results: Iterable[Result]) -> Verdict:
     """Return the verdict on several recordings: the gravest one."""
-    gravity = (Verdict.CLEAR, Verdict.UNKNOWN, Verdict.BAD_INPUT, Verdict.COLLISION)
-    return max((result.verdict for result in results), key=gravity.index,
+    return max((result.verdict for result in results), key=GRAVITY.index,
                default=Verdict.BAD_INPUT)

@@ -16,7 +16,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,6 +28,7 @@ from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TF_STATIC, TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
 from sat_collision.replay.destinations import OutputError
+from sat_collision.replay.film import Film, moments_of
 from sat_collision.replay.motion.motion import Motion
 from sat_collision.replay.motion.timeline import MotionTimeline
 from sat_collision.replay.options import HEADER, Options, RECEIVE
@@ -34,6 +37,7 @@ from sat_collision.replay.recording import Recording
 from sat_collision.replay.result import FootprintResult, Result, SourceResult
 from sat_collision.replay.storage import Message, Recorded
 from sat_collision.replay.timeline import Timeline
+from sat_collision.replay.timers import Moments, Timer
 from sat_collision.replay.topics import all_sources, missing_topics, settings_for, wrong_types
 from sat_collision.scene.deadlines import NEVER
 from sat_collision.scene.parameters import ParameterError
@@ -43,7 +47,6 @@ if TYPE_CHECKING:
     from sat_collision.replay.outputs import BagOutputs
 
 _TRANSFORM_TYPE = 'tf2_msgs/msg/TFMessage'
-_LONGEST_QUIET = 60 * 10**9
 _APART = 3600 * 10**9
 
 
@@ -66,62 +69,65 @@ def check(path: str | Path, options: Options = Options(),
         Whatever is wrong with the recording or the parameters is in its problems.
 
     """
+    half = partial(_half, progress) if options.film and progress else progress
     with Recording(path, options.limits) as recording:
-        result = check_recording(recording, options, progress)
+        result = check_recording(recording, options, half)
         result.content = recording.content
+    if options.film and (moments := moments_of(result)):
+        result.film = Film(moments)
+        with Recording(path, options.limits) as recording:
+            check_recording(recording, replace(options, write_bag=None),
+                            half and (lambda share: half(1.0 + share)), result.film)
     return result
 
 
+def _half(progress: OnProgress, share: float) -> None:
+    progress(0.5 * share)
+
+
 def check_recording(recording: Recorded, options: Options,
-                    progress: OnProgress | None = None) -> Result:
-    """Check what is open, as `check` does."""
+                    progress: OnProgress | None = None, film: Film | None = None) -> Result:
+    """Check what is open, as `check` does, and fill a film if there is one."""
     path = recording.path
     result = Result(str(path), options.clock, options.max_unknown, options.as_live,
                     max_undecided=options.max_undecided)
     try:
         settings = settings_for(recording.topics, options.parameters, options.footprints,
                                 options.obstacles, options.node)
-        _Run(recording, settings, options, result).run(progress)
+        _Run(recording, settings, options, result, film).run(progress)
     except (ParameterError, OutputError, OSError) as error:
         result.problems.append(f'{path}: {error}')
     result.problems[:0] = recording.problems
     return result
 
 
-class _Timer:
-    """Something that recurs in the recording's time."""
-
-    def __init__(self, period: float, action: Callable[[int], None]) -> None:
-        self.period = max(round(period * 1e9), 1)
-        self.action = action
-        self.due = 0
-
-
 class _Run:
     """One recording on its way through the scene."""
 
     def __init__(self, recording: Recorded, settings: Settings, options: Options,
-                 result: Result) -> None:
+                 result: Result, film: Film | None) -> None:
         self._recording = recording
         self._settings = settings
         self._options = options
         self._result = result
         footprints = [FootprintResult(footprint.name, footprint.topic, footprint.enabled)
                       for footprint in settings.footprints]
-        self._motion = None if options.as_live else Motion(settings, footprints, options.picture)
+        self._motion = None if options.as_live else Motion(settings, footprints, film)
         self._transforms = [topic for topic in TRANSFORM_TOPICS if settings.frame_id
                             and recording.topics.get(topic) == _TRANSFORM_TYPE]
         self._monitor = Monitor(settings, bool(self._transforms), self._motion)
         self._scene = self._monitor.scene
-        self._timers: list[_Timer] = []
+        self._timers: list[Timer] = []
         self._live: Timeline | None = None
         self._timeline: Timeline | MotionTimeline
         if self._motion:
             self._motion.monitor = self._monitor
             self._timeline = MotionTimeline(self._scene, self._motion, footprints)
         else:
-            self._timeline = self._live = Timeline(self._scene, footprints, options.picture)
-            self._timers.append(_Timer(options.sample, self._live.sample))
+            self._timeline = self._live = Timeline(self._scene, footprints, film)
+            self._timers.append(Timer(options.sample, self._live.sample))
+            if film:
+                self._timers.append(Moments(film.moments, partial(film.take, self._scene)))
         self._outputs: BagOutputs | None = None
         self._now = 0
         self._due: float = NEVER
@@ -160,7 +166,6 @@ class _Run:
         result.footprints = self._timeline.footprints
         result.contacts = self._timeline.contacts
         result.unknown = self._timeline.unknown
-        result.picture = self._timeline.picture
         result.notes += self._timeline.notes
 
     def _play(self, names: dict[str, list[str]], start: int, stop: int | None, end: int,
@@ -228,8 +233,8 @@ class _Run:
     def _write_outputs(self, path: str) -> None:
         from sat_collision.replay.outputs import BagOutputs
         self._outputs = BagOutputs(path, self._options.node, self._settings, self._scene)
-        self._timers += [_Timer(1.0 / self._settings.publish_rate, self._outputs.publish),
-                         _Timer(1.0 / self._settings.marker_rate, self._outputs.publish_markers)]
+        self._timers += [Timer(1.0 / self._settings.publish_rate, self._outputs.publish),
+                         Timer(1.0 / self._settings.marker_rate, self._outputs.publish_markers)]
 
     def _keep(self, rejections: Iterable[Rejection]) -> None:
         """Keep the first example of each reason."""
@@ -276,11 +281,7 @@ class _Run:
                 continue
             if timer is None or timer.due >= now:
                 break
-            timer.action(timer.due)
-            timer.due += timer.period
-            quiet = int(min(deadline, now)) - timer.due
-            if quiet > _LONGEST_QUIET:
-                timer.due += quiet
+            timer.act(min(deadline, now))
         self._now = now
         self._due = timer.due if timer else NEVER
 

@@ -20,8 +20,9 @@ from collections.abc import Iterable
 
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.query import separation
+from sat_collision.replay.film import Film
 from sat_collision.replay.result import (
-    Contact, FootprintResult, Least, middle_of_overlap, Picture, Unknown)
+    Contact, FootprintResult, Least, middle_of_overlap, Unknown)
 from sat_collision.replay.series import Series
 from sat_collision.replay.unknowns import Unknowns
 from sat_collision.scene.footprints import Status
@@ -38,8 +39,8 @@ class Timeline:
     scene : Scene
     footprints : list of FootprintResult
         To be filled in.
-    with_picture : bool
-        Keep the bodies at the least separation of all.
+    film : Film, optional
+        To keep the scene where a contact is deepest.
 
     Attributes
     ----------
@@ -50,18 +51,15 @@ class Timeline:
         What a reader should know.
     touching : dict
         The open Contacts by footprint and ObstacleId, only of footprints that have any.
-    picture : Picture or None
-        The bodies at the least separation.
 
     """
 
     def __init__(self, scene: Scene, footprints: list[FootprintResult],
-                 with_picture: bool = False) -> None:
+                 film: Film | None = None) -> None:
         self._scene = scene
-        self._with_picture = with_picture
+        self._film = film
         self.contacts: list[Contact] = []
         self.touching: dict[str, dict[ObstacleId, Contact]] = {}
-        self.picture: Picture | None = None
         self.footprints = footprints
         self.notes: list[str] = []
         self._results = {result.name: result for result in self.footprints}
@@ -103,6 +101,8 @@ class Timeline:
                     contact.x, contact.y = middle_of_overlap(*bodies)
                     self._note_least(name, Least(0.0 - depth, now, contact.obstacle,
                                                  contact.x, contact.y))
+                    if self._film:
+                        self._film.keep(self._scene, now, depth)
 
     def sample(self, now: int) -> None:
         """Note how far each footprint is from what is nearest to it."""
@@ -151,9 +151,3 @@ class Timeline:
         result = self._results[name]
         if result.least is None or found.separation < result.least.separation:
             result.least = found
-            if self._with_picture and (self.picture is None
-                                       or found.separation < self.picture.separation):
-                self.picture = Picture(
-                    found.separation, found.time, name, found.obstacle,
-                    {other: polygon.vertices for other, polygon in self._scene.footprints},
-                    {str(other): polygon.vertices for other, polygon in self._scene.obstacles})

@@ -12,12 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What recorded motion finds of one footprint: contacts, separations, and the picture."""
+"""What recorded motion finds of one footprint: contacts and separations."""
 
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from operator import itemgetter
 
 from sat_collision.geometry.polygon import Polygon
@@ -41,14 +41,10 @@ class Findings:
         Of all footprints.
     track : Track
         Of the footprint.
-    on_least : callable
-        Told of each separation that is the least so far: the footprint's name, it, and from what.
 
     """
 
-    def __init__(self, result: FootprintResult, contacts: list[Contact], track: Track,
-                 on_least: Callable[[str, Least, Polygon], None]) -> None:
-        self._on_least = on_least
+    def __init__(self, result: FootprintResult, contacts: list[Contact], track: Track) -> None:
         self._result = result
         self._contacts = contacts
         self._track = track
@@ -68,7 +64,7 @@ class Findings:
             contact.deepest = time
             contact.x, contact.y = middle_of_overlap(own, other)
             self._note_least(Least(0.0 - depth, time, contact.obstacle, contact.x, contact.y,
-                                   contact.found), other)
+                                   contact.found))
 
     def series(self) -> Series:
         """Return where the separations from the nearest obstacles of one kind are to go."""
@@ -82,7 +78,7 @@ class Findings:
         if own is not None and (least is None or value < least.separation):
             (ax, ay), (bx, by) = (point.tolist() for point in closest_points(own, other))
             self._note_least(Least(value + 0.0, time, str(obstacle), (ax + bx) / 2, (ay + by) / 2,
-                                   AT_A_FRAME), other)
+                                   AT_A_FRAME))
 
     def draw_curve(self, unknown: Iterable[Unknown]) -> None:
         """Make the curve of all sources, interrupted where nothing was known."""
@@ -98,8 +94,7 @@ class Findings:
         for time, value in sorted(samples, key=itemgetter(0)):
             curve.add(time, value)
 
-    def _note_least(self, found: Least, other: Polygon) -> None:
+    def _note_least(self, found: Least) -> None:
         least = self._result.least
         if least is None or found.separation < least.separation:
             self._result.least = found
-            self._on_least(self._result.name, found, other)

@@ -21,15 +21,16 @@ from functools import partial
 from itertools import chain
 from typing import TypeVar
 
-from sat_collision.geometry.polygon import Polygon
 from sat_collision.monitor import Monitor
-from sat_collision.replay.motion.bodies import Bodies, Floats, Ring
+from sat_collision.replay.film import Film
+from sat_collision.replay.motion.bodies import Bodies, Ring
 from sat_collision.replay.motion.encounters import Step
+from sat_collision.replay.motion.filming import MotionFilm
 from sat_collision.replay.motion.named import NamedTrail
 from sat_collision.replay.motion.sets import SetTrail
 from sat_collision.replay.motion.trails import Emit, LONGEST, Trail
 from sat_collision.replay.motion.walker import Walker
-from sat_collision.replay.result import Contact, FootprintResult, Least, Picture, Unknown
+from sat_collision.replay.result import Contact, FootprintResult, Unknown
 from sat_collision.scene.footprints import Footprint
 from sat_collision.scene.holders import SetOfObstacles
 from sat_collision.scene.observer import Observer
@@ -52,8 +53,8 @@ class Motion(Observer):
     settings : Settings
     results : list of FootprintResult
         To be filled in.
-    with_picture : bool
-        Keep the bodies at the least separation of all.
+    film : Film, optional
+        To be filled.
 
     Attributes
     ----------
@@ -63,29 +64,26 @@ class Motion(Observer):
         The present time in ns, to be set before the monitor is told anything.
     contacts : list of Contact
         In the order in which they were found.
-    picture : Picture or None
 
     """
 
     monitor: Monitor
 
     def __init__(self, settings: Settings, results: list[FootprintResult],
-                 with_picture: bool = False) -> None:
+                 film: Film | None = None) -> None:
         self.now = 0
         self.contacts: list[Contact] = []
-        self.picture: Picture | None = None
-        self._with_picture = with_picture
+        self._film = film and MotionFilm(film)
         self._max_vertices = settings.max_vertices
         self._frame_id = settings.frame_id
         self._sources = {source.name: source for source in settings.obstacles}
         self._sets: dict[str, SetTrail] = {}
         self._named: dict[str, NamedTrail] = {}
-        self._shown: dict[Trail, dict[str, Floats]] = {}
         keep = 3 * max(map(_patience, settings.obstacles), default=0)
         self._footprints = {one.name: one for one in settings.footprints}
         self._walkers = {result.name: Walker(
             result, self.contacts, self._footprints[result.name].timeout,
-            settings.margin, keep, self._note_least)
+            settings.margin, keep)
             for result in results}
 
     def place_footprint(self, footprint: Footprint) -> None:
@@ -100,6 +98,8 @@ class Motion(Observer):
         walker = self._walkers[name]
         walker.track.add(Bodies([ObstacleId(name, 0)], [self._stamp()], [self._ring()],
                                 self._max_vertices))
+        if self._film:
+            self._film.walk(name, walker.track)
         for trail in self._trails():
             trail.rest(self.now)
         walker.walk(self.now)
@@ -134,8 +134,12 @@ class Motion(Observer):
         last = max((time for time in latest if time is not None), default=end)
         for trail in self._trails():
             trail.rest(last, is_over=True)
-        for walker in self._walkers.values():
+        for name, walker in self._walkers.items():
             walker.finish(end)
+            if self._film:
+                self._film.walk(name, walker.track)
+        if self._film:
+            self._film.finish(end)
 
     def draw_curves(self, unknown: Iterable[Unknown]) -> None:
         """Fill in the separations over time, given when nothing was known."""
@@ -177,34 +181,13 @@ class Motion(Observer):
 
     def _take(self, source: str, trail: Trail, step: Step) -> None:
         """Take a step of a trail, to be decided for each footprint when its way is known."""
-        if self._with_picture:
-            self._show(trail, step)
+        if self._film:
+            self._film.follow(trail, step)
         for name, walker in self._walkers.items():
             if self._footprints[name].minds(source):
                 walker.queue(trail, step, self.now)
-
-    def _show(self, trail: Trail, step: Step) -> None:
-        """Keep where the obstacles are, for a picture."""
-        shown = self._shown.setdefault(trail, {})
-        if step.gone is None:
-            shown.clear()
-        for name in step.gone or ():
-            shown.pop(str(name), None)
-        if step.seen is not None:
-            shown.update((str(name), step.seen.ring(row))
-                         for row, name in enumerate(step.seen.names))
-
-    def _note_least(self, name: str, least: Least, other: Polygon) -> None:
-        """Keep the bodies at a separation that is the least of a footprint, if it is of all."""
-        if not self._with_picture or (
-                self.picture is not None and self.picture.separation <= least.separation):
-            return
-        footprints = {other_name: outline.vertices for other_name, walker in self._walkers.items()
-                      if (outline := walker.track.outline(least.time)) is not None}
-        obstacles = {one: ring for shown in self._shown.values() for one, ring in shown.items()}
-        obstacles[least.obstacle] = other.vertices
-        self.picture = Picture(least.separation, least.time, name, least.obstacle, footprints,
-                               obstacles)
+            if self._film:
+                self._film.walk(name, walker.track)
 
 
 def _patience(source: ObstacleSettings) -> int:

@@ -20,7 +20,7 @@ from collections.abc import Iterable
 from operator import attrgetter
 
 from sat_collision.replay.motion.motion import Motion
-from sat_collision.replay.result import Contact, FootprintResult, Picture, Unknown
+from sat_collision.replay.result import Contact, FootprintResult, Unknown
 from sat_collision.replay.unknowns import Unknowns
 from sat_collision.scene.scene import Scene
 
@@ -55,11 +55,6 @@ class MotionTimeline:
         self._results = {result.name: result for result in footprints}
         self._unknowns = Unknowns()
         self._start: int | None = None
-
-    @property
-    def picture(self) -> Picture | None:
-        """The bodies at the least separation."""
-        return self._motion.picture
 
     @property
     def unknown(self) -> list[Unknown]:

@@ -17,14 +17,12 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
 
-from sat_collision.geometry.polygon import Polygon
 from sat_collision.replay.motion.encounters import Encounters, Step
 from sat_collision.replay.motion.findings import Findings
 from sat_collision.replay.motion.tracks import Track
 from sat_collision.replay.motion.trails import LONGEST, Trail
-from sat_collision.replay.result import Contact, FootprintResult, Least
+from sat_collision.replay.result import Contact, FootprintResult
 from sat_collision.scene.deadlines import NEVER
 
 
@@ -44,8 +42,6 @@ class Walker:
         Metres up to which bodies apart count as in contact.
     keep : int
         For how long its way is of interest, ns.
-    on_least : callable
-        As `Findings` has it.
 
     Attributes
     ----------
@@ -57,13 +53,12 @@ class Walker:
     """
 
     def __init__(self, result: FootprintResult, contacts: list[Contact], timeout: float,
-                 margin: float, keep: int,
-                 on_least: Callable[[str, Least, Polygon], None]) -> None:
+                 margin: float, keep: int) -> None:
         self._timeout = round(timeout * 1e9) if timeout else NEVER
         self._margin = margin
         self._keep = keep
         self.track = Track(self._timeout, LONGEST)
-        self.findings = Findings(result, contacts, self.track, on_least)
+        self.findings = Findings(result, contacts, self.track)
         self._waiting: dict[Trail, deque[Step]] = {}
         self._encounters: dict[Trail, Encounters] = {}
 

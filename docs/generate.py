@@ -26,6 +26,8 @@ from pathlib import Path
 import sys
 import textwrap
 
+from page_parts import with_part
+
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
@@ -142,22 +144,11 @@ def import_picture():
 
 def documents():
     """Return the text that each document should have, by path."""
-    return {path: make() for path, make in (
-        (ROOT / 'config' / 'footprint_monitor.yaml', parameter_file),
-        (ROOT / 'README.md', lambda: _with_block('README.md', parameter_table())),
-        (ROOT / 'docs' / 'ARCHITECTURE.md',
-         lambda: _with_block('docs/ARCHITECTURE.md', import_picture())))}
-
-
-def _with_block(name, block):
-    """Return a document with the block between its marks replaced."""
-    text = (ROOT / name).read_text()
-    begin, end = '<!-- written by docs/generate.py -->\n', '<!-- until here -->\n'
-    head, begun, rest = text.partition(begin)
-    _, ended, tail = rest.partition(end)
-    if not (begun and ended):
-        raise ValueError(f'{name}: {begin.strip()} and {end.strip()} must enclose what is written')
-    return f'{head}{begin}{block}\n{end}{tail}'
+    found = {ROOT / 'config' / 'footprint_monitor.yaml': parameter_file()}
+    for path, part in ((ROOT / 'README.md', parameter_table()),
+                       (ROOT / 'docs' / 'ARCHITECTURE.md', import_picture())):
+        found[path] = with_part(path.read_text(), 'written by docs/generate.py', part)
+    return found
 
 
 def _mark(spec, before, behind):

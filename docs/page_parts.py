@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Parts of pages that programs write, between the line `<!-- name -->` and `<!-- until here -->`."""
+"""Parts of pages that programs write: between `<!-- name -->` and `<!-- until here -->`."""
 
 
 def with_part(text, name, part):

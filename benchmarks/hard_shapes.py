@@ -23,17 +23,20 @@ import argparse
 import itertools
 import json
 import os
+from pathlib import Path
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 from sat_collision import intersects, Polygon, separation
-from sat_collision.geometry.jit import COMPILED
 from sat_collision.messages.cdr import decode
 from sat_collision.messages.packer import most_notched, Packer
 from traffic import pack
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / 'docs'))
+
+from page_parts import replace_part  # noqa: E402, I100
 
 MAX_VERTICES = 1024
 _TITLES = 'shape', 'to take [ms]', 'to decide [ms]', 'to measure [ms]', 'against'
@@ -162,7 +165,8 @@ def main():
     parser.add_argument('--repeats', type=int, default=5)
     parser.add_argument('--seed', type=int, default=1)
     parser.add_argument('--json', action='store_true', help='print figures of this process only')
-    parser.add_argument('--write', metavar='FILE', help='a page whose tables are to be replaced')
+    parser.add_argument('--write', metavar='FILE', type=Path,
+                        help='a page whose tables are to be replaced')
     arguments = parser.parse_args()
     if arguments.json:
         print(json.dumps(measure(arguments.repeats, arguments.seed)))

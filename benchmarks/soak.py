@@ -35,7 +35,7 @@ from traffic import Traffic
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / 'docs'))
 
-from page_parts import replace_part  # noqa: E402
+from page_parts import replace_part  # noqa: E402, I100
 
 matplotlib.use('Agg')
 from matplotlib import pyplot  # noqa: E402, I100

@@ -106,6 +106,19 @@ def test_zeroed_chunk_is_missed(tmp_path, first, last, indexed):
     assert check(file, Options(start=1.0, duration=8.0)).verdict is Verdict.BAD_INPUT
 
 
+@pytest.mark.parametrize('start', (10**6, 2**63 - 1, 2**63, 2**64 - 1))
+def test_summary_said_to_begin_behind_the_file(tmp_path, start):
+    """Further than any file can be long, too: it is bad input, and the messages are read."""
+    file = write_mcap(tmp_path / 'a.mcap', CLEAR)
+    data = bytearray(file.read_bytes())
+    struct.pack_into('<Q', data, len(data) - len(MAGIC) - 20, start)
+    file.write_bytes(data)
+    result = check(file)
+    problem, = result.problems
+    assert (result.verdict, result.messages) == (Verdict.BAD_INPUT, ALL)
+    assert 'at its end' in problem and str(start) in problem
+
+
 def test_chunk_of_another_kind_is_missed_by_the_numbers(tmp_path):
     """A record of a kind to come is to be skipped; but statistics announce its messages."""
     file = write_mcap(tmp_path / 'a.mcap', CLEAR)

@@ -59,7 +59,7 @@ setup(
         'console_scripts': [
             'footprint_monitor = sat_collision.node.__main__:main',
             'sat_collision_demo = sat_collision.demo.__main__:main',
-            'replay_check = sat_collision.replay.command:main',
+            'replay_check = sat_collision.replay.__main__:main',
         ],
     },
 )

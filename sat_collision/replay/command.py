@@ -60,9 +60,6 @@ def main(args: Sequence[str] | None = None) -> int:
         print(f'replay_check: {in_words(error)}', file=sys.stderr)
     except ModuleNotFoundError as error:
         print(f'replay_check: {error.name} is not installed', file=sys.stderr)
-    except KeyboardInterrupt:
-        print('replay_check: interrupted', file=sys.stderr)
-        return int(Verdict.UNKNOWN)
     except Exception as error:
         if options.debug:
             traceback.print_exc()
@@ -276,7 +273,3 @@ def _number(text: str, least: float, most: float, words: str) -> float:
     if not least <= value <= most:
         raise argparse.ArgumentTypeError(f"'{text}' is not {words}")
     return value
-
-
-if __name__ == '__main__':
-    sys.exit(main())

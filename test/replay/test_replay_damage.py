@@ -29,7 +29,7 @@ import time
 from builders import serialised
 import pytest
 from recordings import box, drive, POLYGON, SOURCE, START, write
-from sat_collision.replay.command import main
+from sat_collision.replay.__main__ import main
 from sat_collision.replay.faults import Faults
 from sat_collision.replay.options import Options
 from sat_collision.replay.result import Verdict
@@ -286,7 +286,7 @@ def run_command(*arguments, **options):
     """Run the command in a process of its own; return it with the most memory it took, in MB."""
     program = textwrap.dedent("""
         import resource, sys
-        from sat_collision.replay.command import main
+        from sat_collision.replay.__main__ import main
         status = main(sys.argv[1:])
         print('took', resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1000)
         sys.exit(status)

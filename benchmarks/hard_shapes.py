@@ -16,7 +16,8 @@
 The polygons that take longest: to take from a message, to decide and to measure.
 
 Each kernel, compiled and plain Python, has a process of its own and as many vertices as the node
-accepts in it. Each time is the best of several, of the worst pair of shapes and places.
+accepts in it. Each figure is processor time, the best of several, of the worst pair of shapes and
+places. Contacts that begin one by one are timed, too, as they might cost more the more there are.
 """
 
 import argparse
@@ -32,7 +33,9 @@ import numpy as np
 from sat_collision import intersects, Polygon, separation
 from sat_collision.messages.cdr import decode
 from sat_collision.messages.packer import most_notched, Packer
-from traffic import pack
+from sat_collision.monitor import Monitor
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from traffic import pack, regular
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / 'docs'))
 
@@ -44,6 +47,7 @@ _TITLES = 'shape', 'to take [ms]', 'to decide [ms]', 'to measure [ms]', 'against
 _PLACES = ((2.1, 0.0, 0.0), (0.9, 0.4, 0.0), (0.3, 0.2, 0.5), (0.01, 0.003, 0.0),
            (0.0, 0.0, np.pi), (0.02, 0.01, 1.6))
 _TURNS = 0.0, 0.7, 2.0
+_CONTACTS = 1_000, 10_000
 
 
 def star(count, rng):
@@ -119,12 +123,12 @@ def _placed(outline, x, y, turn):
 
 
 def _best(repeats, function, *arguments):
-    """Return the least time in ms of several calls."""
+    """Return the least processor time in ms of several calls."""
     times = []
     for _ in range(repeats):
-        begun = time.perf_counter()
+        begun = time.thread_time()
         function(*arguments)
-        times.append(time.perf_counter() - begun)
+        times.append(time.thread_time() - begun)
     return 1e3 * min(times)
 
 
@@ -151,6 +155,24 @@ def measure(repeats, seed):
     return found
 
 
+def contacts(count):
+    """Return what it takes in ms that a footprint meets so many obstacles, one message each."""
+    monitor = Monitor(Settings(
+        (FootprintSettings('footprint', '/footprint', timeout=0.0),),
+        (ObstacleSettings('obstacles', '/obstacles', timeout=0.0, max_count=count),)))
+    now = 10**18
+    monitor.receive('footprint', pack(regular(4, 0.0, 0.0, 2.0 * count), now), now)
+    messages = [pack(regular(4, float(k), 0.0, 0.4), now) for k in range(count)]
+
+    def meet_all():
+        for message in messages:
+            monitor.receive('obstacles', message, now)
+            monitor.scene.changes()
+    time_taken = _best(1, meet_all)
+    assert len(monitor.scene.state('footprint').contacts) == count
+    return time_taken
+
+
 def table(figures):
     """Return the figures of one kernel as a table in Markdown."""
     rows = [f'| {" | ".join(_TITLES)} |', f'|{"---|" * len(_TITLES)}']
@@ -169,7 +191,9 @@ def main():
                         help='a page whose tables are to be replaced')
     arguments = parser.parse_args()
     if arguments.json:
-        print(json.dumps(measure(arguments.repeats, arguments.seed)))
+        contacts(10)
+        print(json.dumps({'shapes': measure(arguments.repeats, arguments.seed),
+                          'contacts': [contacts(count) for count in _CONTACTS]}))
         return
     parts = []
     for kernel, plain in (('Compiled', '0'), ('In plain Python', '1')):
@@ -177,11 +201,15 @@ def main():
             [sys.executable, __file__, '--json', '--repeats', str(arguments.repeats),
              '--seed', str(arguments.seed)], stdout=subprocess.PIPE, check=True,
             env={**os.environ, 'NUMBA_DISABLE_JIT': plain}).stdout)
-        most = max(one['vertices'] for one in figures.values())
-        parts.append(f'{kernel}, {most} vertices:\n\n{table(figures)}\n')
+        most = max(one['vertices'] for one in figures['shapes'].values())
+        few, many = figures['contacts']
+        parts.append(
+            f'{kernel}, {most} vertices:\n\n{table(figures["shapes"])}\n\n'
+            f'{_CONTACTS[1]:,} contacts that begin one by one take {many:.0f} ms, '
+            f'{many / few:.1f} times as long as {_CONTACTS[0]:,}.\n')
         print(parts[-1], flush=True)
     if arguments.write:
-        replace_part(arguments.write, 'hard shapes', '\n'.join(parts))
+        replace_part(arguments.write, 'hard shapes', '\n'.join(parts).rstrip())
 
 
 if __name__ == '__main__':

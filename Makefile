@@ -41,10 +41,11 @@ REPEAT ?= 10
 faults: $(VENV)/test.stamp
 	$(BIN)/python test/faults/faults.py --repeat $(REPEAT) --write docs/reliability.md
 
-# The node under load for a long time: make soak MINUTES=2
+# The node under load for a long time, written to docs/reliability.md: make soak MINUTES=2
 MINUTES ?= 30
 soak: $(VENV)/bench.stamp
-	$(BIN)/python benchmarks/endurance.py --starts 0 --publishers 0 --soak $(MINUTES)
+	$(BIN)/python benchmarks/soak.py --minutes $(MINUTES) --plot docs/soak.png \
+	    --write docs/reliability.md
 
 # Random bytes, polygons and parameters, and damaged files, recordings and stored results among
 # them: make fuzz INPUTS=1e5 FILES=1e4

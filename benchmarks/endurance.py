@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Does the node last: starts and stops, publishers that come and go, and a soak.
+Does the node last: starts and stops, publishers that come and go; for a soak see soak.py.
 
 Memory, threads and open files of the process that has the node are printed as it goes; none of
 them must grow once the first tenth is over.
@@ -26,13 +26,12 @@ from pathlib import Path
 import threading
 import time
 
-from counts import Reader
 from geometry_msgs.msg import PolygonStamped
-from node import cpu_time, ros, running
+from node import ros
 import rclpy
 from rclpy.node import Node
 from sat_collision.node.footprint_monitor import FootprintMonitor
-from traffic import pack, PATIENCE, regular, Traffic
+from traffic import pack, PATIENCE, regular
 
 _REPORTS = 10
 
@@ -93,27 +92,12 @@ def repeat(what, count, action):
     for k in range(count):
         action()
         if (k + 1) % max(count // _REPORTS, 1) == 0:
-            print(f'{what} {k + 1:6,}  {_in_words(os.getpid())}  '
+            print(f'{what} {k + 1:6,}  {in_words(os.getpid())}  '
                   f'{(time.monotonic() - begun) / (k + 1):.3f} s each', flush=True)
 
 
-def soak(minutes, obstacles):
-    """Run sets of obstacles at 10 Hz against a node's process, and print what it takes."""
-    with running('monitor') as process, contextlib.closing(Reader()) as reader, \
-            contextlib.closing(Traffic(obstacles, 4, 1)) as traffic:
-        traffic.connect()
-        count, used, sent = reader.steady(), cpu_time(process.pid), 0
-        for minute in range(minutes):
-            footprints, more, latencies = traffic.run(60.0)
-            sent += more
-            used, before = cpu_time(process.pid), used
-            print(f'minute {minute + 1:3}  {_in_words(process.pid)}  '
-                  f'{1e6 * (used - before) / (more + footprints):.1f} us a message, '
-                  f'greatest latency {1e3 * max(latencies):.1f} ms', flush=True)
-        print(f'{sent:,} obstacles sent, {sent - (reader.steady() - count):,} lost')
-
-
-def _in_words(pid):
+def in_words(pid):
+    """Return what a process has, as `held` finds it, in words."""
     return '  '.join(f'{value:6.1f} {name}' if name == 'MB' else f'{value:3} {name}'
                      for name, value in held(pid).items())
 
@@ -122,8 +106,6 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--starts', type=int, default=1000)
     parser.add_argument('--publishers', type=int, default=1000)
-    parser.add_argument('--soak', type=int, default=0, metavar='MINUTES')
-    parser.add_argument('--obstacles', type=int, default=400, help='of the soak, at 10 Hz')
     arguments = parser.parse_args()
     with ros():
         repeat('starts', arguments.starts, start_and_stop)
@@ -132,8 +114,6 @@ def main():
                 peer = Node('peer')
                 repeat('publishers', arguments.publishers, lambda: come_and_go(node, peer))
                 peer.destroy_node()
-        if arguments.soak:
-            soak(arguments.soak, arguments.obstacles)
 
 
 if __name__ == '__main__':

@@ -61,18 +61,28 @@ class Traffic:
     """
     A node that sends footprints and obstacles and awaits the flag.
 
-    Every footprint changes the flag: it is by turns on the first obstacle, which stays about the
-    origin, and far from all. The others are scattered around and never twice the same.
+    The robot is by turns on the first obstacle, which stays about the origin, and far from all.
+    The others are scattered around and never twice the same.
 
     Parameters
     ----------
     obstacles, vertices : int
         How many obstacles, and vertices of each.
     seed : int
+    stay : int, optional
+        For how many footprints the robot stays where it is; at first every one changes the flag.
+
+    Attributes
+    ----------
+    changes : list of (float, bool)
+        When, by the monotonic clock, the first footprint of each stay was sent, and whether the
+        robot is on an obstacle there.
+    heard : list of (float, bool)
+        The flags, with when they came.
 
     """
 
-    def __init__(self, obstacles, vertices, seed):
+    def __init__(self, obstacles, vertices, seed, stay=1):
         rng = np.random.default_rng(seed)
         centres = rng.uniform(-100.0, 100.0, (obstacles, 2))
         centres[0] = 0.0
@@ -84,8 +94,10 @@ class Traffic:
                 points[k, :, :2] = regular(vertices, x, y, 0.5)
             self._sets.append([_tail(outline) for outline in points])
         self._footprints = itertools.cycle(
-            (_tail(np.float32([(x + dx, dy, 0.0) for dx, dy in _ROBOT])), hit)
-            for x, hit in ((0.0, True), (1000.0, False)))
+            (_tail(np.float32([(x + dx, dy, 0.0) for dx, dy in _ROBOT])), hit, k == 0)
+            for x, hit in ((0.0, True), (1000.0, False)) for k in range(stay))
+        self.changes = []
+        self.heard = []
         self._node = rclpy.create_node('traffic')
         self._footprint = self._node.create_publisher(PolygonStamped, 'footprint', 10)
         self._obstacle = self._node.create_publisher(
@@ -103,7 +115,7 @@ class Traffic:
             stamp = time.time_ns()
             for obstacle in self._sets[0]:
                 self._obstacle.publish(_head(stamp) + obstacle)
-            body, hit = next(self._footprints)
+            body, hit, _ = next(self._footprints)
             self._footprint.publish(_head(stamp) + body)
             time.sleep(0.2)
             if hit in self._arrived() and all(publisher.get_subscription_count() >= nodes
@@ -128,7 +140,8 @@ class Traffic:
         footprints, obstacles : int
             How many were sent.
         latencies : list of float
-            Seconds from before a footprint's publish() to the arrival of its flag.
+            Seconds from before the publish() of a footprint that changes the flag to the flag's
+            arrival.
 
         """
         latencies = []
@@ -137,10 +150,14 @@ class Traffic:
         begun = time.monotonic()
         while (now := time.monotonic() - begun) < seconds + _AFTERMATH:
             for flag in self._arrived():
+                self.heard.append((begun + now, flag))
                 latencies += _answer(unanswered, flag, now)
             if now < seconds and footprints / FOOTPRINT_RATE <= now:
-                body, hit = next(self._footprints)
-                unanswered.append((time.monotonic() - begun, hit))
+                body, hit, changes = next(self._footprints)
+                if changes:
+                    sent = time.monotonic()
+                    unanswered.append((sent - begun, hit))
+                    self.changes.append((sent, hit))
                 self._footprint.publish(_head(time.time_ns()) + body)
                 footprints += 1
             elif now < seconds and self._due(obstacles, burst) <= now * rate:

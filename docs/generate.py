@@ -27,6 +27,8 @@ from pathlib import Path
 import sys
 import textwrap
 
+from page_parts import with_part
+
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
@@ -163,22 +165,16 @@ def rate_words(rates):
 def documents():
     """Return the text that each document should have, by path."""
     node = json.loads((ROOT / 'docs' / 'benchmarks' / 'figures.json').read_text())['node']
-    return {
-        ROOT / 'config' / 'footprint_monitor.yaml': parameter_file(),
-        **{ROOT / name: _with_blocks(name, *blocks) for name, *blocks in (
-            ('README.md', cost_table(node['loads']), rate_words(node['rates'])),
-            ('docs/parameters.md', parameter_table()),
-            ('docs/ARCHITECTURE.md', import_picture()))}}
-
-
-def _with_blocks(name, *blocks):
-    """Return a document with what is between its marks replaced, in their order."""
-    begin, end = '<!-- written by docs/generate.py -->\n', '<!-- until here -->\n'
-    head, *rest = (ROOT / name).read_text().split(begin)
-    if len(rest) != len(blocks) or not all(end in one for one in rest):
-        raise ValueError(f'{name}: {begin.strip()} and {end.strip()} must enclose what is written')
-    return head + ''.join(f'{begin}{block}\n{end}{one.partition(end)[2]}'
-                          for block, one in zip(blocks, rest))
+    found = {ROOT / 'config' / 'footprint_monitor.yaml': parameter_file()}
+    for name, mark, part in (
+            ('README.md', 'costs', cost_table(node['loads'])),
+            ('README.md', 'rates', rate_words(node['rates'])),
+            ('docs/parameters.md', 'parameters', parameter_table()),
+            ('docs/ARCHITECTURE.md', 'imports', import_picture())):
+        path = ROOT / name
+        text = found.get(path) or path.read_text()
+        found[path] = with_part(text, f'{mark}, written by docs/generate.py', part)
+    return found
 
 
 def _mark(spec, before, behind):

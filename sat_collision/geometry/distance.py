@@ -35,9 +35,9 @@ from sat_collision.geometry.edges import height, to_segment
 from sat_collision.geometry.intersection import convex_meet, interiors_apart
 from sat_collision.geometry.jit import inner, kernel
 from sat_collision.geometry.layout import body_size, convex_part, first_vertex, Packed
-from sat_collision.geometry.part_boxes import (
-    ALLOWANCE, may_be_less, nearest_boxes, open_pairs, overlap)
-from sat_collision.geometry.plane import length, nearest_of_segment, unit
+from sat_collision.geometry.part_axes import is_beyond_edge, limit_of, reaches
+from sat_collision.geometry.part_boxes import may_be_less, nearest_boxes, open_pairs, overlap
+from sat_collision.geometry.plane import nearest_of_segment, unit
 from sat_collision.geometry.separating_axis import support
 
 # How far, in parts of the largest coordinate, the distance may be from its lower bound: 4 u.
@@ -45,6 +45,8 @@ TOLERANCE = 2.0 ** -51
 # Where the depth, in parts of the largest coordinate, may be nothing but rounding.
 _DOUBTFUL = 1e-12
 _LEAST = 5e-324
+# A prime beyond any number of pairs, so that steps of it come to each of them.
+_STRIDE = 2 ** 61 - 1
 
 
 @kernel
@@ -84,26 +86,49 @@ def _measure_parts(p, q):
         _, least, found = _measure_pair(p, q)
         return least, found[0], found[1], found[2], found[3]
     parts = max(1, -q.n)
+    reach = _reach(p, q)
     first = nearest_boxes(p, q)
     meeting, least, found = _measure_pair(
         convex_part(p, first // parts), convex_part(q, first % parts))
+    limit = limit_of(least, reach)
+    along, back = _along(p, q, meeting, found)
     pairs = open_pairs(p, q, least, meeting)
-    for k in range(len(pairs)):
-        if pairs[k] == first:
+    count = len(pairs)
+    stride = _STRIDE % max(count, 1)
+    place = 0
+    for _ in range(count):
+        pair = pairs[place]
+        # Here and there, not in a row, where each might be a little nearer than the one before.
+        place += stride if place + stride < count else stride - count
+        i = pair // parts
+        j = pair % parts
+        if pair == first or -along[i] - back[j] > limit:
             continue
-        a = convex_part(p, pairs[k] // parts)
-        b = convex_part(q, pairs[k] % parts)
+        a = convex_part(p, i)
+        b = convex_part(q, j)
         if (not may_be_less(overlap(a, b), least, meeting)
-                or (meeting and (_is_shallow(a, b, -least) or _is_shallow(b, a, -least)))):
+                or is_beyond_edge(a, b, limit) or is_beyond_edge(b, a, limit)):
             continue
         meet, value, points = _measure_pair(a, b)
-        if meeting and not meet:
+        if (meeting and not meet) or not (value < least or (meet and not meeting)):
             continue
-        if value < least or (meet and not meeting):
-            least = value
-            found = points
-        meeting = meeting or meet
+        least = value
+        found = points
+        meeting = meet
+        limit = limit_of(least, reach)
+        along, back = _along(p, q, meeting, found)
     return least, found[0], found[1], found[2], found[3]
+
+
+@inner
+def _along(p, q, meeting, points):
+    """Return how far the parts of P reach along the axis that was found, and those of Q back."""
+    ux, uy = unit(points[2] - points[0], points[3] - points[1])
+    if meeting:
+        # What ends an overlap takes P away from Q.
+        ux = -ux
+        uy = -uy
+    return reaches(p, ux, uy), reaches(q, -ux, -uy)
 
 
 @inner
@@ -115,29 +140,6 @@ def _measure_pair(a, b):
     else:
         value, points = _distance(a, b)
     return meet, value, points
-
-
-@inner
-def _is_shallow(p, q, depth):
-    """Tell whether Q reaches less deep than that beyond some edge of P, be it for rounding."""
-    v = p.array
-    w = q.array
-    first = first_vertex(p)
-    other_first = first_vertex(q)
-    for i in range(p.n if p.n > 2 else 0):
-        a = first + 2 * i
-        b = first + 2 * (i + 1 if i + 1 < p.n else 0)
-        ex = v[b] - v[a]
-        ey = v[b + 1] - v[a + 1]
-        enough = depth / ALLOWANCE * length(ex, ey)
-        shallow = True
-        for k in range(other_first, other_first + 2 * q.n, 2):
-            if ex * (w[k + 1] - v[a + 1]) - ey * (w[k] - v[a]) >= enough:
-                shallow = False
-                break
-        if shallow:
-            return True
-    return False
 
 
 @kernel

@@ -56,6 +56,8 @@ def bodies_meet(p, q):
         return False
     for i in range(max(1, -p.n)):
         a = convex_part(p, i)
+        if boxes_apart(a, q):
+            continue
         for j in range(max(1, -q.n)):
             if convex_meet(a, convex_part(q, j)):
                 return True

@@ -30,6 +30,11 @@ _MOST_NOTCHED = 128
 _POINTS_FOR_A_VERTEX = 8
 
 
+def most_notched(max_vertices: int) -> int:
+    """Return the most vertices of a polygon that is not convex, given those of any."""
+    return max_vertices if COMPILED else min(max_vertices, _MOST_NOTCHED)
+
+
 class Packer:
     """
     Packs the points of one message after another, convex ones into one array.
@@ -43,7 +48,7 @@ class Packer:
 
     def __init__(self, max_vertices: int) -> None:
         self._max_vertices = max_vertices
-        self._max_notched = max_vertices if COMPILED else min(max_vertices, _MOST_NOTCHED)
+        self._max_notched = most_notched(max_vertices)
         # One more for a closing point; whoever sends yet more points is in no hurry.
         self._most_points = max_vertices + 1
         self._array = indexable(np.empty(packed_size(self._most_points)))

@@ -21,25 +21,32 @@ from collections.abc import Sequence
 import sys
 import traceback
 
+from sat_collision.replay.interrupts import insistent_interrupts
+
+_STATUS_OF_INTERRUPTED = 2
+_STATUS_OF_BAD_INPUT = 3
+
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the command and return the exit status."""
     try:
-        from sat_collision.replay.arguments import parse
-        options = parse(args)
-        _prepare_kernels(options)
-        from sat_collision.replay.command import run
-        return run(options)
+        with insistent_interrupts():
+            # Not before: it takes so long to import that an interrupt may come meanwhile.
+            from sat_collision.replay.arguments import parse
+            options = parse(args)
+            _prepare_kernels(options)
+            from sat_collision.replay.command import run
+            return run(options)
     except KeyboardInterrupt:
         print('replay_check: interrupted', file=sys.stderr)
-        return 2
+        return _STATUS_OF_INTERRUPTED
     except Exception as error:
         if '--debug' in (sys.argv if args is None else args):
             traceback.print_exc()
         words = ' '.join(str(error).split())
         print(f'replay_check: cannot start: {type(error).__name__}: {words} '
               '(--debug shows where)', file=sys.stderr)
-        return 3
+        return _STATUS_OF_BAD_INPUT
 
 
 def _prepare_kernels(options: argparse.Namespace) -> None:

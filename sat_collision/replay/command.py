@@ -58,9 +58,6 @@ def run(options: argparse.Namespace) -> int:
         print(f'replay_check: {in_words(error)}', file=sys.stderr)
     except ModuleNotFoundError as error:
         print(f'replay_check: {error.name} is not installed', file=sys.stderr)
-    except KeyboardInterrupt:
-        print('replay_check: interrupted', file=sys.stderr)
-        return int(Verdict.UNKNOWN)
     except Exception as error:
         if options.debug:
             traceback.print_exc()
@@ -190,7 +187,3 @@ def _draw(draw: Callable[[], None], result: Result, options: argparse.Namespace)
 def _of_bag(folder: str, bag: str, suffix: str) -> str:
     Path(folder).mkdir(parents=True, exist_ok=True)
     return str(Path(folder, Path(bag).stem + suffix))
-
-
-if __name__ == '__main__':
-    sys.exit(main())

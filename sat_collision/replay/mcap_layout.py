@@ -152,6 +152,8 @@ class Layout:
                 raise Damage('it is missing')
             if not start:
                 return
+            if start > self._size:
+                raise Damage(f'it is said to begin at byte {start} of {self._size}')
             summary = self.read(start, max(self._size - len(_MAGIC) - 4 - start, 0))
             if checksum and zlib.crc32(summary) != checksum:
                 self._faults.damaged('damaged in its summary: its checksum is wrong')

@@ -15,11 +15,11 @@
 Faults done to a real process of the node, over DDS: how soon each shows, and for how long.
 
 ``make faults`` does each several times and writes the table of docs/reliability.md. The short form
-in the test suite does each once.
+in the test suite does each once. Clocks are stepped where libfaketime is installed.
 """
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 import contextlib
 import os
 from pathlib import Path
@@ -33,10 +33,11 @@ import time
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / 'test' / 'support')]
+sys.path[:0] = [str(ROOT), str(ROOT / 'test' / 'support'), str(ROOT / 'docs')]
 
 from builders import box, serialised  # noqa: E402
 from geometry_msgs.msg import PolygonStamped  # noqa: E402
+from page_parts import replace_part  # noqa: E402
 import rclpy  # noqa: E402
 from rclpy.duration import Duration  # noqa: E402
 from rclpy.event_handler import SubscriptionEventCallbacks  # noqa: E402
@@ -49,6 +50,10 @@ _PERIOD = 0.02
 _TIMEOUT = 0.5
 # What a subscriber may count on, see the README: no flag for so long is a raised one.
 _TOO_OLD = 0.3
+# How many messages a publisher keeps for a monitor that does not take them.
+_DEPTH = 10
+_STEP = 10.0
+_FAKETIME = next(Path('/usr/lib').glob('*/faketime/libfaketimeMT.so.1'), None)
 
 # The node, with a loop that stands still while a file is there.
 _PROGRAM = """
@@ -62,6 +67,20 @@ def tick_or_hang(self, *arguments):
     return tick(self, *arguments)
 FootprintMonitor.tick = tick_or_hang
 sys.exit(main(sys.argv))
+"""
+
+# Publishes one obstacle where it is told, until it is killed.
+_PUBLISHER = """
+import sys, time
+sys.path[:0] = sys.argv[1:3]
+from builders import box, serialised
+from geometry_msgs.msg import PolygonStamped
+import rclpy
+rclpy.init()
+publisher = rclpy.create_node('obstacles').create_publisher(PolygonStamped, 'obstacles', 10)
+while rclpy.ok():
+    publisher.publish(serialised(box(float(sys.argv[3]), 0), time.time_ns()))
+    time.sleep(0.02)
 """
 
 
@@ -92,6 +111,7 @@ class Rig:
     def __init__(self) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix='sat_collision_faults_')
         self.hanging = Path(self._folder.name, 'hang')
+        self._clock = Path(self._folder.name, 'clock')
         self._context = rclpy.Context()
         self._context.init(domain_id=int(os.environ.get('ROS_DOMAIN_ID', 0)))
         self._node = rclpy.create_node('rig', context=self._context)
@@ -106,29 +126,56 @@ class Rig:
                        liveliness_lease_duration=Duration(seconds=0.6)),
             event_callbacks=SubscriptionEventCallbacks(
                 deadline=lambda event: None, liveliness=lambda event: None))
-        self._publishers = {name: self._node.create_publisher(PolygonStamped, name, 100)
+        self._publishers = {name: self._node.create_publisher(PolygonStamped, name, _DEPTH)
                             for name in ('footprint', 'obstacles')}
         self.x = {'footprint': 0.0, 'obstacles': 5.0}
         self.silent: set[str] = set()
+        self.damaged: set[str] = set()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._publish)
         self._thread.start()
         self.process: subprocess.Popen[bytes] | None = None
 
     def start(self, *command: str) -> None:
-        """Start the node's process."""
+        """Start the node's process, by a command before it if there is one."""
         self.process = subprocess.Popen(
             [*command, sys.executable, '-c', _PROGRAM, str(self.hanging), '--ros-args',
              '-p', f'footprint.timeout:={_TIMEOUT}', '-p', f'obstacle.timeout:={_TIMEOUT}'],
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=ROOT)
 
+    def restart(self, *command: str) -> None:
+        """Kill the node's process, if it is there still, and start it again."""
+        self.kill()
+        self.start(*command)
+
+    def kill(self) -> None:
+        """Kill the node's process."""
+        if self.process:
+            self.process.kill()
+            self.process.wait()
+
+    def start_with_own_clock(self) -> None:
+        """Start the node's process again, with a clock that can be stepped."""
+        self.step_clock(0.0)
+        self.restart('env', f'LD_PRELOAD={_FAKETIME}', f'FAKETIME_TIMESTAMP_FILE={self._clock}',
+                     'FAKETIME_NO_CACHE=1', 'FAKETIME_DONT_FAKE_MONOTONIC=1')
+
+    def step_clock(self, seconds: float) -> None:
+        """Have the node's clock go ahead of all others, or behind."""
+        new = self._clock.with_suffix('.new')
+        new.write_text(f'{seconds:+}')
+        new.replace(self._clock)
+
+    def publish(self, name: str) -> None:
+        """Publish a footprint or an obstacle, damaged if it is to be so."""
+        data = serialised(box(self.x[name], 0), time.time_ns())
+        self._publishers[name].publish(data[:-5] if name in self.damaged else data)
+
     def close(self) -> None:
         """End all that was begun."""
         self._ended.set()
         self._thread.join()
-        if self.process:
-            self.process.kill()
-            self.process.wait()
+        self.kill()
         self._executor.shutdown()
         self._node.destroy_node()
         self._context.shutdown()
@@ -136,9 +183,20 @@ class Rig:
 
     def _publish(self) -> None:
         while not self._ended.wait(_PERIOD):
-            for name, publisher in self._publishers.items():
+            for name in self._publishers:
                 if name not in self.silent:
-                    publisher.publish(serialised(box(self.x[name], 0), time.time_ns()))
+                    self.publish(name)
+
+    @contextlib.contextmanager
+    def without_publisher(self, name: str) -> Iterator[None]:
+        """Leave a topic to another publisher."""
+        self.silent.add(name)
+        self._node.destroy_publisher(self._publishers[name])
+        try:
+            yield
+        finally:
+            self._publishers[name] = self._node.create_publisher(PolygonStamped, name, _DEPTH)
+            self.silent.discard(name)
 
     def _hear(self, flag: Bool) -> None:
         self._flags.append((time.monotonic(), flag.data))
@@ -185,13 +243,7 @@ def outcome(rig: Rig, begin: Callable[[], object], end: Callable[[], object],
 
 
 def _killed(rig: Rig) -> Outcome:
-    assert rig.process
-
-    def restart() -> None:
-        assert rig.process
-        rig.process.wait()
-        rig.start()
-    return outcome(rig, rig.process.kill, restart)
+    return outcome(rig, rig.kill, rig.start)
 
 
 def _stopped(rig: Rig) -> Outcome:
@@ -207,6 +259,54 @@ def _stalled(rig: Rig) -> Outcome:
 
 def _silent(name: str) -> Callable[[Rig], Outcome]:
     return lambda rig: outcome(rig, lambda: rig.silent.add(name), rig.silent.clear)
+
+
+def _damaged(name: str) -> Callable[[Rig], Outcome]:
+    return lambda rig: outcome(rig, lambda: rig.damaged.add(name), rig.damaged.clear)
+
+
+def _lost(rig: Rig) -> Outcome:
+    """Send more than is kept for the node while it stands still for a moment."""
+    assert rig.process
+    process = rig.process
+
+    def lose() -> None:
+        process.send_signal(signal.SIGSTOP)
+        for _ in range(5 * _DEPTH):
+            rig.publish('obstacles')
+        process.send_signal(signal.SIGCONT)
+    # It is over with the next set, which is complete.
+    return outcome(rig, lose, lambda: None, lasting=0.0)
+
+
+def _publisher_killed(rig: Rig) -> Outcome:
+    """Let the obstacles come from another process, which dies and starts again."""
+    folders = str(ROOT), str(ROOT / 'test' / 'support')
+
+    def start() -> subprocess.Popen[bytes]:
+        return subprocess.Popen(
+            [sys.executable, '-c', _PUBLISHER, *folders, str(rig.x['obstacles'])],
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    started = []
+    with rig.without_publisher('obstacles'):
+        started.append(start())
+        try:
+            rig.until(lambda: not rig.is_clear())
+            return outcome(rig, started[0].kill, lambda: started.append(start()))
+        finally:
+            for one in started:
+                one.terminate()
+                one.wait()
+
+
+def _clock_stepped(seconds: float) -> Callable[[Rig], Outcome]:
+    def fault(rig: Rig) -> Outcome:
+        rig.start_with_own_clock()
+        try:
+            return outcome(rig, lambda: rig.step_clock(seconds), lambda: rig.step_clock(0.0))
+        finally:
+            rig.restart()
+    return fault
 
 
 def _contact(rig: Rig) -> Outcome:
@@ -249,7 +349,14 @@ FAULTS: dict[str, Callable[[Rig], Outcome]] = {
     'the loop of the monitor hangs': _stalled,
     'the footprint is silent (timeout 0.5 s)': _silent('footprint'),
     'the obstacles are silent (timeout 0.5 s)': _silent('obstacles'),
+    'footprints come damaged': _damaged('footprint'),
+    'obstacles come damaged': _damaged('obstacles'),
+    'some obstacles are lost on the way': _lost,
     'the robot touches while 10,000 messages/s of no use come': _contact_in_flood,
+    **({f'the clock of the monitor is stepped by {step:+g} s, and back': _clock_stepped(step)
+        for step in (_STEP, -_STEP)} if _FAKETIME else {}),
+    # The last, as DDS counts a publisher that was killed for another 20 s.
+    'the publisher of the obstacles is killed and started again': _publisher_killed,
 }
 
 
@@ -268,7 +375,8 @@ def rig():
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--repeat', type=int, default=10)
-    parser.add_argument('--write', metavar='FILE', help='a page whose table is to be replaced')
+    parser.add_argument('--write', metavar='FILE', type=Path,
+                        help='a page whose table is to be replaced')
     arguments = parser.parse_args()
     rows = ['| fault | detected after | recovered after | wrong clears |', '|---|---|---|---|']
     with rig() as made:
@@ -280,10 +388,7 @@ def main() -> None:
             rows.append(f'| {name} | {cells[0]} | {cells[1]} | {wrong} of {len(outcomes)} |')
             print(rows[-1], flush=True)
     if arguments.write:
-        page = Path(arguments.write)
-        head, begun, rest = page.read_text().partition('<!-- faults -->\n')
-        _, ended, tail = rest.partition('<!-- until here -->\n')
-        page.write_text('\n'.join([head + begun + rows[0], *rows[1:], ended + tail]))
+        replace_part(arguments.write, 'faults', '\n'.join(rows))
 
 
 if __name__ == '__main__':

@@ -17,7 +17,7 @@ Random bytes, polygons and parameters, as many as one likes: nothing raises, not
 - bytes: a message with some bytes changed is taken, or refused with a reason; what is taken is
   what rclpy's own decoder reads.
 - polygons: of whatever numbers, a body is made whose parts cover its area, or a PolygonError.
-- parameters: values of all types are refused or applied, and the scene goes on.
+- parameters: values of all types are refused in one line, or a monitor runs with them.
 """
 
 import argparse
@@ -36,21 +36,18 @@ from sat_collision.geometry.polygon import Polygon, PolygonError  # noqa: E402
 from sat_collision.messages.cdr import decode, MessageError  # noqa: E402
 from sat_collision.messages.interfaces import deserialize, PolygonStamped  # noqa: E402
 from sat_collision.monitor import Monitor, Rejection  # noqa: E402
-from sat_collision.scene.parameters import (  # noqa: E402
-    declare_parameters, ParameterError, read_settings)
+from sat_collision.replay.configuration import settings_of  # noqa: E402
+from sat_collision.scene.footprints import Status  # noqa: E402
+from sat_collision.scene.parameters import declare_parameters, ParameterError  # noqa: E402
+from sat_collision.scene.settings import POLYGON_INSTANCE  # noqa: E402
 
 _NUMBERS = (0.0, -0.0, 1.0, -1.0, 1e-45, 3.4e38, -3.4e38, 16777216.0, 0.1, math.inf, math.nan)
-
-
-def settings():
-    """Return the settings that there are by default."""
-    values = {}
-
-    def declare(name, default, spec):
-        values[name] = default
-        return default
-    names = declare_parameters(declare)
-    return read_settings(*names, values.__getitem__, lambda topic: f'/{topic}')
+_VALUES = (*_NUMBERS, None, True, False, 0, 1, -1, 7, 10**6, 10**30, 1e-3, 0.3, 50.0, 1e9, '',
+           'a b', '/x', '~', '~/x', 'x' * 300, '\n', '{', 'obstacles', 'map', 'polygon',
+           'polygon_instance', [], ['a'], ['a', 'b'], ['a', 'a'], ['margin'], [1], ['a\nb'], {},
+           b'x')
+_NAMES = ['no_such', 'a.topic', 'b.timeout']
+declare_parameters(lambda name, default, spec: (_NAMES.append(name), default)[1])
 
 
 def fuzz_bytes(rng, monitor):
@@ -95,25 +92,25 @@ def fuzz_polygon(rng, monitor):
         assert abs(parts - _area(body.vertices)) <= 1e-9 * max(1.0, parts), points
 
 
-def fuzz_parameter(rng, monitor):
-    """Try to change a parameter to a value of any type."""
-    values = {}
-
-    def declare(name, default, spec):
-        values[name] = default
-        return default
-    names = declare_parameters(declare)
-    name = rng.choice([name for name in values if name.endswith('topic')])
-    values[name] = rng.choice(('', 'a b', '/x', '~', 'x' * 300, '\n', '{', 'obstacles'))
-
-    def resolve(topic):
-        if not topic.replace('/', '').isidentifier():
-            raise ValueError(f'cannot be a topic: {topic!r}')
-        return topic
+def fuzz_parameters(rng, monitor):
+    """Start a monitor with values of any type, and have it take messages and time."""
+    given = {rng.choice(_NAMES): rng.choice(_VALUES) for _ in range(rng.randrange(1, 4))}
     try:
-        read_settings(*names, values.__getitem__, resolve)
+        settings = settings_of(given)
     except ParameterError as error:
-        assert '\n' not in str(error)
+        assert '\n' not in str(error) and str(error)
+        return
+    made = Monitor(settings)
+    for k in range(3):
+        now = 10**18 + rng.choice((0, 1, 10**8, 10**10)) * k
+        for one in (*settings.footprints, *settings.obstacles):
+            instance = 1 if getattr(one, 'type', '') == POLYGON_INSTANCE else None
+            made.receive(one.name, serialised(box(0.5 * k, 0), stamp=now, instance=instance), now)
+        made.advance(now + 1, True)
+        made.scene.changes()
+    for one in settings.footprints:
+        if not (settings.enabled and one.enabled):
+            assert made.scene.status(one.name) is Status.UNKNOWN
 
 
 def _area(vertices):
@@ -121,12 +118,12 @@ def _area(vertices):
     return 0.5 * float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
 
 
-FUZZERS = {'bytes': fuzz_bytes, 'polygons': fuzz_polygon, 'parameters': fuzz_parameter}
+FUZZERS = {'bytes': fuzz_bytes, 'polygons': fuzz_polygon, 'parameters': fuzz_parameters}
 
 
 def fuzz(name, count, seed):
     """Run a fuzzer for so many inputs; what fails can be repeated by its seed."""
-    monitor = Monitor(settings())
+    monitor = Monitor(settings_of({}))
     for k in range(count):
         try:
             FUZZERS[name](random.Random(f'{seed} {k}'), monitor)

@@ -216,3 +216,34 @@ def test_no_pair_of_parts_that_counts_is_left_out():
         assert separation(p, q) == pytest.approx(min(pairs), abs=1e-12)
         signs.add(min(pairs) > 0.0)
     assert signs == {True, False}
+
+
+def brought_near(p, q):
+    """Return where Q stands to the right of P when it all but touches, and when it just does."""
+    apart, near = q + [200.0, 0.0], q
+    for _ in range(60):
+        middle = (apart + near) / 2.0
+        if intersects(p, middle):
+            near = middle
+        else:
+            apart = middle
+    return apart, near
+
+
+@pytest.mark.parametrize('offset', [0.0, 1e7])
+@pytest.mark.parametrize('exponent', [-1072, -1060, -500, 0, 1000])
+def test_axes_spare_no_pair_of_parts_at_any_scale(exponent, offset):
+    """Where products underflow, or rounding hides the gap: the sign is exact, the value near."""
+    rng = np.random.default_rng(11)
+    signs = set()
+    for _ in range(12):
+        p, q = (comb(rng, 9).vertices + offset for _ in range(2))
+        for other in (q, *brought_near(p, q)):
+            a, b = (Polygon(np.ldexp(body, exponent)) for body in (p, other))
+            value = separation(a, b)
+            pairs = [separation(one, other) for one in a.parts for other in b.parts]
+            ulp = math.ulp(max(abs(a.vertices).max(), abs(b.vertices).max()))
+            assert abs(value - min(pairs)) <= 8 * ulp
+            assert (value > 0.0) is not intersects(a, b)
+            signs.add(value > 0.0)
+    assert signs == {True, False}

@@ -132,6 +132,23 @@ def test_signal_at_some_moment_of_the_first_start(start, number):
         time.sleep(0.01)
 
 
+@pytest.mark.parametrize('seed', range(3))
+def test_interrupt_at_some_moment_of_the_first_replay(start, place, seed):
+    """While kernels compile, where callbacks swallow exceptions: in 2 s, without a verdict."""
+    pytest.importorskip('numba')
+    pytest.importorskip('rosbags')
+    from recordings import drive, write
+    bag = write(place / 'bag', drive())
+    replay = start('-m', 'sat_collision.replay', str(bag))
+    time.sleep(random.Random(seed).uniform(1.5, 6.0))
+    sent = time.monotonic()
+    replay.send_signal(signal.SIGINT)
+    output, _ = replay.communicate(timeout=60)
+    assert time.monotonic() - sent < TO_END, output
+    assert (replay.returncode, output.splitlines()[-1]) == (2, 'replay_check: interrupted')
+    assert 'Traceback' not in output, output
+
+
 def children(pid):
     """Return the processes that a process has started."""
     return [int(child) for child in

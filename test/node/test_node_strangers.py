@@ -22,6 +22,7 @@ from builders import serialised
 from geometry_msgs.msg import PolygonStamped
 from harness import box, health
 import pytest
+from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
 
 LOCKED = {'enabled': False, 'unknown_is_collision': False, 'margin': 0.5, 'release_delay': 5.0,
           'footprint__timeout': 0.0, 'footprint__enabled': False, 'obstacle__timeout': 0.0,
@@ -100,16 +101,27 @@ def test_an_absurd_length_costs_no_line_of_the_middleware(start, capfd, where, o
 POLICY = Path(__file__).resolve().parents[2] / 'config' / 'sros2_policy.xml'
 
 
-def test_the_policy_allows_exactly_what_the_node_has(start):
-    """Each topic and service of the node with its default names, and no other."""
-    node = start().monitor
+@pytest.mark.parametrize('fixed_frame', [{}, {'frame_id': 'map'}], ids=['no frame', 'a frame'])
+def test_the_policy_allows_exactly_what_the_node_has(start, monkeypatch, fixed_frame):
+    """Each topic and service that the graph shows of it; with a fixed frame transforms, too."""
+    monkeypatch.setattr('sat_collision.node.footprint_monitor.transform_type',
+                        lambda node, settings: PolygonStamped if settings.frame_id else None)
+    running = start(**fixed_frame)
     profile, = ElementTree.parse(POLICY).iter('profile')
 
     def allowed(kind, how):
-        return sorted(one.text for group in profile.iter(kind) if group.get(how) == 'ALLOW'
-                      for one in group)
-    assert allowed('topics', 'publish') == sorted(
-        ['/rosout', *(one.topic_name for one in node.publishers)])
-    assert allowed('topics', 'subscribe') == sorted(one.topic_name for one in node.subscriptions)
-    assert allowed('services', 'reply') == sorted(one.service_name for one in node.services)
-    assert not list(node.clients)
+        return {one.text for group in profile.iter(kind) if group.get(how) == 'ALLOW'
+                for one in group}
+    expected = (allowed('topics', 'publish'),
+                allowed('topics', 'subscribe') | (set(TRANSFORM_TOPICS) if fixed_frame else set()),
+                allowed('services', 'reply'), set())
+
+    def shown():
+        return tuple({topic for topic, _ in names('footprint_monitor', '/')} for names in (
+            running.node.get_publisher_names_and_types_by_node,
+            running.node.get_subscriber_names_and_types_by_node,
+            running.node.get_service_names_and_types_by_node,
+            running.node.get_client_names_and_types_by_node))
+    running.until(lambda: 'footprint_monitor' in running.node.get_node_names())
+    running.until(lambda: all(map(set.issuperset, shown(), expected)), f'{expected} in the graph')
+    assert shown() == expected

@@ -29,7 +29,7 @@ import time
 from builders import serialised
 import pytest
 from recordings import box, drive, POLYGON, SOURCE, START, write
-from sat_collision.replay.command import main
+from sat_collision.replay.__main__ import main
 from sat_collision.replay.faults import Faults
 from sat_collision.replay.options import Options
 from sat_collision.replay.run import check
@@ -104,6 +104,19 @@ def test_zeroed_chunk_is_missed(tmp_path, first, last, indexed):
     assert result.messages >= ALL - 30
     assert len(result.problems) == 1 and str(file) in result.problems[0]
     assert check(file, Options(start=1.0, duration=8.0)).verdict is Verdict.BAD_INPUT
+
+
+@pytest.mark.parametrize('start', (10**6, 2**63 - 1, 2**63, 2**64 - 1))
+def test_summary_said_to_begin_behind_the_file(tmp_path, start):
+    """Further than any file can be long, too: it is bad input, and the messages are read."""
+    file = write_mcap(tmp_path / 'a.mcap', CLEAR)
+    data = bytearray(file.read_bytes())
+    struct.pack_into('<Q', data, len(data) - len(MAGIC) - 20, start)
+    file.write_bytes(data)
+    result = check(file)
+    problem, = result.problems
+    assert (result.verdict, result.messages) == (Verdict.BAD_INPUT, ALL)
+    assert 'at its end' in problem and str(start) in problem
 
 
 def test_chunk_of_another_kind_is_missed_by_the_numbers(tmp_path):
@@ -273,7 +286,7 @@ def run_command(*arguments, **options):
     """Run the command in a process of its own; return it with the most memory it took, in MB."""
     program = textwrap.dedent("""
         import resource, sys
-        from sat_collision.replay.command import main
+        from sat_collision.replay.__main__ import main
         status = main(sys.argv[1:])
         print('took', resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1000)
         sys.exit(status)

@@ -1,0 +1,216 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The polygons that take longest: to take from a message, to decide and to measure.
+
+Each kernel, compiled and plain Python, has a process of its own and as many vertices as the node
+accepts in it. Each figure is processor time, the best of several, of the worst pair of shapes and
+places. Contacts that begin one by one are timed, too, as they might cost more the more there are.
+"""
+
+import argparse
+import itertools
+import json
+import os
+from pathlib import Path
+import subprocess
+import sys
+import time
+
+import numpy as np
+from sat_collision import intersects, Polygon, separation
+from sat_collision.messages.cdr import decode
+from sat_collision.messages.packer import most_notched, Packer
+from sat_collision.monitor import Monitor
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from traffic import pack, regular
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / 'docs'))
+
+from page_parts import replace_part  # noqa: E402, I100
+
+MAX_VERTICES = 1024
+_TITLES = 'shape', 'to take [ms]', 'to decide [ms]', 'to measure [ms]', 'against'
+# How a second body is laid beside or over the first, in sizes of the body, and how it is turned.
+_PLACES = ((2.1, 0.0, 0.0), (0.9, 0.4, 0.0), (0.3, 0.2, 0.5), (0.01, 0.003, 0.0),
+           (0.0, 0.0, np.pi), (0.02, 0.01, 1.6))
+_TURNS = 0.0, 0.7, 2.0
+_CONTACTS = 1_000, 10_000
+
+
+def star(count, rng):
+    """Return a polygon whose vertices are as near to its middle as chance will have it."""
+    return _polar(2.0 * np.pi * np.arange(count) / count, rng.uniform(0.2, 1.0, count))
+
+
+def comb(count, rng):
+    """Return a comb whose teeth are upright."""
+    teeth = count // 4
+    x = 1.0 - np.repeat(np.arange(2 * teeth), 2) / teeth
+    y = np.tile([0.1, 1.0, 1.0, 0.1], teeth)
+    outline = np.column_stack([x, y])
+    outline[[0, -1]] = [1.0, 0.0], [x[-1], 0.0]
+    return outline
+
+
+def lying_comb(count, rng):
+    """Return a comb whose teeth lie."""
+    return comb(count, rng)[:, ::-1] * [2.0, 0.5] - [1.0, 0.0]
+
+
+def zigzag(count, rng):
+    """Return a band that goes up and down."""
+    half = count // 2
+    x = np.linspace(-1.0, 1.0, half)
+    y = np.where(np.arange(half) % 2, 0.5, -0.5)
+    return np.vstack([np.column_stack([x, y]), np.column_stack([x, y + 0.2])[::-1]])
+
+
+def bays(count, rng, number=8):
+    """Return a round body with bays of many reflex vertices."""
+    angle = 2.0 * np.pi * np.arange(count) / count
+    return _polar(angle, 1.0 - 0.6 * np.abs(np.sin(0.5 * number * angle)))
+
+
+def four_bays(count, rng):
+    """Return the same with few bays."""
+    return bays(count, rng, 4)
+
+
+def spiral(count, rng, turns=5.0):
+    """Return a band that winds around its middle."""
+    angle = np.linspace(0.0, 2.0 * np.pi * turns, count // 2)
+    radius = np.linspace(0.2, 1.0, count // 2)
+    return np.vstack([_polar(angle, radius), _polar(angle, radius - 0.05)[::-1]])
+
+
+def crescent(count, rng):
+    """Return what is between two long arcs."""
+    angle = np.linspace(0.0, 1.5 * np.pi, count // 2)
+    return np.vstack([_polar(angle, 1.0), _polar(angle, 0.95)[::-1]])
+
+
+def saw(count, rng):
+    """Return a long body with teeth that lean, each under the next."""
+    k = np.arange(count - 2)
+    x = k / count + np.where(k % 2, 0.8, 0.0) - 1.0
+    y = np.where(k % 2, 1.0, 0.0) + 1e-3 * k
+    return np.vstack([np.column_stack([x, y]), [[0.0, -0.5], [-1.0, -0.5]]])
+
+
+SHAPES = (star, comb, lying_comb, zigzag, bays, four_bays, spiral, crescent, saw)
+
+
+def _polar(angle, radius):
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+
+
+def _placed(outline, x, y, turn):
+    cosine, sine = np.cos(turn), np.sin(turn)
+    return outline @ np.array([[cosine, sine], [-sine, cosine]]) + [x, y]
+
+
+def _best(repeats, function, *arguments):
+    """Return the least processor time in ms of several calls."""
+    times = []
+    for _ in range(repeats):
+        begun = time.thread_time()
+        function(*arguments)
+        times.append(time.thread_time() - begun)
+    return 1e3 * min(times)
+
+
+def measure(repeats, seed):
+    """Return for each shape what it takes in this process's kernel, and what is worst with it."""
+    rng = np.random.default_rng(seed)
+    count = most_notched(MAX_VERTICES)
+    packer = Packer(MAX_VERTICES)
+    outlines = {shape.__name__: shape(count, rng) for shape in SHAPES}
+    found = {}
+    for name, outline in outlines.items():
+        messages = [decode(pack(_placed(outline, 0.0, 0.0, turn), 0), False)[2]
+                    for turn in _TURNS]
+        taking = max(_best(repeats, packer.pack, points) for points in messages)
+        deciding, measuring = (0.0, ''), (0.0, '')
+        for other, its in outlines.items():
+            for place, turn in itertools.product(_PLACES, _TURNS):
+                body = Polygon(_placed(outline, 0.0, 0.0, turn))
+                that = Polygon(_placed(_placed(its, *place), 0.0, 0.0, turn))
+                deciding = max(deciding, (_best(repeats, intersects, body, that), other))
+                measuring = max(measuring, (_best(repeats, separation, body, that), other))
+        found[name] = {'vertices': len(outline), 'take': taking, 'decide': deciding[0],
+                       'measure': measuring[0], 'against': measuring[1]}
+    return found
+
+
+def contacts(count):
+    """Return what it takes in ms that a footprint meets so many obstacles, one message each."""
+    monitor = Monitor(Settings(
+        (FootprintSettings('footprint', '/footprint', timeout=0.0),),
+        (ObstacleSettings('obstacles', '/obstacles', timeout=0.0, max_count=count),)))
+    now = 10**18
+    monitor.receive('footprint', pack(regular(4, 0.0, 0.0, 2.0 * count), now), now)
+    messages = [pack(regular(4, float(k), 0.0, 0.4), now) for k in range(count)]
+
+    def meet_all():
+        for message in messages:
+            monitor.receive('obstacles', message, now)
+            monitor.scene.changes()
+    time_taken = _best(1, meet_all)
+    assert len(monitor.scene.state('footprint').contacts) == count
+    return time_taken
+
+
+def table(figures):
+    """Return the figures of one kernel as a table in Markdown."""
+    rows = [f'| {" | ".join(_TITLES)} |', f'|{"---|" * len(_TITLES)}']
+    for name, one in figures.items():
+        rows.append(f'| {name.replace("_", " ")} | {one["take"]:.1f} | {one["decide"]:.1f} | '
+                    f'{one["measure"]:.1f} | {one["against"].replace("_", " ")} |')
+    return '\n'.join(rows)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser.add_argument('--repeats', type=int, default=5)
+    parser.add_argument('--seed', type=int, default=1)
+    parser.add_argument('--json', action='store_true', help='print figures of this process only')
+    parser.add_argument('--write', metavar='FILE', type=Path,
+                        help='a page whose tables are to be replaced')
+    arguments = parser.parse_args()
+    if arguments.json:
+        contacts(10)
+        print(json.dumps({'shapes': measure(arguments.repeats, arguments.seed),
+                          'contacts': [contacts(count) for count in _CONTACTS]}))
+        return
+    parts = []
+    for kernel, plain in (('Compiled', '0'), ('In plain Python', '1')):
+        figures = json.loads(subprocess.run(
+            [sys.executable, __file__, '--json', '--repeats', str(arguments.repeats),
+             '--seed', str(arguments.seed)], stdout=subprocess.PIPE, check=True,
+            env={**os.environ, 'NUMBA_DISABLE_JIT': plain}).stdout)
+        most = max(one['vertices'] for one in figures['shapes'].values())
+        few, many = figures['contacts']
+        parts.append(
+            f'{kernel}, {most} vertices:\n\n{table(figures["shapes"])}\n\n'
+            f'{_CONTACTS[1]:,} contacts that begin one by one take {many:.0f} ms, '
+            f'{many / few:.1f} times as long as {_CONTACTS[0]:,}.\n')
+        print(parts[-1], flush=True)
+    if arguments.write:
+        replace_part(arguments.write, 'hard shapes', '\n'.join(parts).rstrip())
+
+
+if __name__ == '__main__':
+    main()

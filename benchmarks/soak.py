@@ -1,0 +1,204 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The node under load for a long time: 4,000 obstacles a second, and what is known to happen.
+
+A robot is by turns on an obstacle and far from all, for 0.6 s each. Every contact must be told
+before it is over, and no flag may say clear once it has been told. Where the middleware loses
+messages the monitor has to say so: it is unknown then, which raises the flag.
+"""
+
+import argparse
+import bisect
+import contextlib
+from pathlib import Path
+import sys
+from typing import NamedTuple
+
+from counts import Reader
+from endurance import held, in_words
+import matplotlib
+from node import cpu_time, ros, running
+from traffic import Traffic
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / 'docs'))
+
+from page_parts import replace_part  # noqa: E402, I100
+
+matplotlib.use('Agg')
+from matplotlib import pyplot  # noqa: E402, I100
+
+_SLICE = 10.0
+_SETTLING = 3.0
+_STAY = 30
+_SETTLED_MINUTES = 5.0
+
+
+class Reading(NamedTuple):
+    """
+    What a slice of the soak took.
+
+    Attributes
+    ----------
+    minutes : float
+        Since the beginning, at the end of the slice.
+    megabytes : float
+        Memory of the node's process.
+    microseconds : float
+        Its processor time a message.
+    latency : float
+        The greatest, in ms, from the publish() of a footprint to the flag that it changes.
+
+    """
+
+    minutes: float
+    megabytes: float
+    microseconds: float
+    latency: float
+
+
+class Verdict(NamedTuple):
+    """
+    What was told of contacts.
+
+    Attributes
+    ----------
+    contacts, missed : int
+        How often the robot came onto an obstacle, and how often no flag told of it in time.
+    wrong_clears : int
+        Flags that said clear during a contact that had been told.
+    releases, held_back : int
+        How often it left, and how often the flag did not fall in time.
+    false_alarms : int
+        Flags that said collision or unknown after the flag had fallen, with the robot clear.
+
+    """
+
+    contacts: int
+    missed: int
+    wrong_clears: int
+    releases: int
+    held_back: int
+    false_alarms: int
+
+
+def judge(changes, heard):
+    """Return the verdict on flags heard, given what changed when; see `Traffic`."""
+    times = [when for when, _ in heard]
+    counts = {hit: [0, 0, 0] for hit in (True, False)}
+    ends = [when for when, _ in changes[1:]] + [float('inf')]
+    for (begun, hit), ended in zip(changes, ends):
+        flags = [flag for _, flag in
+                 heard[bisect.bisect_left(times, begun):bisect.bisect_left(times, ended)]]
+        told = hit in flags
+        counts[hit][0] += 1
+        counts[hit][1] += not told
+        if told:
+            counts[hit][2] += sum(flag != hit for flag in flags[flags.index(hit):])
+    return Verdict(*counts[True], *counts[False])
+
+
+def soak(minutes, obstacles):
+    """
+    Run sets of obstacles at 10 Hz, and a robot that comes and goes, against a node's process.
+
+    Returns
+    -------
+    readings : list of Reading
+    verdict : Verdict
+    sent, lost : int
+        Messages of obstacles.
+
+    """
+    readings = []
+    with running('monitor') as process, contextlib.closing(Reader()) as reader, \
+            contextlib.closing(Traffic(obstacles, 4, 1, _STAY)) as traffic:
+        traffic.connect()
+        traffic.run(_SETTLING)
+        traffic.changes.clear()
+        traffic.heard.clear()
+        count, used, sent = reader.steady(), cpu_time(process.pid), 0
+        for k in range(round(60.0 * minutes / _SLICE)):
+            footprints, more, latencies = traffic.run(_SLICE)
+            sent += more
+            used, before = cpu_time(process.pid), used
+            readings.append(Reading((k + 1) * _SLICE / 60.0, held(process.pid)['MB'],
+                                    1e6 * (used - before) / (more + footprints),
+                                    1e3 * max(latencies, default=float('nan'))))
+            if k % 6 == 5:
+                print(f'{readings[-1].minutes:5.1f} min  {in_words(process.pid)}  '
+                      f'{readings[-1].microseconds:.1f} us a message, greatest latency '
+                      f'{max(one.latency for one in readings[-6:]):.1f} ms', flush=True)
+        return (readings, judge(traffic.changes, traffic.heard), sent,
+                sent - (reader.steady() - count))
+
+
+def growth(readings):
+    """Return by what part the memory grew after the first minutes, None if there are no more."""
+    settled = [one.megabytes for one in readings if one.minutes >= _SETTLED_MINUTES]
+    return max(settled) / settled[0] - 1.0 if len(settled) > 1 else None
+
+
+def in_sentences(readings, verdict, sent, lost):
+    """Return what the page says of a soak."""
+    grown = growth(readings)
+    memory = ('' if grown is None else
+              f' After the first five minutes its memory grew by {100.0 * grown:.2f} %.')
+    minutes = readings[-1].minutes
+    return (
+        f'{minutes:g} minutes with {sent / minutes / 60.0:,.0f} obstacle messages a second '
+        f'({sent:,} in all) and footprints at 50 Hz. The robot came onto an obstacle '
+        f'{verdict.contacts:,} times: {verdict.missed} missed, {verdict.wrong_clears} wrong '
+        f'clears; it left {verdict.releases:,} times: {verdict.held_back} times the flag did not '
+        f'fall within the 0.6 s, {verdict.false_alarms} flags were raised without a contact. The '
+        f'middleware lost {lost:,} messages. The greatest latency was '
+        f'{max(one.latency for one in readings):.0f} ms.{memory}')
+
+
+def plot(readings, path):
+    """Draw memory, processor time and latency over time."""
+    figure, axes = pyplot.subplots(3, 1, figsize=(8.0, 6.4), sharex=True, layout='constrained')
+    minutes = [0.0] + [one.minutes for one in readings]
+    for one, values, label in zip(axes, list(zip(*readings))[1:], (
+            'memory [MB]', 'processor time\na message [µs]', 'greatest latency\nof 10 s [ms]')):
+        one.stairs(values, minutes, baseline=None)
+        one.set(ylabel=label, ylim=(0.0, 1.15 * max(values)))
+        one.grid(alpha=0.3)
+    axes[-1].set(xlabel='time [min]', xlim=(0.0, minutes[-1]))
+    figure.savefig(path, dpi=120)
+    pyplot.close(figure)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser.add_argument('--minutes', type=float, default=30.0)
+    parser.add_argument('--obstacles', type=int, default=400, help='of a set, at 10 Hz')
+    parser.add_argument('--plot', metavar='FILE', help='a picture of it')
+    parser.add_argument('--write', metavar='FILE', type=Path,
+                        help='a page whose figures are to be replaced')
+    arguments = parser.parse_args()
+    with ros():
+        readings, verdict, sent, lost = soak(arguments.minutes, arguments.obstacles)
+    text = in_sentences(readings, verdict, sent, lost)
+    print(text)
+    if arguments.plot:
+        plot(readings, arguments.plot)
+    if arguments.write:
+        replace_part(arguments.write, 'soak', text)
+    return verdict.missed + verdict.wrong_clears > 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,45 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""What the soak calls missed and what wrong, on flags that are made up, and on a short one."""
+
+import sys
+
+from generate import ROOT
+import pytest
+
+sys.path.append(str(ROOT / 'benchmarks'))
+
+pytest.importorskip('rclpy')
+pytest.importorskip('matplotlib')
+
+from soak import judge, Verdict  # noqa: E402, I100
+
+CHANGES = [(0.0, True), (1.0, False), (2.0, True), (3.0, False)]
+GOOD = [(0.01, False), (0.02, True), (0.5, True), (1.01, True), (1.02, False), (1.9, False),
+        (2.1, True), (3.1, False)]
+
+
+@pytest.mark.parametrize('flags, expected', [
+    (GOOD, Verdict(2, 0, 0, 2, 0, 0)),
+    ([one for one in GOOD if one != (2.1, True)], Verdict(2, 1, 0, 2, 0, 0)),
+    (sorted([*GOOD, (0.7, False), (0.8, False)]), Verdict(2, 0, 2, 2, 0, 0)),
+    (sorted([*GOOD, (1.5, True)]), Verdict(2, 0, 0, 2, 0, 1)),
+    ([one for one in GOOD if one[0] < 3.0], Verdict(2, 0, 0, 2, 1, 0)),
+    ([], Verdict(2, 2, 0, 2, 2, 0)),
+], ids=['good', 'missed', 'wrong clears', 'false alarm', 'held back', 'silence'])
+def test_verdict_on_flags(flags, expected):
+    """What is late within the stay of the robot is no fault; what comes after its end is."""
+    assert judge(CHANGES, flags) == expected

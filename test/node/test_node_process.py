@@ -59,6 +59,9 @@ for stamp in (0, time.time_ns(), time.time_ns() + 10**9):
             receive('obstacle', obstacle)
             Markers().message(node._scene)
         node._scene.nearest('footprint')
+footprint, = node._scene.settings.footprints
+own = replace(footprint, obstacles=('obstacle',))
+node._scene.update(replace(node._scene.settings, footprints=(own,)))
 node._scene.update(replace(node._scene.settings, margin=0.1))
 receive('footprint', messages[-3])
 assert compiled() == before

@@ -208,4 +208,4 @@ else:
 
     def integers(array):
         """Return a flat array of doubles taken as 64-bit integers, bit by bit."""
-        return memoryview(array).cast('B').cast('q')
+        return memoryview(array).cast('B').cast(np.dtype(np.int64).char)

@@ -95,6 +95,7 @@ def test_inexact_rivals_are_wrong_on_hard_pairs_and_right_on_near_ones(method, n
     assert (answers(method, near) == oracle.intersects_pairs(near)[0]).all()
 
 
+@pytest.mark.skipif(not COMPILED, reason='nothing to compare with')
 def test_plain_python_answers_as_compiled_code_does():
     """The same pairs in a process where numba is switched off: equal answers, filters right."""
     program = 'import json, test_rivals; print(json.dumps(test_rivals.all_answers(25, 9)))'
@@ -103,7 +104,7 @@ def test_plain_python_answers_as_compiled_code_does():
         [sys.executable, '-c', program], capture_output=True, text=True, check=True,
         env={**os.environ, 'NUMBA_DISABLE_JIT': '1', 'PYTHONPATH': path})
     plain = json.loads(result.stdout)
-    assert COMPILED and plain == all_answers(25, 9)
+    assert plain == all_answers(25, 9)
     for found in plain.values():
         assert all(found[method] == found['truth'] for method in EXACT)
 

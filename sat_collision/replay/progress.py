@@ -25,6 +25,8 @@ OnProgress: TypeAlias = Callable[[float], None]
 
 _Any = TypeVar('_Any')
 _EVERY = 500
+# What is longer would go over the end of a line, which cannot be removed.
+_LONGEST = 25
 _BAR = 30
 _PATIENCE = 1.0
 _REDRAW = 0.1
@@ -43,7 +45,7 @@ class Progress:
     """
 
     def __init__(self, what: str = '', stream: TextIO = sys.stderr) -> None:
-        self._what = f'{what} ' if what else ''
+        self._what = f'{what[:_LONGEST]} ' if what else ''
         self._stream = stream
         self._begun = time.monotonic()
         self._next = self._begun + _PATIENCE if stream.isatty() else float('inf')

@@ -21,7 +21,7 @@ import signal
 
 import pytest
 from recordings import drive, NAMES, needs_shared, SHARED, write
-from sat_collision.replay import parallel
+from sat_collision.replay import command, parallel
 from sat_collision.replay.command import main
 from sat_collision.replay.options import Options
 from sat_collision.replay.verdict import Verdict
@@ -71,6 +71,14 @@ def test_jobs_give_the_same_results(bags):
     alone = [parallel.check_one(bag, Options()) for bag in bags]
     assert summed(parallel.check_here(bags, Options(), 2)) == summed(alone)
     assert [result.verdict for result in alone] == [Verdict.CLEAR, Verdict.COLLISION] * 2
+
+
+def test_progress_of_many_counts_recordings(bags, monkeypatch):
+    """Where each has a process of its own, whose bars would overwrite each other."""
+    shown = []
+    monkeypatch.setattr(command.Progress, 'show', lambda _, share: shown.append(share))
+    assert main([*bags, '--jobs', '2']) == 1
+    assert shown == [0.25, 0.5, 0.75]
 
 
 @pytest.mark.parametrize('fault', (dies, fails))

@@ -41,7 +41,7 @@ def write_picture(frame: Frame, bounds: Sequence[float], path: str) -> None:
     _draw(frame, bounds, _figure()).savefig(path, dpi=120)
 
 
-def write_movie(frames: Sequence[Frame], bounds: Sequence[float], rate: float,
+def write_movie(frames: Sequence[Frame], bounds: Sequence[float], rate: int,
                 path: str) -> None:
     """
     Draw a moving picture.
@@ -51,7 +51,7 @@ def write_movie(frames: Sequence[Frame], bounds: Sequence[float], rate: float,
     frames : sequence of Frame
     bounds : sequence of float
         Least x and y and greatest x and y of what is shown, in metres.
-    rate : float
+    rate : int
         Frames to show in a second.
     path : str
         The GIF file to write.

@@ -77,7 +77,7 @@ def outlines(scan, gap, thickness):
         # All around: what ends the scan goes on at its beginning.
         ranges, angles = (np.append(values, values[:1]) for values in (ranges, angles))
     ranges[~((ranges >= scan.range_min) & (ranges <= scan.range_max))] = np.nan
-    # As the message will have them: a hull of other points could be rounded into no polygon at all.
+    # As the message will have them: a hull of others could be rounded into no polygon at all.
     points = np.float32([ranges * np.cos(angles), ranges * np.sin(angles)]).T.astype(float)
     steps = np.hypot(*np.diff(points, axis=0).T)
     surfaces = np.split(points, np.flatnonzero(~(steps <= gap)) + 1)

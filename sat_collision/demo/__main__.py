@@ -211,8 +211,8 @@ def _draw(frames: Sequence[Frame], picture: str, movie: str) -> bool:
     for frame in frames:
         if not shown or frame.time - shown[-1].time >= _FRAME_PERIOD:
             shown.append(frame)
-    write_movie(shown, warehouse.BOUNDS, round(_HASTE * len(shown) / shown[-1].time),
-                movie)
+    rate = round(_HASTE * len(shown) / shown[-1].time)
+    write_movie(shown, warehouse.BOUNDS, rate, movie)
     print(f'wrote {movie}', flush=True)
     return True
 

@@ -89,7 +89,7 @@ def test_sentences_follow_the_figures(figures):
     assert 'is right in all of' in before and 'is WRONG in' in after
     assert '3 answers were WRONG' in tables_after
     assert re.search(r'times as slow as \w', after)
-    assert 'improved and shapely (GEOS).' in before and 'improved and shapely' not in after
+    assert 'improved and shapely.' in before and 'improved and shapely' not in after
     assert 'were the same in both' in tables_before and 'different in 2 cases' in tables_after
     other['accuracy'] = None
     assert 'Not made yet: `make accuracy`.' in read(other)[1]

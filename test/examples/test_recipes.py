@@ -21,8 +21,8 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from harness import box, to_time  # noqa: E402, I100
-from geometry_msgs.msg import Point32, Polygon  # noqa: E402
+from geometry_msgs.msg import Point32, Polygon  # noqa: E402, I100
+from harness import box, to_time  # noqa: E402
 from std_msgs.msg import Header  # noqa: E402
 
 PAGE = (Path(__file__).resolve().parents[2] / 'docs' / 'recipes.md').read_text()

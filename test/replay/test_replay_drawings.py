@@ -18,12 +18,6 @@ from itertools import combinations
 
 import pytest
 from recordings import box, drive, needs_shared, SHARED, write
-from sat_collision.replay.command import main
-from sat_collision.replay.configuration import parameters_of_file
-from sat_collision.replay.drawing.bands import lanes_of
-from sat_collision.replay.example import write_example
-from sat_collision.replay.options import Options
-from sat_collision.replay.run import check
 
 pytest.importorskip('matplotlib')
 
@@ -31,8 +25,14 @@ from matplotlib.colors import to_hex  # noqa: E402
 from matplotlib.patches import Rectangle  # noqa: E402
 from matplotlib.text import Text  # noqa: E402
 from PIL import Image, ImageChops  # noqa: E402
+from sat_collision.replay.command import main  # noqa: E402
+from sat_collision.replay.configuration import parameters_of_file  # noqa: E402
+from sat_collision.replay.drawing.bands import lanes_of  # noqa: E402
 from sat_collision.replay.drawing.picture import draw_picture  # noqa: E402
 from sat_collision.replay.drawing.words import CONTACT  # noqa: E402
+from sat_collision.replay.example import write_example  # noqa: E402
+from sat_collision.replay.options import Options  # noqa: E402
+from sat_collision.replay.run import check  # noqa: E402
 
 CROWD = 9
 

@@ -110,12 +110,12 @@ class Page:
 
     def drawn(self, colour):
         """Return the bounds in pixels of what is drawn in the scene with outlines of a colour."""
-        return self.chromium.execute_script('''
+        return self.chromium.execute_script("""
             const paths = [...document.querySelectorAll('#scene .scatterlayer path.js-line')];
             const found = paths.find(one => getComputedStyle(one).stroke === arguments[0] &&
                 getComputedStyle(one).strokeWidth === '2px' && one.getAttribute('d'));
             const {left, right, top, bottom} = found.getBoundingClientRect();
-            return [left, right, top, bottom].map(Math.round);''', colour)
+            return [left, right, top, bottom].map(Math.round);""", colour)
 
     def drag(self, share):
         """Drag the scrubber to some share of its way, from wherever it is."""

@@ -87,12 +87,15 @@ function go(k, look = null) {
   const names = namesAt(number);
   const moving = [...obstacles, ...outlines, names];
   const {footprints} = recording;
+  // A value for each trace, none for one that keeps its own.
+  const none = obstacles.map(() => undefined);
   Plotly.update(scene, {x: moving.map(one => one.x), y: moving.map(one => one.y),
-    text: moving.map(one => one.text)}, look || follow(before, number), moving.map((_, i) => i));
-  Plotly.restyle(scene, {'line.dash': outlines.map(one => one.known ? 'solid' : 'dot'),
-    fillcolor: outlines.map((one, i) => !one.known ? 'transparent' :
-      fill(one.touches ? CONTACT : footprints[i].colour))}, outlines.map((_, i) => 4 + i));
-  Plotly.restyle(scene, {textposition: [names.textposition]}, [moving.length - 1]);
+    text: moving.map(one => one.text),
+    'line.dash': [...none, ...outlines.map(one => one.known ? 'solid' : 'dot')],
+    fillcolor: [...none, ...outlines.map((one, i) => !one.known ? 'transparent' :
+      fill(one.touches ? CONTACT : footprints[i].colour))],
+    textposition: [...moving.slice(1).map(() => undefined), names.textposition],
+  }, look || follow(before, number), moving.map((_, i) => i));
   Plotly.relayout(timeline, {'shapes[0].x0': times[number], 'shapes[0].x1': times[number]});
   scrubber.value = times[number];
   at('clock').textContent = `${times[number].toFixed(3)} s`;

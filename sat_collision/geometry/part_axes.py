@@ -29,7 +29,7 @@ from sat_collision.geometry.part_boxes import ALLOWANCE
 from sat_collision.geometry.plane import length
 
 # More than what rounding makes of a distance along an axis, in parts of the largest coordinate:
-# three products and sums, each to half an ulp of at most four times that coordinate.
+# see docs/exactness.md, lemma 15.
 _ROUNDING = 2.0 ** -47
 # Below this magnitude products may have lost what is below the smallest doubles.
 _LEAST_PRODUCT = 1e-290

@@ -318,23 +318,24 @@ def _contact(rig: Rig) -> Outcome:
 def _contact_in_flood(rig: Rig) -> Outcome:
     """Let the robot touch something while another publisher floods the topic."""
     flooded = threading.Event()
-    noise = rig._node.create_publisher(PolygonStamped, 'obstacles', 1000)
+    # Not before: a topic that has two publishers is unknown.
+    noise = []
 
     def flood() -> None:
         while not flooded.wait(0.001):
             for _ in range(10):
-                noise.publish(b'no message')
+                noise[0].publish(b'no message')
     thread = threading.Thread(target=flood)
 
     def begin() -> None:
         rig.x['footprint'] = 5.0
+        noise.append(rig._node.create_publisher(PolygonStamped, 'obstacles', 1000))
         thread.start()
 
     def end() -> None:
         flooded.set()
         thread.join()
-        # As long as it is there, the topic has two publishers, whose sets cannot be told apart.
-        rig._node.destroy_publisher(noise)
+        rig._node.destroy_publisher(noise[0])
         rig.x['footprint'] = 0.0
     try:
         return outcome(rig, begin, end)

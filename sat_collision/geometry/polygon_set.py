@@ -74,11 +74,6 @@ class PolygonSet:
         return self._used_rows - len(self._free)
 
     @property
-    def used_rows(self) -> int:
-        """How many rows are, or were, in use."""
-        return self._used_rows
-
-    @property
     def nbytes(self) -> int:
         """Bytes of memory held."""
         return int(self._array.nbytes)

@@ -180,6 +180,26 @@ def test_a_bar_turns_past_a_post(degrees):
         assert time_of_contact(*bar, post, post) is None
 
 
+def test_bars_that_turn_past_posts_about_the_tolerance_away():
+    """The tip takes a chord, the post stands beside its middle: met within, not met beyond."""
+    rng = np.random.default_rng(8)
+    outcomes = {'met': 0, 'near': 0, 'passed': 0}
+    for beyond in np.concatenate([rng.uniform(-3, 3, 200), rng.uniform(0.99, 1.01, 100)]):
+        length, turned = rng.uniform(0.5, 5), rng.uniform(0.1, 2)
+        middle = rng.uniform(-math.pi, math.pi)
+        tips = [length * np.array([math.cos(middle + sign * turned / 2),
+                                   math.sin(middle + sign * turned / 2)]) for sign in (-1, 1)]
+        bar = [[(0, 0), tip] for tip in tips]
+        reach = length * math.cos(turned / 2) + TOLERANCE * beyond
+        post = [(reach * math.cos(middle), reach * math.sin(middle))]
+        time = time_of_contact(*bar, post, post)
+        if beyond < 0.0 or time is not None:
+            assert beyond < 1.0 + 1e-6 and time <= 0.5 + TOLERANCE
+            assert boundary_distance(poses(*np.array(bar), [time])[0], np.array(post)) <= TOLERANCE
+        outcomes['met' if beyond < 0.0 else 'passed' if time is None else 'near'] += 1
+    assert min(outcomes.values()) > 10, outcomes
+
+
 def test_a_nearer_pass_than_the_tolerance():
     """Counts as contact unless one axis proves it clear to the end, as beside a straight wall."""
     wall = [(-9, 0), (9, 0)]

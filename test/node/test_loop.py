@@ -86,8 +86,6 @@ def pausable(domain):
 def test_set_that_arrives_at_once_is_seen_whole(pausable):
     """A contact that only another place of the set has now never falls in between."""
     monitor = pausable()
-    # However slow this machine is just now.
-    monitor.monitor.loop._budget = 10.0
     monitor.send('footprint', ROBOT)
     monitor.send('obstacles', TOUCHING)
     monitor.await_state('collision')

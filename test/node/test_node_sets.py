@@ -184,7 +184,8 @@ def test_window_that_cuts_a_set_is_told_with_the_remedy(start):
         for k in range(10):
             monitor.send('obstacles', TOUCHING if k == 7 else box(5 + k, 5),
                          stamp + k * SECOND // 200)
-        monitor.spin(0.1)
+            monitor.spin()
+        monitor.spin(0.05)
     monitor.until(lambda: 'set_window cuts' in reason(monitor))
     assert 'or set accumulate' in reason(monitor)
     assert 'clear' not in {values(array.status[0])['state'] for array in states}
@@ -246,7 +247,7 @@ def test_tenth_of_all_messages_is_lost(start, monkeypatch):
         stamp = monitor.now()
         for points in (APART, box(7, 7), TOUCHING):
             monitor.send('obstacles', points, stamp)
-        monitor.spin(0.03)
+            monitor.spin()
     monitor.until(lambda: health(monitor).get('obstacle: lost') == '11')
     assert {values(array.status[0])['state'] for array in states} == {'collision', 'unknown'}
     assert any('lost messages on the way' in values(array.status[0])['reason']

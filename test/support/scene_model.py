@@ -324,7 +324,7 @@ class SourceModel:
 
     def count_publishers(self, count, now):
         before, self.publishers = self.publishers, count
-        if count == before:
+        if count == before and (count or self._heard is None):
             return
         self._was_left = count == 0 and bool(before or self._heard is not None)
         if self._was_left:

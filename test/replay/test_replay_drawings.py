@@ -21,7 +21,7 @@ from recordings import box, drive, needs_shared, SHARED, write
 
 pytest.importorskip('matplotlib')
 
-from matplotlib.colors import to_hex  # noqa: E402
+from matplotlib.colors import to_hex  # noqa: E402, I100
 from matplotlib.patches import Rectangle  # noqa: E402
 from matplotlib.text import Text  # noqa: E402
 from PIL import Image, ImageChops  # noqa: E402

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Serialised tf2_msgs/TFMessage to plain data, with every length checked."""
+"""Serialised tf2_msgs/TFMessage and nav_msgs/Odometry to plain data, every length checked."""
 
 from __future__ import annotations
 
@@ -20,12 +20,15 @@ import struct
 from typing import NamedTuple
 
 from sat_collision.messages.cdr import MessageError
+from sat_collision.scene.frame_ids import LONGEST_FRAME_ID
 from sat_collision.scene.rotations import Transform
 
 _HEAD = 8
 _STAMP_SIZE = 8
 _LENGTH_SIZE = 4
 _TRANSFORM_SIZE = 56
+# Pose and twist, each with a covariance.
+_ODOMETRY_SIZE = 8 * 2 * 36 + 8 * (7 + 6)
 _SECOND = 1_000_000_000
 
 
@@ -98,10 +101,40 @@ def decode_transforms(data: bytes) -> list[StampedTransform]:
     return transforms
 
 
+def decode_odometry(data: bytes) -> list[StampedTransform]:
+    """
+    Read an Odometry, of either byte order, as the one transform that its pose is.
+
+    Raises
+    ------
+    MessageError
+        As `decode_transforms`.
+
+    """
+    order = _ORDERS.get(data[:4])
+    if order is None:
+        raise MessageError(f'{len(data)} bytes that begin with {data[:4].hex()!r} are no message')
+    try:
+        seconds, nanoseconds = order.stamp(data, 4)
+        parent, at = _name(data, 4 + _STAMP_SIZE, order)
+        child, at = _name(data, at, order)
+        at = ((at - 4 + 7) & ~7) + 4
+        transform = order.transform(data, at)
+    except struct.error as error:
+        raise MessageError('ends before its pose does') from error
+    if nanoseconds >= _SECOND:
+        raise MessageError(f'{nanoseconds} nanoseconds in the stamp make more than a second')
+    if at + _ODOMETRY_SIZE != len(data):
+        raise MessageError(f'{len(data)} bytes where the contents need {at + _ODOMETRY_SIZE}')
+    return [StampedTransform(parent, child, seconds * _SECOND + nanoseconds, transform)]
+
+
 def _name(data: bytes, at: int, order: _Order) -> tuple[str, int]:
     """Return the string that begins somewhere, and where the number behind it would stand."""
     at = (at + 3) & ~3
     length, = order.count(data, at)
+    if length > LONGEST_FRAME_ID + 1:
+        raise MessageError(f'a frame name of {length} bytes where {LONGEST_FRAME_ID} are accepted')
     start = at + _LENGTH_SIZE
     end = start + length
     # The first NUL must be the last byte of the string.

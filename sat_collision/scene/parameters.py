@@ -16,12 +16,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
+from sat_collision.scene.outlines import check, OutlineError
 from sat_collision.scene.settings import (
     DEFAULT_FOOTPRINT, DEFAULT_SOURCE, DEFAULT_SOURCE_TOPIC, FootprintSettings, ObstacleSettings,
-    Settings, Spec, specs)
+    Settings, Spec, specs, TF)
 
 _LISTS = {'footprints': DEFAULT_FOOTPRINT, 'obstacles': DEFAULT_SOURCE}
 # What every node of rclpy has beside these parameters.
@@ -92,23 +94,50 @@ def read_settings(footprints: Iterable[str], obstacles: Iterable[str],
     Raises
     ------
     ParameterError
-        If a topic cannot have the name that it was given.
+        If a topic cannot have the name that it was given, or an outline makes no sense.
 
     """
+    def resolved(name: str, topic: str) -> str:
+        try:
+            return resolve(topic)
+        except (RuntimeError, ValueError) as error:  # rcl's are RuntimeErrors
+            raise ParameterError(f'{name}: {error}') from error
+
     def values(kind: type, name: str) -> dict[str, Any]:
         found = {field: value(f'{name}.{field}') for field in specs(kind)}
-        try:
-            found['topic'] = resolve(found['topic'])
-        except (RuntimeError, ValueError) as error:  # rcl's are RuntimeErrors
-            raise ParameterError(f'{name}.topic: {error}') from error
+        found['topic'] = resolved(f'{name}.topic', found['topic'])
         return found
 
-    return Settings(
-        footprints=tuple(FootprintSettings(name=name, **values(FootprintSettings, name))
-                         for name in footprints),
+    def footprint(name: str) -> FootprintSettings:
+        found = values(FootprintSettings, name)
+        settings = FootprintSettings(name=name, **{
+            **found, 'points': _numbers(f'{name}.points', found['points'])})
+        if settings.odometry:
+            settings = replace(settings, topic=resolved(f'{name}.odometry', settings.odometry))
+        elif settings.has_outline:
+            settings = replace(settings, topic=resolved(f'{name}.points', TF))
+        return settings
+
+    settings = Settings(
+        footprints=tuple(map(footprint, footprints)),
         obstacles=tuple(ObstacleSettings(name=name, **values(ObstacleSettings, name))
                         for name in obstacles),
         **{name: value(name) for name in specs(Settings) if name not in _LISTS})
+    try:
+        check(settings)
+    except OutlineError as error:
+        raise ParameterError(error) from error
+    return settings
+
+
+def _numbers(name: str, given: Any) -> str | tuple[float, ...]:
+    """Return the value of a parameter that is a string or an array of numbers."""
+    if isinstance(given, str):
+        return given
+    if isinstance(given, Sequence) and all(type(one) in (int, float) for one in given):
+        return tuple(map(float, given))
+    raise ParameterError(f"parameter '{name}' is {given!r}, but must be a string or an array of "
+                         'numbers')
 
 
 def _topic(kind: type, name: str) -> str:

@@ -153,11 +153,11 @@ class Motion(Observer):
 
     def _stamp(self) -> int:
         """Return when that was there which the scene is told of now."""
-        return self.monitor.stamp or self.now
+        return self.monitor.teller.stamp or self.now
 
     def _ring(self) -> Ring:
         """Return where it was."""
-        return self.monitor.points, self.monitor.plane
+        return self.monitor.teller.points, self.monitor.teller.plane
 
     def _trails(self) -> Iterable[Trail]:
         return chain(self._sets.values(), self._named.values())

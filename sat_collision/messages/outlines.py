@@ -65,7 +65,7 @@ class Outlines:
     def listener(self, name: str) -> TransformListener | None:
         """Return what knows where the outline of a footprint was, None if it has none."""
         one = self._outlines.get(name)
-        return one and one.transforms
+        return one.transforms if one else None
 
     def configure(self, settings: Settings) -> None:
         """Apply settings; an outline that is another one now counts at once."""
@@ -156,9 +156,8 @@ class _Placed:
                  transforms: TransformListener) -> None:
         self.transforms = transforms
         self._outline: Outline = ()
-        self._begun: int | None = None
-        self.forget()
         self.configure(footprint, settings)
+        self.forget()
 
     def configure(self, footprint: FootprintSettings, settings: Settings) -> None:
         """Apply settings."""

@@ -71,7 +71,7 @@ class Teller:
         self._packer = Packer(settings.max_vertices)
 
     def take(self, settings: FootprintSettings | ObstacleSettings, data: bytes, now: int,
-              may_wait: bool = True) -> Rejection | Wait | None:
+             may_wait: bool = True) -> Rejection | Wait | None:
         """Tell the scene of a message; return WAIT if its transform may come, and it may wait."""
         scene, name = self._scene, settings.name
         stamp = instance = None
@@ -122,7 +122,9 @@ class Teller:
                 (settings.frame_id, found.at))
         except PolygonError as error:
             return self.refuse(settings, error.reason.value, str(error), now, stamp)
-        return refusal and self.reject(settings, refusal, detail_of(
+        if refusal is None:
+            return None
+        return self.reject(settings, refusal, detail_of(
             refusal, self._fixed, self._fixed, (now - stamp) / 1e9, settings.timeout))
 
     def refuse(self, settings: FootprintSettings | ObstacleSettings, reason: str, detail: str,

@@ -125,6 +125,10 @@ class TransformListener:
                 self.turns[child] += 1
             numbers[child] = number
 
+    def stamps(self, frame_id: str, after: int, until: int) -> list[int]:
+        """Return when between two times a frame was told to be in the fixed frame, in ns."""
+        return self.frames.stamps(self._target, frame_id, after, until)
+
     def newest(self, frame_id: str) -> Mapped | NoTransform:
         """Return what takes a frame to the fixed frame at the newest time that is known."""
         return self.frames.newest_plane(self._target, frame_id)

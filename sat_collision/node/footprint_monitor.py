@@ -17,21 +17,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from functools import partial
 import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 from rclpy.clock import JumpThreshold, TimeJump
 from rclpy.duration import Duration
-from rclpy.event_handler import (
-    QoSLivelinessChangedInfo, QoSRequestedDeadlineMissedInfo, QoSRequestedIncompatibleQoSInfo,
-    SubscriptionEventCallbacks)
 from rclpy.node import Node
-from rclpy.qos import (
-    qos_policy_name_from_kind, QoSDurabilityPolicy, QoSLivelinessPolicy, QoSPolicyKind, QoSProfile)
-from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.qos import QoSLivelinessPolicy, QoSProfile
 from sat_collision.geometry.jit import KERNEL
 from sat_collision.geometry.kernel_problem import kernel_problem
 from sat_collision.messages.outputs import Outputs
@@ -43,13 +36,12 @@ from sat_collision.node.fallback import ExecutorLoop
 from sat_collision.node.health import Health
 from sat_collision.node.parameters import Parameters
 from sat_collision.node.receiver import Backlog
+from sat_collision.node.subscriptions import Subscriptions
 from sat_collision.node.systemd import Systemd
 from sat_collision.node.timing import ClockWatch, Every
 from sat_collision.node.transforms import subscribe, transform_type
 from sat_collision.node.watchdog import Watchdog
-from sat_collision.scene.parameters import ParameterError
-from sat_collision.scene.settings import (
-    FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
+from sat_collision.scene.settings import Settings
 
 NAME = 'footprint_monitor'
 
@@ -64,12 +56,7 @@ _DEADLINE = 0.3
 _LEASE = 0.5
 # The node ticks so many times, at least, in the time after which the watchdog calls it stalled.
 _TICKS_IN_TIME = 3.0
-_FOOTPRINT_DEPTH = 1
-_SETS_IN_QUEUE = 2
 _SHORTEST_TICK = 0.02
-_OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
-                QoSPolicyKind.DURABILITY, QoSPolicyKind.DEADLINE, QoSPolicyKind.LIVELINESS,
-                QoSPolicyKind.LIVELINESS_LEASE_DURATION)
 
 
 class FootprintMonitor(Node):
@@ -111,12 +98,11 @@ class FootprintMonitor(Node):
         self._logged: dict[tuple[str, str], float] = {}
         in_loop = waiting.is_supported()
         self._taken_by = loop.Reserved() if in_loop else self.default_callback_group
-        inputs = [self._subscribe(footprint, PolygonStamped, _FOOTPRINT_DEPTH)
-                  for footprint in settings.footprints]
-        for source in settings.obstacles:
-            kind = PolygonInstanceStamped if source.type == POLYGON_INSTANCE else PolygonStamped
-            inputs.append(self._subscribe(source, kind, _SETS_IN_QUEUE * source.max_count))
-        self._inputs = inputs
+        subscriptions = Subscriptions(self, settings, self._receive_alone, self._taken_by,
+                                      self._health)
+        for name in subscriptions.latched:
+            self._scene.meet_publisher(name, True)
+        self._inputs = inputs = subscriptions.inputs
         transform_inputs = transforms and subscribe(self, transforms, self._receive_alone,
                                                     self._taken_by)
         self._clock_watch = ClockWatch()
@@ -136,27 +122,6 @@ class FootprintMonitor(Node):
             self.loop = ExecutorLoop(self, self)
         parameters.on_change(self._configure, self._health.note_change)
 
-    def _subscribe(self, source: FootprintSettings | ObstacleSettings, kind: type,
-                   depth: int) -> loop.Input:
-        events = SubscriptionEventCallbacks(
-            incompatible_qos=partial(self._report_incompatible_qos, source.topic),
-            deadline=partial(self._count_missed_deadlines, source.topic),
-            liveliness=partial(self._count_lost_liveliness, source.topic))
-        try:
-            subscription = self.create_subscription(
-                # The settings have the remapped name, which must not be remapped again.
-                kind, self.get_parameter(f'{source.name}.topic').value,
-                partial(self._receive_alone, source.name), QoSProfile(depth=depth), raw=True,
-                callback_group=self._taken_by, event_callbacks=events,
-                qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE))
-        except RuntimeError as error:
-            raise ParameterError(f'{source.topic}: {error}') from error
-        if subscription.qos_profile.durability is QoSDurabilityPolicy.TRANSIENT_LOCAL:
-            # What was sent before is delivered, too.
-            self._scene.meet_publisher(source.name, True)
-        self.get_logger().info(f'{source.name}: {kind.__name__} on {source.topic}')
-        return loop.Input(source.name, subscription)
-
     def _set_rates(self, settings: Settings) -> None:
         self._publishing = Every(1.0 / settings.publish_rate)
         self._marking = Every(1.0 / settings.marker_rate)
@@ -167,7 +132,7 @@ class FootprintMonitor(Node):
     def _configure(self, settings: Settings) -> None:
         """Apply changed parameters and publish what follows from them."""
         self._set_rates(settings)
-        self._monitor.update(settings)
+        self._log(self._monitor.update(settings))
         self._outputs.configure(settings)
         self._outputs.publish()
 
@@ -183,8 +148,8 @@ class FootprintMonitor(Node):
         monitor = self._monitor
         if name in TRANSFORM_TOPICS:
             count = 0
-            for data, _ in messages:
-                self._log(monitor.receive_transforms(name, data, now))
+            for data, number in messages:
+                self._log(monitor.receive_transforms(name, data, now, number))
                 count += 1
             return count
         before = monitor.received[name]
@@ -265,21 +230,6 @@ class FootprintMonitor(Node):
             if now - self._logged.get(key, -_LOG_PERIOD) >= _LOG_PERIOD:
                 self._logged[key] = now
                 self.get_logger().warning(rejection.text)
-
-    def _report_incompatible_qos(self, topic: str,
-                                 event: QoSRequestedIncompatibleQoSInfo) -> None:
-        policy = qos_policy_name_from_kind(event.last_policy_kind)
-        self._health.incompatible_qos(topic, policy)
-        self.get_logger().error(
-            f'{topic}: a publisher offers a {policy} that this node cannot accept, so nothing '
-            f'from it arrives; set qos_overrides.{topic}.subscription.{policy.lower()} to what '
-            'it offers, or change the publisher')
-
-    def _count_missed_deadlines(self, topic: str, event: QoSRequestedDeadlineMissedInfo) -> None:
-        self._health.count_event(topic, 'deadlines missed', event.total_count_change)
-
-    def _count_lost_liveliness(self, topic: str, event: QoSLivelinessChangedInfo) -> None:
-        self._health.count_event(topic, 'liveliness lost', max(event.not_alive_count_change, 0))
 
     def _publish_changes(self) -> None:
         brief = self._scene.evaluations.brief_contacts()

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -96,7 +96,21 @@ class Parameters:
                 return SetParametersResult(
                     successful=False, reason=f"{parameter.name}: '{parameter.value}' is not one "
                                              f'of {", ".join(spec.choices)}')
-        return SetParametersResult(successful=True)
+        problem = self._problem({one.name: one.value for one in parameters})
+        return SetParametersResult(successful=not problem, reason=problem)
+
+    def _problem(self, changes: dict[str, Any]) -> str:
+        """Return what is wrong with the settings that changes make while the node runs."""
+        if not self._on_change or not self._specs.keys() & changes:
+            return ''
+        try:
+            settings = self._read(changes)
+        except ParameterError as error:
+            return str(error)
+        for one, other in zip(self.settings.footprints, settings.footprints):
+            if one.has_outline != other.has_outline:
+                return f'{one.name}.points: whether there is an outline is fixed at the start'
+        return ''
 
     def _is_locked(self, name: str) -> bool:
         """Tell whether a parameter may not be changed any more."""
@@ -118,16 +132,18 @@ class Parameters:
             self.settings = self._read()
             self._on_change(self.settings)
 
-    def _read(self) -> Settings:
-        return read_settings(self._footprints, self._obstacles,
-                             lambda name: self._node.get_parameter(name).value,
+    def _read(self, changes: Mapping[str, Any] = {}) -> Settings:
+        def value(name: str) -> Any:
+            return changes[name] if name in changes else self._node.get_parameter(name).value
+        return read_settings(self._footprints, self._obstacles, value,
                              self._node.resolve_topic_name)
 
 
 def _descriptor(default: Any, spec: Spec) -> ParameterDescriptor:
     constraints = f'one of {", ".join(spec.choices)}' if spec.choices else ''
     descriptor = ParameterDescriptor(description=spec.description, read_only=not spec.live,
-                                     additional_constraints=constraints)
+                                     additional_constraints=constraints,
+                                     dynamic_typing=spec.is_any_type)
     if spec.limits:
         low, high = spec.limits
         if isinstance(default, float):

@@ -23,9 +23,9 @@ from typing import Any
 from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
-from sat_collision.messages.transform_listener import TF, TF_STATIC
+from sat_collision.messages.transform_listener import TF_STATIC
 from sat_collision.node.loop import Input
-from sat_collision.scene.settings import Settings
+from sat_collision.scene.settings import Settings, TF
 
 # As tf2 has them.
 _DEPTH = 100
@@ -39,8 +39,11 @@ def transform_type(node: Node, settings: Settings) -> type | None:
     try:
         from tf2_msgs.msg import TFMessage
     except ImportError:
+        lost = ', '.join(one.name for one in settings.footprints
+                         if one.has_outline and not one.odometry)
         node.get_logger().warning(
-            f'tf2_msgs is not installed: bodies are taken in {settings.frame_id} only')
+            f'tf2_msgs is not installed: bodies are taken in {settings.frame_id} only'
+            + (f', and it is not known where {lost} is: give <name>.odometry' if lost else ''))
         return None
     return TFMessage  # type: ignore[no-any-return]
 

@@ -136,6 +136,8 @@ def _checked(name: str, value: Any, default: Any, spec: Spec) -> Any:
     """Return a value that has the type of the default and is within limits, as the node would."""
     if value is None:
         raise ParameterError(f"parameter '{name}' has no value")
+    if spec.is_any_type:
+        return value
     wanted = type(default)
     if type(value) is not wanted or wanted is list and not all(
             isinstance(item, str) for item in value):

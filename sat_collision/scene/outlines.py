@@ -48,7 +48,8 @@ def outline_of(settings: FootprintSettings, max_vertices: int) -> Outline:
     if settings.points and settings.radius:
         raise OutlineError(f'{name}.points and {name}.radius are both given: choose one')
     pairs = _pairs(settings) if settings.points else _disc(settings)
-    vertices = np.array(pairs, np.float32).astype(np.float64)
+    with np.errstate(over='ignore'):  # it is not finite then, which is told
+        vertices = np.array(pairs, np.float32).astype(np.float64)
     try:
         Polygon(vertices, max_vertices)
     except PolygonError as error:

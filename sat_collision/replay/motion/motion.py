@@ -20,12 +20,15 @@ from collections.abc import Callable, Iterable
 from itertools import chain
 from typing import TypeVar
 
-from sat_collision.geometry.polygon import Polygon
+from sat_collision.geometry.polygon import PlaneMap, Polygon
+from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.monitor import Monitor
 from sat_collision.replay.motion.bodies import Bodies, Floats, Ring
 from sat_collision.replay.motion.encounters import Step
 from sat_collision.replay.motion.named import NamedTrail
+from sat_collision.replay.motion.poses import Poses
 from sat_collision.replay.motion.sets import SetTrail
+from sat_collision.replay.motion.tracks import Track
 from sat_collision.replay.motion.trails import Emit, LONGEST, Trail
 from sat_collision.replay.motion.walker import Walker
 from sat_collision.replay.result import Contact, FootprintResult, Least, Picture, Unknown
@@ -96,11 +99,35 @@ class Motion(Observer):
                 walker.skip()
         name = footprint.settings.name
         walker = self._walkers[name]
-        walker.track.add(Bodies([ObstacleId(name, 0)], [self._stamp()], [self._ring()],
-                                self._max_vertices))
+        stamp = self._stamp()
+        transforms = self.monitor.outlines.listener(name)
+        if transforms is not None:
+            self._follow(walker.track, footprint, transforms, stamp)
+        walker.track.add(self._body(name, stamp, self.monitor.teller.plane))
         for trail in self._trails():
             trail.rest(self.now)
         walker.walk(self.now)
+
+    def _follow(self, track: Track, footprint: Footprint, transforms: TransformListener,
+                stamp: int) -> None:
+        """Let the track of an outline follow its frame to where it is placed now."""
+        begin = track.begin_of_way(stamp)
+        if begin is None:
+            return
+        settings = footprint.settings
+        poses = Poses(transforms, settings.frame_id, self.monitor.teller.points).between(
+            begin, stamp)
+        if poses is None:
+            track.lose_way(stamp)
+            return
+        for time, plane in poses:
+            track.add(self._body(settings.name, time, plane, is_between=True))
+
+    def _body(self, name: str, stamp: int, plane: PlaneMap | None,
+              is_between: bool = False) -> Bodies:
+        """Return the footprint of which the scene is told, at a time."""
+        return Bodies([ObstacleId(name, 0)], [stamp], [(self.monitor.teller.points, plane)],
+                      self._max_vertices, is_between=is_between)
 
     def remove_footprint(self, footprint: Footprint) -> None:
         """Take note that a footprint is nowhere."""

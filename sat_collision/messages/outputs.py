@@ -140,7 +140,8 @@ class Outputs:
                 self._states.write(name, state, step)
             nearest = self._scene.nearest(name)
             named = {*state.contacts, *((nearest[0],) if nearest else ())}
-            self._states.write_moving(name, state.age, nearest, self._scene.newer_by(name, named))
+            self._states.write_moving(name, state.age, nearest, self._scene.newer_by(name, named),
+                                      self._scene.origin(name))
         self._unwritten.clear()
         self._state_publisher.publish(self._states.message(self._clock.now().to_msg()))
 

@@ -39,7 +39,7 @@ from sat_collision.node.receiver import Backlog
 from sat_collision.node.subscriptions import Subscriptions
 from sat_collision.node.systemd import Systemd
 from sat_collision.node.timing import ClockWatch, Every
-from sat_collision.node.transforms import subscribe, transform_type
+from sat_collision.node.transforms import publishers_of_tf, subscribe, transform_type
 from sat_collision.node.watchdog import Watchdog
 from sat_collision.scene.settings import Settings
 
@@ -93,7 +93,8 @@ class FootprintMonitor(Node):
         self._scene = self._monitor.scene
         self._outputs = Outputs(self, settings, self._scene, _flag_qos(settings))
         self._health = Health(self.get_name(), self.get_fully_qualified_name(),
-                              {'kernel': KERNEL, 'problem of kernels': kernel_problem() or 'none'})
+                              {'kernel': KERNEL, 'problem of kernels': kernel_problem() or 'none'},
+                              lambda: publishers_of_tf(self))
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._logged: dict[tuple[str, str], float] = {}
         in_loop = waiting.is_supported()

@@ -17,16 +17,20 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 import time
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from sat_collision.monitor import Monitor
 from sat_collision.node.receiver import Backlog
+from sat_collision.scene.frame_ids import in_words
 
 # What is behind by less, in s, is a burst that is just being taken.
 _NOTEWORTHY = 0.1
+# Publishers of a frame that take turns less often between two messages have begun again.
+_FEW_TURNS = 2
+_MOST_NAMED = 10
 
 
 class Health:
@@ -38,16 +42,22 @@ class Health:
     node_name, hardware_id : str
     facts : dict
         What does not change while the node runs, such as the kernel in use.
+    tf_publishers : callable
+        Returns the names of the nodes that publish /tf.
 
     """
 
-    def __init__(self, node_name: str, hardware_id: str, facts: Mapping[str, str]) -> None:
+    def __init__(self, node_name: str, hardware_id: str, facts: Mapping[str, str],
+                 tf_publishers: Callable[[], Iterable[str]] = tuple) -> None:
+        self._tf_publishers = tf_publishers
         self._status = DiagnosticStatus(name=f'{node_name}: health', hardware_id=hardware_id)
         self._facts = facts
         self._incompatible: dict[str, str] = {}
         self._events: Counter[tuple[str, str]] = Counter()
         self._news: Counter[str] = Counter()
         self._received: Counter[str] = Counter()
+        self._turns: Counter[str] = Counter()
+        self._transforms = 0
         self._refused = self._lost = 0
         self._begun = time.monotonic()
         self._backlogs: dict[str, Backlog] = {}
@@ -112,6 +122,13 @@ class Health:
         for name, count in received.items():
             values[f'{name}: received'] = str(count)
             values[f'{name}: rate [Hz]'] = f'{(count - self._received[name]) / period:.1f}'
+        if transforms.transforms:
+            values['transforms: rate [Hz]'] = (
+                f'{(transforms.transforms - self._transforms) / period:.1f}')
+        self._transforms = transforms.transforms
+        twice = self._told_twice(transforms.turns)
+        for child, count in twice.items():
+            values[f'transforms of {in_words(child)}: publishers took turns'] = str(count)
         for name, count in monitor.waiting.counts().items():
             values[f'{name}: waiting for transforms'] = str(count)
         for (child, reason), count in transforms.rejected.items():
@@ -132,6 +149,10 @@ class Health:
             values[f'{topic}: incompatible QoS'] = policy
         self._status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
         problems = [f'incompatible QoS on {topic}' for topic in self._incompatible]
+        if twice:
+            publishers = ', '.join(sorted(self._tf_publishers())) or 'unknown'
+            problems.append(f'{", ".join(map(in_words, [*twice][:_MOST_NAMED]))} told by more than '
+                            f'one publisher of /tf, which are {publishers}')
         if refused > self._refused:
             problems.append(f'messages rejected: {refused - self._refused}')
         if lost > self._lost:
@@ -150,3 +171,10 @@ class Health:
         message = DiagnosticArray(status=[self._status])
         message.header.stamp = stamp
         return message
+
+    def _told_twice(self, turns: Counter[str]) -> dict[str, int]:
+        """Return how often publishers of one frame took turns since the last message, if often."""
+        news = {child: count - self._turns[child] for child, count in turns.items()
+                if count - self._turns[child] >= _FEW_TURNS}
+        self._turns = turns.copy()
+        return news

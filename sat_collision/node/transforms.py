@@ -48,6 +48,12 @@ def transform_type(node: Node, settings: Settings) -> type | None:
     return TFMessage  # type: ignore[no-any-return]
 
 
+def publishers_of_tf(node: Node) -> set[str]:
+    """Return the full names of the nodes that publish /tf."""
+    return {f'{one.node_namespace.rstrip("/")}/{one.node_name}'
+            for one in node.get_publishers_info_by_topic(TF)}
+
+
 def subscribe(node: Node, kind: type, receive: Callable[..., Any],
               group: CallbackGroup) -> list[Input]:
     """

@@ -93,9 +93,9 @@ class FootprintSettings:
         'false leaves the footprint out: its state is unknown, and it does not raise the common '
         'flag', live=True, safety=True))
     points: str | tuple[float, ...] = field(default='', metadata=_setting(
-        'm; the outline of a footprint that has no topic, but moves with the frame '
-        '<footprint>.frame_id: [x1, y1, x2, y2, ...], or a string as Nav2 has it, '
-        "'[[x1, y1], [x2, y2], ...]'; empty for none", live=True, safety=True, is_any_type=True))
+        'm; the outline of a footprint that no topic tells: it moves with its frame_id. '
+        '[x1, y1, x2, y2, ...], or a string as Nav2 has it, [[x1, y1], [x2, y2], ...]; empty for '
+        'none', live=True, safety=True, is_any_type=True))
     radius: float = field(default=0.0, metadata=_setting(
         'm; the same for a disc round the origin of the frame; 0.0 for none', live=True,
         safety=True, limits=(0.0, 1000.0)))

@@ -89,7 +89,8 @@ class Monitor:
         self._losses: defaultdict[str, Losses] = defaultdict(Losses)
         self._overloads: defaultdict[str, Overload] = defaultdict(Overload)
         self.transforms = TransformListener(settings)
-        self.teller = Teller(settings, self.scene, self.transforms if transforms else None,
+        hears_of_frames = transforms or any(one.odometry for one in settings.footprints)
+        self.teller = Teller(settings, self.scene, self.transforms if hears_of_frames else None,
                              self._watch_clock)
         self.rejected = self.teller.rejected
         self.outlines = Outlines(settings, self.teller, self.transforms, self.received)
@@ -179,11 +180,7 @@ class Monitor:
                            number: int | None = None) -> list[Rejection]:
         """Take a message of /tf or /tf_static, and what has waited for it."""
         self._watch_clock(now)
-        rejections = self.transforms.listen(topic, data, number)
-        rejections += self._follow(now)
-        if self.waiting.earliest < NEVER:
-            rejections += self.waiting.take(now)
-        return rejections
+        return self.transforms.listen(topic, data, number) + self._take_moved(now)
 
     def advance(self, now: int, is_all_taken: bool = True) -> list[Rejection]:
         """Let time pass, as `Scene.advance` or `pass_time`, and refuse what waited too long."""
@@ -202,6 +199,13 @@ class Monitor:
         """The time in ns until which, at least, nothing changes by itself; NEVER if at no time."""
         return min(self.scene.deadline, self.waiting.earliest, self.outlines.deadline)
 
+    def _take_moved(self, now: int) -> list[Rejection]:
+        """Take what has waited for what was told of frames, and place what it moves."""
+        rejections = self._follow(now)
+        if self.waiting.earliest < NEVER:
+            rejections += self.waiting.take(now)
+        return rejections
+
     def _follow(self, now: int) -> list[Rejection]:
         """Place the outlines that have moved, once there is a clock."""
         return self.outlines.follow(now) if now else []
@@ -219,7 +223,7 @@ class Monitor:
         """Take a message, or let it wait: for a transform, or behind what waits for one."""
         if settings.name in self.outlines:
             self._watch_clock(now)
-            return self.outlines.receive(settings.name, data, now)
+            return self.outlines.receive(settings.name, data) + self._take_moved(now)
         if settings.name not in self.waiting:
             outcome = self.teller.take(settings, data, now)
             if not isinstance(outcome, Wait):

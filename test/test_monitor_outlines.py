@@ -267,11 +267,24 @@ def test_odometry_moves_it_without_tf():
     world = World(replace(ROBOT, topic='/odom', odometry='/odom'))
     world.report(0.1, 1.0, 2.0)
     assert world.bounds() == (0.5, 1.5, 1.5, 2.5) and world.status() == 'clear'
-    world.move(0.2, 49.5)
-    assert world.bounds() == (0.5, 1.5, 1.5, 2.5)
     world.report(0.3, 49.5)
     assert world.status() == 'collision'
     assert world.monitor.received['robot'] == 2 and not world.rejections
+
+
+def test_odometry_moves_what_the_robot_sees_too():
+    """In its own frame, without /tf; what is stamped later waits."""
+    odometer = replace(ROBOT, topic='/odom', odometry='/odom')
+    world = World(odometer)
+    world.monitor = Monitor(world.settings)
+    world.report(0.1, 1.0, 2.0)
+    world.time = 0.15
+    world.monitor.receive('lidar', serialised(box(0.25), world.now, 'base', 0), world.now)
+    assert world.monitor.waiting.counts() == {'lidar': 1}
+    world.report(0.2, 2.0, 2.0)
+    assert world.status() == 'collision'
+    (_, polygon), = world.monitor.scene.obstacles
+    assert polygon.bounds == pytest.approx((1.75, 2.0, 2.75, 3.0), abs=1e-12)
 
 
 def test_odometry_between_other_frames_is_of_no_use():

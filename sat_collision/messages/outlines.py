@@ -23,7 +23,6 @@ from sat_collision.messages.cdr import Points
 from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.teller import Teller
 from sat_collision.messages.transform_listener import TransformListener
-from sat_collision.messages.transforms import decode_odometry
 from sat_collision.scene.deadlines import NEVER
 from sat_collision.scene.frames import NoTransform
 from sat_collision.scene.outlines import Outline, outline_of
@@ -42,7 +41,7 @@ class Outlines:
     settings : Settings
     teller : Teller
     transforms : TransformListener
-        Of /tf; what a footprint has odometry for has one of its own.
+        Hears of odometry, too.
     received : Counter
         Poses of outlines that move by /tf are counted there by name.
 
@@ -52,45 +51,34 @@ class Outlines:
                  received: Counter[str]) -> None:
         self._teller = teller
         self._received = received
-        self._outlines = {
-            one.name: _Placed(one, settings, TransformListener(settings, decode_odometry)
-                              if one.odometry else transforms)
-            for one in settings.footprints if one.has_outline}
+        self._transforms = transforms
+        self._outlines = {one.name: _Placed(one, settings.max_vertices)
+                          for one in settings.footprints if one.has_outline}
         self.configure(settings)
 
     def __contains__(self, name: str) -> bool:
         """Tell whether a footprint has an outline."""
         return name in self._outlines
 
-    def listener(self, name: str) -> TransformListener | None:
-        """Return what knows where the outline of a footprint was, None if it has none."""
-        one = self._outlines.get(name)
-        return one.transforms if one else None
-
     def configure(self, settings: Settings) -> None:
         """Apply settings; an outline that is another one now counts at once."""
         self._patience = round(settings.transform_timeout * 1e9)
         for footprint in settings.footprints:
             if footprint.name in self._outlines:
-                self._outlines[footprint.name].configure(footprint, settings)
+                self._outlines[footprint.name].configure(footprint, settings.max_vertices)
 
     def clear(self) -> None:
         """Forget what was told of another time."""
         for one in self._outlines.values():
             one.forget()
-            if one.settings.odometry:
-                one.transforms.clear()
 
-    def receive(self, name: str, data: bytes, now: int) -> list[Rejection]:
+    def receive(self, name: str, data: bytes) -> list[Rejection]:
         """Take a message of odometry for a footprint."""
-        one = self._outlines[name]
-        rejections = [
-            self._teller.reject(one.settings, rejection.reason, rejection.detail)
-            for rejection in one.transforms.listen(one.settings.topic, data)]
-        return rejections + self._follow(one, now)
+        problem = self._transforms.hear_odometry(data)
+        return [self._teller.reject(self._outlines[name].settings, *problem)] if problem else []
 
     def follow(self, now: int) -> list[Rejection]:
-        """Place what has moved by /tf."""
+        """Place what has moved."""
         rejections: list[Rejection] = []
         for one in self._outlines.values():
             rejections += self._follow(one, now)
@@ -111,7 +99,7 @@ class Outlines:
             return []
         one.is_pending = False
         one.begin(now)
-        found = one.transforms.newest(settings.frame_id)
+        found = self._transforms.newest(settings.frame_id)
         if isinstance(found, NoTransform):
             if one.fault == found.reason or (found.may_come and not one.has_waited(
                     now, self._patience)):
@@ -136,7 +124,6 @@ class _Placed:
     ----------
     settings : FootprintSettings
     points : Points
-    transforms : TransformListener
     period : int
         How long it stays at least where it was placed, on average, in ns.
     next : int
@@ -152,20 +139,17 @@ class _Placed:
 
     """
 
-    def __init__(self, footprint: FootprintSettings, settings: Settings,
-                 transforms: TransformListener) -> None:
-        self.transforms = transforms
+    def __init__(self, footprint: FootprintSettings, max_vertices: int) -> None:
+        self._begun: int | None = None
         self._outline: Outline = ()
-        self.configure(footprint, settings)
+        self.configure(footprint, max_vertices)
         self.forget()
 
-    def configure(self, footprint: FootprintSettings, settings: Settings) -> None:
+    def configure(self, footprint: FootprintSettings, max_vertices: int) -> None:
         """Apply settings."""
         self.settings = footprint
         self.period = round(1e9 / footprint.rate)
-        if footprint.odometry:
-            self.transforms.configure(settings)
-        outline = outline_of(footprint, settings.max_vertices)
+        outline = outline_of(footprint, max_vertices)
         if outline != self._outline or not footprint.enabled:
             self._outline = outline
             self.points: Points = (b''.join(struct.pack('=3f', x, y, 0.0) for x, y in outline), 0,

@@ -17,14 +17,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
 
 from sat_collision.messages.cdr import MessageError
 from sat_collision.messages.rejections import Rejection, UNDECODABLE
-from sat_collision.messages.transforms import decode_transforms, StampedTransform
+from sat_collision.messages.transforms import decode_odometry, decode_transforms
 from sat_collision.scene.deadlines import NEVER
 from sat_collision.scene.frame_ids import in_quotes, in_words
 from sat_collision.scene.frames import Frames, Mapped, NoTransform
+from sat_collision.scene.rotations import Transform
 from sat_collision.scene.settings import Settings, TF
 
 TF_STATIC = '/tf_static'
@@ -42,8 +42,6 @@ class TransformListener:
     Parameters
     ----------
     settings : Settings
-    decode : callable, optional
-        Takes the bytes of a message and returns its transforms, or raises MessageError.
 
     Attributes
     ----------
@@ -60,9 +58,7 @@ class TransformListener:
 
     """
 
-    def __init__(self, settings: Settings,
-                 decode: Callable[[bytes], list[StampedTransform]] = decode_transforms) -> None:
-        self._decode = decode
+    def __init__(self, settings: Settings) -> None:
         self.frames = Frames(round(settings.tf_cache_time * 1e9))
         self.received: Counter[str] = Counter()
         self.rejected: Counter[tuple[str, str]] = Counter()
@@ -84,7 +80,7 @@ class TransformListener:
         """Take a message of /tf or /tf_static, and which one of its publisher it is, if known."""
         self.received[topic] += 1
         try:
-            transforms = self._decode(data)
+            transforms = decode_transforms(data)
         except MessageError as error:
             self.rejected[topic, UNDECODABLE] += 1
             return [Rejection(topic, topic, UNDECODABLE, str(error))]
@@ -95,15 +91,25 @@ class TransformListener:
             refusal = insert(parent, child, stamp, transform, static)
             if refusal:
                 self._count(in_words(child), refusal)
-                numbers = ', '.join(f'{number:.6g}' for number in transform)
-                rejections.append(Rejection(
-                    topic, topic, refusal, f'the transform of {in_quotes(child)} in '
-                    f'{in_quotes(parent)} by an unknown publisher is ({numbers})'))
+                rejections.append(Rejection(topic, topic, refusal, _detail(
+                    parent, child, transform, 'by an unknown publisher ')))
             else:
                 self.transforms += 1
         if number is not None and not static:
             self._note_publisher([child for _, child, _, _ in transforms], number)
         return rejections
+
+    def hear_odometry(self, data: bytes) -> tuple[str, str] | None:
+        """Take an Odometry; return reason and detail if it is of no use."""
+        try:
+            parent, child, stamp, transform = decode_odometry(data)
+        except MessageError as error:
+            return UNDECODABLE, str(error)
+        refusal = self.frames.insert(parent, child, stamp, transform)
+        if refusal:
+            return refusal, _detail(parent, child, transform)
+        self.transforms += 1
+        return None
 
     def _count(self, child: str, refusal: str) -> None:
         """Count a transform that was refused."""
@@ -155,3 +161,9 @@ class TransformListener:
             return self.frames.plane(self._target, frame_id, stamp)
         oldest = now - timeout * 1e9 if timeout > 0.0 else -NEVER
         return self.frames.newest_plane(self._target, frame_id, oldest)
+
+
+def _detail(parent: str, child: str, transform: Transform, publisher: str = '') -> str:
+    numbers = ', '.join(f'{number:.6g}' for number in transform)
+    return (f'the transform of {in_quotes(child)} in {in_quotes(parent)} {publisher}is '
+            f'({numbers})')

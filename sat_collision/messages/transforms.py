@@ -101,9 +101,9 @@ def decode_transforms(data: bytes) -> list[StampedTransform]:
     return transforms
 
 
-def decode_odometry(data: bytes) -> list[StampedTransform]:
+def decode_odometry(data: bytes) -> StampedTransform:
     """
-    Read an Odometry, of either byte order, as the one transform that its pose is.
+    Read an Odometry, of either byte order, as the transform that its pose is.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def decode_odometry(data: bytes) -> list[StampedTransform]:
         raise MessageError(f'{nanoseconds} nanoseconds in the stamp make more than a second')
     if at + _ODOMETRY_SIZE != len(data):
         raise MessageError(f'{len(data)} bytes where the contents need {at + _ODOMETRY_SIZE}')
-    return [StampedTransform(parent, child, seconds * _SECOND + nanoseconds, transform)]
+    return StampedTransform(parent, child, seconds * _SECOND + nanoseconds, transform)
 
 
 def _name(data: bytes, at: int, order: _Order) -> tuple[str, int]:

@@ -151,8 +151,8 @@ class Health:
         problems = [f'incompatible QoS on {topic}' for topic in self._incompatible]
         if twice:
             publishers = ', '.join(sorted(self._tf_publishers())) or 'unknown'
-            problems.append(f'{", ".join(map(in_words, [*twice][:_MOST_NAMED]))} told by more than '
-                            f'one publisher of /tf, which are {publishers}')
+            frames = ', '.join(map(in_words, [*twice][:_MOST_NAMED]))
+            problems.append(f'more than one publisher of /tf, of {publishers}, tells of {frames}')
         if refused > self._refused:
             problems.append(f'messages rejected: {refused - self._refused}')
         if lost > self._lost:

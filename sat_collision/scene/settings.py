@@ -107,7 +107,7 @@ class FootprintSettings:
     rate: float = field(default=50.0, metadata=_setting(
         'Hz; how often the outline is placed at most', limits=(0.1, 1000.0)))
     odometry: str = field(default='', metadata=_setting(
-        'topic of nav_msgs/Odometry that tells the pose of the outline instead of /tf; empty for '
+        'topic of nav_msgs/Odometry that tells where the frame is instead of /tf; empty for '
         '/tf'))
 
     @property

@@ -95,7 +95,8 @@ def test_shipped_parameter_files_are_read(domain, name):
     'footprint.timeout:=-1.0', 'footprint.timeout:=.nan', f'{SOURCE}.max_count:=0',
     'publish_rate:=1000.0', 'footprints:=robot', 'footprints:=[left arm]', 'footprints:=[a, a]',
     'obstacles:=[footprint]', 'footprint.points:=3', 'footprint.points:=[a, b]',
-    'footprint.points:=[1.0, 2.0]', 'footprint.frame_id:=base', 'footprint.radius:=2.0', 'footprint.topic:=a b', "footprint.topic:=''", 'enabled:=1'])
+    'footprint.points:=[1.0, 2.0]', 'footprint.frame_id:=base', 'footprint.radius:=2.0',
+    'footprint.topic:=a b', "footprint.topic:=''", 'enabled:=1'])
 def test_what_the_node_refuses_is_refused(domain, text):
     """And in one line that names the parameter."""
     name, value = parameter_of_text(text)

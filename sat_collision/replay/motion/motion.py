@@ -21,7 +21,6 @@ from itertools import chain
 from typing import TypeVar
 
 from sat_collision.geometry.polygon import PlaneMap, Polygon
-from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.monitor import Monitor
 from sat_collision.replay.motion.bodies import Bodies, Floats, Ring
 from sat_collision.replay.motion.encounters import Step
@@ -100,23 +99,21 @@ class Motion(Observer):
         name = footprint.settings.name
         walker = self._walkers[name]
         stamp = self._stamp()
-        transforms = self.monitor.outlines.listener(name)
-        if transforms is not None:
-            self._follow(walker.track, footprint, transforms, stamp)
+        if name in self.monitor.outlines:
+            self._follow(walker.track, footprint, stamp)
         walker.track.add(self._body(name, stamp, self.monitor.teller.plane))
         for trail in self._trails():
             trail.rest(self.now)
         walker.walk(self.now)
 
-    def _follow(self, track: Track, footprint: Footprint, transforms: TransformListener,
-                stamp: int) -> None:
+    def _follow(self, track: Track, footprint: Footprint, stamp: int) -> None:
         """Let the track of an outline follow its frame to where it is placed now."""
         begin = track.begin_of_way(stamp)
         if begin is None:
             return
         settings = footprint.settings
-        poses = Poses(transforms, settings.frame_id, self.monitor.teller.points).between(
-            begin, stamp)
+        poses = Poses(self.monitor.transforms, settings.frame_id,
+                      self.monitor.teller.points).between(begin, stamp)
         if poses is None:
             track.lose_way(stamp)
             return

@@ -18,7 +18,7 @@ import pytest
 
 pytest.importorskip('rosbags')
 
-from moving_scenes import FIXED, MovingScene, OUTLINE, WINDOW, WINDOWS  # noqa: E402
+from moving_scenes import FIXED, MovingScene, OUTLINE, WINDOW, WINDOWS  # noqa: E402, I100
 import oracle  # noqa: E402
 from recordings import INSTANCE, START, write  # noqa: E402
 from sat_collision.replay.options import Options  # noqa: E402

@@ -87,16 +87,20 @@ class TransformListener:
         rejections = []
         insert = self.frames.insert
         static = topic == TF_STATIC
+        numbers = self._numbers
         for parent, child, stamp, transform in transforms:
             refusal = insert(parent, child, stamp, transform, static)
             if refusal:
                 self._count(in_words(child), refusal)
                 rejections.append(Rejection(topic, topic, refusal, _detail(
                     parent, child, transform, 'by an unknown publisher ')))
-            else:
-                self.transforms += 1
-        if number is not None and not static:
-            self._note_publisher([child for _, child, _, _ in transforms], number)
+            elif number is not None and not static:
+                # Each publisher counts its messages upwards, so a number that is not above the
+                # last one for a frame is another publisher's, or of one that has begun again.
+                if numbers.get(child, 0) >= number:
+                    self.turns[child] += 1
+                numbers[child] = number
+        self.transforms += len(transforms) - len(rejections)
         return rejections
 
     def hear_odometry(self, data: bytes) -> tuple[str, str] | None:
@@ -117,19 +121,6 @@ class TransformListener:
         if key not in self.rejected and len(self.rejected) >= _MOST_COUNTED:
             key = _OTHERS, refusal
         self.rejected[key] += 1
-
-    def _note_publisher(self, children: list[str], number: int) -> None:
-        """
-        Find out whether frames have more than one publisher.
-
-        Each counts its own messages upwards, so a number that is not above the last one for a
-        frame is that of another publisher, or of one that has begun again.
-        """
-        numbers = self._numbers
-        for child in children:
-            if numbers.get(child, 0) >= number:
-                self.turns[child] += 1
-            numbers[child] = number
 
     def stamps(self, frame_id: str, after: int, until: int) -> list[int]:
         """Return when between two times a frame was told to be in the fixed frame, in ns."""

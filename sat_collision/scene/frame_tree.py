@@ -84,6 +84,14 @@ class FrameTree:
             TOO_MANY_FRAMES.
 
         """
+        track = self.moving.get(child)
+        if track is not None and not static and track.links[-1][0] == parent:
+            # As nearly always: names that were looked at before, and a newer transform.
+            unit = normalised(transform)
+            if unit is None:
+                return BAD_TRANSFORM
+            if track.extend(stamp, (parent, unit), self._history):
+                return None
         if parent[:1] == '/' or child[:1] == '/':
             parent, child = parent.removeprefix('/'), child.removeprefix('/')
         if parent == child or not parent or not child:

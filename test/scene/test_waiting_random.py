@@ -141,7 +141,7 @@ class FramesMachine(RuleBasedStateMachine):
 
     @rule(name=st.sampled_from(('sets', 'tracks')))
     def heartbeat(self, name):
-        """An empty polygon is nowhere, but comes behind what waits."""
+        """Send an empty polygon, which is nowhere, but comes behind what waits."""
         self._send(name, (), 0, 0)
 
     def transform(self, frame):

@@ -31,6 +31,7 @@ FRESH_CACHE = tempfile.TemporaryDirectory()
 os.environ['NUMBA_CACHE_DIR'] = FRESH_CACHE.name
 
 import bench_page  # noqa: E402, I100
+import frames  # noqa: E402
 import kernel  # noqa: E402
 import machine  # noqa: E402
 import node  # noqa: E402
@@ -46,7 +47,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--seed', type=int, default=1)
     parser.add_argument('--quick', action='store_true', help='fewer pairs and repeats')
-    parser.add_argument('--only', choices=('kernel', 'scene', 'node', 'startup', 'profile'),
+    parser.add_argument('--only', choices=(
+        'kernel', 'scene', 'node', 'frames', 'startup', 'profile'),
                         action='append', help='measure these parts; others stay as stored')
     parser.add_argument('--written', action='store_true',
                         help='only write the page from the figures stored before')
@@ -72,6 +74,7 @@ def measure(seed, quick, only):
         'kernel': lambda: kernel.measure(*((2_000, 3) if quick else (20_000, 7)), seed),
         'scene': lambda: scene.measure(seed, 5 if quick else 25),
         'node': lambda: node.measure(seconds, 1 if quick else 3),
+        'frames': lambda: frames.measure(seconds, 1 if quick else 3),
         'startup': lambda: startup.measure(1 if quick else 5),
         'profile': lambda: profiling.measure(seconds)}
     figures = {'seed': seed, 'machine': machine.describe(*PACKAGES)}

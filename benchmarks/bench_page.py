@@ -28,7 +28,7 @@ def text(figures, profiles):
     """Return the page in Markdown."""
     sections = [_head(figures)]
     for name, section in (('kernel', _kernel), ('scene', _scene), ('node', _node),
-                          ('startup', _startup)):
+                          ('frames', _frames), ('startup', _startup)):
         if name in figures:
             sections.append(section(figures[name]))
     if 'profile' in figures:
@@ -184,6 +184,29 @@ def _against_rival(loads):
             at least, the node {min(own[k] for k in tight):.1f} times: so few messages find a
             process asleep whose code has left the caches, and waking it is most of the cost.""")
     return ' '.join(words)
+
+
+def _frames(figures):
+    rows = [[f'{row["transforms"]}', f'{row["monitor_us"]:.0f}', f'{row["floor_us"]:.0f}',
+             f'{row["ratio"]:.2f}', _goal(row['ratio'] <= 1.5, '1.5 times')]
+            for row in figures['sizes']]
+    robots, other = figures['robots'], figures['other_frame']
+    monitor, floor = figures['latency']['monitor'], figures['latency']['floor']
+    return '\n\n'.join([
+        '## Frames',
+        _wrapped('`/tf` at 100 Hz, beside a monitor that takes its bytes and does nothing with '
+                 'them; processor time a message in µs.'),
+        _table(['transforms', 'sat_collision', 'floor', 'ratio', 'goal'], rows),
+        _wrapped(
+            f"""An outline that moves with one frame at 100 Hz, and is placed at 50 Hz, makes that
+            {figures["outline"]["ratio"]:.2f} times the floor. A message in another frame, whose
+            map is at hand, costs {other["more_us"]:.2f} µs more than one in the fixed frame
+            ({other["fixed_us"]:.1f} µs), {_goal(other["more_us"] <= 1.0, "at most 1 µs")}. 2,000
+            transforms a second in as many messages take {100 * robots["core"]:.1f} % of a core
+            ({_goal(robots["core"] <= 0.1, "10 %")}), {robots["ratio"]:.2f} times the floor. From
+            publishing a transform to the flag that follows from it: {monitor["p50_ms"]:.2f} ms (99
+            of 100 below {monitor["p99_ms"]:.1f}), of a node that looks at one byte of it
+            {floor["p50_ms"]:.2f} ({floor["p99_ms"]:.1f}).""")])
 
 
 def _startup(startup):

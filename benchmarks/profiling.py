@@ -43,7 +43,7 @@ def measure(seconds):
             node.load('monitor', OBSTACLES, 4, seconds)
         functions = pstats.Stats(str(path)).stats
     messages = sum(value[0] for (file, _, name), value in functions.items()
-                   if name == '_take' and file.endswith('monitor.py'))
+                   if name == 'take' and file.endswith('teller.py'))
     own = [{'function': _title(*key), 'calls': value[1] / messages,
             'own_us': 1e6 * value[2] / messages}
            for key, value in functions.items()

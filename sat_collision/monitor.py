@@ -19,20 +19,15 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 
-from sat_collision.geometry.polygon import PlaneMap, PolygonError
-from sat_collision.messages.cdr import decode, MessageError, Points
 from sat_collision.messages.losses import Losses, News, Overload
-from sat_collision.messages.packer import Packer
-from sat_collision.messages.rejections import (
-    detail_of, EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE)
+from sat_collision.messages.outlines import Outlines
+from sat_collision.messages.rejections import Rejection
+from sat_collision.messages.teller import Teller
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.deadlines import NEVER
-from sat_collision.scene.frame_ids import LONGEST_FRAME_ID
-from sat_collision.scene.frames import NoTransform
 from sat_collision.scene.observer import Observer
 from sat_collision.scene.scene import Scene
-from sat_collision.scene.settings import (
-    FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from sat_collision.scene.waiting import WAIT, Wait, Waiting
 
 # The most messages of a footprint that wait for transforms; of a source in parts of max_count.
@@ -51,7 +46,8 @@ class Monitor:
     A message in another frame than the fixed one is told to the scene when the transform at its
     stamp has come; until then it waits, and behind it what comes later for the same footprint or
     source. After `transform_timeout` it is refused. Calls that end a waiting return the
-    Rejections of those that had waited, too.
+    Rejections of those that had waited, too. A footprint that has an outline moves with its
+    frame, by what is told of that.
 
     Parameters
     ----------
@@ -65,11 +61,10 @@ class Monitor:
     ----------
     scene : Scene
         Tells the states, and is where settings are changed.
-    stamp, points, plane : int, Points, PlaneMap or None
-        Of the message that the scene is told of: its own, and the map that takes the points to
-        the fixed frame, None where they are in it.
+    teller : Teller
+        Has what the scene is told of at last.
     received : Counter
-        All messages, by name of the footprint or source.
+        All messages, by name of the footprint or source; of an outline its poses.
     rejected : Counter
         The messages that were not taken, by (name, reason).
     lost : Counter
@@ -80,36 +75,37 @@ class Monitor:
         What is known of frames.
     waiting : Waiting
         The messages that wait for a transform.
+    outlines : Outlines
+        The footprints that nobody publishes.
 
     """
 
     def __init__(self, settings: Settings, transforms: bool = False,
                  observer: Observer | None = None) -> None:
         self.scene = Scene(settings, observer)
-        self.stamp = 0
-        self.points: Points = b'', 0, 0
-        self.plane: PlaneMap | None = None
         self.received: Counter[str] = Counter()
-        self.rejected: Counter[tuple[str, str]] = Counter()
         self.lost: Counter[str] = Counter()
         self.is_numbered = True
         self._losses: defaultdict[str, Losses] = defaultdict(Losses)
         self._overloads: defaultdict[str, Overload] = defaultdict(Overload)
-        self._with_ids = {source.name for source in settings.obstacles
-                          if source.type == POLYGON_INSTANCE}
-        self._packer = Packer(settings.max_vertices)
         self.transforms = TransformListener(settings)
-        self._fixed = settings.frame_id if transforms else ''
+        hears_of_frames = transforms or any(one.odometry for one in settings.footprints)
+        self.teller = Teller(settings, self.scene, self.transforms if hears_of_frames else None,
+                             self._watch_clock)
+        self.rejected = self.teller.rejected
+        self.outlines = Outlines(settings, self.teller, self.transforms, self.received)
         self.waiting: Waiting[bytes | News, Rejection] = Waiting(self._take_waiting,
                                                                  self._note_waiting)
         self._patience = round(settings.transform_timeout * 1e9)
         self._now = 0
 
-    def update(self, settings: Settings) -> None:
+    def update(self, settings: Settings) -> list[Rejection]:
         """Apply other settings, of the same names, topics and types."""
         self._patience = round(settings.transform_timeout * 1e9)
         self.transforms.configure(settings)
+        self.outlines.configure(settings)
         self.scene.update(settings)
+        return self._follow(self._now)
 
     def receive(self, name: str, data: bytes, now: int) -> Rejection | None:
         """
@@ -180,18 +176,18 @@ class Monitor:
             self.scene.overwhelm(name, self._overloads[name].note(
                 seconds, settings.timeout, self.lost[name]))
 
-    def receive_transforms(self, topic: str, data: bytes, now: int) -> list[Rejection]:
+    def receive_transforms(self, topic: str, data: bytes, now: int,
+                           number: int | None = None) -> list[Rejection]:
         """Take a message of /tf or /tf_static, and what has waited for it."""
         self._watch_clock(now)
-        rejections = self.transforms.listen(topic, data)
-        if self.waiting.earliest < NEVER:
-            rejections += self.waiting.take(now)
-        return rejections
+        return self.transforms.listen(topic, data, number) + self._take_moved(now)
 
     def advance(self, now: int, is_all_taken: bool = True) -> list[Rejection]:
         """Let time pass, as `Scene.advance` or `pass_time`, and refuse what waited too long."""
         self._watch_clock(now)
-        rejections = self.waiting.take(now) if self.waiting.earliest < now else []
+        rejections = self._follow(now) if self.outlines.deadline < now else []
+        if self.waiting.earliest < now:
+            rejections += self.waiting.take(now)
         if is_all_taken:
             self.scene.advance(now)
         else:
@@ -201,20 +197,35 @@ class Monitor:
     @property
     def deadline(self) -> float:
         """The time in ns until which, at least, nothing changes by itself; NEVER if at no time."""
-        return min(self.scene.deadline, self.waiting.earliest)
+        return min(self.scene.deadline, self.waiting.earliest, self.outlines.deadline)
+
+    def _take_moved(self, now: int) -> list[Rejection]:
+        """Take what has waited for what was told of frames, and place what it moves."""
+        rejections = self._follow(now)
+        if self.waiting.earliest < NEVER:
+            rejections += self.waiting.take(now)
+        return rejections
+
+    def _follow(self, now: int) -> list[Rejection]:
+        """Place the outlines that have moved, once there is a clock."""
+        return self.outlines.follow(now) if now else []
 
     def _watch_clock(self, now: int) -> None:
         """Forget what belongs to another time, where the clock was set back."""
         if now < self._now:
             self.transforms.clear()
             self.waiting.drop()
+            self.outlines.clear()
         self._now = now
 
     def _admit(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
                now: int) -> Sequence[Rejection]:
         """Take a message, or let it wait: for a transform, or behind what waits for one."""
+        if settings.name in self.outlines:
+            self._watch_clock(now)
+            return self.outlines.receive(settings.name, data) + self._take_moved(now)
         if self.waiting.earliest == NEVER or settings.name not in self.waiting:
-            outcome = self._take(settings, data, now)
+            outcome = self.teller.take(settings, data, now)
             if outcome is not WAIT:
                 return [outcome] if outcome else _NOTHING
         return self._hold(settings, data, now)
@@ -236,65 +247,14 @@ class Monitor:
         elif isinstance(data, News):
             self.scene.meet_publisher(name, data is News.BEGUN)
         elif settings.enabled:
-            return self._take(settings, data, now, may_wait)
+            return self.teller.take(settings, data, now, may_wait)
         return None
 
     def _note_waiting(self, name: str) -> None:
         """Tell the scene whether messages of a source wait to be told."""
         self.scene.note_waiting(name, name in self.waiting)
 
-    def _take(self, settings: FootprintSettings | ObstacleSettings, data: bytes, now: int,
-              may_wait: bool = True) -> Rejection | Wait | None:
-        """Tell the scene of a message; return WAIT if its transform may come, and it may wait."""
-        scene, name = self.scene, settings.name
-        stamp = instance = None
-        try:
-            stamp, frame_id, points, instance = decode(data, name in self._with_ids)
-            self.stamp, self.points, self.plane = stamp, points, None
-            if not frame_id:
-                return self._refuse(settings, EMPTY_FRAME_ID, 'its header names no frame', now,
-                                    stamp, instance)
-            if len(frame_id) > LONGEST_FRAME_ID:
-                return self._refuse(
-                    settings, LONG_FRAME_ID, f'{len(frame_id)} characters where '
-                    f'{LONGEST_FRAME_ID} are accepted', now, stamp, instance)
-            if self._fixed and frame_id != self._fixed and points[2]:
-                self._watch_clock(now)
-                found = self.transforms.plane(frame_id, stamp, now, settings.timeout)
-                if isinstance(found, NoTransform):
-                    if found.may_come and may_wait and stamp:
-                        return WAIT
-                    return self._refuse(settings, found.reason, found.detail, now, stamp,
-                                        instance)
-                self.plane, _ = found
-                frame_id = self._fixed
-            if isinstance(settings, FootprintSettings):
-                refusal = scene.footprint(name, self._packer.pack(points, self.plane), frame_id,
-                                          stamp, now)
-            else:
-                body = self._packer.pack(points, self.plane) if points[2] else None
-                refusal = scene.obstacle(name, body, frame_id, stamp, now, instance)
-        except MessageError as error:
-            return self._refuse(settings, UNDECODABLE, str(error), now)
-        except PolygonError as error:
-            return self._refuse(settings, error.reason.value, str(error), now, stamp, instance)
-        if refusal is None:
-            return None
-        return self._reject(settings, refusal, detail_of(
-            refusal, frame_id, scene.frame_id, (now - stamp) / 1e9, settings.timeout))
-
     def count_publishers(self, name: str, count: int) -> None:
         """Take note of how many publishers a footprint or source has; called again and again."""
         self._losses[name].most = max(count, 1)
         self.scene.count_publishers(name, count)
-
-    def _refuse(self, settings: FootprintSettings | ObstacleSettings, reason: str, detail: str,
-                now: int, stamp: int | None = None, instance: int | None = None) -> Rejection:
-        """Tell the scene, and the caller, of a message that gives no polygon."""
-        self.scene.refuse(settings.name, reason, now, stamp, instance)
-        return self._reject(settings, reason, detail)
-
-    def _reject(self, settings: FootprintSettings | ObstacleSettings, reason: str,
-                detail: str) -> Rejection:
-        self.rejected[settings.name, reason] += 1
-        return Rejection(settings.name, settings.topic, reason, detail)

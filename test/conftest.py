@@ -18,7 +18,9 @@ import fcntl
 import itertools
 import os
 from pathlib import Path
+import sys
 import tempfile
+import types
 
 import pytest
 
@@ -90,3 +92,14 @@ def start(domain, runner):
     yield start
     for monitor in running:
         monitor.close()
+
+
+@pytest.fixture
+def start_with_tf(start, monkeypatch):
+    """Start a monitor where tf2_msgs is installed, as far as it can tell."""
+    from geometry_msgs.msg import PolygonStamped
+    messages = types.ModuleType('tf2_msgs.msg')
+    messages.TFMessage = PolygonStamped
+    monkeypatch.setitem(sys.modules, 'tf2_msgs', types.ModuleType('tf2_msgs'))
+    monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', messages)
+    return lambda **parameters: start(frame_id='odom', **parameters)

@@ -25,6 +25,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+import math
 import os
 import subprocess
 import sys
@@ -33,6 +34,7 @@ import time
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Point32, PolygonStamped
+from nav_msgs.msg import Odometry
 import rclpy
 from rclpy.node import Node
 from sat_collision.demo import warehouse
@@ -46,24 +48,36 @@ _STATIC_STEPS = 20
 _FRAME_PERIOD = 0.19
 _HASTE = 2.0
 _START_TIMEOUT = 90.0
-# Long enough that publisher and node may be held up by a busy machine.
+# Long enough that a process held up by a busy machine does not count as silent.
 _TIMEOUT = 5.0
+_BASE, _ODOMETRY = f'{warehouse.BY_ODOMETRY}_base', f'{warehouse.BY_ODOMETRY}_odometry'
 _PARAMETERS: dict[str, object] = {
     'footprints': list(warehouse.FOOTPRINTS),
     'obstacles': ['warehouse', 'people'],
     'frame_id': warehouse.FRAME,
     'watchdog': _TIMEOUT,
+    f'{warehouse.BY_ODOMETRY}.points': warehouse.FOOTPRINTS[
+        warehouse.BY_ODOMETRY].ravel().tolist(),
+    f'{warehouse.BY_ODOMETRY}.frame_id': _BASE,
+    f'{warehouse.BY_ODOMETRY}.odometry': _ODOMETRY,
     **{f'{name}.timeout': _TIMEOUT for name in [*warehouse.FOOTPRINTS, 'warehouse', 'people']},
 }
 
 
 class _Publisher(Node):
-    """Publishes the footprints and the person often, and what does not move now and then."""
+    """
+    Publishes the footprints and the person often, and what does not move now and then.
+
+    One robot tells its odometry instead of its footprint, and it is its laser that sees the
+    person: where that is in the warehouse the monitor must find out.
+    """
 
     def __init__(self) -> None:
         super().__init__('warehouse')
+        published = [name for name in warehouse.FOOTPRINTS if name != warehouse.BY_ODOMETRY]
         self._topics = {name: self.create_publisher(PolygonStamped, name, 100)
-                        for name in [*warehouse.FOOTPRINTS, 'warehouse', 'people']}
+                        for name in [*published, 'warehouse', 'people']}
+        self._topics[_ODOMETRY] = self.create_publisher(Odometry, _ODOMETRY, 100)
 
     def play(self) -> None:
         while any(topic.get_subscription_count() == 0 for topic in self._topics.values()):
@@ -75,15 +89,30 @@ class _Publisher(Node):
             if step % _STATIC_STEPS == 0:
                 for outline in warehouse.STATIC:
                     self._publish('warehouse', outline, stamp)
-            self._publish('people', warehouse.person(elapsed), stamp)
+            robot = warehouse.BY_ODOMETRY
+            self._tell_odometry(robot, elapsed, stamp)
+            person = warehouse.seen_by(robot, warehouse.person(elapsed), elapsed)
+            self._publish('people', person, stamp, _BASE)
             for name in warehouse.FOOTPRINTS:
-                self._publish(name, warehouse.footprint(name, elapsed), stamp)
+                if name != robot:
+                    self._publish(name, warehouse.footprint(name, elapsed), stamp)
             time.sleep(_PERIOD)
 
-    def _publish(self, topic: str, outline: warehouse.Outline, stamp: Time) -> None:
-        message = PolygonStamped()
+    def _tell_odometry(self, name: str, elapsed: float, stamp: Time) -> None:
+        x, y, heading = warehouse.pose(name, elapsed)
+        message = Odometry(child_frame_id=_BASE)
         message.header.stamp = stamp
         message.header.frame_id = warehouse.FRAME
+        pose = message.pose.pose
+        pose.position.x, pose.position.y = x, y
+        pose.orientation.z, pose.orientation.w = math.sin(heading / 2), math.cos(heading / 2)
+        self._topics[_ODOMETRY].publish(message)
+
+    def _publish(self, topic: str, outline: warehouse.Outline, stamp: Time,
+                 frame_id: str = warehouse.FRAME) -> None:
+        message = PolygonStamped()
+        message.header.stamp = stamp
+        message.header.frame_id = frame_id
         message.polygon.points = [Point32(x=x, y=y) for x, y in outline.tolist()]
         self._topics[topic].publish(message)
 
@@ -148,7 +177,7 @@ def _print(line: str) -> None:
 
 def _parameters() -> Iterator[str]:
     for name, value in _PARAMETERS.items():
-        text = f'[{", ".join(value)}]' if isinstance(value, list) else value
+        text = f'[{", ".join(map(str, value))}]' if isinstance(value, list) else value
         yield from ('-p', f'{name}:={text}')
 
 

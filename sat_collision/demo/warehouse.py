@@ -74,6 +74,10 @@ _PATHS: dict[str, _Path] = {
 _PERSON_PATH: _Path = [(0, 12.0, 7.0, 0), (5, 11.0, 7.0, 0), (11, 11.0, 3.4, 0), (16, 9.0, 3.4, 0)]
 _PERSON = _disc(0.0, 0.0, 0.3, 12)
 
+# The robot that publishes no footprint: its outline moves with its odometry, and its laser sees
+# the person in the robot's own frame.
+BY_ODOMETRY = 'amr'
+
 # What each robot touches in turn, as (source, number of the obstacle).
 CONTACTS = {
     'amr': [('people', 0)],
@@ -90,6 +94,21 @@ def footprint(name: str, time: float) -> Outline:
 def person(time: float) -> Outline:
     """Return the (n, 2) outline of the person at a time in seconds."""
     return _placed(_PERSON, _PERSON_PATH, time)
+
+
+def pose(name: str, time: float) -> tuple[float, float, float]:
+    """Return x, y and heading of a robot at a time in seconds."""
+    times, *coordinates = zip(*_PATHS[name])
+    x, y, heading = (float(np.interp(time, times, values)) for values in coordinates)
+    return x, y, heading
+
+
+def seen_by(name: str, outline: Outline, time: float) -> Outline:
+    """Return an outline in the frame of a robot at a time in seconds."""
+    x, y, heading = pose(name, time)
+    cosine, sine = np.cos(heading), np.sin(heading)
+    seen: Outline = (outline - (x, y)) @ np.array([(cosine, -sine), (sine, cosine)])
+    return seen
 
 
 def _placed(outline: Outline, path: _Path, time: float) -> Outline:

@@ -172,7 +172,8 @@ class Outputs:
         for name, found in nearest.items():
             state = self._scene.state(name)
             named = {*state.contacts, *((found[0],) if found else ())}
-            self._states.write_moving(name, state.age, found, self._scene.newer_by(name, named))
+            self._states.write_moving(name, state.age, found, self._scene.newer_by(name, named),
+                                      self._scene.origin(name))
         self._state_publisher.publish(self._states.message(self._clock.now().to_msg()))
 
     def publish_markers(self) -> None:

@@ -59,6 +59,7 @@ _ADVICE = {
     frame_tree.BAD_TRANSFORM: 'the publisher must send finite numbers and a quaternion of '
                               'length 1',
     frame_tree.OLD_TRANSFORM: 'check the clocks; two publishers of one frame do this, too',
+    frame_tree.TOO_MANY_FRAMES: 'find out who makes up names of frames',
 }
 
 

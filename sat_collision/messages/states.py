@@ -23,6 +23,7 @@ import numpy as np
 from sat_collision.geometry.polygon import Polygon
 
 from sat_collision.messages.interfaces import DiagnosticArray, DiagnosticStatus, KeyValue
+from sat_collision.scene import frame_ids
 from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
@@ -36,7 +37,7 @@ _LEVELS = {
 }
 _NAMED_IN_MESSAGE = 3
 _MOVING = ('age', 'least separation', 'nearest obstacle', 'nearest obstacle is newer by',
-           'contacts are newer by')
+           'contacts are newer by', 'frame', 'age of transform')
 
 
 def in_words(state: State, margin: float = 0.0) -> str:
@@ -127,7 +128,8 @@ class States:
 
     def write_moving(self, name: str, age: float | None,
                      nearest: Nearest | None,
-                     newer: Mapping[ObstacleId, float]) -> None:
+                     newer: Mapping[ObstacleId, float],
+                     origin: tuple[str, float | None]) -> None:
         """
         Write down what changes all the time.
 
@@ -140,10 +142,15 @@ class States:
             As `Scene.nearest` returns it; None while that is not known.
         newer : dict
             By how many s the nearest obstacle, and each in contact, is newer than the footprint.
+        origin : tuple
+            As `Scene.origin` returns it.
 
         """
-        age_value, separation_value, obstacle_value, nearest_value, contacts_value = (
-            self._moving[name])
+        (age_value, separation_value, obstacle_value, nearest_value, contacts_value, frame_value,
+         transform_value) = self._moving[name]
+        frame_id, transform_age = origin
+        frame_value.value = frame_ids.in_words(frame_id) if frame_id else ''
+        transform_value.value = '' if transform_age is None else f'{transform_age:.3f}'
         age_value.value = '' if age is None else f'{age:.3f}'
         separation_value.value = f'{nearest[1]:.6g}' if nearest else ''
         obstacle_value.value = str(nearest[0]) if nearest else ''

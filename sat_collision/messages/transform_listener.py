@@ -20,14 +20,19 @@ from collections import Counter
 
 from sat_collision.messages.cdr import MessageError
 from sat_collision.messages.rejections import Rejection, UNDECODABLE
-from sat_collision.messages.transforms import decode_transforms
+from sat_collision.messages.transforms import decode_odometry, decode_transforms
 from sat_collision.scene.deadlines import NEVER
+from sat_collision.scene.frame_ids import in_quotes, in_words
 from sat_collision.scene.frames import Frames, Mapped, NoTransform
-from sat_collision.scene.settings import Settings
+from sat_collision.scene.rotations import Transform
+from sat_collision.scene.settings import Settings, TF
 
-TF = '/tf'
 TF_STATIC = '/tf_static'
 TRANSFORM_TOPICS = (TF, TF_STATIC)
+
+# Of how many frames refused transforms are counted each for itself.
+_MOST_COUNTED = 100
+_OTHERS = 'other frames'
 
 
 class TransformListener:
@@ -40,34 +45,39 @@ class TransformListener:
 
     Attributes
     ----------
+    frames : Frames
     received : Counter
         All messages, by topic.
     transforms : int
         How many transforms were taken.
     rejected : Counter
-        The transforms that were not taken, by (child frame, reason); of messages that could not
-        be read by (topic, reason).
+        The transforms that were not taken, by (child frame, reason), where the frame is in words
+        for users; of messages that could not be read by (topic, reason).
+    turns : Counter
+        How often another publisher than the last one told of a frame, by its name.
 
     """
 
     def __init__(self, settings: Settings) -> None:
-        self._frames = Frames(round(settings.tf_cache_time * 1e9))
+        self.frames = Frames(round(settings.tf_cache_time * 1e9))
         self.received: Counter[str] = Counter()
         self.rejected: Counter[tuple[str, str]] = Counter()
         self.transforms = 0
+        self.turns: Counter[str] = Counter()
+        self._numbers: dict[str, int] = {}
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
         """Apply settings."""
         self._target = settings.frame_id
-        self._frames.configure(settings.max_tf_gap * 1e9, settings.max_tilt)
+        self.frames.configure(settings.max_tf_gap * 1e9, settings.max_tilt)
 
     def clear(self) -> None:
         """Forget what was told of another time: all but the static frames."""
-        self._frames.clear()
+        self.frames.clear()
 
-    def listen(self, topic: str, data: bytes) -> list[Rejection]:
-        """Take a message of /tf or /tf_static."""
+    def listen(self, topic: str, data: bytes, number: int | None = None) -> list[Rejection]:
+        """Take a message of /tf or /tf_static, and which one of its publisher it is, if known."""
         self.received[topic] += 1
         try:
             transforms = decode_transforms(data)
@@ -75,19 +85,50 @@ class TransformListener:
             self.rejected[topic, UNDECODABLE] += 1
             return [Rejection(topic, topic, UNDECODABLE, str(error))]
         rejections = []
-        insert = self._frames.insert
+        insert = self.frames.insert
         static = topic == TF_STATIC
+        numbers = self._numbers
         for parent, child, stamp, transform in transforms:
             refusal = insert(parent, child, stamp, transform, static)
             if refusal:
-                self.rejected[child, refusal] += 1
-                numbers = ', '.join(f'{number:.6g}' for number in transform)
-                rejections.append(Rejection(
-                    topic, topic, refusal, f"the transform of '{child}' in '{parent}' by an "
-                    f'unknown publisher is ({numbers})'))
-            else:
-                self.transforms += 1
+                self._count(in_words(child), refusal)
+                rejections.append(Rejection(topic, topic, refusal, _detail(
+                    parent, child, transform, 'by an unknown publisher ')))
+            elif number is not None and not static:
+                # Each publisher counts its messages upwards, so a number that is not above the
+                # last one for a frame is another publisher's, or of one that has begun again.
+                if numbers.get(child, 0) >= number:
+                    self.turns[child] += 1
+                numbers[child] = number
+        self.transforms += len(transforms) - len(rejections)
         return rejections
+
+    def hear_odometry(self, data: bytes) -> tuple[str, str] | None:
+        """Take an Odometry; return reason and detail if it is of no use."""
+        try:
+            parent, child, stamp, transform = decode_odometry(data)
+        except MessageError as error:
+            return UNDECODABLE, str(error)
+        refusal = self.frames.insert(parent, child, stamp, transform)
+        if refusal:
+            return refusal, _detail(parent, child, transform)
+        self.transforms += 1
+        return None
+
+    def _count(self, child: str, refusal: str) -> None:
+        """Count a transform that was refused."""
+        key = child, refusal
+        if key not in self.rejected and len(self.rejected) >= _MOST_COUNTED:
+            key = _OTHERS, refusal
+        self.rejected[key] += 1
+
+    def stamps(self, frame_id: str, after: int, until: int) -> list[int]:
+        """Return when between two times a frame was told to be in the fixed frame, in ns."""
+        return self.frames.stamps(self._target, frame_id, after, until)
+
+    def newest(self, frame_id: str) -> Mapped | NoTransform:
+        """Return what takes a frame to the fixed frame at the newest time that is known."""
+        return self.frames.newest_plane(self._target, frame_id)
 
     def plane(self, frame_id: str, stamp: int, now: int,
               timeout: float) -> Mapped | NoTransform:
@@ -108,6 +149,12 @@ class TransformListener:
 
         """
         if stamp:
-            return self._frames.plane(self._target, frame_id, stamp)
+            return self.frames.plane(self._target, frame_id, stamp)
         oldest = now - timeout * 1e9 if timeout > 0.0 else -NEVER
-        return self._frames.newest_plane(self._target, frame_id, oldest)
+        return self.frames.newest_plane(self._target, frame_id, oldest)
+
+
+def _detail(parent: str, child: str, transform: Transform, publisher: str = '') -> str:
+    numbers = ', '.join(f'{number:.6g}' for number in transform)
+    return (f'the transform of {in_quotes(child)} in {in_quotes(parent)} {publisher}is '
+            f'({numbers})')

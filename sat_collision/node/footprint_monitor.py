@@ -16,20 +16,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterable
-from functools import partial
 import time
 from typing import Any
 
-from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 from rclpy.clock import JumpThreshold, TimeJump
-from rclpy.event_handler import (
-    QoSLivelinessChangedInfo, QoSRequestedDeadlineMissedInfo, QoSRequestedIncompatibleQoSInfo,
-    SubscriptionEventCallbacks)
 from rclpy.node import Node
-from rclpy.qos import qos_policy_name_from_kind, QoSDurabilityPolicy, QoSProfile
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from sat_collision.geometry.jit import KERNEL
 from sat_collision.geometry.kernel_problem import kernel_problem
 from sat_collision.geometry.preparation import prepare
@@ -41,15 +33,14 @@ from sat_collision.node import loop, waiting
 from sat_collision.node.fallback import ExecutorLoop
 from sat_collision.node.health import Health
 from sat_collision.node.parameters import Parameters
-from sat_collision.node.quality import flag_qos, OVERRIDABLE
+from sat_collision.node.quality import flag_qos
 from sat_collision.node.receiver import Backlog
+from sat_collision.node.subscriptions import Subscriptions
 from sat_collision.node.systemd import Systemd
 from sat_collision.node.timing import ClockWatch, Every
 from sat_collision.node.transforms import subscribe, transform_type
 from sat_collision.node.watchdog import Watchdog
-from sat_collision.scene.parameters import ParameterError
-from sat_collision.scene.settings import (
-    FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
+from sat_collision.scene.settings import Settings
 
 NAME = 'footprint_monitor'
 
@@ -60,8 +51,6 @@ _HEALTH_PERIOD = 1.0
 _LOG_PERIOD = 1.0
 # The node ticks so many times, at least, in the time after which the watchdog calls it stalled.
 _TICKS_IN_TIME = 3.0
-_FOOTPRINT_DEPTH = 1
-_SETS_IN_QUEUE = 2
 _SHORTEST_TICK = 0.02
 
 
@@ -101,15 +90,13 @@ class FootprintMonitor(Node):
         self._health = Health(self, {'kernel': KERNEL,
                                      'problem of kernels': kernel_problem() or 'none'})
         self._logged: dict[tuple[str, str], float] = {}
-        # Publishers whose liveliness is lost: DDS still counts them, some for very long.
-        self._dead: Counter[str] = Counter()
         in_loop = waiting.is_supported()
         self._taken_by = loop.Reserved() if in_loop else self.default_callback_group
-        self._inputs = inputs = [self._subscribe(footprint, PolygonStamped, _FOOTPRINT_DEPTH)
-                                 for footprint in settings.footprints]
-        for source in settings.obstacles:
-            kind = PolygonInstanceStamped if source.type == POLYGON_INSTANCE else PolygonStamped
-            inputs.append(self._subscribe(source, kind, _SETS_IN_QUEUE * source.max_count))
+        self._subscriptions = Subscriptions(self, settings, self._receive_alone, self._taken_by,
+                                            self._health)
+        for name in self._subscriptions.latched:
+            self._scene.meet_publisher(name, True)
+        self._inputs = inputs = self._subscriptions.inputs
         transform_inputs = transforms and subscribe(self, transforms, self._receive_alone,
                                                     self._taken_by)
         self._clock_watch = ClockWatch()
@@ -129,27 +116,6 @@ class FootprintMonitor(Node):
             self.loop = ExecutorLoop(self, self)
         parameters.on_change(self._configure, self._health.note_change)
 
-    def _subscribe(self, source: FootprintSettings | ObstacleSettings, kind: type,
-                   depth: int) -> loop.Input:
-        events = SubscriptionEventCallbacks(
-            incompatible_qos=partial(self._report_incompatible_qos, source.topic),
-            deadline=partial(self._count_missed_deadlines, source.topic),
-            liveliness=partial(self._note_liveliness, source))
-        try:
-            subscription = self.create_subscription(
-                # The settings have the remapped name, which must not be remapped again.
-                kind, self.get_parameter(f'{source.name}.topic').value,
-                partial(self._receive_alone, source.name), QoSProfile(depth=depth), raw=True,
-                callback_group=self._taken_by, event_callbacks=events,
-                qos_overriding_options=QoSOverridingOptions(OVERRIDABLE))
-        except RuntimeError as error:
-            raise ParameterError(f'{source.topic}: {error}') from error
-        if subscription.qos_profile.durability is QoSDurabilityPolicy.TRANSIENT_LOCAL:
-            # What was sent before is delivered, too.
-            self._scene.meet_publisher(source.name, True)
-        self.get_logger().info(f'{source.name}: {kind.__name__} on {source.topic}')
-        return loop.Input(source.name, subscription)
-
     def _set_rates(self, settings: Settings) -> None:
         self._publishing = Every(1.0 / settings.publish_rate)
         self._marking = Every(1.0 / settings.marker_rate)
@@ -160,7 +126,7 @@ class FootprintMonitor(Node):
     def _configure(self, settings: Settings) -> None:
         """Apply changed parameters and publish what follows from them."""
         self._set_rates(settings)
-        self._monitor.update(settings)
+        self._log(self._monitor.update(settings))
         self._outputs.configure(settings)
         self._outputs.publish()
 
@@ -176,8 +142,8 @@ class FootprintMonitor(Node):
         monitor = self._monitor
         if name in TRANSFORM_TOPICS:
             count = 0
-            for data, _ in messages:
-                self._log(monitor.receive_transforms(name, data, now))
+            for data, number in messages:
+                self._log(monitor.receive_transforms(name, data, now, number))
                 count += 1
             return count
         before = monitor.received[name]
@@ -205,7 +171,7 @@ class FootprintMonitor(Node):
             # The time was read before the stall, perhaps, and what came in it may wait still.
             now, is_all_taken = self.present(), False
         for one in self._inputs:
-            alive = one.subscription.get_publisher_count() - self._dead[one.name]
+            alive = one.subscription.get_publisher_count() - self._subscriptions.dead[one.name]
             self._monitor.count_publishers(one.name, max(alive, 0))
         self._scene.stop_clock(
             self.get_clock().ros_time_is_active and now > 0
@@ -258,24 +224,6 @@ class FootprintMonitor(Node):
             if now - self._logged.get(key, -_LOG_PERIOD) >= _LOG_PERIOD:
                 self._logged[key] = now
                 self.get_logger().warning(rejection.text)
-
-    def _report_incompatible_qos(self, topic: str,
-                                 event: QoSRequestedIncompatibleQoSInfo) -> None:
-        policy = qos_policy_name_from_kind(event.last_policy_kind)
-        self._health.incompatible_qos(topic, policy)
-        self.get_logger().error(
-            f'{topic}: a publisher offers a {policy} that this node cannot accept, so nothing '
-            f'from it arrives; set qos_overrides.{topic}.subscription.{policy.lower()} to what '
-            'it offers, or change the publisher')
-
-    def _count_missed_deadlines(self, topic: str, event: QoSRequestedDeadlineMissedInfo) -> None:
-        self._health.count_event(topic, 'deadlines missed', event.total_count_change)
-
-    def _note_liveliness(self, source: FootprintSettings | ObstacleSettings,
-                         event: QoSLivelinessChangedInfo) -> None:
-        self._dead[source.name] = event.not_alive_count
-        self._health.count_event(source.topic, 'liveliness lost',
-                                 max(event.not_alive_count_change, 0))
 
     def _publish_changes(self) -> None:
         brief = self._scene.evaluations.brief_contacts()

@@ -24,9 +24,14 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 from sat_collision.monitor import Monitor
 from sat_collision.node.receiver import Backlog
+from sat_collision.node.transforms import publishers_of_tf
+from sat_collision.scene.frame_ids import in_words
 
 # What is behind by less, in s, is a burst that is just being taken.
 _NOTEWORTHY = 0.1
+# Publishers of a frame that take turns less often between two messages have begun again.
+_FEW_TURNS = 2
+_MOST_NAMED = 10
 
 
 class Health:
@@ -52,6 +57,8 @@ class Health:
         self._events: Counter[tuple[str, str]] = Counter()
         self._news: Counter[str] = Counter()
         self._received: Counter[str] = Counter()
+        self._turns: Counter[str] = Counter()
+        self._transforms = 0
         self._refused = self._lost = 0
         self._begun = time.monotonic()
         self._backlogs: dict[str, Backlog] = {}
@@ -145,6 +152,13 @@ class Health:
         for name, count in received.items():
             values[f'{name}: received'] = str(count)
             values[f'{name}: rate [Hz]'] = f'{(count - self._received[name]) / period:.1f}'
+        if transforms.transforms:
+            values['transforms: rate [Hz]'] = (
+                f'{(transforms.transforms - self._transforms) / period:.1f}')
+        self._transforms = transforms.transforms
+        twice = self._told_twice(transforms.turns)
+        for child, count in twice.items():
+            values[f'transforms of {in_words(child)}: publishers took turns'] = str(count)
         for name, count in monitor.waiting.counts().items():
             values[f'{name}: waiting for transforms'] = str(count)
         for (child, reason), count in transforms.rejected.items():
@@ -166,6 +180,10 @@ class Health:
         self._status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
         problems = [f'incompatible QoS on {topic}' for topic in self._incompatible]
         problems += monitor.scene.source_faults
+        if twice:
+            publishers = ', '.join(sorted(publishers_of_tf(self._node))) or 'unknown'
+            frames = ', '.join(map(in_words, [*twice][:_MOST_NAMED]))
+            problems.append(f'more than one publisher of /tf, of {publishers}, tells of {frames}')
         if not self._node.get_clock().ros_time_is_active and self._node.count_publishers('/clock'):
             problems.append('/clock is published, but not used here: set use_sim_time: true')
         if refused > self._refused:
@@ -183,3 +201,10 @@ class Health:
         self._refused, self._lost = refused, lost
         self._begun = now
         self._messages, self._seconds, self._longest = 0, 0.0, 0.0
+
+    def _told_twice(self, turns: Counter[str]) -> dict[str, int]:
+        """Return how often publishers of one frame took turns since the last message, if often."""
+        news = {child: count - self._turns[child] for child, count in turns.items()
+                if count - self._turns[child] >= _FEW_TURNS}
+        self._turns = turns.copy()
+        return news

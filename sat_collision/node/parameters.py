@@ -103,12 +103,21 @@ class Parameters:
                 return SetParametersResult(
                     successful=False, reason=f"{parameter.name}: '{parameter.value}' is not one "
                                              f'of {", ".join(spec.choices)}')
-        if self._on_change:
-            try:
-                self._read({parameter.name: parameter.value for parameter in parameters})
-            except ParameterError as error:
-                return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
+        problem = self._problem({one.name: one.value for one in parameters})
+        return SetParametersResult(successful=not problem, reason=problem)
+
+    def _problem(self, changes: dict[str, Any]) -> str:
+        """Return what is wrong with the settings that changes make while the node runs."""
+        if not self._on_change or not self._specs.keys() & changes:
+            return ''
+        try:
+            settings = self._read(changes)
+        except ParameterError as error:
+            return str(error)
+        for one, other in zip(self.settings.footprints, settings.footprints):
+            if one.has_outline != other.has_outline:
+                return f'{one.name}.points: whether there is an outline is fixed at the start'
+        return ''
 
     def _is_locked(self, name: str) -> bool:
         """Tell whether a parameter may not be changed any more."""
@@ -141,7 +150,8 @@ class Parameters:
 def _descriptor(default: Any, spec: Spec) -> ParameterDescriptor:
     constraints = f'one of {", ".join(spec.choices)}' if spec.choices else ''
     descriptor = ParameterDescriptor(description=spec.description, read_only=not spec.live,
-                                     additional_constraints=constraints)
+                                     additional_constraints=constraints,
+                                     dynamic_typing=spec.is_any_type)
     if spec.limits:
         low, high = spec.limits
         if isinstance(default, float):

@@ -23,9 +23,9 @@ from typing import Any
 from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
-from sat_collision.messages.transform_listener import TF, TF_STATIC
+from sat_collision.messages.transform_listener import TF_STATIC
 from sat_collision.node.loop import Input
-from sat_collision.scene.settings import Settings
+from sat_collision.scene.settings import Settings, TF
 
 # As tf2 has them.
 _DEPTH = 100
@@ -39,10 +39,19 @@ def transform_type(node: Node, settings: Settings) -> type | None:
     try:
         from tf2_msgs.msg import TFMessage
     except ImportError:
+        lost = ', '.join(one.name for one in settings.footprints
+                         if one.has_outline and not one.odometry)
         node.get_logger().warning(
-            f'tf2_msgs is not installed: bodies are taken in {settings.frame_id} only')
+            f'tf2_msgs is not installed: bodies are taken in {settings.frame_id} only'
+            + (f', and it is not known where {lost} is: give <name>.odometry' if lost else ''))
         return None
     return TFMessage  # type: ignore[no-any-return]
+
+
+def publishers_of_tf(node: Node) -> set[str]:
+    """Return the full names of the nodes that publish /tf."""
+    return {f'{one.node_namespace.rstrip("/")}/{one.node_name}'
+            for one in node.get_publishers_info_by_topic(TF)}
 
 
 def subscribe(node: Node, kind: type, receive: Callable[..., Any],

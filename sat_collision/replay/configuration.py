@@ -138,6 +138,8 @@ def _checked(name: str, value: Any, default: Any, spec: Spec) -> Any:
     """Return a value that has the type of the default and is within limits, as the node would."""
     if value is None:
         raise ParameterError(f"parameter '{name}' has no value")
+    if spec.is_any_type:
+        return value
     if problem := type_problem(name, value, default):
         raise ParameterError(problem)
     if spec.choices and value not in spec.choices:

@@ -38,7 +38,8 @@ from sat_collision.replay.result import FootprintResult, Result, SourceResult
 from sat_collision.replay.storage import Message, Recorded
 from sat_collision.replay.timeline import Timeline
 from sat_collision.replay.timers import Moments, Timer
-from sat_collision.replay.topics import all_sources, missing_topics, settings_for, wrong_types
+from sat_collision.replay.topics import (
+    all_sources, is_subscribed, missing_topics, settings_for, TRANSFORM_TYPE, wrong_types)
 from sat_collision.scene.deadlines import NEVER
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import Settings
@@ -46,7 +47,6 @@ from sat_collision.scene.settings import Settings
 if TYPE_CHECKING:
     from sat_collision.replay.outputs import BagOutputs
 
-_TRANSFORM_TYPE = 'tf2_msgs/msg/TFMessage'
 _APART = 3600 * 10**9
 
 
@@ -114,7 +114,7 @@ class _Run:
                       for footprint in settings.footprints]
         self._motion = None if options.as_live else Motion(settings, footprints, film)
         self._transforms = [topic for topic in TRANSFORM_TOPICS if settings.frame_id
-                            and recording.topics.get(topic) == _TRANSFORM_TYPE]
+                            and recording.topics.get(topic) == TRANSFORM_TYPE]
         self._monitor = Monitor(settings, bool(self._transforms), self._motion)
         self._scene = self._monitor.scene
         self._timers: list[Timer] = []
@@ -142,7 +142,7 @@ class _Run:
             result.notes += missing_topics(self._settings, recording.topics)
         names: dict[str, list[str]] = {}
         for source in all_sources(self._settings):
-            if source.name not in wrong:
+            if source.name not in wrong and is_subscribed(source):
                 names.setdefault(source.topic, []).append(source.name)
         names.update((topic, []) for topic in self._transforms)
         if recording.start is not None and recording.end is not None:

@@ -32,6 +32,8 @@ Source: TypeAlias = FootprintSettings | ObstacleSettings
 _KINDS = {'geometry_msgs/msg/PolygonStamped': POLYGON,
           'geometry_msgs/msg/PolygonInstanceStamped': POLYGON_INSTANCE}
 _TYPES = {kind: name for name, kind in _KINDS.items()}
+TRANSFORM_TYPE = 'tf2_msgs/msg/TFMessage'
+_ODOMETRY = 'nav_msgs/msg/Odometry'
 _PARAMETERS = {field.name for field in fields(Settings)}
 _OPTIONS = {'footprints': '--footprint', 'obstacles': '--obstacles'}
 
@@ -73,7 +75,8 @@ def settings_for(types: Mapping[str, str], parameters: Mapping[str, object],
             values.update(_named(kind, topics, defaults[kind].name))
     polygons = {topic: _KINDS[kind] for topic, kind in types.items() if kind in _KINDS}
     said = [kind for kind, source in defaults.items()
-            if kind in values or f'{source.name}.topic' in values or source.topic in polygons]
+            if kind in values or f'{source.name}.topic' in values or source.topic in polygons
+            or isinstance(source, FootprintSettings) and _has_outline(source.name, values)]
     settings = settings_of(values, node, False)
     taken = {source.topic for kind in said for source in getattr(settings, kind)}
     free = {topic: kind for topic, kind in polygons.items() if topic not in taken}
@@ -93,7 +96,7 @@ def all_sources(settings: Settings) -> tuple[Source, ...]:
 def wrong_types(settings: Settings, types: Mapping[str, str]) -> Iterator[tuple[str, str]]:
     """Return (name, problem) of each source whose topic the recording has with another type."""
     for source in all_sources(settings):
-        wanted = _TYPES[source.type if isinstance(source, ObstacleSettings) else POLYGON]
+        wanted = _type_of(source)
         found = types.get(source.topic, wanted)
         if found != wanted:
             yield source.name, f'{source.name}: {source.topic} has the type {found}, not {wanted}'
@@ -108,6 +111,25 @@ def missing_topics(settings: Settings, types: Mapping[str, str]) -> list[str]:
     return [f'{source.name}: the recording has no topic {source.topic}{instead}'
             for source in all_sources(settings)
             if source.enabled and source.topic not in types]
+
+
+def is_subscribed(source: Source) -> bool:
+    """Tell whether a source has a topic of its own, instead of a frame of /tf."""
+    return not (isinstance(source, FootprintSettings) and source.has_outline
+                and not source.odometry)
+
+
+def _type_of(source: Source) -> str:
+    """Return the type that the topic of a source should have."""
+    if isinstance(source, ObstacleSettings):
+        return _TYPES[source.type]
+    if source.has_outline:
+        return _ODOMETRY if source.odometry else TRANSFORM_TYPE
+    return _TYPES[POLYGON]
+
+
+def _has_outline(name: str, values: Mapping[str, object]) -> bool:
+    return f'{name}.points' in values or f'{name}.radius' in values
 
 
 def _named(kind: str, topics: Iterable[str], default: str) -> dict[str, object]:

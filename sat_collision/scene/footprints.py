@@ -58,6 +58,9 @@ class State(NamedTuple):
     age: float | None
 
 
+# The frame in which a footprint was told, and the time in ns of the transform that moved it from
+# there, None for all times.
+Origin: TypeAlias = tuple[str, int | None]
 # Status and reasons of a State.
 Evaluation: TypeAlias = tuple[Status, tuple[str, ...]]
 
@@ -80,6 +83,8 @@ class Footprint(Body[Obstacle]):
         The same as it came, with no stamp as the time of arrival.
     frame_id : str
         The frame of the message that came last.
+    origin : Origin or None
+        Where the good footprint came from, None if it came in the frame of all.
     heard : int or None
         When that came.
     fault : str
@@ -97,9 +102,9 @@ class Footprint(Body[Obstacle]):
 
     """
 
-    __slots__ = ('settings', 'timeout', 'time', 'stamp', 'frame_id', 'heard', 'fault', 'stale',
-                 'status', 'evaluation', 'doubts', 'gained_or_lost', 'watched', '_clear_since',
-                 '_release', '_due', '_held', '_names')
+    __slots__ = ('settings', 'timeout', 'time', 'stamp', 'frame_id', 'origin', 'heard', 'fault',
+                 'stale', 'status', 'evaluation', 'doubts', 'gained_or_lost', 'watched',
+                 '_clear_since', '_release', '_due', '_held', '_names')
 
     evaluation: Evaluation
 
@@ -108,6 +113,7 @@ class Footprint(Body[Obstacle]):
         self.time: int | None = None
         self.stamp = 0
         self.frame_id = ''
+        self.origin: Origin | None = None
         self.heard: int | None = None
         self.fault = ''
         self.stale = False

@@ -13,7 +13,10 @@
 # limitations under the License.
 """Names of frames, which strangers send, in words for users."""
 
+import re
+
 LONGEST_FRAME_ID = 255
+_PLAIN = re.compile(r'[A-Za-z0-9_./-]{1,64}')
 _MOST_SHOWN = 64
 
 
@@ -21,3 +24,8 @@ def in_quotes(text: str) -> str:
     """Return a text of no more than 64 characters, all of them visible: no new line, no colour."""
     shown = repr(text[:_MOST_SHOWN])
     return f'{shown} and so on' if len(text) > _MOST_SHOWN else shown
+
+
+def in_words(name: str) -> str:
+    """Return the name of a frame as it is, but in quotes where anything but letters is in it."""
+    return name if _PLAIN.fullmatch(name) else in_quotes(name)

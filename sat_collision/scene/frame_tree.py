@@ -25,6 +25,10 @@ from sat_collision.scene.tracks import Link, Track
 BAD_NAMES = 'bad frame names'
 BAD_TRANSFORM = 'not finite or no rotation'
 OLD_TRANSFORM = 'older than tf_cache_time'
+TOO_MANY_FRAMES = 'too many frames'
+
+# What a stranger who makes up names may take of the memory.
+_MOST_FRAMES = 10_000
 
 
 class FrameTree:
@@ -76,9 +80,18 @@ class FrameTree:
         Returns
         -------
         str or None
-            Why it was not taken, if so: BAD_NAMES, BAD_TRANSFORM or OLD_TRANSFORM.
+            Why it was not taken, if so: BAD_NAMES, BAD_TRANSFORM, OLD_TRANSFORM or
+            TOO_MANY_FRAMES.
 
         """
+        track = self.moving.get(child)
+        if track is not None and not static and track.links[-1][0] == parent:
+            # As nearly always: names that were looked at before, and a newer transform.
+            unit = normalised(transform)
+            if unit is None:
+                return BAD_TRANSFORM
+            if track.extend(stamp, (parent, unit), self._history):
+                return None
         if parent[:1] == '/' or child[:1] == '/':
             parent, child = parent.removeprefix('/'), child.removeprefix('/')
         if parent == child or not parent or not child:
@@ -89,12 +102,16 @@ class FrameTree:
         link = parent, unit
         if static:
             if self.static.get(child) != link:
+                if self._is_full(child):
+                    return TOO_MANY_FRAMES
                 self.moving.pop(child, None)
                 self.static[child] = link
                 self.rewritten = True
         else:
             track = self.moving.get(child)
             if track is None:
+                if self._is_full(child):
+                    return TOO_MANY_FRAMES
                 self.static.pop(child, None)
                 self.moving[child] = Track(stamp, link)
                 self.rewritten = True
@@ -104,6 +121,11 @@ class FrameTree:
                 self.rewritten = True
         self._parents.add(parent)
         return None
+
+    def _is_full(self, child: str) -> bool:
+        """Tell whether there is no room for a frame."""
+        return len(self.static) + len(self.moving) >= _MOST_FRAMES and child not in self.static \
+            and child not in self.moving
 
     def climb(self, frame: str, stamp: int, max_gap: float,
               ends: Container[str] = ()) -> tuple[dict[str, Transform], str]:

@@ -22,6 +22,7 @@ from typing import NamedTuple
 
 from sat_collision.geometry.polygon import PlaneMap
 from sat_collision.scene.deadlines import NEVER
+from sat_collision.scene.frame_ids import in_quotes, in_words
 from sat_collision.scene.frame_tree import FrameTree
 from sat_collision.scene.rotations import (
     composed, IDENTITY, inverse, plane_map, tilt, Transform)
@@ -36,6 +37,7 @@ TILTED = 'tilted'
 UNKNOWN_FRAME = 'unknown frame'
 
 _MOST_MAPS = 256
+_MOST_LISTED = 10
 
 
 class Located(NamedTuple):
@@ -199,9 +201,17 @@ class Frames:
             self._maps[key] = known = found
         return known
 
-    def newest_plane(self, target: str, source: str, oldest: float) -> Mapped | NoTransform:
+    def newest_plane(self, target: str, source: str,
+                     oldest: float = -NEVER) -> Mapped | NoTransform:
         """Return as `newest` does what takes the plane of a frame to that of another."""
         return self._projected(self.newest(target, source, oldest), target, source)
+
+    def stamps(self, target: str, source: str, after: int, until: int) -> list[int]:
+        """Return when, after a time and before another, one of the two was told to be, sorted."""
+        tree = self._tree
+        names = {*tree.climb_newest(source)[0], *tree.climb_newest(target)[0]}
+        return sorted({stamp for name in names & tree.moving.keys()
+                       for stamp in tree.moving[name].stamps if after < stamp < until})
 
     def _projected(self, found: Located | NoTransform, target: str,
                    source: str) -> Mapped | NoTransform:
@@ -210,8 +220,8 @@ class Frames:
         angle = tilt(found.transform)
         if angle > self._max_tilt:
             return NoTransform(
-                TILTED, f'{source} is tilted by {math.degrees(angle):.1f} degrees in {target}, '
-                f'more than {math.degrees(self._max_tilt):g}', False)
+                TILTED, f'{in_words(source)} is tilted by {math.degrees(angle):.1f} degrees in '
+                f'{in_words(target)}, more than {math.degrees(self._max_tilt):g}', False)
         return Mapped(plane_map(found.transform), found.at)
 
     def _explain(self, target: str, source: str, stamp: int | None) -> NoTransform:
@@ -219,12 +229,12 @@ class Frames:
         tree, way = self._tree, _between(source, target)
         for name in (source, target):
             if not name or name[0] == '/':
-                return NoTransform(BAD_FRAME_ID, f"'{name}' is no frame: a name is not empty and "
-                                   'begins without a slash', False)
+                return NoTransform(BAD_FRAME_ID, f'{in_quotes(name)} is no frame: a name is not '
+                                   'empty and begins without a slash', False)
         for name in (source, target):
             if name not in tree:
-                return NoTransform(UNKNOWN_FRAME, f'{way}: no good transform has named {name} yet',
-                                   True)
+                return NoTransform(UNKNOWN_FRAME, f'{way}: no good transform has named '
+                                   f'{in_words(name)} yet', True)
         faults = []
         for name in (source, target):
             passed: Iterable[str]
@@ -235,28 +245,35 @@ class Frames:
                 if top in tree.moving:
                     faults.append(self._fault(top, stamp, way))
             if not top:
-                return NoTransform(LOOP, f'{way}: the parents of {name} lead in a circle: '
-                                   f'{", ".join(passed)}', True)
+                return NoTransform(LOOP, f'{way}: the parents of {in_words(name)} lead in a '
+                                   f'circle: {_listed(passed)}', True)
         if not faults:
             return NoTransform(NOT_CONNECTED, f'{way}: no transforms connect them', True)
         return faults[0]._replace(may_come=any(fault.may_come for fault in faults))
 
     def _fault(self, frame: str, stamp: int, way: str) -> NoTransform:
         """Put into words why it is not known where a frame was at a time."""
-        track = self._tree.moving[frame]
+        track, name = self._tree.moving[frame], in_words(frame)
         if stamp > track.stamps[-1]:
-            return NoTransform(NO_TRANSFORM, f'{way} at its stamp: the newest of {frame} is '
+            return NoTransform(NO_TRANSFORM, f'{way} at its stamp: the newest of {name} is '
                                f'{_seconds(stamp - track.stamps[-1])} older', True)
         if stamp < track.stamps[0]:
-            return NoTransform(NO_TRANSFORM, f'{way} at its stamp: the oldest of {frame} is '
+            return NoTransform(NO_TRANSFORM, f'{way} at its stamp: the oldest of {name} is '
                                f'{_seconds(track.stamps[0] - stamp)} newer', False)
-        return NoTransform(GAP, f'{way} at its stamp: the transforms of {frame} around it are '
+        return NoTransform(GAP, f'{way} at its stamp: the transforms of {name} around it are '
                            f'{_seconds(track.gap(stamp))} apart, more than '
                            f'{_seconds(self._max_gap)}', False)
 
 
 def _between(source: str, target: str) -> str:
-    return f'no transform from {source} to {target}'
+    return f'no transform from {in_words(source)} to {in_words(target)}'
+
+
+def _listed(names: Iterable[str]) -> str:
+    """Return the first names of some."""
+    shown = [in_words(name) for name in names]
+    more = [f'and {len(shown) - _MOST_LISTED} more'] if len(shown) > _MOST_LISTED else []
+    return ', '.join(shown[:_MOST_LISTED] + more)
 
 
 def _seconds(nanoseconds: float) -> str:

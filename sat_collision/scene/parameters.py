@@ -16,13 +16,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import replace
 from difflib import get_close_matches
 from typing import Any
 
+from sat_collision.scene.outlines import check, OutlineError
 from sat_collision.scene.settings import (
     DEFAULT_FOOTPRINT, DEFAULT_SOURCE, DEFAULT_SOURCE_TOPIC, FootprintSettings, ObstacleSettings,
-    Settings, Spec, specs)
+    Settings, Spec, specs, TF)
 
 _LISTS = {'footprints': DEFAULT_FOOTPRINT, 'obstacles': DEFAULT_SOURCE}
 # What every node of rclpy has beside these parameters.
@@ -137,27 +139,53 @@ def read_settings(footprints: Iterable[str], obstacles: Iterable[str],
     Raises
     ------
     ParameterError
-        If a topic cannot have the name that it was given, or a footprint has sources that
-        there are not.
+        If a topic cannot have the name that it was given, an outline makes no sense, or a
+        footprint has sources that there are not.
 
     """
+    def resolved(name: str, topic: str) -> str:
+        try:
+            return resolve(topic)
+        except (RuntimeError, ValueError) as error:  # rcl's are RuntimeErrors
+            raise ParameterError(f'{name}: {error}') from error
+
     def values(kind: type, name: str) -> dict[str, Any]:
         found = {field: value(f'{name}.{field}') for field in specs(kind)}
-        try:
-            found['topic'] = resolve(found['topic'])
-        except (RuntimeError, ValueError) as error:  # rcl's are RuntimeErrors
-            raise ParameterError(f'{name}.topic: {error}') from error
-        if kind is FootprintSettings:
-            found['obstacles'] = _sources_of(name, found['obstacles'], sources)
+        found['topic'] = resolved(f'{name}.topic', found['topic'])
         return found
 
+    def footprint(name: str) -> FootprintSettings:
+        found = values(FootprintSettings, name)
+        settings = FootprintSettings(name=name, **{
+            **found, 'points': _numbers(f'{name}.points', found['points']),
+            'obstacles': _sources_of(name, found['obstacles'], sources)})
+        if settings.odometry:
+            settings = replace(settings, topic=resolved(f'{name}.odometry', settings.odometry))
+        elif settings.has_outline:
+            settings = replace(settings, topic=resolved(f'{name}.points', TF))
+        return settings
+
     sources = list(obstacles)
-    return Settings(
-        footprints=tuple(FootprintSettings(name=name, **values(FootprintSettings, name))
-                         for name in footprints),
+    settings = Settings(
+        footprints=tuple(map(footprint, footprints)),
         obstacles=tuple(ObstacleSettings(name=name, **values(ObstacleSettings, name))
                         for name in sources),
         **{name: value(name) for name in specs(Settings) if name not in _LISTS})
+    try:
+        check(settings)
+    except OutlineError as error:
+        raise ParameterError(error) from error
+    return settings
+
+
+def _numbers(name: str, given: Any) -> str | tuple[float, ...]:
+    """Return the value of a parameter that is a string or an array of numbers."""
+    if isinstance(given, str):
+        return given
+    if isinstance(given, Sequence) and all(type(one) in (int, float) for one in given):
+        return tuple(map(float, given))
+    raise ParameterError(f"parameter '{name}' is {given!r}, but must be a string or an array of "
+                         'numbers')
 
 
 def nearest_name(wrong: str, names: Iterable[str]) -> str:

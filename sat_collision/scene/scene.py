@@ -21,7 +21,7 @@ from sat_collision.scene.circumstances import Circumstances
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.deadlines import Deadlines
 from sat_collision.scene.evaluations import Evaluations
-from sat_collision.scene.footprints import Evaluation, Footprint
+from sat_collision.scene.footprints import Evaluation, Footprint, Origin
 from sat_collision.scene.frame_ids import in_quotes
 from sat_collision.scene.holders import OTHER_FRAME
 from sat_collision.scene.observer import Observer
@@ -120,8 +120,8 @@ class Scene(Circumstances):
         self._reevaluate_all()
         self.pass_time(self._now)
 
-    def footprint(self, name: str, body: PackedBody, frame_id: str, stamp: int,
-                  now: int) -> str | None:
+    def footprint(self, name: str, body: PackedBody, frame_id: str, stamp: int, now: int,
+                  origin: Origin | None = None) -> str | None:
         """
         Take a footprint.
 
@@ -132,6 +132,8 @@ class Scene(Circumstances):
         frame_id : str
         stamp, now : int
             Header stamp and present time in ns.
+        origin : Origin, optional
+            Where it came from, if it was moved to the frame.
 
         Returns
         -------
@@ -161,6 +163,7 @@ class Scene(Circumstances):
             return OVERTAKEN
         self._contacts.place_footprint(footprint, body)
         footprint.stamp = stamp or now
+        footprint.origin = origin
         footprint.time = time = min(stamp, now) if stamp else now
         if footprint.fault or footprint.stale or time + footprint.timeout < now:
             footprint.fault = ''

@@ -25,6 +25,9 @@ from sat_collision.geometry.polygon import MAX_VERTICES
 POLYGON = 'polygon'
 POLYGON_INSTANCE = 'polygon_instance'
 
+# Where the frame of an outline is told, unless it has a topic for that.
+TF = '/tf'
+
 # The sources there are unless others are named. They are not called like the lists that name them:
 # with 'obstacles.topic' beside 'obstacles' a parameter would be both a value and a prefix.
 DEFAULT_FOOTPRINT = 'footprint'
@@ -52,6 +55,8 @@ class Spec(NamedTuple):
         The values it may have; empty for any.
     safety : bool
         Whether it decides what is called clear, so that `lock_parameters` fixes it.
+    is_any_type : bool
+        Whether its value need not have the type of the default.
 
     """
 
@@ -60,6 +65,7 @@ class Spec(NamedTuple):
     limits: tuple[float, float] | None = None
     choices: tuple[str, ...] = ()
     safety: bool = False
+    is_any_type: bool = False
 
 
 def _setting(description: str, **more: Any) -> Mapping[str, Spec]:
@@ -89,6 +95,28 @@ class FootprintSettings:
     obstacles: tuple[str, ...] = field(default=(), metadata=_setting(
         'names of the sources whose obstacles it must not touch, and whose faults make it '
         "unknown; [''] for all", live=True, safety=True))
+    points: str | tuple[float, ...] = field(default='', metadata=_setting(
+        'm; the outline of a footprint that no topic tells: it moves with its frame_id. '
+        '[x1, y1, x2, y2, ...], or a string as Nav2 has it, [[x1, y1], [x2, y2], ...]; empty for '
+        'none', live=True, safety=True, is_any_type=True))
+    radius: float = field(default=0.0, metadata=_setting(
+        'm; the same for a disc round the origin of the frame; 0.0 for none', live=True,
+        safety=True, limits=(0.0, 1000.0)))
+    radius_vertices: int = field(default=16, metadata=_setting(
+        'of the polygon round that disc, which covers all of it', limits=(3, 1000)))
+    frame_id: str = field(default='', metadata=_setting(
+        'the frame that the outline is in and moves with, such as base_link; its pose is that of '
+        '/tf, and its age that of the transform'))
+    rate: float = field(default=50.0, metadata=_setting(
+        'Hz; how often the outline is placed at most', limits=(0.1, 1000.0)))
+    odometry: str = field(default='', metadata=_setting(
+        'topic of nav_msgs/Odometry that tells where the frame is instead of /tf; empty for '
+        '/tf'))
+
+    @property
+    def has_outline(self) -> bool:
+        """Whether it has an outline of its own instead of a topic that tells it."""
+        return bool(self.points) or self.radius > 0.0
 
     def minds(self, source: str) -> bool:
         """Tell whether the obstacles of a source, and its faults, concern the footprint."""

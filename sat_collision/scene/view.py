@@ -82,6 +82,21 @@ class View:
         status, reasons = footprint.evaluation
         return State(status, footprint.contacts_reported, reasons, age)
 
+    def origin(self, name: str) -> tuple[str, float | None]:
+        """
+        Return where the good footprint came from, '' if there is none.
+
+        It is the name of the frame in which it was told, and the age in s of the transform that
+        moved it from there, None if there was none or it holds for all times.
+        """
+        footprint = self._footprints[name]
+        if footprint.time is None:
+            return '', None
+        if footprint.origin is None:
+            return footprint.frame_id, None
+        frame_id, at = footprint.origin
+        return frame_id, None if at is None else (self._now - at) / 1e9
+
     @property
     def deadline(self) -> float:
         """The time in ns until which, at least, nothing changes by itself; NEVER if at no time."""

@@ -15,25 +15,13 @@
 """Frames over DDS; tf2_msgs is stood in for by another type, as nobody looks into the bytes."""
 
 import sys
-import types
 
 from builders import box, transforms
 from geometry_msgs.msg import PolygonStamped
 from harness import Peer
-import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
-
-@pytest.fixture
-def start_with_tf(start, monkeypatch):
-    """Start a monitor where tf2_msgs is installed, as far as it can tell."""
-    messages = types.ModuleType('tf2_msgs.msg')
-    messages.TFMessage = PolygonStamped
-    monkeypatch.setitem(sys.modules, 'tf2_msgs', types.ModuleType('tf2_msgs'))
-    monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', messages)
-    return lambda **parameters: start(frame_id='odom', **parameters)
 
 
 def tell(running, *links):

@@ -83,6 +83,42 @@ def test_nav2_parameter_file_takes_the_footprint_that_nav2_publishes(declare):
     assert parameters.settings.frame_id == 'odom'
 
 
+def test_outline_parameter_file_has_an_outline(declare):
+    """Instead of a footprint that somebody publishes."""
+    _, parameters = declare(cli_args=['--ros-args', '--params-file', str(CONFIG / 'outline.yaml')])
+    footprint, = parameters.settings.footprints
+    assert footprint.has_outline and footprint.frame_id == 'base_link'
+    assert footprint.topic == '/tf' and parameters.settings.frame_id == 'odom'
+
+
+OUTLINE = {'frame_id': 'odom', 'footprint.frame_id': 'base', 'footprint.points': [0.0, 0.0]}
+
+
+def test_points_can_be_changed_while_it_runs(declare):
+    """To numbers or a string; what makes no sense is refused in one line, and nothing changes."""
+    node, parameters = declare(OUTLINE)
+    changes = []
+    parameters.on_change(changes.append)
+    for points in ([1.0, 2.0], '[[1, 2], [3, 4]]', [5, 6]):
+        assert set_one(node, 'footprint.points', points) is None
+    assert [one.footprints[0].points for one in changes] == [
+        (1.0, 2.0), '[[1, 2], [3, 4]]', (5.0, 6.0)]
+    for name, value, words in (
+            ('points', [1.0, 2.0, 3.0], 'footprint.points has 3 numbers'),
+            ('points', '[[0, 0], [1, 1], [1, 0], [0, 1]]', 'footprint.points are no simple'),
+            ('radius', 1.0, 'are both given'), ('points', '', 'footprint.frame_id is for an'),
+            ('points', True, 'must be a string or an array of numbers')):
+        assert words in set_one(node, f'footprint.{name}', value)
+    assert len(changes) == 3
+
+
+def test_locked_points_stay(declare):
+    """They decide what is clear."""
+    node, parameters = declare({**OUTLINE, 'lock_parameters': True})
+    parameters.on_change(print)
+    assert 'is locked' in set_one(node, 'footprint.points', [1.0, 2.0])
+
+
 def test_every_setting_can_be_given(declare):
     """All fields of all settings, two footprints and two sources."""
     footprints = (FootprintSettings('a', '/robot', 0.5, False, ('d',)),

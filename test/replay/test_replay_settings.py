@@ -45,6 +45,14 @@ FILES = {
     'sources': ('/**:\n  ros__parameters:\n    footprints: [a, b]\n    obstacles: [c]\n'
                 '    c.type: polygon_instance\n    c.topic: ~/seen\n    b.topic: /b\n'
                 '    c.accumulate: yes\n    c.max_count: 7\n    frame_id: "odom"\n'),
+    'outline': ('/**:\n  ros__parameters:\n    frame_id: odom\n    footprint.radius: 0.5\n'
+                '    footprint.frame_id: base\n    footprint.odometry: wheels\n'),
+    'points': ('/**:\n  ros__parameters:\n    frame_id: odom\n    footprint.frame_id: base\n'
+               '    footprint.points: [0.5, 0.0, 0.0, 1.0, -0.5, 0.0]\n'),
+    'whole points': ('/**:\n  ros__parameters:\n    frame_id: odom\n    footprint:\n'
+                     '      frame_id: base\n      points: [5, 0, 0, 1, -5, 0]\n'),
+    'points of nav2': ('/**:\n  ros__parameters:\n    frame_id: odom\n    footprint:\n'
+                       '      frame_id: base\n      points: "[[0.5, 0], [0, 1], [-0.5, 0]]"\n'),
     'exponent': '/**:\n  ros__parameters:\n    footprint.timeout: 1e1\n',
 }
 
@@ -75,7 +83,7 @@ def test_parameter_file_means_what_it_means_to_the_node(domain, tmp_path, conten
     assert settings == node_settings(domain, '--params-file', str(path))
 
 
-@pytest.mark.parametrize('name', ('footprint_monitor.yaml', 'nav2.yaml'))
+@pytest.mark.parametrize('name', ('footprint_monitor.yaml', 'nav2.yaml', 'outline.yaml'))
 def test_shipped_parameter_files_are_read(domain, name):
     """As the node reads them."""
     settings = settings_of(parameters_of_file(CONFIG / name, NODE), NODE)
@@ -86,9 +94,10 @@ def test_shipped_parameter_files_are_read(domain, name):
     f'{SOURCE}.type:=circle', 'footprint.timeout:=soon', 'footprint.timeout:=1',
     'footprint.timeout:=-1.0', 'footprint.timeout:=.nan', f'{SOURCE}.max_count:=0',
     'publish_rate:=1000.0', 'footprints:=robot', 'footprints:=[left arm]', 'footprints:=[a, a]',
-    'obstacles:=[footprint]', 'footprint.topic:=a b', "footprint.topic:=''", 'enabled:=1',
-    'margin:=1', 'frame_id:=5', 'margn:=1.0', f'{SOURCE}.timout:=1.0', 'scan.timeout:=1.0',
-    'colour:=red'])
+    'obstacles:=[footprint]', 'footprint.points:=3', 'footprint.points:=[a, b]',
+    'footprint.points:=[1.0, 2.0]', 'footprint.frame_id:=base', 'footprint.radius:=2.0',
+    'footprint.topic:=a b', "footprint.topic:=''", 'enabled:=1', 'margin:=1', 'frame_id:=5',
+    'margn:=1.0', f'{SOURCE}.timout:=1.0', 'scan.timeout:=1.0', 'colour:=red'])
 def test_what_the_node_refuses_is_refused(domain, text):
     """And in one line that names the parameter."""
     name, value = parameter_of_text(text)

@@ -28,7 +28,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import (
     initialize, invariant, rule, RuleBasedStateMachine, run_state_machine_as_test)
 import pytest
-from sat_collision.monitor import UNDECODABLE
+from sat_collision.messages.rejections import UNDECODABLE
 from sat_collision.scene.holders import OTHER_FRAME, TOO_MANY
 from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings

@@ -117,6 +117,11 @@ class SceneModel:
     def _is_from_future(self, stamp, now):
         return stamp > now + nanoseconds(self.settings.future_tolerance)
 
+    def note_waiting(self, name, are_waiting):
+        """Take note of whether messages of a source wait to be told."""
+        if name in self._sources:
+            self._sources[name].are_waiting = are_waiting
+
     def overwhelm(self, name, overwhelmed):
         """Take note of whether a source sends more than can be checked."""
         self._sources[name].overwhelmed = overwhelmed
@@ -209,6 +214,7 @@ class SourceModel:
         self.settings = settings
         self.publishers = publishers
         self.overwhelmed = False
+        self.are_waiting = False
         self.sent = []
         self._was_left = False
         self._keyed = {}
@@ -264,7 +270,10 @@ class SourceModel:
     def advance(self, now):
         """Let time pass when all that was sent until now has been told."""
         since = self._listens_since
-        if since is not None and since + nanoseconds(self.settings.set_quiet) < now:
+        quiet = nanoseconds(self.settings.set_quiet)
+        if since is not None and since + quiet < now and self.are_waiting:
+            self._listens_since = since + quiet
+        elif since is not None and since + quiet < now:
             self._listens_since = None
             self._finish()
             self._settle()

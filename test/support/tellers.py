@@ -18,7 +18,8 @@ import math
 
 from builders import box, serialised
 from sat_collision.geometry.polygon import Polygon
-from sat_collision.monitor import Monitor, UNDECODABLE
+from sat_collision.messages.rejections import UNDECODABLE
+from sat_collision.monitor import Monitor
 from sat_collision.scene.holders import OTHER_FRAME
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import POLYGON_INSTANCE

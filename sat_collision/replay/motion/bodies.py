@@ -34,7 +34,7 @@ Integers: TypeAlias = NDArray[np.int64]
 # Points as received, and the map that takes them to the frame that all is in, if they are not.
 Ring: TypeAlias = tuple[Points, PlaneMap | None]
 
-_NUMBERS = 3  # a point's, in a message
+NUMBERS = 3  # a point's, in a message
 
 
 class Bodies:
@@ -50,6 +50,8 @@ class Bodies:
     max_vertices : int, optional
     frame_id : str, optional
         The frame that all are in, empty if there is none.
+    is_between : bool, optional
+        Whether they were not told, but lie between what was.
 
     Attributes
     ----------
@@ -67,14 +69,15 @@ class Bodies:
 
     def __init__(self, names: Sequence[ObstacleId], stamps: Sequence[int],
                  rings: Sequence[Ring], max_vertices: int = MAX_VERTICES,
-                 frame_id: str = '') -> None:
+                 frame_id: str = '', is_between: bool = False) -> None:
         self.names = names
         self.stamps = stamps
         self.frame_id = frame_id
+        self.is_between = is_between
         self.moving: set[int] = set()
-        data = b''.join(data[start:start + 4 * _NUMBERS * count]
+        data = b''.join(data[start:start + 4 * NUMBERS * count]
                         for (data, start, count), _ in rings)
-        self.points = np.frombuffer(data, np.float32).reshape(-1, _NUMBERS)[:, :2].astype(
+        self.points = np.frombuffer(data, np.float32).reshape(-1, NUMBERS)[:, :2].astype(
             np.float64)
         lengths = np.array([points[2] for points, _ in rings], np.int64)
         ends = np.cumsum(lengths)

@@ -264,7 +264,8 @@ class _Pair(NamedTuple):
     @property
     def ends_at_a_frame(self) -> bool:
         """Whether the footprint has a frame at the end, and the other does not move."""
-        return self.end == self.piece.finishes[0] and not self.ways.moved[self.i]
+        return (self.end == self.piece.finishes[0] and not self.piece.after.is_between
+                and not self.ways.moved[self.i])
 
     def backwards(self) -> _Pair:
         return self._replace(begin=self.end, end=self.begin)

@@ -21,13 +21,16 @@ from functools import partial
 from itertools import chain
 from typing import TypeVar
 
+from sat_collision.geometry.polygon import PlaneMap
 from sat_collision.monitor import Monitor
 from sat_collision.replay.film import Film
 from sat_collision.replay.motion.bodies import Bodies, Ring
 from sat_collision.replay.motion.encounters import Step
 from sat_collision.replay.motion.filming import MotionFilm
 from sat_collision.replay.motion.named import NamedTrail
+from sat_collision.replay.motion.poses import Poses
 from sat_collision.replay.motion.sets import SetTrail
+from sat_collision.replay.motion.tracks import Track
 from sat_collision.replay.motion.trails import Emit, LONGEST, Trail
 from sat_collision.replay.motion.walker import Walker
 from sat_collision.replay.result import Contact, FootprintResult, Unknown
@@ -96,13 +99,35 @@ class Motion(Observer):
                 walker.skip()
         name = footprint.settings.name
         walker = self._walkers[name]
-        walker.track.add(Bodies([ObstacleId(name, 0)], [self._stamp()], [self._ring()],
-                                self._max_vertices))
+        stamp = self._stamp()
+        if name in self.monitor.outlines:
+            self._follow(walker.track, footprint, stamp)
+        walker.track.add(self._body(name, stamp, self.monitor.teller.plane))
         if self._film:
             self._film.walk(name, walker.track)
         for trail in self._trails():
             trail.rest(self.now)
         walker.walk(self.now)
+
+    def _follow(self, track: Track, footprint: Footprint, stamp: int) -> None:
+        """Let the track of an outline follow its frame to where it is placed now."""
+        begin = track.begin_of_way(stamp)
+        if begin is None:
+            return
+        settings = footprint.settings
+        poses = Poses(self.monitor.transforms, settings.frame_id,
+                      self.monitor.teller.points).between(begin, stamp)
+        if poses is None:
+            track.lose_way(stamp)
+            return
+        for time, plane in poses:
+            track.add(self._body(settings.name, time, plane, is_between=True))
+
+    def _body(self, name: str, stamp: int, plane: PlaneMap | None,
+              is_between: bool = False) -> Bodies:
+        """Return the footprint of which the scene is told, at a time."""
+        return Bodies([ObstacleId(name, 0)], [stamp], [(self.monitor.teller.points, plane)],
+                      self._max_vertices, is_between=is_between)
 
     def remove_footprint(self, footprint: Footprint) -> None:
         """Take note that a footprint is nowhere."""
@@ -159,11 +184,11 @@ class Motion(Observer):
 
     def _stamp(self) -> int:
         """Return when that was there which the scene is told of now."""
-        return self.monitor.stamp or self.now
+        return self.monitor.teller.stamp or self.now
 
     def _ring(self) -> Ring:
         """Return where it was."""
-        return self.monitor.points, self.monitor.plane
+        return self.monitor.teller.points, self.monitor.teller.plane
 
     def _trails(self) -> Iterable[Trail]:
         return chain(self._sets.values(), self._named.values())

@@ -80,6 +80,19 @@ class Track:
         """Take note that the footprint is nowhere until its next frame."""
         self._last = None
 
+    def lose_way(self, until: int) -> None:
+        """Take note that it is not known where the footprint was until its next frame."""
+        if self._last is not None:
+            self.undecided += until - self._last.stamps[0]
+        self.lose()
+
+    def begin_of_way(self, until: int) -> int | None:
+        """Return when the way began that leads to a frame at a time, None if none does."""
+        last = self._last
+        if last is None or not 0 < until - last.stamps[0] <= self._longest:
+            return None
+        return last.stamps[0]
+
     def stand(self, until: int) -> None:
         """Let a footprint that never times out have stood where it is until a time."""
         last = self._last
@@ -120,7 +133,9 @@ class Track:
 
     def frames(self, after: int, until: int) -> list[int]:
         """Return the stamps of the frames after one time and until another."""
-        found = self._starts[bisect_right(self._starts, after):bisect_right(self._starts, until)]
+        first, end = bisect_right(self._starts, after), bisect_right(self._starts, until)
+        found = [piece.starts[0] for piece in self._pieces[first:end]
+                 if not piece.before.is_between]
         if self.latest is not None and after < self.latest <= until:
             found.append(self.latest)
         return sorted(set(found))

@@ -1,0 +1,203 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What frames cost: /tf, and a message in another frame.
+
+Of two monitors, which get the same messages at once and share a core, one takes the bytes of /tf
+and does nothing with them: the floor.
+"""
+
+import contextlib
+import os
+from pathlib import Path
+import statistics
+import struct
+import subprocess
+import sys
+import time
+
+from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
+import node
+import numpy as np
+import rclpy
+from sat_collision.monitor import Monitor
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, TF
+from std_msgs.msg import Bool
+
+PROGRAM = Path(__file__).parent / 'frames_node.py'
+SECOND = 10**9
+RATE = 100
+SIZES = 1, 5, 20
+ROBOTS = 20
+_PARAMETERS = {'frame_id': 'odom', 'footprint.timeout': '0.0', 'obstacle.timeout': '0.0',
+               'obstacle.type': 'polygon_instance'}
+_OUTLINE = {'footprint.points': '[0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0]',
+            'footprint.frame_id': 'base'}
+_PATIENCE = 60.0
+
+
+def message(stamp, children, x=0.0):
+    """Write a TFMessage that has some children where x is."""
+    body = struct.pack('<I', len(children))
+    for child in children:
+        body += struct.pack('<iI', *divmod(stamp, SECOND))
+        for name in ('odom', child):
+            text = name.encode() + b'\0'
+            body += bytes(-len(body) % 4) + struct.pack('<I', len(text)) + text
+        body += bytes(-len(body) % 8) + struct.pack('<7d', x, 0, 0, 0, 0, 0, 1)
+    return b'\0\1\0\0' + body
+
+
+def polygon(stamp, frame_id, x, instance):
+    """Write the message of a square that is an obstacle."""
+    text = frame_id.encode() + b'\0'
+    body = struct.pack('<iII', *divmod(stamp, SECOND), len(text)) + text
+    body += bytes(-len(body) % 4) + struct.pack('<I', 4)
+    for corner in ((x, 0), (x + 1, 0), (x + 1, 1), (x, 1)):
+        body += struct.pack('<3f', *corner, 0)
+    return b'\0\1\0\0' + body + bytes(-len(body) % 8) + struct.pack('<q', instance)
+
+
+class Publisher:
+    """Publishes /tf, and hears the flags of one node."""
+
+    def __init__(self, readers):
+        self._node = rclpy.create_node('frames')
+        self.flags = []
+        self._node.create_subscription(Bool, '/footprint_monitor/footprint/collision',
+                                       lambda flag: self.flags.append(flag.data), 100)
+        self._publisher = self._node.create_publisher(PolygonStamped, '/tf', 100)
+        self._obstacles = self._node.create_publisher(PolygonInstanceStamped, '/obstacles', 10)
+        self.until(lambda: self._publisher.get_subscription_count() == readers and self.flags)
+
+    def until(self, condition):
+        """Take flags until something holds."""
+        end = time.monotonic() + _PATIENCE
+        while not condition():
+            if time.monotonic() > end:
+                raise TimeoutError('the node does not answer')
+            rclpy.spin_once(self._node, timeout_sec=0.01)
+
+    def publish(self, children, x=0.0):
+        self._publisher.publish(message(time.time_ns(), children, x))
+
+    def clear(self):
+        """Publish one obstacle until the node has heard of it, and of a robot far from it."""
+        def is_clear():
+            self._obstacles.publish(polygon(time.time_ns(), 'odom', -5.0, 0))
+            self.publish(['base'], 9.0)
+            return not self.flags[-1]
+        self.until(is_clear)
+
+    def run(self, groups, seconds):
+        """Publish a message for each group of children RATE times a second; return how many."""
+        begin = time.monotonic()
+        for k in range(round(seconds * RATE)):
+            for i, children in enumerate(groups):
+                due = begin + (k + i / len(groups)) / RATE
+                time.sleep(max(due - time.monotonic(), 0.0))
+                self.publish(children)
+        return round(seconds * RATE) * len(groups)
+
+    def close(self):
+        self._node.destroy_node()
+
+
+@contextlib.contextmanager
+def _running(*arguments, **parameters):
+    words = [word for name, value in {**_PARAMETERS, **parameters}.items()
+             for word in ('-p', f'{name}:={value}')]
+    process = subprocess.Popen(
+        [sys.executable, PROGRAM, *arguments, '--ros-args', *words],
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        yield process.pid
+    finally:
+        process.terminate()
+        process.wait(30)
+
+
+def together(groups, seconds, repeats, **parameters):
+    """Return processor time in us a message of the monitor and of the floor, and of a core."""
+    core = max(os.sched_getaffinity(0))
+    with _running(**parameters) as monitor, _running('--floor') as floor, contextlib.closing(
+            Publisher(2)) as publisher:
+        for pid in (monitor, floor):
+            node._pin(pid, core)
+        publisher.run(groups, 0.5)
+        costs = []
+        for _ in range(repeats):
+            before = [node.cpu_time(pid) for pid in (monitor, floor)]
+            count = publisher.run(groups, seconds)
+            costs.append([1e6 * (node.cpu_time(pid) - used) / count
+                          for pid, used in zip((monitor, floor), before)])
+    monitor_us, floor_us = (statistics.median(column) for column in zip(*costs))
+    return {'monitor_us': monitor_us, 'floor_us': floor_us,
+            'ratio': statistics.median(one / other for one, other in costs),
+            'core': monitor_us * RATE * len(groups) / 1e6}
+
+
+def latency(kind, repeats):
+    """Return ms from publishing a transform to the flag that follows, of a node of some kind."""
+    with _running(*kind, **_OUTLINE), contextlib.closing(Publisher(1)) as publisher:
+        raised = False
+        times = []
+        publisher.clear()
+        for _ in range(repeats):
+            raised = not raised
+            time.sleep(0.03)
+            begin = time.perf_counter()
+            publisher.publish(['base'], -5.0 if raised else 9.0)
+            publisher.until(lambda: publisher.flags[-1] == raised)
+            times.append(1e3 * (time.perf_counter() - begin))
+    return {'p50_ms': float(np.percentile(times, 50)), 'p99_ms': float(np.percentile(times, 99))}
+
+
+def in_other_frame(repeats, count=5000):
+    """Return us a message of the fixed frame, and of another one whose map is at hand."""
+    settings = Settings(
+        frame_id='odom', footprints=(FootprintSettings('robot', TF, timeout=0.0),),
+        obstacles=(ObstacleSettings('seen', '/seen', type='polygon_instance', timeout=0.0),))
+    monitor = Monitor(settings, transforms=True)
+    now = 1000 * SECOND
+    for k in range(10):
+        now += SECOND // 100
+        monitor.receive_transforms(TF, message(now, ['base'], k / 8), now)
+    seen = {frame: polygon(now - SECOND // 200, frame, 20.0, 1) for frame in ('odom', 'base')}
+    costs = {frame: [] for frame in seen}
+    for _ in range(repeats + 1):
+        for frame, data in seen.items():
+            begin = time.process_time()
+            for _ in range(count):
+                monitor.receive('seen', data, now)
+            costs[frame].append(1e6 * (time.process_time() - begin) / count)
+    if monitor.rejected or monitor.waiting.counts():
+        raise RuntimeError('the messages were not taken')
+    return {'fixed_us': statistics.median(costs['odom'][1:]),
+            'more_us': statistics.median(other - one for one, other in zip(
+                costs['odom'][1:], costs['base'][1:]))}
+
+
+def measure(seconds, repeats):
+    """Return all figures."""
+    children = [f'frame{k}' for k in range(ROBOTS)]
+    return {
+        'sizes': [{'transforms': size, **together([['base', *children[1:size]]], seconds, repeats)}
+                  for size in SIZES],
+        'outline': together([['base']], seconds, repeats, **_OUTLINE),
+        'robots': together([[child] for child in children], seconds, repeats),
+        'other_frame': in_other_frame(5 * repeats),
+        'latency': {name: latency(kind, 100 * repeats)
+                    for name, kind in (('monitor', ()), ('floor', ('--loop-floor',)))}}

@@ -1,0 +1,199 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Footprints that nobody publishes: an outline, and a frame that moves it."""
+
+from __future__ import annotations
+
+from collections import Counter
+import struct
+
+from sat_collision.messages.cdr import Points
+from sat_collision.messages.rejections import Rejection
+from sat_collision.messages.teller import Teller
+from sat_collision.messages.transform_listener import TransformListener
+from sat_collision.scene.deadlines import NEVER
+from sat_collision.scene.frames import NoTransform
+from sat_collision.scene.outlines import Outline, outline_of
+from sat_collision.scene.settings import FootprintSettings, Settings
+
+# An outline in a static frame is placed again so often within its timeout.
+_TIMES_PLACED = 3
+
+
+class Outlines:
+    """
+    Tells the scene where outlines are, whenever their frames have moved.
+
+    Parameters
+    ----------
+    settings : Settings
+    teller : Teller
+    transforms : TransformListener
+        Hears of odometry, too.
+    received : Counter
+        Poses of outlines that move by /tf are counted there by name.
+
+    """
+
+    def __init__(self, settings: Settings, teller: Teller, transforms: TransformListener,
+                 received: Counter[str]) -> None:
+        self._teller = teller
+        self._received = received
+        self._transforms = transforms
+        self._outlines = {one.name: _Placed(one, settings.max_vertices)
+                          for one in settings.footprints if one.has_outline}
+        self.configure(settings)
+
+    def __contains__(self, name: str) -> bool:
+        """Tell whether a footprint has an outline."""
+        return name in self._outlines
+
+    def configure(self, settings: Settings) -> None:
+        """Apply settings; an outline that is another one now counts at once."""
+        self._patience = round(settings.transform_timeout * 1e9)
+        for footprint in settings.footprints:
+            if footprint.name in self._outlines:
+                self._outlines[footprint.name].configure(footprint, settings.max_vertices)
+
+    def clear(self) -> None:
+        """Forget what was told of another time."""
+        for one in self._outlines.values():
+            one.forget()
+
+    def receive(self, name: str, data: bytes) -> list[Rejection]:
+        """Take a message of odometry for a footprint."""
+        problem = self._transforms.hear_odometry(data)
+        return [self._teller.reject(self._outlines[name].settings, *problem)] if problem else []
+
+    def follow(self, now: int) -> list[Rejection]:
+        """Place what has moved."""
+        rejections: list[Rejection] = []
+        for one in self._outlines.values():
+            rejections += self._follow(one, now)
+        return rejections
+
+    @property
+    def deadline(self) -> float:
+        """The time in ns before which, without another message, nothing is to be placed."""
+        return min((one.due(self._patience) for one in self._outlines.values()), default=NEVER)
+
+    def _follow(self, one: _Placed, now: int) -> list[Rejection]:
+        """Place an outline, if its frame has moved and it is not too soon."""
+        settings = one.settings
+        if not settings.enabled:
+            return []
+        if now + one.period < one.next:
+            one.is_pending = True
+            return []
+        one.is_pending = False
+        one.begin(now)
+        found = self._transforms.newest(settings.frame_id)
+        if isinstance(found, NoTransform):
+            if one.fault == found.reason or (found.may_come and not one.has_waited(
+                    now, self._patience)):
+                return []
+            one.forget(found.reason)
+            return [self._teller.refuse(settings, found.reason, found.detail, now)]
+        if not one.is_moved(found.at, now):
+            return []
+        one.next = max(one.next, now) + one.period
+        one.stamp, one.is_static, one.fault = found.at or now, found.at is None, ''
+        if not settings.odometry:
+            self._received[settings.name] += 1
+        rejection = self._teller.place(settings, one.points, found, now)
+        return [rejection] if rejection else []
+
+
+class _Placed:
+    """
+    The outline of a footprint, and where it was placed last.
+
+    Attributes
+    ----------
+    settings : FootprintSettings
+    points : Points
+    period : int
+        How long it stays at least where it was placed, on average, in ns.
+    next : int
+        When it is due again, if it moves until then and all is as regular as it can be.
+    is_pending : bool
+        Whether it may have moved, but it was too soon to place it.
+    stamp : int or None
+        Of its last place.
+    is_static : bool
+        Whether that holds for all times.
+    fault : str
+        Why it is nowhere, as far as that has been told.
+
+    """
+
+    def __init__(self, footprint: FootprintSettings, max_vertices: int) -> None:
+        self._begun: int | None = None
+        self._outline: Outline = ()
+        self.configure(footprint, max_vertices)
+        self.forget()
+
+    def configure(self, footprint: FootprintSettings, max_vertices: int) -> None:
+        """Apply settings."""
+        self.settings = footprint
+        self.period = round(1e9 / footprint.rate)
+        outline = outline_of(footprint, max_vertices)
+        if outline != self._outline or not footprint.enabled:
+            self._outline = outline
+            self.points: Points = (b''.join(struct.pack('=3f', x, y, 0.0) for x, y in outline), 0,
+                                   len(outline))
+            self.forget()
+            # Until it is placed nothing is known of it: the scene must not wait to be told.
+            self._begun = 0
+
+    def forget(self, fault: str = '') -> None:
+        """Be nowhere."""
+        self.stamp: int | None = None
+        self.is_static = self.is_pending = False
+        self.next = 0
+        self.fault = fault
+        self._begun = None
+
+    def begin(self, now: int) -> None:
+        """Take note of the time since when it is looked for, where it is nowhere."""
+        if self._begun is None:
+            self._begun = now
+
+    def has_waited(self, now: int, patience: int) -> bool:
+        """Tell whether it has been nowhere for longer than a time."""
+        return self.stamp is None and self._begun is not None and now > self._begun + patience
+
+    def is_moved(self, at: int | None, now: int) -> bool:
+        """Tell whether a place is not the last one."""
+        if self.stamp is None:
+            return True
+        return now >= self._refreshed if at is None else at > self.stamp
+
+    def due(self, patience: int) -> float:
+        """Return when it must be looked at, though there is no message, in ns."""
+        if self.is_pending:
+            return self.next - self.period - 1
+        if self.is_static:
+            return self._refreshed - 1
+        if self.stamp is None and self._begun is not None and not self.fault:
+            return self._begun + patience
+        return NEVER
+
+    @property
+    def _refreshed(self) -> float:
+        """When a place that holds for all times is told again, lest it be called old."""
+        if self.stamp is None or not self.settings.timeout:
+            return NEVER
+        return self.stamp + max(self.period, round(1e9 * self.settings.timeout / _TIMES_PLACED))

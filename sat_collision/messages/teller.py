@@ -1,0 +1,140 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""One message after another: read, moved to the fixed frame, packed, and told to the scene."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+
+from sat_collision.geometry.polygon import PlaneMap, PolygonError
+from sat_collision.messages.cdr import decode, MessageError, Points
+from sat_collision.messages.packer import Packer
+from sat_collision.messages.rejections import (
+    detail_of, EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE)
+from sat_collision.messages.transform_listener import TransformListener
+from sat_collision.scene.frame_ids import LONGEST_FRAME_ID
+from sat_collision.scene.frames import Mapped, NoTransform
+from sat_collision.scene.scene import Scene
+from sat_collision.scene.settings import (
+    FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
+from sat_collision.scene.waiting import WAIT, Wait
+
+
+class Teller:
+    """
+    Tells a scene of messages, or refuses them.
+
+    Parameters
+    ----------
+    settings : Settings
+    scene : Scene
+    transforms : TransformListener or None
+        None where what is not in the fixed frame is refused.
+    watch_clock : callable
+        Takes the present time in ns before a transform is asked for.
+
+    Attributes
+    ----------
+    stamp, points, plane : int, Points, PlaneMap or None
+        Of the message that the scene is told of: its own, and the map that takes the points to
+        the fixed frame, None where they are in it.
+    rejected : Counter
+        The messages that were not taken, by (name, reason).
+
+    """
+
+    def __init__(self, settings: Settings, scene: Scene, transforms: TransformListener | None,
+                 watch_clock: Callable[[int], None]) -> None:
+        self.stamp = 0
+        self.points: Points = b'', 0, 0
+        self.plane: PlaneMap | None = None
+        self.rejected: Counter[tuple[str, str]] = Counter()
+        self._scene = scene
+        self._transforms = transforms
+        self._fixed = settings.frame_id
+        self._watch_clock = watch_clock
+        self._with_ids = {source.name for source in settings.obstacles
+                          if source.type == POLYGON_INSTANCE}
+        self._packer = Packer(settings.max_vertices)
+
+    def take(self, settings: FootprintSettings | ObstacleSettings, data: bytes, now: int,
+             may_wait: bool = True) -> Rejection | Wait | None:
+        """Tell the scene of a message; return WAIT if its transform may come, and it may wait."""
+        scene, name = self._scene, settings.name
+        stamp = instance = None
+        try:
+            stamp, frame_id, points, instance = decode(data, name in self._with_ids)
+            self.stamp, self.points, self.plane = stamp, points, None
+            if not frame_id:
+                return self.refuse(settings, EMPTY_FRAME_ID, 'its header names no frame', now,
+                                   stamp, instance)
+            if len(frame_id) > LONGEST_FRAME_ID:
+                return self.refuse(
+                    settings, LONG_FRAME_ID, f'{len(frame_id)} characters where '
+                    f'{LONGEST_FRAME_ID} are accepted', now, stamp, instance)
+            origin = None
+            if self._transforms and frame_id != self._fixed and points[2]:
+                self._watch_clock(now)
+                found = self._transforms.plane(frame_id, stamp, now, settings.timeout)
+                if isinstance(found, NoTransform):
+                    if found.may_come and may_wait and stamp:
+                        return WAIT
+                    return self.refuse(settings, found.reason, found.detail, now, stamp,
+                                       instance)
+                self.plane, at = found
+                origin, frame_id = (frame_id, at), self._fixed
+            if isinstance(settings, FootprintSettings):
+                refusal = scene.footprint(name, self._packer.pack(points, self.plane), frame_id,
+                                          stamp, now, origin)
+            else:
+                body = self._packer.pack(points, self.plane) if points[2] else None
+                refusal = scene.obstacle(name, body, frame_id, stamp, now, instance)
+        except MessageError as error:
+            return self.refuse(settings, UNDECODABLE, str(error), now)
+        except PolygonError as error:
+            return self.refuse(settings, error.reason.value, str(error), now, stamp, instance)
+        if refusal is None:
+            return None
+        return self.reject(settings, refusal, detail_of(
+            refusal, frame_id, scene.frame_id, (now - stamp) / 1e9, settings.timeout))
+
+    def place(self, settings: FootprintSettings, points: Points, found: Mapped,
+              now: int) -> Rejection | None:
+        """Tell the scene where the outline of a footprint is: in its frame, which is found."""
+        stamp = now if found.at is None else found.at
+        self.stamp, self.points, self.plane = stamp, points, found.plane
+        try:
+            refusal = self._scene.footprint(
+                settings.name, self._packer.pack(points, found.plane), self._fixed, stamp, now,
+                (settings.frame_id, found.at))
+        except PolygonError as error:
+            return self.refuse(settings, error.reason.value, str(error), now, stamp)
+        if refusal is None:
+            return None
+        return self.reject(settings, refusal, detail_of(
+            refusal, self._fixed, self._fixed, (now - stamp) / 1e9, settings.timeout))
+
+    def refuse(self, settings: FootprintSettings | ObstacleSettings, reason: str, detail: str,
+               now: int, stamp: int | None = None, instance: int | None = None) -> Rejection:
+        """Tell the scene, and the caller, of a message that gives no polygon."""
+        self._scene.refuse(settings.name, reason, now, stamp, instance)
+        return self.reject(settings, reason, detail)
+
+    def reject(self, settings: FootprintSettings | ObstacleSettings, reason: str,
+               detail: str) -> Rejection:
+        """Count a message that was not taken, and put it into words."""
+        self.rejected[settings.name, reason] += 1
+        return Rejection(settings.name, settings.topic, reason, detail)

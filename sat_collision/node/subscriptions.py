@@ -1,0 +1,130 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The subscriptions of footprints and sources of obstacles, and what goes wrong with them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
+from rclpy.callback_groups import CallbackGroup
+from rclpy.event_handler import (
+    QoSLivelinessChangedInfo, QoSRequestedDeadlineMissedInfo, QoSRequestedIncompatibleQoSInfo,
+    SubscriptionEventCallbacks)
+from rclpy.node import Node
+from rclpy.qos import qos_policy_name_from_kind, QoSDurabilityPolicy, QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from sat_collision.node.health import Health
+from sat_collision.node.loop import Input
+from sat_collision.node.quality import OVERRIDABLE
+from sat_collision.scene.parameters import ParameterError
+from sat_collision.scene.settings import (
+    FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
+
+_FOOTPRINT_DEPTH = 1
+_SETS_IN_QUEUE = 2
+# Every pose counts.
+_ODOMETRY_DEPTH = 100
+
+
+class Subscriptions:
+    """
+    Subscribes to the bytes of all that settings name a topic for.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    settings : Settings
+    receive : callable
+        Takes the name of a footprint or source, the bytes of a message and what rclpy knows of it.
+    group : rclpy.callback_groups.CallbackGroup
+    health : Health
+
+    Attributes
+    ----------
+    inputs : list of Input
+        Footprints first.
+    latched : list of str
+        Names of what is delivered though it was sent before.
+    dead : Counter
+        How many publishers have lost their liveliness, by the name of the footprint or source:
+        DDS still counts them, some for very long.
+
+    Raises
+    ------
+    ParameterError
+        If a topic cannot be subscribed to.
+
+    """
+
+    def __init__(self, node: Node, settings: Settings, receive: Callable[..., Any],
+                 group: CallbackGroup, health: Health) -> None:
+        self._node = node
+        self._receive = receive
+        self._group = group
+        self._health = health
+        self.inputs: list[Input] = []
+        self.latched: list[str] = []
+        self.dead: Counter[str] = Counter()
+        for footprint in settings.footprints:
+            if footprint.odometry:
+                from nav_msgs.msg import Odometry
+                self._subscribe(footprint, Odometry, _ODOMETRY_DEPTH, 'odometry')
+            elif not footprint.has_outline:
+                self._subscribe(footprint, PolygonStamped, _FOOTPRINT_DEPTH)
+        for source in settings.obstacles:
+            kind = PolygonInstanceStamped if source.type == POLYGON_INSTANCE else PolygonStamped
+            self._subscribe(source, kind, _SETS_IN_QUEUE * source.max_count)
+
+    def _subscribe(self, source: FootprintSettings | ObstacleSettings, kind: type, depth: int,
+                   parameter: str = 'topic') -> None:
+        events = SubscriptionEventCallbacks(
+            incompatible_qos=partial(self._report_incompatible_qos, source.topic),
+            deadline=partial(self._count_missed_deadlines, source.topic),
+            liveliness=partial(self._note_liveliness, source))
+        try:
+            subscription = self._node.create_subscription(
+                # The settings have the remapped name, which must not be remapped again.
+                kind, self._node.get_parameter(f'{source.name}.{parameter}').value,
+                partial(self._receive, source.name), QoSProfile(depth=depth), raw=True,
+                callback_group=self._group, event_callbacks=events,
+                qos_overriding_options=QoSOverridingOptions(OVERRIDABLE))
+        except RuntimeError as error:
+            raise ParameterError(f'{source.topic}: {error}') from error
+        if subscription.qos_profile.durability is QoSDurabilityPolicy.TRANSIENT_LOCAL:
+            self.latched.append(source.name)
+        self._node.get_logger().info(f'{source.name}: {kind.__name__} on {source.topic}')
+        self.inputs.append(Input(source.name, subscription))
+
+    def _report_incompatible_qos(self, topic: str,
+                                 event: QoSRequestedIncompatibleQoSInfo) -> None:
+        policy = qos_policy_name_from_kind(event.last_policy_kind)
+        self._health.incompatible_qos(topic, policy)
+        self._node.get_logger().error(
+            f'{topic}: a publisher offers a {policy} that this node cannot accept, so nothing '
+            f'from it arrives; set qos_overrides.{topic}.subscription.{policy.lower()} to what '
+            'it offers, or change the publisher')
+
+    def _count_missed_deadlines(self, topic: str, event: QoSRequestedDeadlineMissedInfo) -> None:
+        self._health.count_event(topic, 'deadlines missed', event.total_count_change)
+
+    def _note_liveliness(self, source: FootprintSettings | ObstacleSettings,
+                         event: QoSLivelinessChangedInfo) -> None:
+        self.dead[source.name] = event.not_alive_count
+        self._health.count_event(source.topic, 'liveliness lost',
+                                 max(event.not_alive_count_change, 0))

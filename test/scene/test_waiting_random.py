@@ -1,0 +1,224 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Random events in moving frames: messages that wait for transforms, against the model of the scene.
+
+The model is told of a body where it is in the fixed frame, when the transform has come that says
+so, or that it is refused, when patience ends. Each message has a frame of its own.
+"""
+
+from collections import Counter, deque
+from typing import NamedTuple
+
+from builders import SECOND, serialised, transforms
+import hypothesis
+from hypothesis import strategies as st
+from hypothesis.stateful import (
+    initialize, invariant, rule, RuleBasedStateMachine, run_state_machine_as_test)
+import pytest
+from sat_collision.messages.transform_listener import TF_STATIC
+from sat_collision.monitor import Monitor
+from sat_collision.scene.frames import UNKNOWN_FRAME
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, TF
+
+pytest.importorskip('shapely')
+
+from scene_model import SceneModel  # noqa: E402
+from test_scene_random import BODIES, key_of, ring_of  # noqa: E402
+
+MILLISECOND = SECOND // 1000
+START = 1000 * SECOND
+PATIENCE = 200 * MILLISECOND
+FOOTPRINT = FootprintSettings('robot', '/footprint', timeout=1.0)
+SOURCES = (ObstacleSettings('sets', '/sets', timeout=0.8, max_count=60),
+           ObstacleSettings('tracks', '/tracks', timeout=0.8, type='polygon_instance'))
+# Where 'base' is in the fixed frame, always.
+BASE = 4.5, -1.5
+
+bodies = st.sampled_from(tuple(BODIES))
+names = st.sampled_from(('robot', 'sets', 'tracks'))
+ages = st.sampled_from((0, 0, 0, 5, 15, 90))
+waits = st.sampled_from((1, 5, 30, 60, 100, 201))
+# What the transforms say: nothing but the pose at the stamp; the poses before and after, of which
+# it is the middle; another parent until shortly before.
+ways = st.sampled_from(('exact', 'between', 're-parented'))
+offsets = st.tuples(*[st.integers(-20, 20).map(lambda k: k / 2)] * 2)
+
+
+class Told(NamedTuple):
+    """A message that waits, or is behind one that does; frame is '' for the fixed one."""
+
+    ring: tuple
+    stamp: int
+    instance: int
+    frame: str
+    deadline: int
+
+
+class FramesMachine(RuleBasedStateMachine):
+    """A monitor and the model, told of the same; `seen` counts what happened."""
+
+    seen = Counter()
+
+    @initialize()
+    def begin(self):
+        self.settings = Settings((FOOTPRINT,), SOURCES, frame_id='odom',
+                                 transform_timeout=PATIENCE / SECOND)
+        self.now = START
+        self.monitor = Monitor(self.settings, transforms=True)
+        self.model = SceneModel(self.settings, START)
+        self.frames = 0
+        self._forget()
+        self.monitor.advance(self.now)
+        self.monitor.receive_transforms(TF_STATIC, transforms(('odom', 'base', 0, *BASE)),
+                                        self.now)
+        self.wait(100)
+        for name in ('sets', 'tracks'):
+            self.monitor.count_publishers(name, 1)
+            self.model.count_publishers(name, 1, self.now)
+            self.heartbeat(name)
+        self.tell('robot', 'square 0 0', 0, 0)
+
+    def _forget(self):
+        self.queues = {'robot': deque(), 'sets': deque(), 'tracks': deque()}
+        self.missing = {}
+
+    @rule(milliseconds=waits)
+    def wait(self, milliseconds):
+        self.now += milliseconds * MILLISECOND
+        self.monitor.advance(self.now)
+        self._take(expires=True)
+        self.model.advance(self.now)
+
+    @rule()
+    def step_back(self):
+        """Jump to another time, to which nothing of what waits belongs."""
+        self.now -= 3 * SECOND
+        self.monitor.advance(self.now)
+        self._forget()
+        self.model.forget_all(self.now)
+        self._note_waiting()
+
+    @rule(name=names, body=bodies, age=ages, instance=st.integers(0, 3))
+    def tell(self, name, body, age, instance):
+        """Tell of a body in the fixed frame."""
+        self._send(name, BODIES[body], age, instance)
+
+    @rule(name=names, body=bodies, age=ages, instance=st.integers(0, 3), way=ways, offset=offsets,
+          is_late=st.booleans())
+    def tell_in_a_frame(self, name, body, age, instance, way, offset, is_late):
+        """Tell of a body in another frame, whose transform comes before or later."""
+        self.frames += 1
+        frame = f'camera{self.frames}'
+        self.missing[frame] = self.now - age * MILLISECOND, way, offset
+        if not is_late:
+            self.transform(frame)
+        self._send(name, BODIES[body], age, instance, frame, offset)
+        self.seen['late'] += is_late
+
+    @rule(which=st.integers(0, 20))
+    def a_transform_comes(self, which):
+        """In any order."""
+        if self.missing:
+            self.transform(sorted(self.missing)[which % len(self.missing)])
+
+    @rule()
+    def all_transforms_come(self):
+        for frame in sorted(self.missing):
+            self.transform(frame)
+
+    @rule(name=st.sampled_from(('sets', 'tracks')))
+    def heartbeat(self, name):
+        """Send an empty polygon, which is nowhere, but comes behind what waits."""
+        self._send(name, (), 0, 0)
+
+    def transform(self, frame):
+        stamp, way, (x, y) = self.missing.pop(frame)
+        step = 10 * MILLISECOND
+        links = {'exact': [('odom', stamp, x, y)],
+                 'between': [('odom', stamp - step, x - 1, y + 2),
+                             ('odom', stamp + step, x + 1, y - 2)],
+                 're-parented': [('odom', stamp - step, x + 3, y),
+                                 ('base', stamp, x - BASE[0], y - BASE[1])]}[way]
+        # At once: of the first alone a message might be refused.
+        self.monitor.receive_transforms(TF, transforms(*(
+            (parent, frame, at, *place) for parent, at, *place in links)), self.now)
+        self._take()
+        self.seen[way] += 1
+
+    def _send(self, name, ring, age, instance, frame='', offset=(0.0, 0.0)):
+        stamp = self.now - age * MILLISECOND
+        instance = instance if name == 'tracks' else None
+        moved = [(x - offset[0], y - offset[1]) for x, y in ring]
+        self.monitor.receive(name, serialised(moved, stamp, frame or 'odom', instance), self.now)
+        self.queues[name].append(Told(ring, stamp, instance, frame, self.now + PATIENCE))
+        self._take(name)
+
+    def _take(self, name=None, expires=False):
+        """Tell the model of what need not wait any more."""
+        for one in [name] if name else self.queues:
+            queue = self.queues[one]
+            while queue:
+                first = queue[0]
+                is_known = first.frame not in self.missing
+                if not (is_known or expires and first.deadline < self.now):
+                    break
+                queue.popleft()
+                message = first.stamp, self.now, first.instance
+                if not is_known:
+                    self.model.refuse(one, UNKNOWN_FRAME, *message)
+                    self.seen['refused'] += 1
+                elif first.ring:
+                    self.model.place(one, first.ring, *message)
+                else:
+                    self.model.heartbeat(one, first.stamp, self.now)
+        self._note_waiting()
+
+    def _note_waiting(self):
+        for name, queue in self.queues.items():
+            self.model.note_waiting(name, bool(queue))
+
+    @invariant()
+    def agree(self):
+        scene = self.monitor.scene
+        assert self.monitor.waiting.counts() == {
+            name: len(queue) for name, queue in self.queues.items() if queue}
+        assert Counter((*key_of(*obstacle), ring_of(obstacle[1])) for obstacle in scene.obstacles
+                       ) == Counter(self.model.obstacles(self.now))
+        keys = {obstacle: key_of(obstacle, polygon) for obstacle, polygon in scene.obstacles}
+        state = scene.state('robot')
+        status, contacts, reasons = self.model.state('robot', self.now)
+        assert state.status.value == status, reasons
+        assert {keys[obstacle] for obstacle in state.contacts} == contacts
+        if status == 'clear':
+            assert not self.model.must_not_be_clear('robot', self.now)
+            self.seen['clear while some wait'] += any(self.queues.values())
+        self.seen[status] += 1
+
+
+def test_what_waits_is_told_in_order_and_never_forgotten():
+    """
+    Never clear while a body of the last whole set, or of anything newer that is known, touches.
+
+    Whatever waits for how long, in whatever order transforms come, and where a frame has had
+    another parent.
+    """
+    FramesMachine.seen.clear()
+    run_state_machine_as_test(FramesMachine, settings=hypothesis.settings(
+        max_examples=150, stateful_step_count=40, derandomize=True, database=None, deadline=None,
+        report_multiple_bugs=False, phases=(hypothesis.Phase.generate, hypothesis.Phase.shrink)))
+    assert min(FramesMachine.seen[word] for word in (
+        'clear', 'collision', 'unknown', 'late', 'refused', 'exact', 'between', 're-parented',
+        'clear while some wait')) > 100

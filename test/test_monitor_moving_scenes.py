@@ -1,0 +1,107 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Random scenes in random moving frames: the states of the fixed frame, by rational numbers."""
+
+from moving_scenes import FIXED, MovingScene, OUTLINE, WINDOW, WINDOWS
+import oracle
+import pytest
+from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
+from sat_collision.monitor import Monitor
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, TF
+
+START = 1_700_000_000 * 10**9
+POINTS = tuple(number for corner in OUTLINE for number in (corner.real, corner.imag))
+SETTINGS = Settings(
+    frame_id=FIXED, transform_timeout=1.0,
+    footprints=(FootprintSettings('robot', '/footprint', timeout=0.0),
+                FootprintSettings('cart', TF, timeout=0.0, frame_id='base', rate=1000.0,
+                                  points=POINTS)),
+    obstacles=(ObstacleSettings('seen', '/obstacles', type='polygon_instance', timeout=0.0),))
+NAMES = {'/footprint': 'robot', '/obstacles': 'seen'}
+
+
+class Told:
+    """A monitor that is told of events."""
+
+    def __init__(self, events):
+        self.monitor = Monitor(SETTINGS, transforms=True)
+        self.rejections = self.monitor.advance(START)
+        self._events = list(reversed(events))
+
+    def until(self, time):
+        """Tell what comes until then, and have each answer proved."""
+        while self._events and self._events[-1].time <= time:
+            at, topic, data = self._events.pop()
+            now = START + round(at * 1e9)
+            if topic in TRANSFORM_TOPICS:
+                self.rejections += self.monitor.receive_transforms(topic, data, now)
+            else:
+                self.monitor.receive(NAMES[topic], data, now)
+            self.prove()
+        self.rejections += self.monitor.advance(START + round(time * 1e9))
+        self.prove()
+
+    @property
+    def bodies(self):
+        """The vertices of all by name; those of obstacles by id."""
+        scene = self.monitor.scene
+        return {**{name: polygon.vertices for name, polygon in scene.footprints},
+                **{obstacle.key: polygon.vertices for obstacle, polygon in scene.obstacles}}
+
+    def contacts(self, name):
+        return {obstacle.key for obstacle in self.monitor.scene.state(name).contacts}
+
+    def prove(self):
+        """Compare the contacts of each footprint with those of its doubles, by integers."""
+        bodies = self.bodies
+        for name in {'robot', 'cart'} & bodies.keys():
+            assert self.contacts(name) == {
+                other for other in bodies.keys() - {'robot', 'cart'}
+                if oracle.intersects(bodies[name], bodies[other])}
+
+
+def near(vertices, truth):
+    """Tell whether each corner has a vertex by it, to single precision and what turns it."""
+    points = [complex(x, y) for x, y in vertices.tolist()]
+    return len(points) == len(truth) and all(
+        min(abs(point - corner) for point in points) < 2e-4 for corner in truth)
+
+
+@pytest.mark.parametrize('seed', range(25))
+def test_states_are_those_of_the_fixed_frame(seed):
+    """
+    Whatever the frames, the rates of /tf, the delays and the order of arrival.
+
+    Wherever transforms and bodies have come, all is where it truly was; and at all times the
+    contacts are those of the doubles that the scene has.
+    """
+    scene = MovingScene(seed, START)
+    moving, fixed = Told(scene.moving), Told(scene.fixed)
+    touched = 0
+    for window in range(WINDOWS):
+        end = (window + 1) * WINDOW
+        moving.until(end)
+        fixed.until(end)
+        assert moving.monitor.waiting.counts() == {}
+        truth = {**scene.truth[window], 'cart': scene.outline(end)}
+        for told in (moving, fixed):
+            assert told.bodies.keys() == truth.keys()
+            assert all(near(told.bodies[name], ring) for name, ring in truth.items())
+        for name in ('robot', 'cart'):
+            assert moving.contacts(name) == fixed.contacts(name)
+            assert (moving.monitor.scene.status(name) is fixed.monitor.scene.status(name))
+            touched += len(moving.contacts(name))
+    assert touched and not moving.rejections and not fixed.rejections
+    assert not moving.monitor.rejected

@@ -1,0 +1,347 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Footprints that nobody publishes: an outline goes where its frame goes."""
+
+from dataclasses import replace
+import math
+
+from builders import box, odometry, SECOND, serialised, transforms
+import pytest
+from sat_collision.messages.transform_listener import TF_STATIC
+from sat_collision.monitor import Monitor
+from sat_collision.scene import frames
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, TF
+
+START = 1000 * SECOND
+ROBOT = FootprintSettings('robot', TF, points=(-0.5, -0.5, 0.5, -0.5, 0.5, 0.5, -0.5, 0.5),
+                          frame_id='base', rate=1000.0)
+SOURCE = ObstacleSettings('lidar', '/polygons', type='polygon_instance', timeout=0.0)
+
+
+def settings(*footprints, **more):
+    return Settings(frame_id='odom', footprints=footprints, obstacles=(SOURCE,), **more)
+
+
+def nanoseconds(time):
+    return START + round(time * SECOND)
+
+
+class World:
+    """A monitor that is told of frames; times are seconds since START, one obstacle is far off."""
+
+    def __init__(self, *footprints, **more):
+        self.settings = settings(*footprints or (ROBOT,), **more)
+        self.monitor = Monitor(self.settings, transforms=True)
+        self.rejections = []
+        self.wait_until(0.0)
+        self.monitor.receive('lidar', serialised(box(50.0), 0, 'odom', 0), self.now)
+
+    @property
+    def now(self):
+        return nanoseconds(self.time)
+
+    def tell(self, topic, *links):
+        self.rejections += self.monitor.receive_transforms(topic, transforms(*links), self.now)
+
+    def move(self, time, x, y=0.0, yaw=0.0, child='base', parent='odom'):
+        """Let a transform come at its time."""
+        self.wait_until(time)
+        self.tell(TF, (parent, child, self.now, x, y, yaw))
+
+    def report(self, time, x, y=0.0, yaw=0.0, child='base', parent='odom'):
+        """Let odometry come at its time."""
+        self.wait_until(time)
+        rejection = self.monitor.receive(
+            'robot', odometry(parent, child, self.now, x, y, yaw), self.now)
+        self.rejections += [rejection] if rejection else []
+
+    def wait_until(self, time):
+        self.time = time
+        self.rejections += self.monitor.advance(self.now)
+
+    def use(self, **changes):
+        footprint = replace(self.settings.footprints[0], **changes)
+        self.settings = replace(self.settings, footprints=(footprint,))
+        self.rejections += self.monitor.update(self.settings)
+
+    def state(self, name='robot'):
+        return self.monitor.scene.state(name)
+
+    def status(self, name='robot'):
+        return self.state(name).status.value
+
+    def bounds(self, name='robot'):
+        return dict(self.monitor.scene.footprints)[name].bounds
+
+    @property
+    def reasons(self):
+        return [rejection.reason for rejection in self.rejections]
+
+
+def test_an_outline_goes_where_its_frame_goes():
+    world = World()
+    assert world.state().reasons == ('footprint robot on /tf has not been heard yet',)
+    world.move(0.1, 1.0)
+    assert world.bounds() == (0.5, -0.5, 1.5, 0.5) and world.status() == 'clear'
+    world.move(0.2, 2.0, 3.0, math.pi / 2)
+    assert world.bounds() == pytest.approx((1.5, 2.5, 2.5, 3.5), abs=1e-12)
+    world.move(0.3, 49.5, 0.5)
+    assert world.status() == 'collision'
+    assert world.monitor.received['robot'] == 3 and not world.rejections
+
+
+def test_its_age_is_that_of_the_transform():
+    """And so is that which tells where it came from."""
+    world = World()
+    world.move(0.1, 1.0)
+    world.wait_until(0.35)
+    assert world.state().age == pytest.approx(0.25)
+    assert world.monitor.scene.origin('robot') == ('base', pytest.approx(0.25))
+    world.wait_until(1.1)
+    assert world.status() == 'clear'
+    world.wait_until(1.1000001)
+    assert world.state().reasons == (
+        'footprint robot on /tf is older than its timeout of 1 s',)
+
+
+def test_it_is_as_old_as_the_oldest_transform_that_it_takes():
+    """Localization is slower than odometry: the pose is that of the last time both know."""
+    world = World()
+    world.tell(TF_STATIC, ('map', 'wall', 0, 1.0, 0.0))
+    world.move(0.1, 100.0, child='middle')
+    world.move(0.1, 1.0, parent='middle')
+    world.move(0.2, 2.0, parent='middle')
+    assert world.bounds() == (100.5, -0.5, 101.5, 0.5) and world.state().age == pytest.approx(0.1)
+    world.move(0.3, 3.0, parent='middle')
+    world.time = 0.35
+    world.tell(TF, ('odom', 'middle', nanoseconds(0.25), 200.0, 0.0))
+    assert world.bounds() == pytest.approx((202.0, -0.5, 203.0, 0.5), abs=1e-9)
+    assert world.state().age == pytest.approx(0.1)
+
+
+def test_what_does_not_move_it_leaves_it_alone():
+    world = World()
+    world.move(0.1, 1.0)
+    world.move(0.2, 9.0, child='other')
+    assert world.monitor.received['robot'] == 1 and world.state().age == pytest.approx(0.1)
+
+
+def test_it_is_placed_no_more_often_than_its_rate():
+    """On the average; and what came too soon is placed when it is time, without a message."""
+    world = World(replace(ROBOT, rate=10.0))
+    for k in range(100):
+        world.move(k / 100, k / 10)
+    assert 10 <= world.monitor.received['robot'] <= 12
+    assert world.bounds()[0] < 9.4 - 1e-6
+    due = (world.monitor.deadline + 1 - START) / SECOND
+    assert 0.99 < due <= 1.1
+    world.wait_until(due)
+    assert world.bounds() == pytest.approx((9.4, -0.5, 10.4, 0.5))
+
+
+def test_regular_poses_at_its_rate_are_all_placed():
+    """Though some come a little early."""
+    world = World(replace(ROBOT, rate=50.0))
+    for k in range(100):
+        world.move(k / 50 + (k * 7 % 5) / 1000, k / 10)
+    assert world.monitor.received['robot'] == 100
+
+
+def test_in_a_static_frame_it_stays_known():
+    """Nothing is ever told again, and nothing grows old."""
+    world = World()
+    world.tell(TF_STATIC, ('odom', 'base', 0, 7.0, 0.0))
+    assert world.bounds() == (6.5, -0.5, 7.5, 0.5)
+    for _ in range(1000):
+        world.wait_until((world.monitor.deadline + 1 - START) / SECOND)
+        assert world.status() == 'clear'
+    assert world.time > 100 and world.monitor.scene.origin('robot') == ('base', None)
+
+
+def test_without_a_timeout_a_static_frame_asks_for_nothing():
+    world = World(replace(ROBOT, timeout=0.0))
+    world.tell(TF_STATIC, ('odom', 'base', 0, 7.0, 0.0))
+    assert world.monitor.deadline > nanoseconds(1e6)
+
+
+def test_why_it_is_nowhere_is_said_once():
+    """After the time that a message would wait for a transform."""
+    world = World()
+    world.move(0.1, 1.0, child='arm')
+    assert not world.rejections
+    world.wait_until(0.3000001)
+    assert world.reasons == [frames.UNKNOWN_FRAME]
+    assert world.rejections[0].detail == (
+        'no transform from base to odom: no good transform has named base yet')
+    assert world.state().reasons == ('footprint robot on /tf was refused: unknown frame',)
+    world.move(0.5, 1.0, child='arm')
+    world.move(0.6, 1.0, child='base', parent='island')
+    world.move(0.9, 1.0, child='base', parent='island')
+    assert world.reasons == [frames.UNKNOWN_FRAME, frames.NOT_CONNECTED]
+    world.move(1.1, 1.0)
+    assert world.status() == 'clear'
+
+
+def test_a_frame_that_tilts_is_nowhere():
+    """At once, though it was somewhere."""
+    world = World()
+    world.move(0.1, 1.0)
+    world.wait_until(0.2)
+    half = math.radians(3)
+    world.tell(TF, ('odom', 'base', world.now, 1, 0, 0, math.sin(half), 0, 0, math.cos(half)))
+    assert world.reasons == [frames.TILTED] and world.status() == 'unknown'
+    world.move(0.3, 1.0)
+    assert world.status() == 'clear'
+
+
+def test_another_outline_counts_at_once():
+    """A load is picked up, and it reaches into something, before the robot moves on."""
+    world = World()
+    world.move(0.1, 49.0, 0.5)
+    assert world.status() == 'clear'
+    world.use(points='[[-0.5, -0.5], [1.5, 0.0], [-0.5, 0.5]]')
+    assert world.status() == 'collision' and world.state().age == 0.0
+    world.use(points='[[-0.5, -0.5], [0.5, 0.0], [-0.5, 0.5]]')
+    assert world.status() == 'clear'
+
+
+def test_another_outline_that_cannot_be_placed_is_unknown():
+    """What was there before had another shape."""
+    world = World()
+    world.move(0.1, 49.0, 0.5)
+    world.monitor.transforms.clear()
+    world.use(points='[[-0.5, -0.5], [1.5, 0.0], [-0.5, 0.5]]')
+    assert world.status() == 'unknown' and world.reasons == [frames.UNKNOWN_FRAME]
+    world.move(0.2, 49.0, 0.5)
+    assert world.status() == 'collision'
+
+
+def test_a_disc_is_covered():
+    """By a polygon round it, in single precision too."""
+    world = World(replace(ROBOT, points='', radius=0.3, radius_vertices=7))
+    world.move(0.1, 0.0)
+    (_, polygon), = world.monitor.scene.footprints
+    assert len(polygon.vertices) == 7
+    ends = zip(polygon.vertices, [*polygon.vertices[1:], polygon.vertices[0]])
+    assert [abs(a[0] * b[1] - a[1] * b[0]) / math.dist(a, b) for a, b in ends] == (
+        pytest.approx([0.3 * (1 + 1e-6)] * 7, abs=1e-7))
+    assert min(abs(a[0] * b[1] - a[1] * b[0]) / math.dist(a, b) for a, b in zip(
+        polygon.vertices, [*polygon.vertices[1:], polygon.vertices[0]])) > 0.3
+
+
+def test_the_disabled_follow_nothing():
+    world = World()
+    world.move(0.1, 1.0)
+    world.use(enabled=False)
+    world.move(0.2, 2.0)
+    assert world.status() == 'unknown' and world.monitor.received['robot'] == 1
+    world.use(enabled=True)
+    assert world.status() == 'clear'
+    assert world.bounds() == (1.5, -0.5, 2.5, 0.5)
+
+
+def test_it_lives_beside_footprints_that_are_told():
+    world = World(ROBOT, FootprintSettings('cart', '/cart'))
+    world.move(0.1, 1.0)
+    world.monitor.receive('cart', serialised(box(49.5), world.now, 'odom'), world.now)
+    assert (world.status('robot'), world.status('cart')) == ('clear', 'collision')
+    assert world.monitor.scene.origin('cart') == ('odom', None)
+    world.monitor.receive('cart', serialised(box(1.0), world.now, 'base'), world.now)
+    assert world.bounds('cart') == (2.0, 0.0, 3.0, 1.0)
+    assert world.monitor.scene.origin('cart') == ('base', 0.0)
+
+
+def test_odometry_moves_it_without_tf():
+    world = World(replace(ROBOT, topic='/odom', odometry='/odom'))
+    world.report(0.1, 1.0, 2.0)
+    assert world.bounds() == (0.5, 1.5, 1.5, 2.5) and world.status() == 'clear'
+    world.report(0.3, 49.5)
+    assert world.status() == 'collision'
+    assert world.monitor.received['robot'] == 2 and not world.rejections
+
+
+def test_odometry_moves_what_the_robot_sees_too():
+    """In its own frame, without /tf; what is stamped later waits."""
+    odometer = replace(ROBOT, topic='/odom', odometry='/odom')
+    world = World(odometer)
+    world.monitor = Monitor(world.settings)
+    world.report(0.1, 1.0, 2.0)
+    world.time = 0.15
+    world.monitor.receive('lidar', serialised(box(0.25), world.now, 'base', 0), world.now)
+    assert world.monitor.waiting.counts() == {'lidar': 1}
+    world.report(0.2, 2.0, 2.0)
+    assert world.status() == 'collision'
+    (_, polygon), = world.monitor.scene.obstacles
+    assert polygon.bounds == pytest.approx((1.75, 2.0, 2.75, 3.0), abs=1e-12)
+
+
+def test_odometry_between_other_frames_is_of_no_use():
+    """It says so, and which."""
+    world = World(replace(ROBOT, topic='/odom', odometry='/odom'))
+    world.report(0.1, 1.0, parent='earth')
+    world.report(0.4, 1.0, parent='earth')
+    assert world.status() == 'unknown'
+    assert world.rejections[0].text.startswith(
+        'robot: a message on /odom was rejected, unknown frame: no transform from base to odom: '
+        'no good transform has named odom yet; ')
+
+
+@pytest.mark.parametrize('data', [
+    b'', b'\0\1\0\0', odometry('odom', 'base', START, 0, 0)[:-1],
+    odometry('odom', 'base', START, 0, 0) + b'\0', odometry('odom', 'base', START, 0, 0)[:40],
+    odometry('odom', 'b' * 300, START, 0, 0), serialised(box(0), START, 'odom')])
+def test_what_is_no_odometry_is_refused(data):
+    world = World(replace(ROBOT, topic='/odom', odometry='/odom'))
+    rejection = world.monitor.receive('robot', data, world.now)
+    assert rejection.reason == 'undecodable' and rejection.name == 'robot'
+    assert world.monitor.rejected == {('robot', 'undecodable'): 1}
+
+
+def test_odometry_of_the_other_byte_order_is_read():
+    world = World(replace(ROBOT, topic='/odom', odometry='/odom'))
+    world.monitor.receive('robot', odometry('odom', 'base', START, 3, 4, order='>'), world.now)
+    assert world.bounds() == (2.5, 3.5, 3.5, 4.5)
+
+
+def test_odometry_that_is_not_finite_is_refused():
+    world = World(replace(ROBOT, topic='/odom', odometry='/odom'))
+    world.report(0.1, math.nan)
+    assert world.reasons == ['not finite or no rotation']
+
+
+def test_a_jump_back_begins_anew():
+    """A bag that loops: where the frame was belongs to another time."""
+    world = World()
+    world.wait_until(4.9)
+    world.tell(TF_STATIC, ('base', 'tool', 0, 0.0, 0.0))
+    for _ in range(3):
+        for k in range(5):
+            world.move(5.0 + k / 10, k)
+            assert world.bounds()[0] == k - 0.5
+        world.wait_until(0.0)
+        assert world.status() == 'unknown'
+    assert not world.rejections
+
+
+def test_a_pose_in_a_gap_between_transforms_is_refused():
+    """It would have to be made up."""
+    world = World(max_tf_gap=0.2, transform_timeout=9.0)
+    world.move(0.0, 0.0, parent='middle')
+    world.time = 0.5
+    world.tell(TF, ('middle', 'base', nanoseconds(0.5), 5.0, 0.0))
+    world.tell(TF, ('odom', 'middle', nanoseconds(0.25), 0.0, 0.0))
+    assert world.reasons == [frames.GAP] and world.status() == 'unknown'
+    world.tell(TF, ('odom', 'middle', nanoseconds(0.5), 0.0, 0.0))
+    assert world.status() == 'clear' and world.bounds() == (4.5, -0.5, 5.5, 0.5)

@@ -195,13 +195,15 @@ def test_animation_of_nothing_is_a_picture(tmp_path):
     assert path.read_bytes().startswith(b'GIF8')
 
 
-@pytest.mark.parametrize('library, ending', [('plotly', 'html'), ('matplotlib', 'png')])
-def test_library_that_is_missing_is_told_before_the_run(tmp_path, monkeypatch, capsys, library,
-                                                        ending):
+@pytest.mark.parametrize('library, module, ending', [
+    ('plotly', 'plotly.offline', 'html'),
+    ('matplotlib', 'matplotlib.backends.backend_agg', 'png')])
+def test_library_that_is_missing_is_told_before_the_run(
+        tmp_path, monkeypatch, capsys, library, module, ending):
     """In one line, with the extra that brings it."""
-    monkeypatch.setitem(sys.modules, library, None)
+    monkeypatch.setitem(sys.modules, module, None)
     bag = str(write(tmp_path / 'bag', drive(2.0)))
     assert main([bag, '--plot', str(tmp_path / f'a.{ending}')]) == 3
     out, error = capsys.readouterr()
     assert out == '' and error.count('\n') == 1
-    assert f'{library} is not installed' in error and 'sat_collision[plot]' in error
+    assert f': {library} is not installed' in error and 'sat_collision[plot]' in error

@@ -90,7 +90,8 @@ def check_picture(path: str) -> None:
             return
         from matplotlib.backends.backend_agg import FigureCanvasAgg
     except ModuleNotFoundError as error:
-        raise OutputError(f'--plot: {error.name} is not installed; pip brings it with the extra '
+        library = str(error.name).partition('.')[0]
+        raise OutputError(f'--plot: {library} is not installed; pip brings it with the extra '
                           'sat_collision[plot]') from None
     endings = {'gif', 'html', *FigureCanvasAgg.get_supported_filetypes()}
     if ending not in endings:

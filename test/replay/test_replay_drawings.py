@@ -15,9 +15,9 @@
 """Pictures and animations of a replay: what they show, and that it can be read."""
 
 from itertools import combinations
+import sys
 
 import pytest
-from recordings import box, drive, needs_shared, SHARED, write
 
 pytest.importorskip('matplotlib')
 
@@ -25,6 +25,7 @@ from matplotlib.colors import to_hex  # noqa: E402, I100
 from matplotlib.patches import Rectangle  # noqa: E402
 from matplotlib.text import Text  # noqa: E402
 from PIL import Image, ImageChops  # noqa: E402
+from recordings import box, drive, needs_shared, SHARED, write  # noqa: E402
 from sat_collision.replay.command import main  # noqa: E402
 from sat_collision.replay.configuration import parameters_of_file  # noqa: E402
 from sat_collision.replay.drawing.bands import lanes_of  # noqa: E402
@@ -192,3 +193,17 @@ def test_animation_of_nothing_is_a_picture(tmp_path):
     bag = write(tmp_path / 'bag', [('/footprint', k / 10, box(0)) for k in range(20)])
     assert main([str(bag), '--plot', str(path)]) == 2
     assert path.read_bytes().startswith(b'GIF8')
+
+
+@pytest.mark.parametrize('library, module, ending', [
+    ('plotly', 'plotly.offline', 'html'),
+    ('matplotlib', 'matplotlib.backends.backend_agg', 'png')])
+def test_library_that_is_missing_is_told_before_the_run(
+        tmp_path, monkeypatch, capsys, library, module, ending):
+    """In one line, with the extra that brings it."""
+    monkeypatch.setitem(sys.modules, module, None)
+    bag = str(write(tmp_path / 'bag', drive(2.0)))
+    assert main([bag, '--plot', str(tmp_path / f'a.{ending}')]) == 3
+    out, error = capsys.readouterr()
+    assert out == '' and error.count('\n') == 1
+    assert f': {library} is not installed' in error and 'sat_collision[plot]' in error

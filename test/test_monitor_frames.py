@@ -381,3 +381,48 @@ def test_what_is_no_message_is_told(robot):
     robot.rejections += robot.monitor.receive_transforms(TF, b'\0\1\0\0\1\0\0\0', robot.now)
     assert robot.reasons == ['undecodable']
     assert robot.monitor.transforms.received == {TF: 12, TF_STATIC: 1}
+
+
+@pytest.mark.parametrize('name', ('a\nb', '\x1b[31mred', 'c' * 200, "'; --"))
+def test_names_of_strangers_reach_no_words_as_they_are(robot, name):
+    """Neither a new line nor a colour, nor pages of letters."""
+    robot.move(1.0)
+    robot.tell(TF, (name, 'lost', nanoseconds(1.1), math.nan, 0.0),
+               ('lost', name, nanoseconds(1.1), math.nan, 0.0), (name, 'island', robot.now, 0, 0),
+               ('island', name, robot.now, 0, 0))
+    robot.see(box(0), 1.0, name)
+    robot.see(box(0), 1.0, 'island')
+    robot.wait_until(2.0)
+    assert frames.LOOP in robot.reasons
+    words = [one.text for one in robot.rejections]
+    words += [child for child, _ in robot.monitor.transforms.rejected]
+    words += robot.monitor.scene.state('robot').reasons
+    assert len(words) > 6 and all(word.isprintable() and len(word) < 600 for word in words)
+
+
+def test_names_that_are_too_long_are_refused(robot):
+    robot.tell(TF, ('odom', 'x' * 10**6, robot.now, 0.0, 0.0))
+    assert robot.reasons == ['undecodable']
+    assert robot.rejections[0].detail == 'a frame name of 1000001 bytes where 255 are accepted'
+
+
+def test_who_makes_up_names_takes_a_bounded_part_of_the_memory(robot):
+    """And frames that are known go on being told."""
+    for k in range(110):
+        robot.tell(TF, *((f'odom{k}', f'frame{k}_{i}', robot.now, 0.0, 0.0) for i in range(100)))
+    assert set(robot.reasons) == {'too many frames'}
+    assert len(robot.monitor.transforms.rejected) <= 101
+    robot.wait_until(1.1)
+    robot.move(1.1)
+    assert robot.see(box(9), 1.1) is None and 'lidar' not in robot.monitor.waiting
+
+
+def test_two_publishers_of_a_frame_are_noticed(robot):
+    """By the numbers of their messages; one that begins again takes but one turn."""
+    listener = robot.monitor.transforms
+    for number in (7, 8, 9, 1, 2, 3):
+        listener.listen(TF, transforms(('odom', 'base', robot.now, 0, 0)), number)
+    assert listener.turns == {'base': 1}
+    for number in (4, 100, 5, 101, 6):
+        listener.listen(TF, transforms(('odom', 'base', robot.now, 0, 0)), number)
+    assert listener.turns == {'base': 3}

@@ -50,7 +50,7 @@ BASE = 4.5, -1.5
 bodies = st.sampled_from(tuple(BODIES))
 names = st.sampled_from(('robot', 'sets', 'tracks'))
 ages = st.sampled_from((0, 0, 0, 5, 15, 90))
-waits = st.sampled_from((1, 5, 30, 60, 100, 201))
+waits = st.sampled_from((1, 5, 30, 60, 201, 201))
 # What the transforms say: nothing but the pose at the stamp; the poses before and after, of which
 # it is the middle; another parent until shortly before.
 ways = st.sampled_from(('exact', 'between', 're-parented'))
@@ -220,5 +220,5 @@ def test_what_waits_is_told_in_order_and_never_forgotten():
         max_examples=150, stateful_step_count=40, derandomize=True, database=None, deadline=None,
         report_multiple_bugs=False, phases=(hypothesis.Phase.generate, hypothesis.Phase.shrink)))
     assert min(FramesMachine.seen[word] for word in (
-        'clear', 'collision', 'unknown', 'late', 'refused', 'exact', 'between', 're-parented',
-        'clear while some wait')) > 100
+        'clear', 'collision', 'unknown', 'late', 'exact', 'between', 're-parented')) > 100
+    assert min(FramesMachine.seen[word] for word in ('refused', 'clear while some wait')) > 10

@@ -50,7 +50,7 @@ soak: $(VENV)/bench.stamp
 # Random bytes, polygons and parameters, and damaged files, recordings and stored results among
 # them: make fuzz INPUTS=1e5 FILES=1e4
 INPUTS ?= 1e7
-FILES ?= 1e6
+FILES ?= 1e5
 fuzz: $(VENV)/test.stamp
 	$(BIN)/python test/fuzz/fuzz.py --inputs $(INPUTS)
 	PYTHONPATH=.:test/support $(BIN)/python test/fuzz/fuzz_files.py --count $(FILES)

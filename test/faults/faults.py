@@ -146,6 +146,9 @@ class Rig:
     def restart(self, *command: str) -> None:
         """Kill the node's process, if it is there still, and start it again."""
         self.kill()
+        # What the old one said is of no use for the new one.
+        self.spin(0.2)
+        self._flags.clear()
         self.start(*command)
 
     def kill(self) -> None:

@@ -147,9 +147,8 @@ class _Run:
         names.update((topic, []) for topic in self._transforms)
         if recording.start is not None and recording.end is not None:
             start = recording.start + round(options.start * 1e9)
-            stop = None
-            if options.duration is not None:
-                stop = start + round(options.duration * 1e9)
+            stop = (None if options.duration is None
+                    else start + round(options.duration * 1e9))
             if start > recording.end or stop == start:
                 result.notes.append(
                     'the recording has nothing in the time given by --start and --duration')

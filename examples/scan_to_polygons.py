@@ -20,6 +20,7 @@ published: a wall around the robot stays a ring of thin pieces. All have the sta
 the scan, and an empty polygon ends the set, so that the monitor need not wait for more.
 """
 
+from contextlib import suppress
 import math
 import sys
 
@@ -124,11 +125,11 @@ def _turn(a, b, c):
 
 def main():
     """Run the node until it is ended."""
-    rclpy.init()
-    try:
-        rclpy.spin(ScanToPolygons())
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
+    with rclpy.init():
+        node = ScanToPolygons()
+        with suppress(KeyboardInterrupt, ExternalShutdownException):
+            rclpy.spin(node)
+        node.destroy_node()
 
 
 if __name__ == '__main__':

@@ -93,8 +93,8 @@ def converter(domain):
     process = subprocess.Popen([sys.executable, ROOT / 'examples' / 'scan_to_polygons.py'],
                                env={**os.environ, 'ROS_DOMAIN_ID': str(domain)})
     yield process
-    process.terminate()
-    process.wait(20)
+    process.kill()
+    process.wait()
 
 
 def test_scans_are_checked(start, converter):

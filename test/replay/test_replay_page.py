@@ -145,7 +145,7 @@ def test_page_begins_where_the_recording_is_worst(page, of_warehouse):
     assert 'amr in contact with people/0 (0.394 m deep)' in shown.texts('#states li')
     assert [len(shown.texts(f'#{table} tbody tr'))
             for table in ('contacts', 'unknown', 'footprints', 'messages')] == [3, 6, 3, 5]
-    assert 'recorded motion' in shown.text('#facts') and '1403 messages' in shown.text('#facts')
+    assert 'recorded motion' in shown.text('#facts') and '1515 messages' in shown.text('#facts')
 
 
 def test_scrubber_moves_what_is_drawn(page, of_warehouse):

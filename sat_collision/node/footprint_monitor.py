@@ -92,11 +92,12 @@ class FootprintMonitor(Node):
         self._logged: dict[tuple[str, str], float] = {}
         in_loop = waiting.is_supported()
         self._taken_by = loop.Reserved() if in_loop else self.default_callback_group
-        self._subscriptions = Subscriptions(self, settings, self._receive_alone, self._taken_by,
-                                            self._health)
-        for name in self._subscriptions.latched:
+        subscriptions = Subscriptions(self, settings, self._receive_alone, self._taken_by,
+                                      self._health)
+        for name in subscriptions.latched:
             self._scene.meet_publisher(name, True)
-        self._inputs = inputs = self._subscriptions.inputs
+        self._inputs = inputs = subscriptions.inputs
+        self._dead = subscriptions.dead
         transform_inputs = transforms and subscribe(self, transforms, self._receive_alone,
                                                     self._taken_by)
         self._clock_watch = ClockWatch()
@@ -171,7 +172,7 @@ class FootprintMonitor(Node):
             # The time was read before the stall, perhaps, and what came in it may wait still.
             now, is_all_taken = self.present(), False
         for one in self._inputs:
-            alive = one.subscription.get_publisher_count() - self._subscriptions.dead[one.name]
+            alive = one.subscription.get_publisher_count() - self._dead[one.name]
             self._monitor.count_publishers(one.name, max(alive, 0))
         self._scene.stop_clock(
             self.get_clock().ros_time_is_active and now > 0

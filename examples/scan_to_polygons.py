@@ -125,11 +125,12 @@ def _turn(a, b, c):
 
 def main():
     """Run the node until it is ended."""
-    with rclpy.init():
-        node = ScanToPolygons()
-        with suppress(KeyboardInterrupt, ExternalShutdownException):
-            rclpy.spin(node)
-        node.destroy_node()
+    rclpy.init()
+    node = ScanToPolygons()
+    with suppress(KeyboardInterrupt, ExternalShutdownException):
+        rclpy.spin(node)
+    node.destroy_node()
+    rclpy.try_shutdown()
 
 
 if __name__ == '__main__':

@@ -14,6 +14,7 @@
 
 """Passes cmd_vel_nav on to cmd_vel while the flag says clear, and else stops the robot."""
 
+from contextlib import suppress
 import time
 
 from geometry_msgs.msg import Twist
@@ -52,7 +53,8 @@ class StopOnCollision(Node):
 
 if __name__ == '__main__':
     rclpy.init()
-    try:
-        rclpy.spin(StopOnCollision())
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
+    node = StopOnCollision()
+    with suppress(KeyboardInterrupt, ExternalShutdownException):
+        rclpy.spin(node)
+    node.destroy_node()
+    rclpy.try_shutdown()

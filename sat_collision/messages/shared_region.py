@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 import math
 from typing import TypeAlias
 
@@ -28,6 +29,8 @@ from sat_collision.geometry.polygon_set import PolygonSet
 # (n, 2): corners of a convex polygon, counter-clockwise, ends of a segment, or a point.
 Ring: TypeAlias = NDArray[np.float64]
 
+# Bodies with more pairs of parts are marked where they are deepest in each other, to save time.
+_MOST_PAIRS = 2_000
 # What rounding may do, in parts of the largest coordinate.
 _SLACK = 1e-9
 
@@ -40,11 +43,13 @@ def contact_marks(footprint: Polygon, obstacle: Polygon) -> list[Ring]:
     -------
     list of (n, 2) ndarray
         Convex pieces of the region that they share; where that has no area, the segments or
-        points of it; where they are apart within the margin, the segment from one to the other.
+        points of it; where they are apart within the margin, or have too many parts, the segment
+        from one to the other.
 
     """
     slack = _slack(footprint.bounds, obstacle.bounds)
-    pieces = [piece for own in footprint.parts for other in obstacle.parts
+    pairs = list(product(footprint.parts, obstacle.parts))
+    pieces = [piece for own, other in (pairs if len(pairs) <= _MOST_PAIRS else ())
               if _meet(own.bounds, other.bounds, slack)
               and len(piece := clip(own.vertices, other.vertices, slack))]
     solid = [piece for piece in pieces if _area(piece) > slack * _size(piece)]
@@ -67,7 +72,8 @@ def clip(ring: Ring, other: Ring, slack: float = 0.0) -> Ring:
         Metres that a point may lie outside.
 
     """
-    if len(ring) > len(other):
+    # The fewer lines, the faster; but a point or a segment is clipped rather than clips.
+    if (len(ring) < len(other)) == (min(len(ring), len(other)) > 2):
         ring, other = other, ring
     for start, along in _half_planes(other):
         sides = ((ring[:, 1] - start[1]) * along[0] - (ring[:, 0] - start[0]) * along[1]

@@ -87,3 +87,10 @@ def test_within_the_margin_the_gap_is_marked():
     """From one body to the other, where they are nearest."""
     mark, = marks(box(0, 0), box(1.5, 0.5))
     assert sorted(mark[:, 0].tolist()) == [1.0, 1.5]
+
+
+def test_bodies_of_very_many_parts_are_marked_where_they_are_deepest():
+    """Two combs in each other: one segment between their nearest points, and soon."""
+    comb = [(x / 2, 3 if x % 2 else 1) for x in range(200)] + [(100, 0), (0, 0)]
+    (mark,) = marks(comb, [(x, -y) for x, y in reversed(comb)])
+    assert mark.shape == (2, 2) and np.allclose(mark[:, 1], 0.0)

@@ -54,6 +54,7 @@ FILES ?= 1e5
 fuzz: $(VENV)/test.stamp
 	$(BIN)/python test/fuzz/fuzz.py --inputs $(INPUTS)
 	PYTHONPATH=.:test/support $(BIN)/python test/fuzz/fuzz_files.py --count $(FILES)
+	if $(BIN)/pip install --quiet atheris; then $(BIN)/python test/fuzz/guided.py -runs=$(FILES); fi
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)

@@ -95,8 +95,8 @@ def check_names_given(given: Iterable[str], known: Collection[str]) -> None:
     for name in given:
         if name not in known and name.partition('.')[0] not in _OF_EVERY_NODE:
             hint = ''
-            if nearest := get_close_matches(name, known, 1):
-                hint = f': did you mean {nearest[0]}?'
+            if nearest := _nearest(name, known):
+                hint = f': did you mean {nearest}?'
             elif '.' in name:
                 hint = '; a source has some only if footprints or obstacles name it'
             raise ParameterError(f"there is no parameter '{name}'{hint}")
@@ -188,10 +188,9 @@ def _numbers(name: str, given: Any) -> str | tuple[float, ...]:
                          'numbers')
 
 
-def nearest_name(wrong: str, names: Iterable[str]) -> str:
-    """Return the question whether one of some names was meant, empty if none is like it."""
-    found = get_close_matches(wrong, names, n=1)
-    return f"; did you mean '{found[0]}'?" if found else ''
+def _nearest(wrong: str, names: Iterable[str]) -> str:
+    """Return the one of some names that may have been meant, empty if none is like it."""
+    return next(iter(get_close_matches(wrong, names, n=1)), '')
 
 
 def _default(kind: type, name: str, field: str, default: Any) -> Any:
@@ -207,8 +206,9 @@ def _sources_of(name: str, given: Iterable[str], sources: Iterable[str]) -> tupl
     """Return the sources that a footprint was given, which must be there."""
     for one in filter(None, given):
         if one not in sources:
-            raise ParameterError(f"{name}.obstacles: there is no obstacle source '{one}'"
-                                 f'{nearest_name(one, sources)}')
+            nearest = _nearest(one, sources)
+            hint = f"; did you mean '{nearest}'?" if nearest else ''
+            raise ParameterError(f"{name}.obstacles: there is no obstacle source '{one}'{hint}")
     return tuple(filter(None, given))
 
 

@@ -72,8 +72,8 @@ def clip(ring: Ring, other: Ring, slack: float = 0.0) -> Ring:
         Metres that a point may lie outside.
 
     """
-    # The fewer lines, the faster; but a point or a segment is clipped rather than clips.
-    if (len(ring) < len(other)) == (min(len(ring), len(other)) > 2):
+    # The fewer lines, the faster.
+    if len(ring) < len(other):
         ring, other = other, ring
     for start, along in _half_planes(other):
         sides = ((ring[:, 1] - start[1]) * along[0] - (ring[:, 0] - start[0]) * along[1]

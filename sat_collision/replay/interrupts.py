@@ -32,19 +32,24 @@ def insistent_interrupts() -> Iterator[None]:
     """
     Have an interrupt raised again and again until it has ended what is under way.
 
-    Nothing is printed of those that are swallowed. A process that ignores interrupts, as one in
-    the background does, goes on to do so.
+    Nothing is printed of those that are swallowed, nor, from the first one on until the process
+    has ended, of objects that it left half made. A process that ignores interrupts, as one in the
+    background does, goes on to do so.
     """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         yield
         return
 
+    is_interrupted = False
+
     def interrupt(number: int, frame: FrameType | None) -> None:
+        nonlocal is_interrupted
+        is_interrupted = True
         signal.setitimer(signal.ITIMER_REAL, _AGAIN)
         raise KeyboardInterrupt
 
     def report(unraisable: Any) -> None:
-        if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+        if not is_interrupted:
             report_before(unraisable)
 
     report_before = sys.unraisablehook
@@ -57,4 +62,5 @@ def insistent_interrupts() -> Iterator[None]:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number, handler in handlers.items():
             signal.signal(number, handler)
-        sys.unraisablehook = report_before
+        if not is_interrupted:
+            sys.unraisablehook = report_before

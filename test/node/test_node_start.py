@@ -150,6 +150,27 @@ def test_interrupt_at_some_moment_of_the_first_replay(start, place, seed):
     assert 'Traceback' not in output, output
 
 
+def test_interrupt_that_leaves_an_object_half_made(start):
+    """As compilers leave theirs: whose end then fails. Nothing is told but the interrupt."""
+    replay = start('-c', """
+import os, signal, sys
+from sat_collision.replay import __main__, arguments
+
+class HalfMade:
+    def __init__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        self.pointer = None
+
+    def __del__(self):
+        del self.pointer
+
+arguments.parse = lambda args: HalfMade()
+sys.exit(__main__.main([]))
+""")
+    output, _ = replay.communicate(timeout=30)
+    assert (replay.returncode, output.splitlines()) == (2, ['replay_check: interrupted'])
+
+
 def children(pid):
     """Return the processes that a process has started."""
     return [int(child) for child in

@@ -39,6 +39,9 @@ def main(args: Sequence[str] | None = None) -> int:
             return run(options)
     except KeyboardInterrupt:
         print('replay_check: interrupted', file=sys.stderr)
+        # Where an exec of a string was interrupted, Python would end by the signal all the same,
+        # unless another one follows.
+        exec('')
         return _STATUS_OF_INTERRUPTED
     except Exception as error:
         if '--debug' in (sys.argv if args is None else args):

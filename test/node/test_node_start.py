@@ -150,9 +150,9 @@ def test_interrupt_at_some_moment_of_the_first_replay(start, place, seed):
     assert 'Traceback' not in output, output
 
 
-def test_interrupt_that_leaves_an_object_half_made(start):
-    """As compilers leave theirs: whose end then fails. Nothing is told but the interrupt."""
-    replay = start('-c', """
+def test_interrupt_of_a_compiler(start, place):
+    """In code from a string, with an object half made, whose end fails: only it is told, once."""
+    (place / 'home' / 'interrupted.py').write_text("""
 import os, signal, sys
 from sat_collision.replay import __main__, arguments
 
@@ -164,9 +164,10 @@ class HalfMade:
     def __del__(self):
         del self.pointer
 
-arguments.parse = lambda args: HalfMade()
+arguments.parse = lambda args: exec('HalfMade()')
 sys.exit(__main__.main([]))
 """)
+    replay = start('-m', 'interrupted')
     output, _ = replay.communicate(timeout=30)
     assert (replay.returncode, output.splitlines()) == (2, ['replay_check: interrupted'])
 

@@ -18,6 +18,7 @@ docs: $(VENV)/demo.stamp
 
 # What everything costs, measured and written to docs/benchmarks.
 bench: $(VENV)/bench.stamp
+	$(BIN)/python -m sat_collision.replay.kernels
 	$(BIN)/python benchmarks/bench.py
 	$(BIN)/python docs/generate.py
 

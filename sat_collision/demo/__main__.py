@@ -125,6 +125,7 @@ class _Viewer(Node):
         self.flags: dict[str, list[bool]] = {name: [] for name in warehouse.FOOTPRINTS}
         self.touched: dict[str, list[str]] = {name: [] for name in warehouse.FOOTPRINTS}
         self.frames: list[Frame] = []
+        self.is_shown = False
         # When the first robot was seen to be clear: the scene has begun.
         self._start: float | None = None
         monitor = '/footprint_monitor'
@@ -158,6 +159,7 @@ class _Viewer(Node):
                 _print(f'{"":8}  {name:8} {status.message}')
 
     def _note_markers(self, markers: MarkerArray) -> None:
+        self.is_shown = True
         flags = {name: flags[-1] for name, flags in self.flags.items() if flags}
         # Before the scene has begun and after it has ended all flags are raised.
         if False in flags.values():
@@ -198,7 +200,9 @@ def _watch(viewer: _Viewer) -> bool:
                                 '--ros-args', *_parameters()])
     publisher = None
     try:
-        if not _spin(viewer, lambda: all(viewer.flags.values()), _START_TIMEOUT):
+        # Nothing is shown until what measures distances is compiled, too.
+        if not _spin(viewer, lambda: all(viewer.flags.values()) and viewer.is_shown,
+                     _START_TIMEOUT):
             print(f'the monitor published nothing within {_START_TIMEOUT:g} s')
             return False
         publisher = subprocess.Popen([sys.executable, '-m', 'sat_collision.demo', '--publish'])

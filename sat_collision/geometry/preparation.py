@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""All kernels of a node made ready at its start, so that no message waits for a compilation."""
+"""Everything compiled, or loaded, before the first message; said and counted in seconds."""
 
 from __future__ import annotations
 
@@ -26,30 +26,61 @@ from sat_collision.geometry.jit import KERNEL
 from sat_collision.geometry.kernel_problem import kernel_problem
 
 
-def prepare(say: Callable[[str], object], warn: Callable[[str], object]) -> None:
+class Preparation:
     """
-    Compile or load the kernels that the node needs; say so, and warn of what is wrong with them.
+    Compiles or loads the kernels that the node needs; says so, and warns of what is wrong.
 
-    The first start after an installation compiles them. A second process takes half of that; what
-    it has compiled is loaded from disk here. It ends with this one, however this one ends.
+    Once it is made all is ready that decides. What measures distances is ready then, too, unless
+    this is the first start after an installation, which compiles: a second process takes half of
+    what decides, then goes on with what measures. That is loaded from disk here once it is done.
+    The second process ends with this one, however this one ends.
+
+    Parameters
+    ----------
+    say, warn : callable
+        Take words.
+
     """
-    begun = time.monotonic()
-    other = None
-    was_said()
-    if warm_up.is_prepared() or kernel_problem():
-        say(f'preparing kernels ({KERNEL})')
-    else:
-        say(f'preparing kernels ({KERNEL}); the first start after an installation compiles them')
-        other = subprocess.Popen(
-            [sys.executable, '-m', warm_up.__name__], stdin=subprocess.PIPE,
-            stderr=subprocess.DEVNULL)
-    warm_up.prepare_contacts()
-    warm_up.prepare_distances()
-    if other:
-        other.wait()
-        other.communicate()
-    warm_up.prepare_packing()
-    warm_up.prepare_parts()
-    say(f'kernels ({KERNEL}) ready after {time.monotonic() - begun:.1f} s')
-    if problem := kernel_problem():
-        warn(problem)
+
+    def __init__(self, say: Callable[[str], object], warn: Callable[[str], object]) -> None:
+        self._say = say
+        self._begun = time.monotonic()
+        self._other: subprocess.Popen[bytes] | None = None
+        was_said()
+        if warm_up.is_prepared() or kernel_problem():
+            say(f'preparing kernels ({KERNEL})')
+        else:
+            say(f'preparing kernels ({KERNEL}); the first start after an installation compiles '
+                'them')
+            self._other = subprocess.Popen(
+                [sys.executable, '-m', warm_up.__name__], stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        warm_up.prepare_contacts()
+        if self._other and self._other.stdout:
+            self._other.stdout.readline()
+        warm_up.prepare_packing()
+        warm_up.prepare_parts()
+        if not self._other:
+            warm_up.prepare_distances()
+        say(f'kernels ({KERNEL}) ready after {self._seconds()}'
+            + ('; distances are measured later' if self._other else ''))
+        if problem := kernel_problem():
+            warn(problem)
+
+    def is_complete(self) -> bool:
+        """Tell whether what measures distances is ready; to be called again and again."""
+        if self._other and self._other.poll() is not None:
+            self.complete()
+        return not self._other
+
+    def complete(self) -> None:
+        """Have what measures distances ready, however long that takes."""
+        if self._other:
+            self._other.wait()
+            self._other.communicate()
+            self._other = None
+            warm_up.prepare_distances()
+            self._say(f'distances are measured after {self._seconds()}')
+
+    def _seconds(self) -> str:
+        return f'{time.monotonic() - self._begun:.1f} s'

@@ -16,8 +16,9 @@ Kernels compiled, or loaded, before they are needed, so that no message has to w
 
 Compiling takes seconds where nothing is kept from an earlier process, see `kernel_cache`. Two
 processes may share the work, as what one has compiled the other finds on disk: while one prepares
-contacts and distances, ``python -m sat_collision.geometry.warm_up`` prepares packing and convex
-parts, until it is done or its standard input ends, which the other one holds; see `preparation`.
+contacts, ``python -m sat_collision.geometry.warm_up`` prepares packing and convex parts, says so
+by a line, and goes on with distances, until it is done or its standard input ends, which the
+other one holds; see `preparation`.
 """
 
 import os
@@ -102,3 +103,5 @@ if __name__ == '__main__':
     threading.Thread(target=_end_with_input, daemon=True).start()
     prepare_packing()
     prepare_parts()
+    print('what decides is ready', flush=True)
+    prepare_distances()

@@ -62,6 +62,8 @@ class Outputs:
     ----------
     markers_current : bool
         Whether the markers made last show the scene as it is; to be unset when a body has changed.
+    measures : bool
+        Whether distances are measured; without, states have none and nothing is drawn.
 
     """
 
@@ -85,6 +87,7 @@ class Outputs:
         self._marker_publisher = node.create_publisher(MarkerArray, '~/markers', 1)
         self._marker_message: Any = None
         self.markers_current = False
+        self.measures = True
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
@@ -155,17 +158,19 @@ class Outputs:
         return states.statuses
 
     def _nearest(self, name: str) -> Nearest | None:
-        """Return what is nearest to a footprint, None if nothing is or its state is unknown."""
-        is_known = self._scene.status(name) is not Status.UNKNOWN
-        return self._scene.nearest(name) if is_known else None
+        """Return what is nearest to a footprint, None if nothing is or that is not known."""
+        return self._scene.nearest(name) if self._is_measured(name) else None
+
+    def _is_measured(self, name: str) -> bool:
+        return self.measures and self._scene.status(name) is not Status.UNKNOWN
 
     def _publish_separation(self, name: str, nearest: Nearest | None) -> None:
         """Publish how far the nearest is, infinity where nothing is."""
-        if self._scene.status(name) is Status.UNKNOWN:
-            self._separations[name].publish(_UNKNOWN)
-        else:
+        if self._is_measured(name):
             separation = nearest[1] if nearest else math.inf
             self._separations[name].publish(serialize(Float64(data=separation)))
+        else:
+            self._separations[name].publish(_UNKNOWN)
 
     def _publish_states(self, nearest: Mapping[str, Nearest | None]) -> None:
         self._states.update(self._scene)
@@ -178,7 +183,7 @@ class Outputs:
 
     def publish_markers(self) -> None:
         """Publish the markers if somebody wants them."""
-        if self._marker_publisher.get_subscription_count():
+        if self.measures and self._marker_publisher.get_subscription_count():
             if not self.markers_current:
                 self._marker_message = self._markers.message(self._scene)
                 self.markers_current = True

@@ -24,7 +24,7 @@ from rclpy.clock import JumpThreshold, TimeJump
 from rclpy.node import Node
 from sat_collision.geometry.jit import KERNEL
 from sat_collision.geometry.kernel_problem import kernel_problem
-from sat_collision.geometry.preparation import prepare
+from sat_collision.geometry.preparation import Preparation
 from sat_collision.messages.outputs import Outputs
 from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
@@ -78,7 +78,9 @@ class FootprintMonitor(Node):
         super().__init__(NAME, **options)
         parameters = Parameters(self)
         settings = parameters.settings
-        prepare(self.get_logger().info, self.get_logger().warning)
+        self._preparation = Preparation(self.get_logger().info, self.get_logger().warning)
+        if settings.margin:
+            self._preparation.complete()
         self._choose_clock()
         self._clock_changes = self.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=None, on_clock_change=True),
@@ -87,6 +89,7 @@ class FootprintMonitor(Node):
         self._monitor = Monitor(settings, transforms is not None)
         self._scene = self._monitor.scene
         self._outputs = Outputs(self, settings, self._scene, flag_qos(settings))
+        self._outputs.measures = self._preparation.is_complete()
         self._health = Health(self, {'kernel': KERNEL,
                                      'problem of kernels': kernel_problem() or 'none'})
         self._logged: dict[tuple[str, str], float] = {}
@@ -102,6 +105,7 @@ class FootprintMonitor(Node):
                                                     self._taken_by)
         self._clock_watch = ClockWatch()
         self._warns_of_losses = True
+        self._looking = Every(_TICK)
         self._reporting = Every(_HEALTH_PERIOD)
         self._systemd = Systemd()
         self._watchdog = Watchdog(self._raise_alarm, self._end_alarm)
@@ -126,6 +130,8 @@ class FootprintMonitor(Node):
 
     def _configure(self, settings: Settings) -> None:
         """Apply changed parameters and publish what follows from them."""
+        # What they change may be decided by distances.
+        self._preparation.complete()
         self._set_rates(settings)
         self._log(self._monitor.update(settings))
         self._outputs.configure(settings)
@@ -171,16 +177,8 @@ class FootprintMonitor(Node):
         if goes_on:
             # The time was read before the stall, perhaps, and what came in it may wait still.
             now, is_all_taken = self.present(), False
-        for one in self._inputs:
-            alive = one.subscription.get_publisher_count() - self._dead[one.name]
-            self._monitor.count_publishers(one.name, max(alive, 0))
-        self._scene.stop_clock(
-            self.get_clock().ros_time_is_active and now > 0
-            and self._clock_watch.stands(now, steady, self._scene.settings.clock_timeout))
-        if self._warns_of_losses and not self._monitor.is_numbered:
-            self._warns_of_losses = False
-            self.get_logger().warning(
-                'this middleware does not number messages: what is lost on the way goes unseen')
+        if self._looking.due(steady) or goes_on:
+            self._look_around(now, steady)
         self._log(self._monitor.advance(now, is_all_taken))
         self._publish_changes()
         if self._publishing.due(steady) or goes_on:
@@ -191,6 +189,21 @@ class FootprintMonitor(Node):
             self._health.publish(self._monitor, self._outputs.statuses())
         due = (self._monitor.deadline - now) / 1e9
         return min(self._tick_period, max(due, _SHORTEST_TICK))
+
+    def _look_around(self, now: int, steady: float) -> None:
+        """Look at what nothing tells of: publishers, clock, middleware, kernels in the making."""
+        for one in self._inputs:
+            alive = one.subscription.get_publisher_count() - self._dead[one.name]
+            self._monitor.count_publishers(one.name, max(alive, 0))
+        self._scene.stop_clock(
+            self.get_clock().ros_time_is_active and now > 0
+            and self._clock_watch.stands(now, steady, self._scene.settings.clock_timeout))
+        if self._warns_of_losses and not self._monitor.is_numbered:
+            self._warns_of_losses = False
+            self.get_logger().warning(
+                'this middleware does not number messages: what is lost on the way goes unseen')
+        if not self._outputs.measures:
+            self._outputs.measures = self._preparation.is_complete()
 
     def destroy_node(self) -> None:
         """End what belongs to the node, its watchdog first."""

@@ -43,7 +43,7 @@ _WORTH_A_REST = 2.0
 _FEW = 5
 # How often the executor is run for what is not waited for, such as a publisher that does not
 # fit, in s.
-_OTHERS_PERIOD = 0.5
+_OTHERS_PERIOD = 1.0
 # A process that comes so much too late was held up, and what was sent meanwhile may still be on
 # its way to the queues, in s.
 HELD_UP = 0.03

@@ -20,8 +20,8 @@ from collections.abc import Callable
 import threading
 import time
 
-# How many times in each period it is looked whether the loop has turned.
-_LOOKS = 4
+# How many times in each period the alarm is raised again.
+_ALARMS = 4
 
 
 class Watchdog:
@@ -81,9 +81,11 @@ class Watchdog:
     def _watch(self) -> None:
         with self._changed:
             while not self._closed:
-                self._changed.wait(self._period / _LOOKS or None)
                 stalled = time.monotonic() - self._turned_at
-                if not self._closed and 0.0 < self._period < stalled:
+                if 0.0 < self._period <= stalled:
                     self._alarm = True
                     # With the lock held, so that it cannot come after the end of the stall.
                     self._raise_alarm(stalled)
+                    self._changed.wait(self._period / _ALARMS)
+                else:
+                    self._changed.wait(self._period - stalled if self._period else None)

@@ -58,12 +58,14 @@ def choose(bags: Iterable[str], limits: Limits) -> bool:
 
 def prepare(say: Callable[[str], object]) -> None:
     """Compile or load all kernels, of the node and of replay, and say so."""
-    from sat_collision.geometry import preparation, warm_up
+    from sat_collision.geometry import warm_up
+    from sat_collision.geometry.preparation import Preparation
     from sat_collision.replay.rehearsal import rehearse
     begun = time.monotonic()
-    preparation.prepare(say, say)
+    preparation = Preparation(say, say)
     say('preparing the kernels of replay and of the functions on two bodies')
     warm_up.prepare_pairs()
+    preparation.complete()
     rehearse()
     say(f'all kernels ready after {time.monotonic() - begun:.1f} s')
     if mark := _mark():

@@ -14,6 +14,7 @@
 
 """The node's process, and the other ways in, where there is little to start with."""
 
+import math
 import os
 from pathlib import Path
 import random
@@ -23,7 +24,9 @@ import subprocess
 import sys
 import time
 
+from builders import box
 from hardship import allow_writing, forbid_writing, without_privileges
+from harness import Peer
 import pytest
 from sat_collision.geometry.jit import COMPILED
 
@@ -109,6 +112,32 @@ def test_node_with_a_compiler_that_does_not_work(start, place):
     node = start('-m', 'sat_collision.node')
     text = ''.join(lines_until(node, 'on /obstacles'))
     assert 'plain Python: OSError: no libllvmlite.so' in text and 'ready' in text
+    node.terminate()
+    assert node.wait(30) == 0
+
+
+def test_flags_before_distances(start, domain):
+    """A first start decides as soon as it can; no separation is published until it is measured."""
+    if not COMPILED:
+        pytest.skip('nothing is compiled')
+    node = start('-m', 'sat_collision.node')
+    lines_until(node, 'distances are measured later')
+    peer = Peer(domain)
+    flags, separations = peer.listen('~/collision'), peer.listen('~/footprint/separation')
+
+    def is_told(x, collides):
+        peer.send('footprint', box(0.0))
+        peer.send('obstacles', box(x))
+        peer.spin(0.05)
+        return flags and flags[-1].data is collides
+    peer.until(lambda: is_told(9.0, False), 'a clear flag')
+    peer.until(lambda: is_told(0.5, True), 'a raised flag')
+    assert separations and all(math.isnan(one.data) for one in separations)
+    lines_until(node, 'distances are measured after')
+    del separations[:]
+    peer.until(lambda: is_told(9.0, False) and separations
+               and separations[-1].data == pytest.approx(8.0, abs=1e-9), 'the separation')
+    peer.close()
     node.terminate()
     assert node.wait(30) == 0
 

@@ -86,6 +86,7 @@ class Monitor:
         self.received: Counter[str] = Counter()
         self.lost: Counter[str] = Counter()
         self.is_numbered = True
+        self._counted: Counter[str] = Counter()
         self._losses: defaultdict[str, Losses] = defaultdict(Losses)
         self._overloads: defaultdict[str, Overload] = defaultdict(Overload)
         self.transforms = TransformListener(settings)
@@ -255,6 +256,13 @@ class Monitor:
         self.scene.note_waiting(name, name in self.waiting)
 
     def count_publishers(self, name: str, count: int) -> None:
-        """Take note of how many publishers a footprint or source has; called again and again."""
-        self._losses[name].most = max(count, 1)
-        self.scene.count_publishers(name, count)
+        """
+        Take note of how many publishers a footprint or source has; called again and again.
+
+        The middleware may count a publisher only after its first message has come: that there is
+        none counts when nothing has come since the last call.
+        """
+        came, self._counted[name] = self._counted[name] < self.received[name], self.received[name]
+        if count or not came:
+            self._losses[name].most = max(count, 1)
+            self.scene.count_publishers(name, count)

@@ -178,6 +178,27 @@ def test_numbers_of_several_publishers_are_told_apart():
     assert monitor.lost == {'tracks': 3}
 
 
+def test_publisher_that_is_counted_after_its_message():
+    """Messages may come sooner than word of who sends them; that nobody does counts later."""
+    monitor = Monitor(replace(SETTINGS, obstacles=SETTINGS.obstacles[:1]))
+    monitor.advance(NOW)
+
+    def count(publishers, seconds):
+        for name in ('robot', 'lidar'):
+            monitor.count_publishers(name, publishers)
+        monitor.advance(NOW + round(seconds * SECOND))
+    count(0, 0.1)
+    for name, x in (('robot', 0), ('lidar', 10)):
+        monitor.receive_batch(name, [(serialised(box(x), NOW), 1)], NOW + SECOND // 10)
+    count(0, 0.2)
+    assert status(monitor) == 'clear'
+    count(1, 0.3)
+    assert status(monitor) == 'clear'
+    count(0, 0.4)
+    assert [reason[-25:] for reason in monitor.scene.state('robot').reasons] == [
+        'has no publisher any more'] * 2
+
+
 def test_lost_message_makes_unknown_until_a_set_is_whole():
     """One in ten is dropped on the way; one obstacle lies on the robot all the time."""
     monitor = clear_monitor(replace(SETTINGS, obstacles=SETTINGS.obstacles[:1]))

@@ -182,7 +182,10 @@ class Peer:
 
     def await_state(self, state, footprint='footprint', patience=PATIENCE):
         """Wait until the footprint's latest state is the one given; return its status."""
-        self.until(lambda: self.state(footprint) == state, f'{footprint} {state}', patience)
+        try:
+            self.until(lambda: self.state(footprint) == state, f'{footprint} {state}', patience)
+        except AssertionError as error:
+            raise AssertionError(f'{error}; the last state is {self.status(footprint)}') from None
         return self.status(footprint)
 
     def set_parameters(self, **parameters):

@@ -33,10 +33,13 @@ from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from sat_collision.node import loop
+from sat_collision.node.quality import flag_qos
 from sat_collision.node.signals import end_on_signals, Signalled
+from sat_collision.scene.settings import Settings
 from std_msgs.msg import Bool
 
 _SIGN_OF_FIRST_X = 27
+_TICK = 0.1
 
 
 class Floor(Node):
@@ -47,7 +50,8 @@ class Floor(Node):
         self._flags = [serialize_message(Bool(data=raised)) for raised in (False, True)]
         self._flag = self._flags[0]
         self._received = 0
-        self._publishers = [self.create_publisher(Bool, topic, 10)
+        self._ticked = 0.0
+        self._publishers = [self.create_publisher(Bool, topic, flag_qos(Settings((), ())))
                             for topic in ('~/footprint/collision', '~/collision')]
         group = loop.Reserved() if in_loop else None
         self.inputs = [
@@ -59,7 +63,7 @@ class Floor(Node):
         self._counts = counts.Counts(self)
         self._next_count = 0.0
         if not in_loop:
-            self.create_timer(0.1, self.tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+            self.create_timer(_TICK, self.tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _answer(self, data):
         self._flag = self._flags[data[_SIGN_OF_FIRST_X] > 127]
@@ -91,7 +95,11 @@ class Floor(Node):
         if time.monotonic() >= self._next_count:
             self._next_count = time.monotonic() + 1.0
             self._counts.publish(self._received)
-        return 0.1
+        self._ticked = time.monotonic()
+
+    def due(self):
+        """Return when the next tick is due."""
+        return self._ticked + _TICK
 
     def _publish(self):
         for publisher in self._publishers:

@@ -119,6 +119,15 @@ def places(monitor):
             if name.source == 'lidar'}
 
 
+def test_each_message_puts_the_pause_off():
+    """Nothing is due while messages come; what is due is the moment at which the last was it."""
+    monitor = clear_monitor()
+    for later in (0, 30, 75, 120):
+        now = NOW + later * SECOND // 1000
+        assert monitor.receive('lidar', serialised(box(10), NOW), now) is None
+        assert monitor.deadline == now + SECOND // 20
+
+
 def test_obstacle_of_a_set_replaces_its_predecessor():
     """In the middle of a set, where hardly anything else ever comes."""
     monitor, stamp = monitor_in_a_set()

@@ -58,8 +58,8 @@ class ExecutorLoop:
             else:
                 self._was_held_up = late > HELD_UP and not self._was_held_up
                 now, is_all_taken = self._take_all()
-                wait = self._receiver.tick(now, is_all_taken and not self._was_held_up)
-                self._next_tick = time.monotonic() + wait
+                self._receiver.tick(now, is_all_taken and not self._was_held_up)
+                self._next_tick = self._receiver.due()
 
     def close(self) -> None:
         """End what belongs to the loop, once it runs no more."""

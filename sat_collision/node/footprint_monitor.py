@@ -105,6 +105,7 @@ class FootprintMonitor(Node):
                                                     self._taken_by)
         self._clock_watch = ClockWatch()
         self._warns_of_losses = True
+        self._ticked = 0.0
         self._looking = Every(_TICK)
         self._reporting = Every(_HEALTH_PERIOD)
         self._systemd = Systemd()
@@ -169,9 +170,15 @@ class FootprintMonitor(Node):
         if name not in TRANSFORM_TOPICS:
             self._monitor.note_backlog(name, backlog.seconds if backlog else None)
 
-    def tick(self, now: int, is_all_taken: bool) -> float:
-        """Do what is due without a message; return in how many s the next tick is due."""
-        steady = time.monotonic()
+    def due(self) -> float:
+        """Return when the next tick is due, by the steady clock in s."""
+        until = (self._monitor.deadline - self.present()) / 1e9
+        return min(max(time.monotonic() + until, self._ticked + _SHORTEST_TICK),
+                   self._ticked + self._tick_period)
+
+    def tick(self, now: int, is_all_taken: bool) -> None:
+        """Do what is due without a message."""
+        self._ticked = steady = time.monotonic()
         self._systemd.turned()
         goes_on = self._watchdog.turned()
         if goes_on:
@@ -187,8 +194,6 @@ class FootprintMonitor(Node):
             self._outputs.publish_markers()
         if self._reporting.due(steady):
             self._health.publish(self._monitor, self._outputs.statuses())
-        due = (self._monitor.deadline - now) / 1e9
-        return min(self._tick_period, max(due, _SHORTEST_TICK))
 
     def _look_around(self, now: int, steady: float) -> None:
         """Look at what nothing tells of: publishers, clock, middleware, kernels in the making."""

@@ -142,10 +142,11 @@ class Loop:
             self._next_others = now + _OTHERS_PERIOD
         if late >= 0.0:
             self._was_held_up = late > HELD_UP and not self._was_held_up
-            self._next_tick = now + self._receiver.tick(
-                present, not (self._was_held_up or self._is_behind))
+            self._receiver.tick(present, not (self._was_held_up or self._is_behind))
             self._choose_rest(now)
             self._ticked = True
+        if taken or late >= 0.0:
+            self._next_tick = self._receiver.due()
         self._has_rested = bool(self._rest and taken)
         if self._has_rested:
             time.sleep(min(self._rest, self._until_tick()))

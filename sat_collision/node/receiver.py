@@ -51,9 +51,12 @@ class Receiver(Protocol):
     def note_backlog(self, name: str, backlog: Backlog | None) -> None:
         """Take note of how far behind a topic is, None where it is not any more."""
 
-    def tick(self, now: int, is_all_taken: bool) -> float:
+    def due(self) -> float:
+        """Return when the next tick is due, in s by the steady clock; messages may put it off."""
+
+    def tick(self, now: int, is_all_taken: bool) -> None:
         """
-        Do what is due by time alone; return in how many s the next tick is due.
+        Do what is due by time alone.
 
         Parameters
         ----------

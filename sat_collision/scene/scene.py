@@ -86,8 +86,7 @@ class Scene(Circumstances):
         self.frame_id = self.settings.frame_id
         self._contacts = Contacts(self.settings.margin, self._observer)
         self._deadlines = Deadlines()
-        self._pauses = Deadlines()
-        self._sources = {source.name: Source(source, self._contacts, self._deadlines, self._pauses)
+        self._sources = {source.name: Source(source, self._contacts, self._deadlines)
                          for source in self.settings.obstacles}
         self._footprints = {footprint.name: Footprint(footprint, self._contacts.changed)
                             for footprint in self.settings.footprints}
@@ -238,11 +237,12 @@ class Scene(Circumstances):
 
         Where messages may wait to be told, only `pass_time` is right: a pause may be none.
         """
-        pauses = tuple(self._pauses.missed(now)) if now >= self._now else ()
-        for pause in pauses:
-            pause.expire()
+        paused = [source for source in self._sources.values()
+                  if source.pause < now and now >= self._now]
+        for source in paused:
+            source.end_pause()
         self.pass_time(now)
-        if pauses:
+        if paused:
             self._reevaluate_all()
 
     def pass_time(self, now: int) -> None:

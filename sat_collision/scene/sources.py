@@ -48,28 +48,30 @@ class Source:
     ----------
     settings : ObstacleSettings
     contacts : Contacts
-    deadlines, pauses : Deadlines
-        Call for `expire`; and for the end of a set that pauses, all that was sent being told.
+    deadlines : Deadlines
+        Calls for `expire`.
 
     Attributes
     ----------
     obstacles : Holdings
+    pause : int or float
+        Time in ns after which what comes in is whole, if nothing more comes; NEVER if nothing is.
     faults : tuple of str
         Why the source cannot be trusted, in words; empty if it can. The same object as long as
         nothing about it changes.
 
     """
 
-    def __init__(self, settings: ObstacleSettings, contacts: Contacts, deadlines: Deadlines,
-                 pauses: Deadlines) -> None:
+    def __init__(self, settings: ObstacleSettings, contacts: Contacts,
+                 deadlines: Deadlines) -> None:
         self._note_set = contacts.begin_set
-        self._deadlines, self._pauses = deadlines, pauses
+        self._deadlines = deadlines
         self._doubts = Doubts()
         self.obstacles = Holdings(settings.name, contacts, deadlines, self._count_refusals)
         self._sets = ObstacleSets()
         self._coming_in = self.obstacles.sides[0]
         self.are_waiting = False
-        self._pause, self._cure = Alarm(self._end_pause), Alarm(self._get_over_loss)
+        self._cure = Alarm(self._get_over_loss)
         self.settings = settings
         self.faults: tuple[str, ...] = ()
         self.watched: float = NEVER
@@ -80,7 +82,7 @@ class Source:
         self.obstacles.clear()
         self._doubts = Doubts(publishers=self._doubts.publishers)
         self._heard: float = -NEVER
-        self._pause.deadline = self._cure.deadline = NEVER
+        self.pause = self._cure.deadline = NEVER
         self._sets.clear()
 
     def configure(self, settings: ObstacleSettings, now: int) -> None:
@@ -116,7 +118,7 @@ class Source:
         """Note that the source is silent, now that its deadline is past."""
         self._doubts.is_silent = True
         self._begin_anew()
-        if self._pause.deadline == NEVER:
+        if self.pause == NEVER:
             self._sets.settle()
         self._find_faults()
 
@@ -160,7 +162,7 @@ class Source:
         if doubts.is_left or count == 1 < (before or 0):  # what several sent was mixed up
             self._begin_anew()
         if count == 0:
-            self._pause.deadline = NEVER
+            self.pause = NEVER
         elif count == 1:
             self.listen(now)
         self._find_faults()
@@ -252,15 +254,13 @@ class Source:
 
     def _await_pause(self, now: float) -> None:
         """Have what comes in be whole if nothing more of it comes for a while."""
-        self._pause.deadline = end = now + self._quiet
-        if end < self._pause.watched:
-            self._pauses.watch(self._pause)
+        self.pause = now + self._quiet
 
-    def _end_pause(self) -> None:
-        """Take what came in last for whole, now that nothing more of it comes or waits."""
+    def end_pause(self) -> None:
+        """Take what came in last for whole, if nothing more of it waits; the pause is over."""
         if self.are_waiting:
-            return self._await_pause(self._pause.deadline)
-        self._pause.deadline = NEVER
+            return self._await_pause(self.pause)
+        self.pause = NEVER
         self._end_set()
         self._sets.settle()
 

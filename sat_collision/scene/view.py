@@ -49,7 +49,6 @@ class View:
     _now: int
     _contacts: Contacts
     _deadlines: Deadlines
-    _pauses: Deadlines
     _sources: dict[str, Source]
     _footprints: dict[str, Footprint]
 
@@ -100,7 +99,8 @@ class View:
     @property
     def deadline(self) -> float:
         """The time in ns until which, at least, nothing changes by itself; NEVER if at no time."""
-        return min(self._deadlines.earliest, self._pauses.earliest)
+        return min(self._deadlines.earliest,
+                   *[source.pause for source in self._sources.values()])
 
     @property
     def footprints(self) -> list[tuple[str, Polygon]]:

@@ -248,7 +248,8 @@ def test_tenth_of_all_messages_is_lost(start, monkeypatch):
         for points in (APART, box(7, 7), TOUCHING):
             monitor.send('obstacles', points, stamp)
             monitor.spin()
-    monitor.until(lambda: health(monitor).get('obstacle: lost') == '11')
+    # More, if the middleware loses some, too.
+    monitor.until(lambda: int(health(monitor).get('obstacle: lost', 0)) >= 11)
     assert {values(array.status[0])['state'] for array in states} == {'collision', 'unknown'}
     assert any('lost messages on the way' in values(array.status[0])['reason']
                for array in states)

@@ -39,7 +39,7 @@ def robot():
 
 def obstacles(contacts, count):
     """Return obstacles that are nowhere."""
-    source = Source(LIDAR, contacts, Deadlines(), Deadlines())
+    source = Source(LIDAR, contacts, Deadlines())
     return [Obstacle(source, 'lidar', key, key, time=0) for key in range(count)]
 
 

@@ -68,7 +68,7 @@ def test_only_footprints_that_changed_are_evaluated(footprints, changed, evaluat
 def test_other_faults_concern_all_footprints(footprints, changed, evaluations):
     """The same again concern none."""
     settings = Settings((ROBOT, CART), (LIDAR,))
-    lidar = Source(LIDAR, Contacts(), Deadlines(), Deadlines())
+    lidar = Source(LIDAR, Contacts(), Deadlines())
     evaluations.evaluate(now=0, release_delay=0)
     evaluations.find_faults(settings, SECOND, False, [lidar])
     assert changed == set(footprints.values())

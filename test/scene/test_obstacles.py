@@ -23,7 +23,7 @@ from stage import INSTANCES, PATIENT_LIDAR, square
 
 def placed(settings, key, time):
     """Return an obstacle that a source has placed, and the source."""
-    source = Source(settings, Contacts(), Deadlines(), Deadlines())
+    source = Source(settings, Contacts(), Deadlines())
     assert source.place(square(0).packed, 'map', time, time, key) is None
     obstacle, = source.obstacles
     return obstacle, source

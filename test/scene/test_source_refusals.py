@@ -177,7 +177,7 @@ def test_more_than_max_count_is_trouble_until_it_expires(settings):
 @EVERY_KIND
 def test_flood_takes_no_more_room_than_max_count(settings):
     """A publisher gone wild sends thousands of obstacles, good and bad, in one instant."""
-    source = Source(replace(settings, max_count=5), Contacts(), Deadlines(), Deadlines())
+    source = Source(replace(settings, max_count=5), Contacts(), Deadlines())
     now = nanoseconds(START)
     for number in range(1000):
         source.place(square(number).packed, 'map', now, now, number)

@@ -178,15 +178,18 @@ class Peer:
             self.send(topic, points, **options)
             self.spin(0.03)
             return self.state() == state
-        self.until(sent, state)
+        self._until_in_state(sent, state, 'footprint', PATIENCE)
 
     def await_state(self, state, footprint='footprint', patience=PATIENCE):
         """Wait until the footprint's latest state is the one given; return its status."""
+        self._until_in_state(lambda: self.state(footprint) == state, state, footprint, patience)
+        return self.status(footprint)
+
+    def _until_in_state(self, condition, state, footprint, patience):
         try:
-            self.until(lambda: self.state(footprint) == state, f'{footprint} {state}', patience)
+            self.until(condition, f'{footprint} {state}', patience)
         except AssertionError as error:
             raise AssertionError(f'{error}; the last state is {self.status(footprint)}') from None
-        return self.status(footprint)
 
     def set_parameters(self, **parameters):
         """Set parameters by the node's service; return why each was refused, None if accepted."""

@@ -131,7 +131,7 @@ class Loop:
         present = self._receiver.present()
         begun = time.perf_counter()
         taken = sum(topic.take(self._budget, present) for topic in self._topics
-                    if late >= 0.0 or ready is None or topic.is_behind or topic.pointer in ready)
+                    if late >= 0.0 or ready is None or topic.pointer in ready)
         if taken:
             self._taken += taken
             self._receiver.end_batch(taken, time.perf_counter() - begun)

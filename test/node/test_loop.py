@@ -16,17 +16,16 @@
 
 from contextlib import contextmanager
 import itertools
-import threading
 import time
-from types import SimpleNamespace
 
 from geometry_msgs.msg import PolygonStamped
-from harness import box, MonitorPeer, Peer, RunningMonitor, SECOND, to_parameters, values
+from harness import box, MonitorPeer, RunningMonitor, SECOND, to_parameters, values
 import pytest
 import rclpy
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from sat_collision.node import footprint_monitor, loop
+from sat_collision.node import footprint_monitor
+from streams import streaming
 
 ROBOT = box(0, 0)
 APART = box(5, 5)
@@ -148,170 +147,6 @@ def test_messages_that_never_came_are_counted(pausable, runner):
     assert 'messages lost' in status.message
     assert 'lost messages on the way' in values(monitor.await_state('unknown'))['reason']
     assert values(status)['obstacle: received'] == '11'
-
-
-class Recorder:
-    """Receives for a Loop, and keeps in which order; a message may take some time."""
-
-    def __init__(self, seconds=0.0):
-        self.seconds = seconds
-        self.names = []
-        self.batches = []
-        self.backlogs = []
-        self.ticks = 0
-        self.told_all = []
-
-    def receive(self, name, messages, now):
-        count = 0
-        for _ in messages:
-            time.sleep(self.seconds)
-            self.names.append(name)
-            count += 1
-        return count
-
-    def end_batch(self, messages, seconds):
-        self.batches.append(messages)
-
-    def note_backlog(self, name, backlog):
-        self.backlogs.append((name, backlog))
-
-    def tick(self, now, is_all_taken):
-        self.ticks += 1
-        self.told_all.append((is_all_taken, self.names.count('flood')))
-        self.names.append('tick')
-        self.ticked = time.monotonic()
-
-    def due(self):
-        return self.ticked + 0.05
-
-    def present(self):
-        return time.time_ns()
-
-
-@pytest.fixture
-def looped(domain):
-    """Return a peer and how to run a Loop over two of its topics, 'flood' and 'other'."""
-    peer = Peer(domain)
-    node = rclpy.create_node('receiver', context=peer.context)
-    inputs = [loop.Input(name, node.create_subscription(
-        PolygonStamped, name, id, QoSProfile(depth=2000), raw=True,
-        callback_group=loop.Reserved())) for name in ('flood', 'other')]
-
-    @contextmanager
-    def looped(receiver, delay=0.0):
-        one = loop.Loop(node, inputs, receiver, lambda: delay)
-        yield one
-        one.close()
-
-    yield peer, looped
-    node.destroy_node()
-    peer.close()
-
-
-def arrive(peer, **counts):
-    """Have so many messages on each topic arrive and wait to be taken."""
-    for topic, count in counts.items():
-        publisher = peer.publisher(topic, qos=QoSProfile(depth=2000))
-        for _ in range(count):
-            publisher.publish(PolygonStamped())
-        assert publisher.wait_for_all_acked(Duration(seconds=10))
-
-
-def test_flood_leaves_the_others_their_turn(looped):
-    """Half a second of work waits on one topic: the other's message and ticks come between."""
-    peer, looped = looped
-    receiver = Recorder(0.001)
-    arrive(peer, flood=500, other=1)
-    with looped(receiver) as one:
-        one.run(lambda: receiver.names.count('flood') == 500 and not receiver.backlogs[-1][1])
-    assert receiver.names.index('other') < 50
-    assert receiver.names[:-1].count('tick') > 3
-    assert max(receiver.batches) < 50
-    backlogs = [backlog for name, backlog in receiver.backlogs if name == 'flood']
-    assert backlogs[-1] is None and {name for name, _ in receiver.backlogs} == {'flood'}
-    assert all(backlog.seconds > 0.0 for backlog in backlogs[:-1])
-
-
-def test_tick_tells_whether_all_was_taken(looped):
-    """What waits may be of a set that seems to pause; so may what came while held up."""
-    peer, looped = looped
-    receiver = Recorder(0.001)
-    arrive(peer, flood=200)
-    with looped(receiver) as one:
-        one.run(lambda: receiver.told_all and receiver.told_all[-1][0])
-        assert receiver.told_all[-1][1] == 200
-        assert len(receiver.told_all) > 3
-        del receiver.told_all[:]
-        time.sleep(0.2)
-        one.run(lambda: len(receiver.told_all) == 2)
-        assert [is_all_taken for is_all_taken, _ in receiver.told_all] == [False, True]
-
-
-def test_end_is_not_put_off_by_a_flood(looped):
-    """It is looked at after each turn, however much is waiting."""
-    peer, looped = looped
-    receiver = Recorder(0.001)
-    arrive(peer, flood=500)
-    with looped(receiver) as one:
-        one.run(lambda: bool(receiver.names))
-    assert 0 < receiver.names.count('flood') < 50
-
-
-def test_backlog_tells_about_how_many_messages_wait(looped):
-    """By when they came: evenly, so that after so many about as many are left."""
-    peer, looped = looped
-    receiver = Recorder(0.001)
-    publisher = peer.publisher('flood', qos=QoSProfile(depth=2000))
-    for _ in range(300):
-        publisher.publish(PolygonStamped())
-        time.sleep(0.001)
-    publisher.wait_for_all_acked(Duration(seconds=10))
-    with looped(receiver) as one:
-        one.run(lambda: receiver.names.count('flood') >= 100)
-    left = 300 - receiver.names.count('flood')
-    assert left / 2 < receiver.backlogs[-1][1].messages < left * 2
-
-
-@contextmanager
-def streaming(domain, topic, rate, points=APART):
-    """Have a polygon published again and again from a thread, so many times a second."""
-    stop = threading.Event()
-    peer = Peer(domain)
-
-    def stream():
-        begun = time.monotonic()
-        for k in itertools.count():
-            peer.send(topic, points, stamp=0)
-            if stop.wait(max(begun + k / rate - time.monotonic(), 0.0)):
-                return
-
-    thread = threading.Thread(target=stream)
-    thread.start()
-    try:
-        yield
-    finally:
-        stop.set()
-        thread.join()
-        peer.close()
-
-
-@pytest.mark.parametrize('rate, rests', [(5, False), (500, True)])
-def test_rests_only_where_messages_are_many(looped, domain, monkeypatch, rate, rests):
-    """A rest that would gather nothing only makes answers late."""
-    peer, looped = looped
-    slept = []
-    clock = SimpleNamespace(**vars(time))
-    clock.sleep = lambda seconds: slept.append(seconds) or time.sleep(seconds)
-    monkeypatch.setattr(loop, 'time', clock)
-    receiver = Recorder()
-    with looped(receiver, delay=0.02) as one, streaming(domain, 'flood', rate):
-        one.run(lambda: receiver.names.count('flood') > 0)
-        receiver.ticks = 0
-        one.run(lambda: receiver.ticks > 20)
-    assert bool(slept) == rests
-    assert all(0.0 <= seconds <= 0.02 for seconds in slept)
-    if rests:
-        assert receiver.names.count('flood') / len(receiver.batches) > 2
 
 
 class SlowMonitor(footprint_monitor.FootprintMonitor):

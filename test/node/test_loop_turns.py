@@ -1,0 +1,245 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The turns of the loop: what is taken when, when it ticks, and when it rests."""
+
+from contextlib import contextmanager
+import time
+from types import SimpleNamespace
+
+from geometry_msgs.msg import PolygonStamped
+from harness import Peer
+import pytest
+from rcl_interfaces.srv import ListParameters
+import rclpy
+from rclpy.duration import Duration
+from rclpy.qos import QoSProfile
+from sat_collision.node import loop
+from streams import streaming
+
+
+class Recorder:
+    """
+    Receives for a Loop, and keeps in which order; a message may take some time.
+
+    Ticks are due twenty times a second, and where messages put them off, in ten seconds.
+    """
+
+    def __init__(self, seconds=0.0, are_put_off=False):
+        self.seconds = seconds
+        self.are_put_off = are_put_off
+        self.names = []
+        self.batches = []
+        self.backlogs = []
+        self.ticks = 0
+        self.told_all = []
+
+    def receive(self, name, messages, now):
+        count = 0
+        for _ in messages:
+            time.sleep(self.seconds)
+            self.names.append(name)
+            count += 1
+        return count
+
+    def end_batch(self, messages, seconds):
+        self.batches.append(messages)
+
+    def note_backlog(self, name, backlog):
+        self.backlogs.append((name, backlog))
+
+    def tick(self, now, is_all_taken):
+        self.ticks += 1
+        self.told_all.append((is_all_taken, self.names.count('flood')))
+        self.names.append('tick')
+        self.ticked = time.monotonic()
+
+    def due(self):
+        is_put_off = self.are_put_off and self.names[-1] != 'tick'
+        return self.ticked + (10.0 if is_put_off else 0.05)
+
+    def present(self):
+        return time.time_ns()
+
+
+@pytest.fixture
+def looped(domain):
+    """Return a peer and how to run a Loop over two of its topics, 'flood' and 'other'."""
+    peer = Peer(domain)
+    node = rclpy.create_node('receiver', context=peer.context)
+    inputs = [loop.Input(name, node.create_subscription(
+        PolygonStamped, name, id, QoSProfile(depth=2000), raw=True,
+        callback_group=loop.Reserved())) for name in ('flood', 'other')]
+
+    @contextmanager
+    def looped(receiver, delay=0.0):
+        one = loop.Loop(node, inputs, receiver, lambda: delay)
+        yield one
+        one.close()
+
+    yield peer, looped
+    node.destroy_node()
+    peer.close()
+
+
+def arrive(peer, **counts):
+    """Have so many messages on each topic arrive and wait to be taken."""
+    for topic, count in counts.items():
+        publisher = peer.publisher(topic, qos=QoSProfile(depth=2000))
+        for _ in range(count):
+            publisher.publish(PolygonStamped())
+        assert publisher.wait_for_all_acked(Duration(seconds=10))
+
+
+def test_flood_leaves_the_others_their_turn(looped):
+    """Half a second of work waits on one topic: the other's message and ticks come between."""
+    peer, looped = looped
+    receiver = Recorder(0.001)
+    arrive(peer, flood=500, other=1)
+    with looped(receiver) as one:
+        one.run(lambda: receiver.names.count('flood') == 500 and not receiver.backlogs[-1][1])
+    assert receiver.names.index('other') < 50
+    assert receiver.names[:-1].count('tick') > 3
+    assert max(receiver.batches) < 50
+    backlogs = [backlog for name, backlog in receiver.backlogs if name == 'flood']
+    assert backlogs[-1] is None and {name for name, _ in receiver.backlogs} == {'flood'}
+    assert all(backlog.seconds > 0.0 for backlog in backlogs[:-1])
+
+
+def test_tick_tells_whether_all_was_taken(looped):
+    """What waits may be of a set that seems to pause; so may what came while held up."""
+    peer, looped = looped
+    receiver = Recorder(0.001)
+    arrive(peer, flood=200)
+    with looped(receiver) as one:
+        one.run(lambda: receiver.told_all and receiver.told_all[-1][0])
+        assert receiver.told_all[-1][1] == 200
+        assert len(receiver.told_all) > 3
+        del receiver.told_all[:]
+        time.sleep(0.2)
+        one.run(lambda: len(receiver.told_all) == 2)
+        assert [is_all_taken for is_all_taken, _ in receiver.told_all] == [False, True]
+
+
+def test_end_is_not_put_off_by_a_flood(looped):
+    """It is looked at after each turn, however much is waiting."""
+    peer, looped = looped
+    receiver = Recorder(0.001)
+    arrive(peer, flood=500)
+    with looped(receiver) as one:
+        one.run(lambda: bool(receiver.names))
+    assert 0 < receiver.names.count('flood') < 50
+
+
+def test_backlog_tells_about_how_many_messages_wait(looped):
+    """By when they came: evenly, so that after so many about as many are left."""
+    peer, looped = looped
+    receiver = Recorder(0.001)
+    publisher = peer.publisher('flood', qos=QoSProfile(depth=2000))
+    for _ in range(300):
+        publisher.publish(PolygonStamped())
+        time.sleep(0.001)
+    publisher.wait_for_all_acked(Duration(seconds=10))
+    with looped(receiver) as one:
+        one.run(lambda: receiver.names.count('flood') >= 100)
+    left = 300 - receiver.names.count('flood')
+    assert left / 2 < receiver.backlogs[-1][1].messages < left * 2
+
+
+@pytest.mark.parametrize('rate, rests', [(5, False), (500, True)])
+def test_rests_only_where_messages_are_many(looped, domain, monkeypatch, rate, rests):
+    """A rest that would gather nothing only makes answers late."""
+    peer, looped = looped
+    slept = []
+    clock = SimpleNamespace(**vars(time))
+    clock.sleep = lambda seconds: slept.append(seconds) or time.sleep(seconds)
+    monkeypatch.setattr(loop, 'time', clock)
+    receiver = Recorder()
+    with looped(receiver, delay=0.02) as one, streaming(domain, 'flood', rate):
+        one.run(lambda: receiver.names.count('flood') > 0)
+        receiver.ticks = 0
+        one.run(lambda: receiver.ticks > 20)
+    assert bool(slept) == rests
+    assert all(0.0 <= seconds <= 0.02 for seconds in slept)
+    if rests:
+        assert receiver.names.count('flood') / len(receiver.batches) > 2
+
+
+def test_messages_put_a_tick_off(looped):
+    """When it is due is asked for after each batch, too: nothing wakes in between."""
+    peer, looped = looped
+    receiver = Recorder(are_put_off=True)
+    with looped(receiver) as one:
+        one.run(lambda: receiver.ticks > 2)
+        arrive(peer, flood=1)
+        one.run(lambda: receiver.names[-1] == 'flood')
+        ticks = receiver.ticks
+        arrive(peer, flood=1)
+        begun = time.monotonic()
+        one.run(lambda: time.monotonic() > begun + 0.3 or arrive(peer, flood=1))
+    assert receiver.ticks == ticks
+
+
+def test_rest_ends_when_a_tick_is_due(looped):
+    """However long it may be, and however many messages there were."""
+    peer, looped = looped
+    receiver = Recorder()
+    with looped(receiver, delay=60.0) as one:
+        arrive(peer, flood=10)
+        one.run(lambda: receiver.ticks > 1)
+        arrive(peer, flood=10)
+        begun = time.monotonic()
+        one.run(lambda: receiver.ticks > 3)
+    assert time.monotonic() - begun < 30.0
+
+
+class Prompter(Recorder):
+    """Has a message arrive between the wait and the taking in each turn."""
+
+    def __init__(self, peer):
+        super().__init__()
+        self.peer = peer
+        self.sent = 0
+
+    def present(self):
+        arrive(self.peer, other=1)
+        self.sent += 1
+        return super().present()
+
+    def tick(self, now, is_all_taken):
+        assert not is_all_taken or self.names.count('other') == self.sent
+        super().tick(now, is_all_taken)
+
+
+def test_all_was_taken_that_came_since_the_wait(looped):
+    """A topic that nothing waited on is looked at all the same before time passes."""
+    peer, looped = looped
+    receiver = Prompter(peer)
+    with looped(receiver) as one:
+        one.run(lambda: sum(is_all_taken for is_all_taken, _ in receiver.told_all) > 5)
+
+
+@pytest.mark.parametrize('rate', (5, 500))
+def test_service_is_answered_when_it_is_called(looped, domain, monkeypatch, rate):
+    """Not only when the executor is run for all that is not waited for; with rests, too."""
+    peer, looped = looped
+    monkeypatch.setattr(loop, '_OTHERS_PERIOD', 1e9)
+    receiver = Recorder()
+    client = peer.node.create_client(ListParameters, '/receiver/list_parameters')
+    with looped(receiver, delay=0.02) as one, streaming(domain, 'flood', rate):
+        one.run(lambda: receiver.ticks > 5)
+        assert client.wait_for_service(10.0)
+        answer = client.call_async(ListParameters.Request())
+        one.run(lambda: peer.spin() or answer.done() or receiver.ticks > 200)
+    assert answer.done()

@@ -1,0 +1,47 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Messages that come all the time, whatever a test is doing."""
+
+from contextlib import contextmanager
+import itertools
+import threading
+import time
+
+from harness import box, Peer
+
+APART = box(5, 5)
+
+
+@contextmanager
+def streaming(domain, topic, rate, points=APART):
+    """Have a polygon published again and again from a thread, so many times a second."""
+    stop = threading.Event()
+    peer = Peer(domain)
+
+    def stream():
+        begun = time.monotonic()
+        for k in itertools.count():
+            peer.send(topic, points, stamp=0)
+            if stop.wait(max(begun + k / rate - time.monotonic(), 0.0)):
+                return
+
+    thread = threading.Thread(target=stream)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+        peer.close()

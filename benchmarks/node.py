@@ -50,6 +50,8 @@ OBSTACLES = 10, 100, 1000
 VERTICES = 4, 32
 RATES = 10_000, 20_000, 30_000, 60_000
 PLAIN_RATES = RATES[:2]
+# The tests have others.
+_DOMAINS = range(215, 233)
 _DISCOVERY = """<?xml version="1.0" encoding="UTF-8"?>
 <dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"><profiles>
   <participant profile_name="prompt" is_default_profile="true"><rtps><builtin><discovery_config>
@@ -69,7 +71,7 @@ def ros():
         profile.write_text(_DISCOVERY)
         os.environ.update(
             FASTRTPS_DEFAULT_PROFILES_FILE=str(profile), ROS_LOG_DIR=folder,
-            ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST', ROS_DOMAIN_ID=str(1 + os.getpid() % 100))
+            ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST', ROS_DOMAIN_ID=str(_DOMAINS[os.getpid() % len(_DOMAINS)]))
         rclpy.init()
         try:
             yield

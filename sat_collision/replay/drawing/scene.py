@@ -71,7 +71,7 @@ def draw_scene(result: Result, film: Film, number: int, axes: Axes,
 
 def look_at_least(axes: Axes, least: Least, footprint: FilmedBody | None) -> None:
     """Show where a footprint is nearest to an obstacle, and what is around it."""
-    size = float(np.ptp(footprint.spans[0].ring, axis=0).max()) if footprint else 0.0
+    size = float(np.max(np.ptp(footprint.spans[0].ring, axis=0))) if footprint else 0.0
     reach = max(least.separation + 1.5 * size, 1.5 * size, 1.0)
     _look_at(axes, np.array([least.x, least.y]), np.array([reach, reach]))
 
@@ -82,7 +82,7 @@ def look_at_all(axes: Axes, film: Film) -> None:
     points = np.concatenate(rings or [np.zeros((1, 2))])
     low, high = points.min(axis=0), points.max(axis=0)
     reach = (high - low) / 2
-    _look_at(axes, (low + high) / 2, reach + max(0.08 * float(reach.max()), 1.0))
+    _look_at(axes, (low + high) / 2, reach + max(0.08 * float(np.max(reach)), 1.0))
 
 
 def _look_at(axes: Axes, middle: Floats, reach: Floats) -> None:

@@ -125,11 +125,11 @@ def draw_markers(markers: MarkerArray, axes: Axes) -> None:
         elif marker.type == marker.TEXT_VIEW_FACING:
             # Its middle at its place and its height in metres, as viewers of ROS have it.
             text = TextPath((0.0, 0.0), marker.text, size=marker.scale.z)
-            box = text.get_extents()
-            place = np.array([marker.pose.position.x, marker.pose.position.y])
-            axes.add_patch(PathPatch(
-                TextPath(place - 0.5 * (box.p0 + box.p1), marker.text, size=marker.scale.z),
-                facecolor=colour, linewidth=0.0, zorder=height))
+            (left, low), (right, high) = text.get_extents().get_points()
+            place = marker.pose.position
+            begin = place.x - (left + right) / 2, place.y - (low + high) / 2
+            axes.add_patch(PathPatch(TextPath(begin, marker.text, size=marker.scale.z),
+                                     facecolor=colour, linewidth=0.0, zorder=height))
     axes.autoscale_view()
     axes.set_aspect('equal')
     axes.set_xlabel('x [m]')

@@ -214,7 +214,7 @@ def _joined(header: NDArray[np.float64], parts: list[Polygon],
     packed_parts = [np.asarray(part.packed[0]) for part in parts]
     ends = HEADER + 2 * len(parts) + np.cumsum([0] + [len(part) for part in packed_parts])
     table = np.column_stack([ends[:-1], [part.packed[1] for part in parts]])
-    joined = np.concatenate([header, table.ravel(), *packed_parts, outline])
+    joined: NDArray[np.float64] = np.concatenate([header, table.ravel(), *packed_parts, outline])
     joined[:2] = ends[-1], len(joined)
     return joined
 
@@ -232,7 +232,7 @@ def as_polygon(body: Polygon | ArrayLike) -> Polygon:
 
 def coordinates(points: ArrayLike) -> NDArray[np.float64]:
     """Return x and y of received points, (n, 2); raise `PolygonError` if there are none."""
-    if np.ma.isMaskedArray(points):
+    if isinstance(points, np.ma.MaskedArray):
         raise PolygonError(Reason.WRONG_SHAPE, 'a masked array: fill what is masked, or drop it')
     try:
         array = np.asarray(points, dtype=None if hasattr(points, 'dtype') else np.float64)

@@ -20,6 +20,7 @@ from collections.abc import Iterable, Iterator
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 from sat_collision.messages.shared_region import clip, Ring
 
 # Least x and y, greatest x and y.
@@ -47,7 +48,7 @@ class Labels:
     def __init__(self, bodies: Iterable[tuple[Ring, Box]], height: float) -> None:
         bodies = list(bodies)
         self._rings = [ring for ring, _ in bodies]
-        self._boxes = np.array([box for _, box in bodies]).reshape(-1, 4)
+        self._boxes: NDArray[np.float64] = np.array([box for _, box in bodies]).reshape(-1, 4)
         self._height = height
 
     def place(self, text: str, box: Box) -> tuple[float, float]:

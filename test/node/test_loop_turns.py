@@ -15,6 +15,7 @@
 """The turns of the loop: what is taken when, when it ticks, and when it rests."""
 
 from contextlib import contextmanager
+import itertools
 import time
 from types import SimpleNamespace
 
@@ -25,7 +26,7 @@ from rcl_interfaces.srv import ListParameters
 import rclpy
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
-from sat_collision.node import loop
+from sat_collision.node import fallback, loop
 from streams import streaming
 
 
@@ -88,6 +89,7 @@ def looped(domain):
         yield one
         one.close()
 
+    looped.node = node
     yield peer, looped
     node.destroy_node()
     peer.close()
@@ -243,3 +245,41 @@ def test_service_is_answered_when_it_is_called(looped, domain, monkeypatch, rate
         answer = client.call_async(ListParameters.Request())
         one.run(lambda: peer.spin() or answer.done() or receiver.ticks > 200)
     assert answer.done()
+
+
+@pytest.mark.parametrize('turns_before', (0, 5))
+def test_other_subscriptions_are_served_at_once(looped, monkeypatch, turns_before):
+    """As that to the clock; so is one that the node makes while it runs."""
+    peer, looped = looped
+    monkeypatch.setattr(loop, '_OTHERS_PERIOD', 1e9)
+    receiver = Recorder()
+    heard = []
+    with looped(receiver) as one:
+        one.run(lambda: receiver.ticks > turns_before)
+        turns = itertools.count()
+
+        def is_heard():
+            if next(turns) == turns_before:
+                looped.node.create_subscription(PolygonStamped, 'more', heard.append, 10)
+            if receiver.ticks % 5 == 0:
+                peer.publisher('more').publish(PolygonStamped())
+            return heard or receiver.ticks > 200
+        one.run(is_heard)
+    assert heard
+
+
+def test_executor_tells_whether_all_was_taken(looped):
+    """Where rclpy's own must do: it is asked for no more than so many messages before a tick."""
+    peer, looped = looped
+    receiver = Recorder()
+
+    def take(_):
+        time.sleep(0.001)
+        receiver.names.append('many')
+    looped.node.create_subscription(PolygonStamped, 'many', take, QoSProfile(depth=2000))
+    arrive(peer, many=400)
+    one = fallback.ExecutorLoop(looped.node, receiver)
+    one.run(lambda: receiver.told_all and receiver.told_all[-1][0])
+    one.close()
+    assert receiver.names.count('many') == 400
+    assert len(receiver.told_all) > 2

@@ -142,6 +142,16 @@ def test_flags_before_distances(start, domain):
     assert node.wait(30) == 0
 
 
+def test_margin_awaits_distances(start):
+    """It is one: a first start with a margin says nothing before it can measure."""
+    if not COMPILED:
+        pytest.skip('nothing is compiled')
+    node = start('-m', 'sat_collision.node', '--ros-args', '-p', 'margin:=0.5')
+    assert 'distances are measured after' in ''.join(lines_until(node, 'on /obstacles'))
+    node.terminate()
+    assert node.wait(30) == 0
+
+
 @pytest.mark.parametrize('number', (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
 def test_signal_at_some_moment_of_the_first_start(start, number):
     """While kernels compile, in this process and in its helper: both end, with status 0."""

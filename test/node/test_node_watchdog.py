@@ -87,7 +87,8 @@ def test_a_stalled_loop_raises_the_flags(start, stall):
     running.until(lambda: running.flag() and running.flag('footprint'), 'flags raised')
     status = running.await_state('unknown')
     assert status.level == b'\x03' and 'stalled for' in values(status)['reason']
-    running.logged('stalled for', 'all flags are raised')
+    words = running.logged('stalled for', 'all flags are raised')[0]
+    assert 0.3 <= float(words.split('stalled for ')[1].split(' s')[0]) < 1.5
     running.until(lambda: running.health() and 'stalled for' in running.health().message)
     assert 'stalled for' in running.told('/footprint_monitor: footprint').message
     running.until(lambda: math.isnan(running.listen('~/footprint/separation')[-1].data))

@@ -71,7 +71,8 @@ def ros():
         profile.write_text(_DISCOVERY)
         os.environ.update(
             FASTRTPS_DEFAULT_PROFILES_FILE=str(profile), ROS_LOG_DIR=folder,
-            ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST', ROS_DOMAIN_ID=str(_DOMAINS[os.getpid() % len(_DOMAINS)]))
+            ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST',
+            ROS_DOMAIN_ID=str(_DOMAINS[os.getpid() % len(_DOMAINS)]))
         rclpy.init()
         try:
             yield

@@ -18,6 +18,7 @@ import fcntl
 import itertools
 import os
 from pathlib import Path
+import signal
 import sys
 import tempfile
 import types
@@ -40,6 +41,8 @@ _DOMAINS = itertools.cycle((os.getpid() + k) % 101 + 1 for k in range(101))
 
 def pytest_configure(config):
     """Set the environment, which ROS reads when it is imported and its children inherit."""
+    # A shell has what it starts in the background ignore it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     config.ros_files = tempfile.TemporaryDirectory(prefix='sat_collision_test_')
     profile = Path(config.ros_files.name, 'prompt_discovery.xml')
     profile.write_text(_PROFILE)

@@ -237,8 +237,7 @@ class Scene(Circumstances):
 
         Where messages may wait to be told, only `pass_time` is right: a pause may be none.
         """
-        paused = [source for source in self._sources.values()
-                  if source.pause < now and now >= self._now]
+        paused = [source for source in self._sources.values() if source.pause < now]
         for source in paused:
             source.end_pause()
         self.pass_time(now)

@@ -14,6 +14,8 @@
 
 """What the plots and the page ask of the figures."""
 
+import math
+
 from words import rate
 
 MIX = 'clear', 'near', 'deep'
@@ -36,12 +38,12 @@ def ns(figures, shape, method, kernel='compiled', kinds=MIX):
     found = [row(figures, shape, kind, method, kernel) for kind in kinds]
     if None in found or not all('ns' in r for r in found):
         return None
-    return sum(r['ns'][0] for r in found) / len(found)
+    return math.fsum(r['ns'][0] for r in found) / len(found)
 
 
 def axes(figures, method, kinds=MIX):
     """Return the mean number of axes a decision by number of vertices, as a list."""
-    return [sum(row(figures, n, kind, method)['axes'] for kind in kinds) / len(kinds)
+    return [math.fsum(row(figures, n, kind, method)['axes'] for kind in kinds) / len(kinds)
             for n in sides(figures)]
 
 

@@ -214,7 +214,8 @@ def _startup(startup):
         f"""From the start of the process to the arrival of its first flag:
         {startup['warm_s']:.2f} s, {startup['warm_s'] / startup['floor_s']:.1f} times the floor's
         {startup['floor_s']:.2f} s. The first start after an installation compiles the kernels,
-        says so in the log, and takes {startup['cold_s']:.0f} s.""")
+        says so in the log, and takes {startup['cold_s']:.0f} s; what measures distances is
+        compiled while it runs.""")
 
 
 def _profile(before, after):

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Everything compiled, or loaded, before the first message; said and counted in seconds."""
+"""What is compiled, or loaded, when a node starts: said, and counted in seconds."""
 
 from __future__ import annotations
 

@@ -158,7 +158,7 @@ def test_no_parameter_is_a_prefix_of_another(declare):
 def test_no_source_is_named_like_a_parameter(declare):
     """Or like what parameters of the node begin with, be they rclpy's own."""
     node, parameters = declare()
-    node.create_subscription(Bool, 'topic', print, 1,
+    node.create_subscription(Bool, 'topic', lambda _: None, 1,
                              qos_overriding_options=QoSOverridingOptions.with_default_policies())
     sources = {'footprint', 'obstacle'}
     taken = {name.split('.')[0] for name in parameters_of(node)} - sources

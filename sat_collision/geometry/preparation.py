@@ -28,7 +28,7 @@ from sat_collision.geometry.kernel_problem import kernel_problem
 
 class Preparation:
     """
-    Compiles or loads the kernels that the node needs; says so, and warns of what is wrong.
+    Compiles or loads the kernels of node and replay; says so, and warns of what is wrong.
 
     Once it is made all is ready that decides. What measures distances is ready then, too, unless
     this is the first start after an installation, which compiles: a second process takes half of

@@ -77,11 +77,8 @@ class Floor(Node):
     def receive(self, name, messages, now):
         """Take messages, for the loop."""
         take = self._answer if name == 'footprint' else self._count
-        count = 0
         for data, _ in messages:
             take(data)
-            count += 1
-        return count
 
     def end_batch(self, messages, seconds):
         """Do nothing."""
@@ -97,7 +94,7 @@ class Floor(Node):
             self._counts.publish(self._received)
         self._ticked = time.monotonic()
 
-    def due(self):
+    def due(self, now, steady):
         """Return when the next tick is due."""
         return self._ticked + _TICK
 

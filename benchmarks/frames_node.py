@@ -44,15 +44,13 @@ class TransformFloor(Floor):
     def receive(self, name, messages, now):
         """Take messages, for the loop."""
         if name != '/tf':
-            return super().receive(name, messages, now)
-        count = 0
+            super().receive(name, messages, now)
+            return
         for data, _ in messages:
             flag = self._flags[data[-49] > 127]
             if flag is not self._flag:
                 self._flag = flag
                 self._publish()
-            count += 1
-        return count
 
 
 def main():

@@ -59,7 +59,7 @@ class ExecutorLoop:
                 self._was_held_up = late > HELD_UP and not self._was_held_up
                 now, is_all_taken = self._take_all()
                 self._receiver.tick(now, is_all_taken and not self._was_held_up)
-                self._next_tick = self._receiver.due()
+                self._next_tick = self._receiver.due(self._receiver.present(), time.monotonic())
 
     def close(self) -> None:
         """End what belongs to the loop, once it runs no more."""

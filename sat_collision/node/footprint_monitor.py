@@ -145,18 +145,13 @@ class FootprintMonitor(Node):
         if clock.ros_time_is_active:
             self.present = lambda: int(clock.now().nanoseconds)
 
-    def receive(self, name: str, messages: Iterable[tuple[bytes, int | None]], now: int) -> int:
-        """Take messages as `Monitor` does; return how many there were."""
-        monitor = self._monitor
+    def receive(self, name: str, messages: Iterable[tuple[bytes, int | None]], now: int) -> None:
+        """Take messages as `Monitor` does."""
         if name in TRANSFORM_TOPICS:
-            count = 0
             for data, number in messages:
-                self._log(monitor.receive_transforms(name, data, now, number))
-                count += 1
-            return count
-        before = monitor.received[name]
-        self._log(monitor.receive_batch(name, messages, now))
-        return monitor.received[name] - before
+                self._log(self._monitor.receive_transforms(name, data, now, number))
+        elif rejections := self._monitor.receive_batch(name, messages, now):
+            self._log(rejections)
 
     def end_batch(self, messages: int, seconds: float) -> None:
         """Publish what has changed, after so many messages that took so long."""
@@ -170,10 +165,10 @@ class FootprintMonitor(Node):
         if name not in TRANSFORM_TOPICS:
             self._monitor.note_backlog(name, backlog.seconds if backlog else None)
 
-    def due(self) -> float:
+    def due(self, now: int, steady: float) -> float:
         """Return when the next tick is due, by the steady clock in s."""
-        until = (self._monitor.deadline - self.present()) / 1e9
-        return min(max(time.monotonic() + until, self._ticked + _SHORTEST_TICK),
+        until = (self._monitor.deadline - now) / 1e9
+        return min(max(steady + until, self._ticked + _SHORTEST_TICK),
                    self._ticked + self._tick_period)
 
     def tick(self, now: int, is_all_taken: bool) -> None:
@@ -245,6 +240,8 @@ class FootprintMonitor(Node):
                 self.get_logger().warning(rejection.text)
 
     def _publish_changes(self) -> None:
+        if not self._scene.evaluations.unreported:
+            return
         brief = self._scene.evaluations.brief_contacts()
         changed = self._scene.changes()
         if changed:

@@ -41,6 +41,9 @@ _LONGEST_TURN = 0.01
 _WORTH_A_REST = 2.0
 # Fewer since the last tick say nothing of how often messages come.
 _FEW = 5
+# After a longer wait a message has come alone, as a rule, in s. To look for another one behind it
+# costs as much as taking it; if there is one, the next wait is short.
+_LONG_WAIT = 1e-4
 # How often the executor is run for what is not waited for, such as a publisher that does not
 # fit, in s.
 _OTHERS_PERIOD = 1.0
@@ -103,6 +106,8 @@ class Loop:
         self._executor.add_node(node)
         self._rest = 0.0
         self._has_rested = False
+        # Whether there are messages that the last turn had no time for.
+        self._is_behind = False
         self._ticked = True
         self._next_tick = 0.0
         self._was_held_up = False
@@ -126,17 +131,23 @@ class Loop:
 
     def _turn(self, waiting: Waiting) -> None:
         """Wait, take and publish; do what else is due; rest."""
-        ready = self._wait(waiting)
-        late = time.monotonic() - self._next_tick
+        ready, was_long = self._wait(waiting)
+        begun = time.monotonic()
+        late = begun - self._next_tick
         present = self._receiver.present()
-        begun = time.perf_counter()
-        taken = sum(topic.take(self._budget, present) for topic in self._topics
-                    if late >= 0.0 or ready is None or topic.pointer in ready)
+        are_alone = was_long and late < 0.0
+        taken = 0
+        for topic in self._topics:
+            if late >= 0.0 or ready is None or topic.pointer in ready:
+                taken += (topic.take_one(present) if are_alone
+                          else topic.take(self._budget, present))
+        if not are_alone:
+            self._is_behind = any(topic.is_behind for topic in self._topics)
+        now = time.monotonic()
         if taken:
             self._taken += taken
-            self._receiver.end_batch(taken, time.perf_counter() - begun)
+            self._receiver.end_batch(taken, now - begun)
         waiting.take_others(ready)
-        now = time.monotonic()
         if waiting.is_service_called or now >= self._next_others:
             self._executor.spin_once(0.0)
             self._next_others = now + _OTHERS_PERIOD
@@ -146,27 +157,21 @@ class Loop:
             self._choose_rest(now)
             self._ticked = True
         if taken or late >= 0.0:
-            self._next_tick = self._receiver.due()
+            self._next_tick = self._receiver.due(present, begun)
         self._has_rested = bool(self._rest and taken)
         if self._has_rested:
-            time.sleep(min(self._rest, self._until_tick()))
+            time.sleep(min(self._rest, max(self._next_tick - time.monotonic(), 0.0)))
 
-    def _wait(self, waiting: Waiting) -> set[int] | None:
-        """Return the pointers of the subscriptions to look at, None for all."""
+    def _wait(self, waiting: Waiting) -> tuple[set[int] | None, bool]:
+        """Return pointers of subscriptions to look at, None for all; and if the wait was long."""
         look_at_all = self._has_rested or self._is_behind
         if look_at_all and not self._ticked:
-            return None
-        ready = waiting.wait(0.0 if look_at_all else self._until_tick(), self._ticked)
+            return None, False
+        begun = time.monotonic()
+        until_tick = max(self._next_tick - begun, 0.0)
+        ready = waiting.wait(0.0 if look_at_all else until_tick, self._ticked)
         self._ticked = False
-        return ready
-
-    @property
-    def _is_behind(self) -> bool:
-        """Whether messages wait that the last turn had no time for."""
-        return any(topic.is_behind for topic in self._topics)
-
-    def _until_tick(self) -> float:
-        return max(self._next_tick - time.monotonic(), 0.0)
+        return ready, time.monotonic() - begun > _LONG_WAIT
 
     def _choose_rest(self, now: float) -> None:
         """Rest between turns where messages came often enough since this was last chosen."""
@@ -190,35 +195,45 @@ class _Topic:
         self._take: Callable[[], tuple[bytes, dict[str, Any]] | None] = partial(
             one.subscription.handle.take_message, one.subscription.msg_type, True)
 
+    def take_one(self, now: int) -> int:
+        """Have the message that has come received; return how many there were: 0 or 1."""
+        taken = self._take()
+        if taken is None:
+            return 0
+        data, info = taken
+        self._receiver.receive(self._name, ((data, info['publication_sequence_number']),), now)
+        return 1
+
     def take(self, budget: float, now: int) -> int:
         """Have what has come received, for so many s at most; return how many messages."""
         was_behind, self.is_behind = self.is_behind, False
         first = self._take()
-        count = 0
+        self._count = 0
         if first is not None:
             self._first = first[1]
-            count = self._receiver.receive(
+            self._receiver.receive(
                 self._name, self._messages(first, time.monotonic() + budget), now)
         if self.is_behind:
-            self._receiver.note_backlog(self._name, self._backlog(count))
+            self._receiver.note_backlog(self._name, self._backlog())
         elif was_behind:
             self._receiver.note_backlog(self._name, None)
-        return count
+        return self._count
 
     def _messages(self, taken: tuple[bytes, dict[str, Any]] | None,
                   end: float) -> Iterator[tuple[bytes, int | None]]:
         """Give this message and all that come until there is none or time comes to an end."""
         while taken is not None:
             data, self._last = taken
+            self._count += 1
             yield data, self._last['publication_sequence_number']
             if time.monotonic() >= end:
                 self.is_behind = True
                 break
             taken = self._take()
 
-    def _backlog(self, count: int) -> Backlog:
+    def _backlog(self) -> Backlog:
         """Return how far behind the last message is, and how many wait, going by their rate."""
         first, last = (info['received_timestamp'] for info in (self._first, self._last))
         behind = max(time.time_ns() - last, 0)
-        waiting = 1 + round(behind * (count - 1) / max(last - first, 1))
+        waiting = 1 + round(behind * (self._count - 1) / max(last - first, 1))
         return Backlog(behind / 1e9, min(waiting, self._depth))

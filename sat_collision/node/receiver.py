@@ -30,9 +30,9 @@ class Backlog(NamedTuple):
 class Receiver(Protocol):
     """What the loop calls."""
 
-    def receive(self, name: str, messages: Iterable[tuple[bytes, int | None]], now: int) -> int:
+    def receive(self, name: str, messages: Iterable[tuple[bytes, int | None]], now: int) -> None:
         """
-        Take all messages of a footprint or source and return how many there were.
+        Take all messages of a footprint or source.
 
         Parameters
         ----------
@@ -51,8 +51,18 @@ class Receiver(Protocol):
     def note_backlog(self, name: str, backlog: Backlog | None) -> None:
         """Take note of how far behind a topic is, None where it is not any more."""
 
-    def due(self) -> float:
-        """Return when the next tick is due, in s by the steady clock; messages may put it off."""
+    def due(self, now: int, steady: float) -> float:
+        """
+        Return when the next tick is due, by the steady clock in s; messages may put it off.
+
+        Parameters
+        ----------
+        now : int
+            A time in ns, by the clock of the header stamps.
+        steady : float
+            The same time by the steady clock.
+
+        """
 
     def tick(self, now: int, is_all_taken: bool) -> None:
         """

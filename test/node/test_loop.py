@@ -157,7 +157,7 @@ class SlowMonitor(footprint_monitor.FootprintMonitor):
             for message in messages:
                 time.sleep(0.01)
                 yield message
-        return super().receive(name, slowly(), now)
+        super().receive(name, slowly(), now)
 
 
 @pytest.fixture

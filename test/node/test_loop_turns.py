@@ -16,6 +16,7 @@
 
 from contextlib import contextmanager
 import itertools
+import threading
 import time
 from types import SimpleNamespace
 
@@ -47,12 +48,9 @@ class Recorder:
         self.told_all = []
 
     def receive(self, name, messages, now):
-        count = 0
         for _ in messages:
             time.sleep(self.seconds)
             self.names.append(name)
-            count += 1
-        return count
 
     def end_batch(self, messages, seconds):
         self.batches.append(messages)
@@ -66,7 +64,7 @@ class Recorder:
         self.names.append('tick')
         self.ticked = time.monotonic()
 
-    def due(self):
+    def due(self, now, steady):
         is_put_off = self.are_put_off and self.names[-1] != 'tick'
         return self.ticked + (10.0 if is_put_off else 0.05)
 
@@ -178,6 +176,27 @@ def test_rests_only_where_messages_are_many(looped, domain, monkeypatch, rate, r
         assert receiver.names.count('flood') / len(receiver.batches) > 2
 
 
+def test_message_that_comes_alone_is_taken_alone(looped):
+    """To look for more costs as much as to take it; what comes meanwhile makes one batch."""
+    peer, looped = looped
+    receiver = Recorder(are_put_off=True)
+    receive = receiver.receive
+
+    def receive_and_meet_more(name, messages, now):
+        if name == 'flood' and not receiver.batches:
+            arrive(peer, flood=20)
+        receive(name, messages, now)
+    receiver.receive = receive_and_meet_more
+    peer.publisher('flood', qos=QoSProfile(depth=2000))
+    with looped(receiver) as one:
+        one.run(lambda: receiver.ticks > 2)
+        timer = threading.Timer(0.01, arrive, (peer,), {'flood': 1})
+        timer.start()
+        one.run(lambda: receiver.names.count('flood') == 21)
+        timer.join()
+    assert receiver.batches == [1, 20]
+
+
 def test_messages_put_a_tick_off(looped):
     """When it is due is asked for after each batch, too: nothing wakes in between."""
     peer, looped = looped
@@ -205,7 +224,7 @@ def test_rest_ends_when_a_tick_is_due(looped):
 
 
 class Prompter(Recorder):
-    """Has a message arrive between the wait and the taking in each turn."""
+    """Has messages arrive between the wait and the taking in each turn."""
 
     def __init__(self, peer):
         super().__init__()
@@ -213,8 +232,8 @@ class Prompter(Recorder):
         self.sent = 0
 
     def present(self):
-        arrive(self.peer, other=1)
-        self.sent += 1
+        arrive(self.peer, other=2)
+        self.sent += 2
         return super().present()
 
     def tick(self, now, is_all_taken):

@@ -198,7 +198,8 @@ class Monitor:
     @property
     def deadline(self) -> float:
         """The time in ns until which, at least, nothing changes by itself; NEVER if at no time."""
-        return min(self.scene.deadline, self.waiting.earliest, self.outlines.deadline)
+        deadline = min(self.scene.deadline, self.waiting.earliest)
+        return min(deadline, self.outlines.deadline) if self.outlines.names else deadline
 
     def _take_moved(self, now: int) -> list[Rejection]:
         """Take what has waited for what was told of frames, and place what it moves."""
@@ -222,7 +223,7 @@ class Monitor:
     def _admit(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
                now: int) -> Sequence[Rejection]:
         """Take a message, or let it wait: for a transform, or behind what waits for one."""
-        if settings.name in self.outlines:
+        if settings.name in self.outlines.names:
             self._watch_clock(now)
             return self.outlines.receive(settings.name, data) + self._take_moved(now)
         if self.waiting.earliest == NEVER or settings.name not in self.waiting:

@@ -45,6 +45,11 @@ class Outlines:
     received : Counter
         Poses of outlines that move by /tf are counted there by name.
 
+    Attributes
+    ----------
+    names : frozenset of str
+        Of the footprints that have an outline.
+
     """
 
     def __init__(self, settings: Settings, teller: Teller, transforms: TransformListener,
@@ -54,11 +59,8 @@ class Outlines:
         self._transforms = transforms
         self._outlines = {one.name: _Placed(one, settings.max_vertices)
                           for one in settings.footprints if one.has_outline}
+        self.names = frozenset(self._outlines)
         self.configure(settings)
-
-    def __contains__(self, name: str) -> bool:
-        """Tell whether a footprint has an outline."""
-        return name in self._outlines
 
     def configure(self, settings: Settings) -> None:
         """Apply settings; an outline that is another one now counts at once."""

@@ -45,6 +45,11 @@ class Evaluations:
     reported : dict
         The Evaluation of each footprint that was reported last, by name; kept here.
 
+    Attributes
+    ----------
+    unreported : set of Footprint
+        Those that were evaluated since the last call of `changes`.
+
     """
 
     def __init__(self, footprints: dict[str, Footprint], changed: set[Footprint],
@@ -53,7 +58,7 @@ class Evaluations:
         self._changed = changed
         self._deadlines = deadlines
         self._reported = reported
-        self._unreported: set[Footprint] = set()
+        self.unreported: set[Footprint] = set()
         self._in_collision: set[str] = set()
         self._told: tuple[str, Settings | None, tuple[tuple[str, ...], ...]] = '', None, ()
         self._faults: dict[str, tuple[str, tuple[str, ...]]] = dict.fromkeys(footprints, ('', ()))
@@ -86,7 +91,7 @@ class Evaluations:
             self._deadlines.watch(footprint)
             if footprint.status is Status.COLLISION:
                 self._in_collision.add(footprint.settings.name)
-        self._unreported |= self._changed
+        self.unreported |= self._changed
         self._changed.clear()
 
     def brief_contacts(self) -> list[str]:
@@ -102,17 +107,17 @@ class Evaluations:
 
     def changes(self) -> list[str]:
         """Return the names of footprints whose state, age apart, changed since the last call."""
-        if not self._unreported:
+        if not self.unreported:
             return []
         changed = []
         for name, footprint in self._footprints.items():
-            if footprint in self._unreported:
+            if footprint in self.unreported:
                 others = footprint.gained_or_lost and footprint.status is Status.COLLISION
                 if others or footprint.evaluation != self._reported.get(name):
                     self._reported[name] = footprint.evaluation
                     changed.append(name)
                 footprint.gained_or_lost.clear()
-        self._unreported.clear()
+        self.unreported.clear()
         self._in_collision.clear()
         return changed
 

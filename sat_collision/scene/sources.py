@@ -125,7 +125,7 @@ class Source:
     def listen(self, now: int) -> None:
         """Take note that from now on all is told that is sent: after a pause, sets count."""
         if self._in_sets and self.settings.enabled and self._doubts.publishers != 0:
-            self._await_pause(now)
+            self.pause = now + self._quiet
 
     def meet_publisher(self, from_beginning: bool) -> None:
         """Take note that the next message is the first one heard of a publisher, or sent by it."""
@@ -238,7 +238,8 @@ class Source:
         """Let a message join the set that comes in, or begin the next one."""
         sets = self._sets
         self._followed = now
-        self._await_pause(now)
+        # What comes in is whole if nothing more of it comes for a while.
+        self.pause = now + self._quiet
         if stamp == sets.current:
             return
         if not stamp or sets.continues(stamp):
@@ -252,14 +253,11 @@ class Source:
             self._doubts.is_cut = True
             self._find_faults()
 
-    def _await_pause(self, now: float) -> None:
-        """Have what comes in be whole if nothing more of it comes for a while."""
-        self.pause = now + self._quiet
-
     def end_pause(self) -> None:
         """Take what came in last for whole, if nothing more of it waits; the pause is over."""
         if self.are_waiting:
-            return self._await_pause(self.pause)
+            self.pause += self._quiet
+            return
         self.pause = NEVER
         self._end_set()
         self._sets.settle()

@@ -99,8 +99,11 @@ class View:
     @property
     def deadline(self) -> float:
         """The time in ns until which, at least, nothing changes by itself; NEVER if at no time."""
-        return min(self._deadlines.earliest,
-                   *[source.pause for source in self._sources.values()])
+        earliest = self._deadlines.earliest
+        for source in self._sources.values():
+            if source.pause < earliest:
+                earliest = source.pause
+        return earliest
 
     @property
     def footprints(self) -> list[tuple[str, Polygon]]:

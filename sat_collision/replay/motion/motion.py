@@ -100,7 +100,7 @@ class Motion(Observer):
         name = footprint.settings.name
         walker = self._walkers[name]
         stamp = self._stamp()
-        if name in self.monitor.outlines:
+        if name in self.monitor.outlines.names:
             self._follow(walker.track, footprint, stamp)
         walker.track.add(self._body(name, stamp, self.monitor.teller.plane))
         if self._film:

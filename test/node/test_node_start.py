@@ -174,10 +174,10 @@ def test_signal_at_some_moment_of_the_first_start(start, number):
         time.sleep(0.01)
 
 
+@pytest.mark.skipif(not COMPILED, reason='plain Python has the verdict by then')
 @pytest.mark.parametrize('seed', range(3))
 def test_interrupt_at_some_moment_of_the_first_replay(start, place, seed):
     """While kernels compile, where callbacks swallow exceptions: soon, without a verdict."""
-    pytest.importorskip('numba')
     pytest.importorskip('rosbags')
     from recordings import drive, write
     # So many that kernels are compiled for them.

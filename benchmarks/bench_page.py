@@ -128,8 +128,8 @@ def _node(node):
     loads = node['loads']
     rows = []
     for one in loads:
-        own, floor, loop = one['together_us'].values()
-        ratio, goal = own / floor, _FLOOR_GOALS[one['obstacles']]
+        own, floor, loop = one['together']['us'].values()
+        ratio, goal = one['together']['times_floor'], _FLOOR_GOALS[one['obstacles']]
         alone, floor_alone, _, rival = (one[kind]['cpu_us'] for kind in TITLES)
         rows.append([one['obstacles'], one['vertices'], f'{own:.1f}', f'{floor:.1f}',
                      f'{loop:.1f}', f'{ratio:.2f}', _goal(ratio <= goal, f'at most {goal}'),
@@ -148,7 +148,7 @@ def _node(node):
         floor in our loop has that instead, which takes messages in batches. Processor time is
         that of all threads, DDS's too, in µs a message. The node and its floors take the same
         messages at the same time on one core, so that none of them has the better moments of the
-        machine: medians of {3 * node['repeats']} runs. Alone are nodes that have the core to
+        machine: medians of {3 * node['repeats']} starts. Alone are nodes that have the core to
         themselves, one after the other: medians of {node['repeats']} runs by turns; greatest
         latencies and losses of all of them."""),
         _table(['obstacles', 'vertices', 'sat_collision', 'floor', 'floor in our loop',

@@ -51,8 +51,8 @@ class Floor(Node):
         self._flag = self._flags[0]
         self._received = 0
         self._ticked = 0.0
-        self._publishers = [self.create_publisher(Bool, topic, flag_qos(Settings((), ())))
-                            for topic in ('~/footprint/collision', '~/collision')]
+        self._raised = [self.create_publisher(Bool, topic, flag_qos(Settings((), ())))
+                        for topic in ('~/footprint/collision', '~/collision')]
         group = loop.Reserved() if in_loop else None
         self.inputs = [
             loop.Input('footprint', self.create_subscription(
@@ -99,7 +99,7 @@ class Floor(Node):
         return self._ticked + _TICK
 
     def _publish(self):
-        for publisher in self._publishers:
+        for publisher in self._raised:
             publisher.publish(self._flag)
 
 

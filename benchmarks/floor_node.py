@@ -51,8 +51,10 @@ class Floor(Node):
         self._flag = self._flags[0]
         self._received = 0
         self._ticked = 0.0
-        self._raised = [self.create_publisher(Bool, topic, flag_qos(Settings((), ())))
-                        for topic in ('~/footprint/collision', '~/collision')]
+        # Not _publishers, which is rclpy's own list of all that a node has.
+        self._flag_publishers = [
+            self.create_publisher(Bool, topic, flag_qos(Settings((), ())))
+            for topic in ('~/footprint/collision', '~/collision')]
         group = loop.Reserved() if in_loop else None
         self.inputs = [
             loop.Input('footprint', self.create_subscription(
@@ -99,7 +101,7 @@ class Floor(Node):
         return self._ticked + _TICK
 
     def _publish(self):
-        for publisher in self._raised:
+        for publisher in self._flag_publishers:
             publisher.publish(self._flag)
 
 

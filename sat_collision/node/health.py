@@ -92,8 +92,7 @@ class Health:
         """Count messages that were checked together, and how long that took."""
         self._messages += messages
         self._seconds += seconds
-        if seconds > self._longest:
-            self._longest = seconds
+        self._longest = max(self._longest, seconds)
 
     def note_backlog(self, name: str, backlog: Backlog | None) -> None:
         """Note how far behind the messages of a footprint or source are, None for not at all."""

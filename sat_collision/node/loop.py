@@ -79,10 +79,11 @@ class Loop:
     Runs a node in this thread.
 
     In each turn it waits for messages, takes those of each topic in turn, footprints first, for
-    no longer than a budget, and has published once what has changed by all of them. Where
-    messages are many it rests between turns instead of waiting: fewer wakes, larger batches. What
-    else the node has is done by an executor of rclpy's now and then, and when a service is
-    called, which is looked at once a tick: each thing waited for costs with every wake.
+    no longer than a budget, and has published once what has changed by all of them; after a long
+    wait it takes one of each topic. Where messages are many it rests between turns instead of
+    waiting: fewer wakes, larger batches. What else the node has is done by an executor of rclpy's
+    now and then, and when a service is called, which is looked at once a tick: each thing waited
+    for costs with every wake.
 
     Parameters
     ----------

@@ -12,10 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A running node whose time is that of /clock."""
+"""A node whose time is that of /clock, and when it ticks."""
 
-from harness import box, SECOND, values
+from functools import partial
+import time
+
+from builders import serialised
+from harness import box, SECOND, to_parameters, values
+import pytest
+import rclpy
 from rosgraph_msgs.msg import Clock
+from sat_collision.node.footprint_monitor import FootprintMonitor
 
 ROBOT = box(0, 0)
 APART = box(5, 5)
@@ -144,3 +151,24 @@ def test_recording_played_by_the_clock_of_today(start):
     monitor.until(is_warned, 'a warning')
     monitor.node.destroy_publisher(clock)
     monitor.until(lambda: not is_warned(), 'no warning any more')
+
+
+def test_tick_is_due_when_something_changes_by_itself(domain):
+    """As when the pause after an obstacle is over: not at the next regular tick, nor at once."""
+    context = rclpy.Context()
+    context.init(domain_id=domain)
+    node = FootprintMonitor(context=context, parameter_overrides=to_parameters(
+        {'watchdog': 0.0, 'obstacle.set_quiet': 0.05}))
+    now, steady = node.present(), time.monotonic()
+    node.tick(now, True)
+    ticked = node._ticked
+    assert node.due(now, steady) == ticked + 0.1, 'nothing changes by itself'
+    node.receive('obstacle', [(serialised(APART, now), 1)], now)
+    about = partial(pytest.approx, rel=0.0, abs=1e-6)
+    # As if a while had passed since, by both clocks.
+    late = ticked + 0.03
+    assert node.due(now, late) == about(late + 0.05)
+    assert node.due(now + SECOND // 20, late) == about(late)
+    assert node.due(now + SECOND, late) == about(ticked + 0.02), 'no more often than that'
+    node.destroy_node()
+    context.shutdown()

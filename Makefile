@@ -2,15 +2,16 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test docs bench report accuracy adversary faults soak fuzz clean
+.PHONY: demo test test-all knowing docs bench report accuracy adversary faults soak fuzz clean
 
 demo: $(VENV)/demo.stamp
 	$(BIN)/python -m sat_collision.demo
 
-test: $(VENV)/test.stamp
+test: TESTS = -m 'not long'
+test test-all: $(VENV)/test.stamp
 	$(BIN)/python -m mypy
 	$(BIN)/python -m sat_collision.replay.kernels
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile $(TESTS)
 
 # What README, config and docs take from the code and from the benchmarks.
 docs: $(VENV)/demo.stamp
@@ -22,7 +23,7 @@ bench: $(VENV)/bench.stamp
 	$(BIN)/python benchmarks/bench.py
 	$(BIN)/python docs/generate.py
 
-# Speed against error, measured and written to docs/report.
+# Speed against error, measured anew; replaces the tables and plots of docs/report.
 report: $(VENV)/bench.stamp
 	$(BIN)/python benchmarks/report
 
@@ -37,10 +38,13 @@ EVALUATIONS ?= 1e7
 adversary: $(VENV)/test.stamp
 	PYTHONPATH=.:test/support $(BIN)/python test/geometry/adversary.py --evaluations $(EVALUATIONS)
 
-# What faults do to a real process, measured and written to docs/reliability.md: make faults REPEAT=3
+# What faults do to real processes, measured and written to docs/reliability.md:
+# make faults REPEAT=3 LENGTH=1
 REPEAT ?= 10
+LENGTH ?= 5
 faults: $(VENV)/test.stamp
 	$(BIN)/python test/faults/faults.py --repeat $(REPEAT) --write docs/reliability.md
+	$(BIN)/python test/faults/situations.py --length $(LENGTH) --write docs/reliability.md
 
 # The node under load for a long time, written to docs/reliability.md: make soak MINUTES=2
 MINUTES ?= 30

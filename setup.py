@@ -11,7 +11,7 @@ extras = {
         'ros-jazzy-common-interfaces',
     ],
     'fast': ['numba'],
-    'plot': ['matplotlib', 'plotly'],
+    'plot': ['matplotlib'],
     'replay': [
         'argcomplete',
         'backports.zstd; python_version < "3.14"',
@@ -20,7 +20,7 @@ extras = {
         'rosbags',
     ],
     'cluster': ['dask[distributed]'],
-    'bench': ['matplotlib', 'pymunk', 'pyyaml', 'rosbags', 'shapely>=2'],
+    'bench': ['box2d', 'matplotlib', 'pymunk', 'pyyaml', 'rosbags', 'shapely>=2'],
     'test': [
         'dask[distributed]',
         'flake8',
@@ -47,7 +47,7 @@ setup(
     name=package_name,
     version='0.1.0',
     packages=find_packages(exclude=['test']),
-    package_data={package_name: ['py.typed', 'replay/drawing/page.*', 'replay/drawing/*.js']},
+    package_data={package_name: ['py.typed', 'replay/output/page.*', 'replay/output/*.js']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
@@ -70,7 +70,7 @@ setup(
         'console_scripts': [
             'footprint_monitor = sat_collision.node.__main__:main',
             'sat_collision_demo = sat_collision.demo.__main__:main',
-            'prepare_kernels = sat_collision.replay.kernels:main',
+            'prepare_kernels = sat_collision.prepare_kernels:main',
             'replay_check = sat_collision.replay.__main__:main',
         ],
     },

@@ -82,6 +82,9 @@ class Floor(Node):
         for data, _ in messages:
             take(data)
 
+    def begin_stream(self, name):
+        """Do nothing."""
+
     def end_batch(self, messages, seconds):
         """Do nothing."""
 

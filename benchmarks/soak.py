@@ -114,6 +114,8 @@ def soak(minutes, obstacles):
     """
     Run sets of obstacles at 10 Hz, and a robot that comes and goes, against a node's process.
 
+    The publisher of the obstacles is replaced by another one every ten seconds.
+
     Returns
     -------
     readings : list of Reading
@@ -131,6 +133,7 @@ def soak(minutes, obstacles):
         traffic.heard.clear()
         count, used, sent = reader.steady(), cpu_time(process.pid), 0
         for k in range(round(60.0 * minutes / _SLICE)):
+            traffic.restart()
             footprints, more, latencies = traffic.run(_SLICE)
             sent += more
             used, before = cpu_time(process.pid), used
@@ -159,7 +162,8 @@ def in_sentences(readings, verdict, sent, lost):
     minutes = readings[-1].minutes
     return (
         f'{minutes:g} minutes with {sent / minutes / 60.0:,.0f} obstacle messages a second '
-        f'({sent:,} in all) and footprints at 50 Hz. The robot came onto an obstacle '
+        f'({sent:,} in all), whose publisher is replaced by another one every 10 s, and '
+        f'footprints at 50 Hz. The robot came onto an obstacle '
         f'{verdict.contacts:,} times: {verdict.missed} missed, {verdict.wrong_clears} wrong '
         f'clears; it left {verdict.releases:,} times: {verdict.held_back} times the flag did not '
         f'fall within the 0.6 s, {verdict.false_alarms} flags were raised without a contact. The '

@@ -62,7 +62,7 @@ class Traffic:
     A node that sends footprints and obstacles and awaits the flag.
 
     The robot is by turns on the first obstacle, which stays about the origin, and far from all.
-    The others are scattered around and never twice the same.
+    The others are scattered around and never twice the same. An empty polygon ends each set.
 
     Parameters
     ----------
@@ -86,13 +86,13 @@ class Traffic:
         rng = np.random.default_rng(seed)
         centres = rng.uniform(-100.0, 100.0, (obstacles, 2))
         centres[0] = 0.0
-        self._per_set = obstacles
+        self._per_set = obstacles + 1
         self._sets = []
         for _ in range(_VARIANTS):
             points = np.zeros((obstacles, vertices, 3), np.float32)
             for k, (x, y) in enumerate(centres + rng.uniform(-0.1, 0.1, centres.shape)):
                 points[k, :, :2] = regular(vertices, x, y, 0.5)
-            self._sets.append([_tail(outline) for outline in points])
+            self._sets.append([_tail(outline) for outline in (*points, points[0, :0])])
         self._footprints = itertools.cycle(
             (_tail(np.float32([(x + dx, dy, 0.0) for dx, dy in _ROBOT])), hit, k == 0)
             for x, hit in ((0.0, True), (1000.0, False)) for k in range(stay))
@@ -100,13 +100,25 @@ class Traffic:
         self.heard = []
         self._node = rclpy.create_node('traffic')
         self._footprint = self._node.create_publisher(PolygonStamped, 'footprint', 10)
-        self._obstacle = self._node.create_publisher(
-            PolygonStamped, 'obstacles', QoSProfile(depth=1000))
+        self._obstacle = self._new_publisher()
         self._flags = self._node.create_subscription(
             Bool, '/footprint_monitor/collision', lambda flag: None, 100)
 
     def close(self):
         self._node.destroy_node()
+
+    def _new_publisher(self):
+        return self._node.create_publisher(PolygonStamped, 'obstacles', QoSProfile(depth=1000))
+
+    def restart(self):
+        """Let another publisher of obstacles take the place of the one before."""
+        self._node.destroy_publisher(self._obstacle)
+        self._obstacle = self._new_publisher()
+        end = time.monotonic() + PATIENCE
+        while not self._obstacle.get_subscription_count():
+            if time.monotonic() > end:
+                raise TimeoutError('the node under test does not find the new publisher')
+            time.sleep(_PAUSE)
 
     def connect(self, nodes=1):
         """Wait until traffic and so many nodes see each other and a footprint is answered."""
@@ -138,7 +150,7 @@ class Traffic:
         Returns
         -------
         footprints, obstacles : int
-            How many were sent.
+            How many messages were sent.
         latencies : list of float
             Seconds from before the publish() of a footprint that changes the flag to the flag's
             arrival.

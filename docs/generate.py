@@ -16,8 +16,8 @@
 """
 Write what the documents take from the code; with --check only tell what is out of date.
 
-That is the table of parameters, config/footprint_monitor.yaml, the picture of the imports in
-ARCHITECTURE.md, and the README's figures, from those of the benchmarks.
+That is the table of parameters, config/footprint_monitor.yaml, the page of the library, the
+picture of the imports in ARCHITECTURE.md, and the README's figures, from those of the benchmarks.
 """
 
 import argparse
@@ -27,6 +27,7 @@ from pathlib import Path
 import sys
 import textwrap
 
+from api_page import api_entries
 from page_parts import with_part
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -169,6 +170,7 @@ def documents():
     for name, mark, part in (
             ('README.md', 'costs', cost_table(node['loads'])),
             ('README.md', 'rates', rate_words(node['rates'])),
+            ('docs/api.md', 'names', api_entries()),
             ('docs/parameters.md', 'parameters', parameter_table()),
             ('docs/ARCHITECTURE.md', 'imports', import_picture())):
         path = ROOT / name
@@ -184,11 +186,7 @@ def _mark(spec, before, behind):
 
 
 def _allowed(spec, form):
-    return form.format(*map(_number, spec.limits)) if spec.limits else ''
-
-
-def _number(value):
-    return f'{value:.1f}' if isinstance(value, float) else str(value)
+    return form.format(*spec.limits) if spec.limits else ''
 
 
 def _yaml(value):

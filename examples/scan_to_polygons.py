@@ -17,7 +17,7 @@ Publish what a laser sees as polygons: LaserScan in, one set of PolygonStamped a
 Returns next to each other that are no further apart than `gap` are one surface. It is split where
 it bends, so that no piece is thicker than `thickness`, and the convex hull of each piece is
 published: a wall around the robot stays a ring of thin pieces. All have the stamp and the frame of
-the scan, and an empty polygon ends the set, so that the monitor need not wait for more.
+the scan, and an empty polygon ends the set: that proves to the monitor that it has all.
 """
 
 from contextlib import suppress

@@ -14,39 +14,65 @@
 """
 Exact collision checks between robot footprints and obstacles, for ROS 2.
 
-What it offers is imported when it is first asked for: that takes a second, and before it the node
-must be ready for signals.
+A body is a `Polygon`, or whatever makes one: points or a geometry such as shapely's. Coordinates
+are metres in one frame, and touching counts as contact.
+
+=============================================  =====================================
+Do bodies share a point?                       intersects, intersects_many,
+                                               intersects_pairs
+How far apart are they, or how deep?           separation, separations
+Where are they nearest?                        closest_points
+How do they touch, and which way is out?       contact
+When do moving bodies meet?                    time_of_contact
+One body against a set that changes            PolygonSet
+=============================================  =====================================
+
+With numba all is compiled, which takes half a minute once after an installation; the command
+prepare_kernels does it ahead.
 """
 
+# All is imported when it is first asked for: that takes a second, and before it the node must be
+# ready for signals.
 from __future__ import annotations
 
 from importlib import import_module
 from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from sat_collision.geometry.contact import Contact, contact
     from sat_collision.geometry.jit import KERNEL
     from sat_collision.geometry.polygon import Polygon, PolygonError, Reason
     from sat_collision.geometry.polygon_set import PolygonSet
     from sat_collision.geometry.query import (
-        closest_points, intersects, intersects_many, intersects_pairs, separation)
+        closest_points, intersects, intersects_many, intersects_pairs, separation, separations)
     from sat_collision.geometry.sweep import time_of_contact
 
 __all__ = [
+    'Contact',
     'KERNEL',
     'Polygon',
     'PolygonError',
     'PolygonSet',
     'Reason',
     'closest_points',
+    'contact',
     'intersects',
     'intersects_many',
     'intersects_pairs',
     'separation',
+    'separations',
     'time_of_contact',
 ]
 
-_HOMES = {'KERNEL': 'jit', 'Polygon': 'polygon', 'PolygonError': 'polygon', 'Reason': 'polygon',
-          'PolygonSet': 'polygon_set', 'time_of_contact': 'sweep'}
+# The modules of geometry that have them, if not query.
+_HOMES = {'Contact': 'contact', 'contact': 'contact', 'KERNEL': 'jit', 'Polygon': 'polygon',
+          'PolygonError': 'polygon', 'Reason': 'polygon', 'PolygonSet': 'polygon_set',
+          'time_of_contact': 'sweep'}
+
+
+def __dir__() -> list[str]:
+    """Return what is offered, for completion and help."""
+    return sorted([*__all__, '__version__', *(one for one in globals() if one[:2] == '__')])
 
 
 def __getattr__(name: str) -> Any:

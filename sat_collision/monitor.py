@@ -16,24 +16,28 @@
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterable, Sequence
+from typing import TypeAlias
 
-from sat_collision.messages.losses import Losses, News, Overload
 from sat_collision.messages.outlines import Outlines
+from sat_collision.messages.placement import Placement
 from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.teller import Teller
 from sat_collision.messages.transform_listener import TransformListener
-from sat_collision.scene.deadlines import NEVER
-from sat_collision.scene.observer import Observer
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from sat_collision.scene.streams import Endpoint
+from sat_collision.scene.times import NEVER
 from sat_collision.scene.waiting import WAIT, Wait, Waiting
 
 # The most messages of a footprint that wait for transforms; of a source in parts of max_count.
 _FOOTPRINTS_WAIT = 100
 _SETS_WAIT = 2
 _NOTHING: Sequence[Rejection] = ()
+
+# A message and its number; or the publishers that are there from then on.
+_Item: TypeAlias = 'tuple[bytes, int | None] | list[Endpoint]'
 
 
 class Monitor:
@@ -54,8 +58,8 @@ class Monitor:
     settings : Settings
     transforms : bool, optional
         Whether /tf is heard; else what is not in the fixed frame is refused.
-    observer : Observer, optional
-        Of the scene.
+    placements : list of Placement, optional
+        Gets the messages that were taken.
 
     Attributes
     ----------
@@ -67,8 +71,6 @@ class Monitor:
         All messages, by name of the footprint or source; of an outline its poses.
     rejected : Counter
         The messages that were not taken, by (name, reason).
-    lost : Counter
-        The messages that were sent but never came, by name.
     is_numbered : bool
         Whether the messages of all batches have numbers, without which no loss shows.
     transforms : TransformListener
@@ -81,22 +83,17 @@ class Monitor:
     """
 
     def __init__(self, settings: Settings, transforms: bool = False,
-                 observer: Observer | None = None) -> None:
-        self.scene = Scene(settings, observer)
+                 placements: list[Placement] | None = None) -> None:
+        self.scene = Scene(settings)
         self.received: Counter[str] = Counter()
-        self.lost: Counter[str] = Counter()
         self.is_numbered = True
-        self._counted: Counter[str] = Counter()
-        self._losses: defaultdict[str, Losses] = defaultdict(Losses)
-        self._overloads: defaultdict[str, Overload] = defaultdict(Overload)
         self.transforms = TransformListener(settings)
         hears_of_frames = transforms or any(one.odometry for one in settings.footprints)
         self.teller = Teller(settings, self.scene, self.transforms if hears_of_frames else None,
-                             self._watch_clock)
+                             self._watch_clock, placements)
         self.rejected = self.teller.rejected
         self.outlines = Outlines(settings, self.teller, self.transforms, self.received)
-        self.waiting: Waiting[bytes | News, Rejection] = Waiting(self._take_waiting,
-                                                                 self._note_waiting)
+        self.waiting: Waiting[_Item, Rejection] = Waiting(self._take_waiting, self._note_waiting)
         self._patience = round(settings.transform_timeout * 1e9)
         self._now = 0
 
@@ -108,7 +105,13 @@ class Monitor:
         self.scene.update(settings)
         return self._follow(self._now)
 
-    def receive(self, name: str, data: bytes, now: int) -> Rejection | None:
+    @property
+    def lost(self) -> Counter[str]:
+        """The messages that were sent but never came, by name."""
+        return self.scene.lost()
+
+    def receive(self, name: str, data: bytes, now: int,
+                number: int | None = None) -> Rejection | None:
         """
         Take a message; one for what is disabled is ignored.
 
@@ -120,21 +123,21 @@ class Monitor:
             The serialised PolygonStamped or PolygonInstanceStamped.
         now : int
             Present time in ns, by the clock of the header stamps.
+        number : int, optional
+            Which one of its publisher's messages it is, where that is known.
 
         Returns
         -------
         Rejection or None
 
         """
-        self.received[name] += 1
-        settings = self.scene.settings_of(name)
-        rejections = self._admit(settings, data, now) if settings.enabled else _NOTHING
+        rejections = self.receive_batch(name, ((data, number),), now)
         return rejections[0] if rejections else None
 
     def receive_batch(self, name: str, messages: Iterable[tuple[bytes, int | None]],
-                      now: int) -> list[Rejection]:
+                      now: int) -> Sequence[Rejection]:
         """
-        Take messages as `receive` does, and find out what is missing among them.
+        Take messages as `receive` does.
 
         Parameters
         ----------
@@ -145,54 +148,39 @@ class Monitor:
 
         Returns
         -------
-        list of Rejection
+        sequence of Rejection
 
         """
-        rejections: list[Rejection] = []
+        rejections: Sequence[Rejection] = _NOTHING
         settings = self.scene.settings_of(name)
-        missing = self._losses[name].missing
         received = 0
         for data, number in messages:
             received += 1
-            if number is None:
-                self.is_numbered = False
-            elif (lost := missing(number)) != 0:
-                news = News.BEGUN if number == 1 else News.MET
-                if lost:
-                    news = News.LOST
-                    self.lost[name] += lost
-                if name in self.waiting:
-                    rejections += self._hold(settings, news, now)
-                else:
-                    self._take_waiting(name, news, now, False)
-            if settings.enabled and (refused := self._admit(settings, data, now)):
-                rejections += refused
+            if settings.enabled and (refused := self._admit(settings, data, number, now)):
+                rejections = [*rejections, *refused]
         self.received[name] += received
         return rejections
 
-    def note_backlog(self, name: str, seconds: float | None) -> None:
-        """Take note of how old messages are before they are taken, None where none is waiting."""
-        settings = self.scene.settings_of(name)
-        if isinstance(settings, ObstacleSettings):
-            self.scene.overwhelm(name, self._overloads[name].note(
-                seconds, settings.timeout, self.lost[name]))
+    def update_publishers(self, name: str, endpoints: list[Endpoint]) -> None:
+        """Take the publishers that a footprint or source has now, once what they sent is taken."""
+        if name in self.waiting:
+            self._hold(self.scene.settings_of(name), endpoints, self._now)
+        else:
+            self.scene.update_publishers(name, endpoints)
 
     def receive_transforms(self, topic: str, data: bytes, now: int,
                            number: int | None = None) -> list[Rejection]:
         """Take a message of /tf or /tf_static, and what has waited for it."""
         self._watch_clock(now)
-        return self.transforms.listen(topic, data, number) + self._take_moved(now)
+        return self.transforms.listen(topic, data, now, number) + self._take_moved(now)
 
     def advance(self, now: int, is_all_taken: bool = True) -> list[Rejection]:
-        """Let time pass, as `Scene.advance` or `pass_time`, and refuse what waited too long."""
+        """Let time pass, as `Scene.pass_time`, and refuse what waited too long."""
         self._watch_clock(now)
         rejections = self._follow(now) if self.outlines.deadline < now else []
         if self.waiting.earliest < now:
             rejections += self.waiting.take(now)
-        if is_all_taken:
-            self.scene.advance(now)
-        else:
-            self.scene.pass_time(now)
+        self.scene.pass_time(now, is_all_taken)
         return rejections
 
     @property
@@ -221,49 +209,39 @@ class Monitor:
         self._now = now
 
     def _admit(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
-               now: int) -> Sequence[Rejection]:
+               number: int | None, now: int) -> Sequence[Rejection]:
         """Take a message, or let it wait: for a transform, or behind what waits for one."""
+        if number is None:
+            self.is_numbered = False
         if settings.name in self.outlines.names:
             self._watch_clock(now)
-            return self.outlines.receive(settings.name, data) + self._take_moved(now)
+            if number is not None:
+                self.scene.receive_number(settings.name, number, now)
+            return self.outlines.receive(settings.name, data, now) + self._take_moved(now)
         if self.waiting.earliest == NEVER or settings.name not in self.waiting:
-            outcome = self.teller.take(settings, data, now)
+            outcome = self.teller.take(settings, data, number, now)
             if outcome is not WAIT:
                 return [outcome] if outcome else _NOTHING
-        return self._hold(settings, data, now)
+        return self._hold(settings, (data, number), now)
 
-    def _hold(self, settings: FootprintSettings | ObstacleSettings, data: bytes | News,
+    def _hold(self, settings: FootprintSettings | ObstacleSettings, item: _Item,
               now: int) -> list[Rejection]:
-        """Let a message wait, or what is to be told before the next one."""
+        """Let a message wait, or what is to be taken after it."""
         self._watch_clock(now)
         most = (_SETS_WAIT * settings.max_count if isinstance(settings, ObstacleSettings)
                 else _FOOTPRINTS_WAIT)
-        return self.waiting.add(settings.name, data, now, self._patience, most)
+        return self.waiting.add(settings.name, item, now, self._patience, most)
 
-    def _take_waiting(self, name: str, data: bytes | News, now: int,
+    def _take_waiting(self, name: str, item: _Item, now: int,
                       may_wait: bool) -> Rejection | Wait | None:
         """Take what has waited longest for a footprint or source, if it need not wait on."""
         settings = self.scene.settings_of(name)
-        if data is News.LOST:
-            self.scene.lose(name, now)
-        elif isinstance(data, News):
-            self.scene.meet_publisher(name, data is News.BEGUN)
+        if isinstance(item, list):
+            self.scene.update_publishers(name, item)
         elif settings.enabled:
-            return self.teller.take(settings, data, now, may_wait)
+            return self.teller.take(settings, *item, now, may_wait)
         return None
 
     def _note_waiting(self, name: str) -> None:
         """Tell the scene whether messages of a source wait to be told."""
         self.scene.note_waiting(name, name in self.waiting)
-
-    def count_publishers(self, name: str, count: int) -> None:
-        """
-        Take note of how many publishers a footprint or source has; called again and again.
-
-        The middleware may count a publisher only after its first message has come: that there is
-        none counts when nothing has come since the last call.
-        """
-        came, self._counted[name] = self._counted[name] < self.received[name], self.received[name]
-        if count or not came:
-            self._losses[name].most = max(count, 1)
-            self.scene.count_publishers(name, count)

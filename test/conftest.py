@@ -23,34 +23,20 @@ import sys
 import tempfile
 import types
 
+from discovery import discover_promptly
 import pytest
 
-_PROFILE = """<?xml version="1.0" encoding="UTF-8"?>
-<dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"><profiles>
-  <participant profile_name="prompt" is_default_profile="true"><rtps><builtin><discovery_config>
-    <leaseAnnouncement><sec>0</sec><nanosec>100000000</nanosec></leaseAnnouncement>
-    <initialAnnouncements>
-      <count>20</count><period><sec>0</sec><nanosec>20000000</nanosec></period>
-    </initialAnnouncements>
-  </discovery_config></builtin></rtps></participant>
-</profiles></dds>
-"""
 # Another domain for each test, so that nothing of one reaches the next.
 _DOMAINS = itertools.cycle((os.getpid() + k) % 101 + 1 for k in range(101))
 
 
 def pytest_configure(config):
-    """Set the environment, which ROS reads when it is imported and its children inherit."""
+    """Set the environment."""
     # A shell has what it starts in the background ignore it.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     config.ros_files = tempfile.TemporaryDirectory(prefix='sat_collision_test_')
-    profile = Path(config.ros_files.name, 'prompt_discovery.xml')
-    profile.write_text(_PROFILE)
-    os.environ.update(
-        FASTRTPS_DEFAULT_PROFILES_FILE=str(profile),
-        ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST',
-        ROS_LOG_DIR=config.ros_files.name,
-        ROS_PYTHON_CHECK_FIELDS='1')
+    discover_promptly(config.ros_files.name)
+    os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'
 
 
 def pytest_unconfigure(config):
@@ -74,17 +60,9 @@ def domain():
             os.close(lock)
 
 
-@pytest.fixture(params=('loop', 'executor'))
-def runner(request, monkeypatch):
-    """Name what the node runs in: its own loop, or rclpy's executor where that must do."""
-    if request.param == 'executor':
-        monkeypatch.setattr('sat_collision.node.waiting.is_supported', lambda: False)
-    return request.param
-
-
 @pytest.fixture
-def start(domain, runner):
-    """Start a monitor with these parameters, dots as double underscores, in what it can run in."""
+def start(domain):
+    """Start a monitor with these parameters, dots as double underscores."""
     from harness import RunningMonitor
     running = []
 
@@ -95,6 +73,21 @@ def start(domain, runner):
     yield start
     for monitor in running:
         monitor.close()
+
+
+@pytest.fixture
+def join(domain):
+    """Return a function that starts another peer, whose node has a name of its own."""
+    from harness import Peer
+    peers = []
+
+    def join(own_name):
+        peers.append(Peer(domain, own_name=own_name))
+        return peers[-1]
+
+    yield join
+    for peer in peers:
+        peer.close()
 
 
 @pytest.fixture

@@ -14,6 +14,7 @@
 
 """Random scenes in random moving frames: the states of the fixed frame, by rational numbers."""
 
+from builders import serialised
 from moving_scenes import FIXED, MovingScene, OUTLINE, WINDOW, WINDOWS
 import oracle
 import pytest
@@ -32,16 +33,18 @@ SETTINGS = Settings(
 NAMES = {'/footprint': 'robot', '/obstacles': 'seen'}
 
 
-class Told:
-    """A monitor that is told of events."""
+class Playback:
+    """A monitor that receives events."""
 
     def __init__(self, events):
         self.monitor = Monitor(SETTINGS, transforms=True)
         self.rejections = self.monitor.advance(START)
+        # An empty map, so that the source is known from the start.
+        self.monitor.receive('seen', serialised((), START, FIXED, 0), START, 1)
         self._events = list(reversed(events))
 
     def until(self, time):
-        """Tell what comes until then, and have each answer proved."""
+        """Receive what comes until then, and have each answer proved."""
         while self._events and self._events[-1].time <= time:
             at, topic, data = self._events.pop()
             now = START + round(at * 1e9)
@@ -88,20 +91,22 @@ def test_states_are_those_of_the_fixed_frame(seed):
     contacts are those of the doubles that the scene has.
     """
     scene = MovingScene(seed, START)
-    moving, fixed = Told(scene.moving), Told(scene.fixed)
-    touched = 0
+    moving, fixed = Playback(scene.moving), Playback(scene.fixed)
+    touched, statuses = 0, set()
     for window in range(WINDOWS):
         end = (window + 1) * WINDOW
         moving.until(end)
         fixed.until(end)
         assert moving.monitor.waiting.counts() == {}
         truth = {**scene.truth[window], 'cart': scene.outline(end)}
-        for told in (moving, fixed):
-            assert told.bodies.keys() == truth.keys()
-            assert all(near(told.bodies[name], ring) for name, ring in truth.items())
+        for playback in (moving, fixed):
+            assert playback.bodies.keys() == truth.keys()
+            assert all(near(playback.bodies[name], ring) for name, ring in truth.items())
         for name in ('robot', 'cart'):
             assert moving.contacts(name) == fixed.contacts(name)
             assert (moving.monitor.scene.status(name) is fixed.monitor.scene.status(name))
             touched += len(moving.contacts(name))
-    assert touched and not moving.rejections and not fixed.rejections
+            statuses.add(moving.monitor.scene.status(name).value)
+    assert touched and statuses == {'clear', 'collision'}
+    assert not moving.rejections and not fixed.rejections
     assert not moving.monitor.rejected

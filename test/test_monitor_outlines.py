@@ -39,18 +39,22 @@ def nanoseconds(time):
 
 
 class World:
-    """A monitor that is told of frames; times are seconds since START, one obstacle is far off."""
+    """A monitor in moving frames; times are seconds since START, one obstacle is far off."""
 
     def __init__(self, *footprints, **more):
         self.settings = settings(*footprints or (ROBOT,), **more)
         self.monitor = Monitor(self.settings, transforms=True)
         self.rejections = []
         self.wait_until(0.0)
-        self.monitor.receive('lidar', serialised(box(50.0), 0, 'odom', 0), self.now)
+        self.send_map()
 
     @property
     def now(self):
         return nanoseconds(self.time)
+
+    def send_map(self):
+        for number, points in enumerate((box(50.0), ()), 1):
+            self.monitor.receive('lidar', serialised(points, 0, 'odom', 0), self.now, number)
 
     def tell(self, topic, *links):
         self.rejections += self.monitor.receive_transforms(topic, transforms(*links), self.now)
@@ -92,7 +96,7 @@ class World:
 
 def test_an_outline_goes_where_its_frame_goes():
     world = World()
-    assert world.state().reasons == ('footprint robot on /tf has not been heard yet',)
+    assert world.state().reasons == ('footprint robot on /tf has not been received yet',)
     world.move(0.1, 1.0)
     assert world.bounds() == (0.5, -0.5, 1.5, 0.5) and world.status() == 'clear'
     world.move(0.2, 2.0, 3.0, math.pi / 2)
@@ -173,6 +177,7 @@ def test_in_a_static_frame_it_stays_known():
 def test_without_a_timeout_a_static_frame_asks_for_nothing():
     world = World(replace(ROBOT, timeout=0.0))
     world.tell(TF_STATIC, ('odom', 'base', 0, 7.0, 0.0))
+    world.wait_until(2.0)
     assert world.monitor.deadline > nanoseconds(1e6)
 
 

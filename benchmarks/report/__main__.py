@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Measure everything and write docs/report: `make report`.
+Measure everything, and write the tables and plots of docs/report: `make report`.
 
-With --written the pages and plots are made again from the figures stored there, after an accuracy
-run for instance.
+With --written they are made again from the figures stored there, after an accuracy run for
+instance.
 """
 
 import argparse
@@ -31,10 +31,9 @@ import time
 FRESH_CACHE = tempfile.TemporaryDirectory()
 os.environ['NUMBA_CACHE_DIR'] = FRESH_CACHE.name
 ROOT = Path(__file__).parents[2]
-sys.path += [str(ROOT / 'benchmarks'), str(ROOT / 'test' / 'support')]
+sys.path += [str(ROOT / 'benchmarks'), str(ROOT / 'test' / 'support'), str(ROOT / 'docs')]
 
 import ages  # noqa: E402, I100
-import appendix  # noqa: E402
 import claims  # noqa: E402
 import condition  # noqa: E402
 import cost  # noqa: E402
@@ -42,35 +41,37 @@ import drawings  # noqa: E402
 import float32  # noqa: E402
 import machine  # noqa: E402
 import numpy as np  # noqa: E402
-import page  # noqa: E402
 import plots  # noqa: E402
+import singly  # noqa: E402
 import speed  # noqa: E402
 import stability  # noqa: E402
+import tables  # noqa: E402
 import words  # noqa: E402
 
-PACKAGES = 'numpy', 'numba', 'shapely', 'pymunk'
+PACKAGES = 'numpy', 'numba', 'shapely', 'pymunk', 'box2d'
+PAGES = 'README.md', 'appendix.md'
 SEEDS = 1, 2, 3, 4, 5
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
-    parser.add_argument('--directory', type=Path, default=ROOT / 'docs' / 'report')
+    parser.add_argument('--directory', type=Path, default=ROOT / 'docs' / 'report',
+                        help='with the pages, in which the tables are replaced')
     parser.add_argument('--scale', type=float, default=1.0,
                         help='share of the usual number of pairs')
     parser.add_argument('--written', action='store_true',
-                        help='write the pages from the figures stored before')
+                        help='write tables and plots from the figures stored before')
     arguments = parser.parse_args()
-    arguments.directory.mkdir(parents=True, exist_ok=True)
     stored = arguments.directory / 'figures.json'
     if not arguments.written:
         stored.write_text(words.compact(measure(arguments.scale)) + '\n')
     figures = json.loads(stored.read_text())
-    accuracy = arguments.directory / 'accuracy.json'
-    figures['accuracy'] = json.loads(accuracy.read_text()) if accuracy.exists() else None
+    figures['accuracy'] = json.loads((arguments.directory / 'accuracy.json').read_text())
     plots.write_all(figures, arguments.directory)
     drawings.write_all(figures, arguments.directory)
-    (arguments.directory / 'README.md').write_text(page.text(figures))
-    (arguments.directory / 'appendix.md').write_text(appendix.text(figures))
+    for page in PAGES:
+        path = arguments.directory / page
+        path.write_text(tables.written(path.read_text(), figures))
 
 
 def measure(scale):
@@ -79,19 +80,21 @@ def measure(scale):
     figures = {'seeds': SEEDS, 'machine': machine.describe(*PACKAGES)}
     for name, measured in {
             'speed': lambda rng: speed.measure(SEEDS, scale),
-            'preparation': lambda rng: speed.preparation(rng, scale),
+            'once': lambda rng: speed.once(rng, scale),
+            'decisions': lambda rng: singly.decisions(rng, int(500 * scale)),
+            'separations': lambda rng: singly.separations(rng, int(300 * scale)),
+            'contact_times': lambda rng: singly.contact_times(rng, int(300 * scale)),
+            'non_convex': lambda rng: singly.non_convex(rng, int(200 * scale)),
             'steps': lambda rng: claims.measure(rng, int(4000 * scale)),
             'examples': lambda rng: claims.examples(rng, int(4000 * scale)),
             'condition': lambda rng: condition.measure(rng, int(4000 * scale)),
             'families': lambda rng: stability.by_family(rng, int(8000 * scale)),
             'by_offset': lambda rng: stability.by_offset(rng, int(4000 * scale)),
             'float32': lambda rng: float32.measure(rng, int(4000 * scale)),
-            'separations': lambda rng: stability.separations(rng, int(300 * scale)),
             'cost': lambda rng: cost.measure(),
             'ages': lambda rng: ages.measure()}.items():
         print(f'{time.perf_counter() - start:6.0f} s  {name}', file=sys.stderr)
         figures[name] = measured(np.random.default_rng(SEEDS[0]))
-    figures['warning'] = float32.warning()
     figures['seconds'] = round(time.perf_counter() - start)
     return figures
 

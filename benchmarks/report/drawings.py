@@ -34,8 +34,8 @@ def _examples(figures):
     _draw(left, one, _draw_a)
     _draw(middle, other, _draw_b)
     _draw(right, other, _draw_b)
-    left.set_title(f'published A: "collision"; {one["separation"] * 1e3:.0f} mm apart')
-    middle.set_title(f'published B: "clear"; {-other["separation"] * 1e3:.0f} mm overlap')
+    left.set_title(f'reading A says "collision": {one["separation"] * 1e3:.0f} mm apart')
+    middle.set_title(f'reading B says "clear": {-other["separation"] * 1e3:.0f} mm overlap')
     right.set_title('the overlap, magnified')
     for panel in (left, middle):
         panel.legend(frameon=False, fontsize=8, loc='upper center', bbox_to_anchor=(0.5, -0.13),

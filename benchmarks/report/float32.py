@@ -12,17 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the float32 of messages does to answers, and what the monitor says about it."""
+"""What the float32 of messages does to answers."""
 
 import numpy as np
-from sat_collision import intersects, Polygon, PolygonError
-from sat_collision.messages.states import coordinate_step, States
-from sat_collision.scene.scene import Scene
-from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from sat_collision import intersects, PolygonError
 from stability import hair_pairs, OFFSET_SIDES
 
 DISTANCES = 10, 100, 1e3, 5e3, 1e4, 2e4, 1e5, 1e6, 5e6
-NOW = 10**9
 
 
 def measure(rng, count=2000):
@@ -43,26 +39,6 @@ def measure(rng, count=2000):
                      'changed': len(changed), 'refused': refused,
                      'widest': max(changed, default=0.0)})
     return rows
-
-
-def warning():
-    """Return from what distance on the monitor warns, and its words, for a footprint there."""
-    settings = Settings((FootprintSettings('footprint', 'footprint'),),
-                        (ObstacleSettings('obstacles', 'obstacles'),))
-    reached = 1.0
-    while _step(reached) <= settings.resolution:
-        reached *= 2
-    scene = Scene(settings)
-    scene.advance(NOW)
-    square = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) + [reached, 0]
-    polygon = Polygon(square)
-    scene.footprint('footprint', polygon.packed, 'map', NOW, NOW)
-    scene.obstacle('obstacles', None, 'map', NOW, NOW)
-    states = States('footprint_monitor', settings)
-    states.write('footprint', scene.state('footprint'), coordinate_step(polygon))
-    status, = states.message(None).status
-    return {'resolution': settings.resolution, 'from': reached, 'level': ord(status.level),
-            'message': status.message}
 
 
 def _step(distance):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the plots and the page ask of the figures."""
+"""What the plots and the tables ask of the figures."""
 
 import math
 
@@ -39,12 +39,6 @@ def ns(figures, shape, method, kernel='compiled', kinds=MIX):
     if None in found or not all('ns' in r for r in found):
         return None
     return math.fsum(r['ns'][0] for r in found) / len(found)
-
-
-def axes(figures, method, kinds=MIX):
-    """Return the mean number of axes a decision by number of vertices, as a list."""
-    return [math.fsum(row(figures, n, kind, method)['axes'] for kind in kinds) / len(kinds)
-            for n in sides(figures)]
 
 
 def parts(row, what):

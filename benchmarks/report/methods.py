@@ -15,8 +15,8 @@
 """
 The methods compared, each as a loop over many pairs prepared for it.
 
-What a body needs once is made before: packed arrays, boxes, centres of gravity, records, the
-libraries' own shapes. Running a method then returns its answers and, of all kernels but improved,
+What a body needs once is made before: packed arrays, boxes, centres of gravity, shapely's shapes.
+Running a method then returns its answers and, of all kernels but improved,
 how many axes each took.
 """
 
@@ -24,20 +24,17 @@ from functools import cached_property
 from typing import NamedTuple
 
 import filters
+from libraries import shapely_shape
 import numpy as np
 import readings
 import rivals
 from sat_collision import intersects_pairs, Polygon, PolygonSet
 from sat_collision.geometry import sat_methods
-from sat_collision.geometry.jit import borrowed, COMPILED, kernel
+from sat_collision.geometry.intersection import convex_meet
+from sat_collision.geometry.jit import borrowed, COMPILED, kernel, scratch
+from sat_collision.geometry.layout import Packed, packed_size
+from sat_collision.geometry.packing import pack
 import shapely
-
-try:
-    # The C function under Shape.shapes_collide, which in pymunk 7.3 asserts on separate shapes.
-    from pymunk import Body, Poly, Segment
-    from pymunk._chipmunk_cffi import lib as chipmunk
-except ImportError:
-    chipmunk = None
 
 RECTANGLES = 'rectangles'
 
@@ -91,14 +88,11 @@ METHODS = {
     'improved': Method('improved', '#009E73', '*', None, None, 'what this package runs'),
     'shapely': Method('shapely', '#0072B2', 'X', None, None,
                       'a general geometry library, on GEOS'),
-    'chipmunk': Method('Chipmunk', '#661100', '1', None, None,
-                       'a game engine, through pymunk; asked pair by pair, so not timed'),
 }
 LABELS = {name: method.label for name, method in METHODS.items()}
-LIBRARIES = 'shapely', 'chipmunk'
 EXACT = 'interval', 'filtered', 'improved', 'shapely'
 # Measured for wrong answers alone.
-UNTIMED = 'traditional_float32', 'chipmunk'
+UNTIMED = 'traditional_float32',
 
 
 class Pairs:
@@ -149,10 +143,6 @@ class Pairs:
     def shapely(self):
         return [np.array([shapely_shape(body) for body in bodies]) for bodies in self.sides]
 
-    @cached_property
-    def chipmunk(self):
-        return [[chipmunk_shape(body) for body in bodies] for bodies in self.sides]
-
 
 def run(name, pairs):
     """Return the answers of a method, and how many axes it took or None."""
@@ -160,10 +150,6 @@ def run(name, pairs):
         return intersects_pairs(*pairs.sets), None
     if name == 'shapely':
         return shapely.intersects(*pairs.shapely), None
-    if name == 'chipmunk':
-        collide = chipmunk.cpShapesCollide
-        return np.array([collide(a._shape, b._shape).count > 0
-                         for a, b in zip(*pairs.chipmunk)], np.bool_), None
     method, prepared = METHODS[name].kernel, METHODS[name].prepared
     extra = getattr(pairs, prepared) if prepared else None
     answers, axes = np.empty(len(pairs), np.bool_), np.empty(len(pairs), np.int64)
@@ -183,29 +169,24 @@ def applicable(shape=None):
     """Return the methods for a shape: merged axes are for rectangles only."""
     return [name for name in METHODS
             if (name != 'rectangles' or shape == RECTANGLES)
-            and (name != 'chipmunk' or chipmunk is not None)
-            and (COMPILED or name not in ('traditional_float32', *LIBRARIES))]
+            and (COMPILED or name not in ('traditional_float32', 'shapely'))]
 
 
-def find_centres(pairs):
-    """Return the centres of gravity of the first bodies of pairs, compiled."""
-    centres = np.empty((len(pairs), 2))
-    _find_centres(*pairs.packed[0], centres)
-    return centres
-
-
-def shapely_shape(body):
-    if len(body) > 2:
-        return shapely.Polygon(body)
-    return shapely.LineString(body) if len(body) == 2 else shapely.Point(body[0])
-
-
-def chipmunk_shape(body):
-    place = Body(body_type=Body.STATIC)
-    points = body.tolist()
-    shape = Poly(place, points) if len(body) > 2 else Segment(place, points[0], points[-1], 0)
-    shape.cache_bb()
-    return shape
+def run_once(name, pairs):
+    """Return the answers of a method for bodies used once: what it needs of each is made, too."""
+    if name == 'shapely':
+        return shapely.intersects(*(shapely.polygons(np.stack(bodies)) for bodies in pairs.sides))
+    answers = np.empty(len(pairs), np.bool_)
+    (a, a_ends), (b, b_ends) = pairs.packed
+    if name == 'improved':
+        _pack_and_meet(a, a_ends, b, b_ends, answers)
+    elif METHODS[name].prepared is None:
+        _stream(METHODS[name].kernel, a, a_ends, b, b_ends, answers,
+                np.empty(len(pairs), np.int64))
+    else:
+        _stream_once(METHODS[name].kernel, _PREPARING[METHODS[name].prepared], a, a_ends,
+                     b, b_ends, answers)
+    return answers
 
 
 def _each(function, sides):
@@ -246,7 +227,32 @@ def _stream_prepared(method, a, a_ends, of_a, b, b_ends, of_b, answers, axes):
 
 
 @kernel
-def _find_centres(points, ends, centres):
-    points = borrowed(points)
-    for i in range(len(centres)):
-        centres[i, 0], centres[i, 1] = sat_methods.centre_of_gravity(points[ends[i]:ends[i + 1]])
+def _stream_once(method, prepare, a, a_ends, b, b_ends, answers):
+    a, b = borrowed(a), borrowed(b)
+    for i in range(len(answers)):
+        p = a[a_ends[i]:a_ends[i + 1]]
+        q = b[b_ends[i]:b_ends[i + 1]]
+        answers[i], _ = method(p, q, prepare(p), prepare(q))
+
+
+@kernel
+def _pack_and_meet(a, a_ends, b, b_ends, answers):
+    """Check, clean and pack convex bodies as those of messages are, and decide."""
+    for i in range(len(answers)):
+        n, m = a_ends[i + 1] - a_ends[i], b_ends[i + 1] - b_ends[i]
+        p, q = scratch(packed_size(n)), scratch(packed_size(m))
+        _, n, _, _, _ = pack(a[a_ends[i]:a_ends[i + 1]].ravel(), p, n, 0)
+        _, m, _, _, _ = pack(b[b_ends[i]:b_ends[i + 1]].ravel(), q, m, 0)
+        answers[i] = convex_meet(Packed(p, 0, n), Packed(q, 0, m))
+
+
+@kernel
+def _head(body):
+    low_x, low_y, high_x, high_y = sat_methods.bounds(body)
+    x, y = sat_methods.centre_of_gravity(body)
+    return low_x, low_y, high_x, high_y, x, y
+
+
+# What makes ready a body for a method, by the name of what the method takes.
+_PREPARING = {'bounds': sat_methods.bounds, 'centres': sat_methods.centre_of_gravity,
+              'heads': _head}

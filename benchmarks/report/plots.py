@@ -26,10 +26,12 @@ from words import wilson
 U = 2.0 ** -53
 U_FLOAT32 = 2.0 ** -24
 # Drawn in the first figure; the others are in its table.
-DRAWN = ('traditional', 'published_a', 'published_b', 'binary', 'gjk', 'interval', 'filtered',
-         'improved', 'shapely')
+DRAWN = ('improved', 'traditional', 'published_a', 'published_b', 'binary', 'gjk', 'interval',
+         'filtered', 'shapely')
 CONDITIONED = 'traditional', 'closest', 'gjk', 'published_a', 'published_b', 'improved'
-_NUMBERED = 'published_a'
+# Methods at whose points n is written, for some n.
+_NUMBERED = 'published_a', 'improved'
+_NUMBERS = 4, 16, 64, 256
 # Bins with fewer pairs are not drawn.
 _FEWEST = 20
 
@@ -46,61 +48,72 @@ def write_all(figures, directory):
 
 
 def style(method, **changes):
-    """Return how a method's line is drawn."""
+    """Return how a method's line is drawn; that of improved stands out."""
     label, colour, marker = METHODS[method][:3]
-    return {'label': label, 'color': colour, 'marker': marker, 'linewidth': 1.4,
-            'markersize': 8 if marker == '*' else 5, 'markeredgecolor': 'white',
-            'markeredgewidth': 0.4, 'zorder': 4 if method == 'improved' else 3, **changes}
+    ours = method == 'improved'
+    return {'label': label, 'color': colour, 'marker': marker, 'linewidth': 2.6 if ours else 1.2,
+            'markersize': 13 if ours else 5, 'markeredgecolor': 'black' if ours else 'white',
+            'markeredgewidth': 0.8 if ours else 0.4, 'zorder': 5 if ours else 3, **changes}
 
 
 def _speed_error(figures):
-    figure, panels = pyplot.subplots(1, 2, figsize=(10.5, 5.0), sharex=True, sharey=True)
-    lowest = -0.3 * len(DRAWN) - 0.3
-    for panel, kind in zip(panels, ('near', 'hard')):
-        for lane, method in enumerate(DRAWN):
-            _speed_error_line(panel, figures, kind, method, -0.45 - 0.3 * lane)
-        panel.axhspan(lowest, -0.2, color='#009E73', alpha=0.08)
-        panel.set_title(f'{kind} pairs')
-        panel.set_xscale('log')
-        panel.set_ylim(lowest, 4.1)
-        panel.set_yticks([lowest / 2 - 0.1, 0, 1, 2, 3, 4],
-                         ['none\nwrong', '0.01 %', '0.1 %', '1 %', '10 %', '100 %'])
-        panel.set_xlabel('median time a pair, ns')
-    panels[0].set_ylabel('wrong answers')
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc='lower center', ncols=5, frameon=False)
-    figure.tight_layout(rect=(0, 0.09, 1, 1))
+    """Draw the share of wrong answers above; below, a row a method, the times where it is 0."""
+    figure, panels = pyplot.subplots(
+        2, 2, figsize=(10.5, 7.2), sharex=True, sharey='row', height_ratios=(1, 0.85))
+    for (above, below), kind in zip(panels.T, ('near', 'hard')):
+        for place, method in enumerate(reversed(DRAWN)):
+            _speed_error_line(above, below, figures, kind, method, place)
+        above.set_title(f'{kind} pairs')
+        above.set_ylim(-0.4, 4.1)
+        above.set_yticks(range(5), ['0.01 %', '0.1 %', '1 %', '10 %', '100 %'])
+        below.set_ylim(-0.6, len(DRAWN) - 0.4)
+        below.set_yticks(range(len(DRAWN)), [LABELS[method] for method in reversed(DRAWN)])
+        below.grid(axis='y', visible=False)
+        below.axhspan(*(DRAWN[::-1].index('improved') + end for end in (-0.5, 0.5)),
+                      color=METHODS['improved'].colour, alpha=0.15)
+        below.set_xscale('log')
+        below.set_xlabel('median time a pair, ns')
+    panels[0, 0].set_ylabel('wrong answers')
+    panels[1, 0].set_ylabel('no wrong answer')
+    for text in panels[1, 0].get_yticklabels():
+        text.set_fontweight('bold' if text.get_text() == LABELS['improved'] else 'normal')
+        text.set_color(next(m.colour for m in METHODS.values() if m.label == text.get_text()))
+    figure.tight_layout()
     return figure
 
 
-def _speed_error_line(panel, figures, kind, method, lane):
-    """Draw shares on a logarithmic scale, per cent times 100, and a share of 0 in a lane below."""
+def _speed_error_line(above, below, figures, kind, method, place):
+    """Draw shares on a logarithmic scale, per cent times 100, and a share of 0 in its row."""
     rows = [lookup.row(figures, n, kind, method) for n in lookup.sides(figures)]
     times = np.array([row['ns'][:3] for row in rows])
     shares = [lookup.parts(row, 'wrong') for row in rows]
-    bars = {'ecolor': METHODS[method].colour, 'elinewidth': 0.8, 'fmt': 'none', 'zorder': 2}
-    heights = [_height(part / whole) if part else math.nan for part, whole in shares]
-    ends = [[_height(end) for end in wilson(part, whole)] if part else (math.nan, math.nan)
-            for part, whole in shares]
-    panel.plot(times[:, 0], heights, **style(method))
-    panel.plot(times[:, 0], [math.nan if part else lane for part, _ in shares],
-               **style(method, label=None))
-    at = [lane if math.isnan(height) else height for height in heights]
-    panel.errorbar(times[:, 0], at, xerr=[times[:, 0] - times[:, 1], times[:, 2] - times[:, 0]],
-                   **bars)
-    panel.errorbar(times[:, 0], heights, yerr=[[height - low for height, (low, _) in
-                                                zip(heights, ends)],
-                                               [high - height for height, (_, high) in
-                                                zip(heights, ends)]], **bars)
-    if kind == 'near' and method == _NUMBERED:
-        for n, time, height in zip(lookup.sides(figures), times[:, 0], at):
-            panel.annotate(f'n = {n}' if n == lookup.sides(figures)[0] else f'{n}',
-                           (time, height), (7, -9), textcoords='offset points', fontsize=7.5,
-                           color=METHODS[method].colour)
+    wrong = np.array([part > 0 for part, _ in shares])
+    ends = np.array([[_height(end) for end in (part / whole, *wilson(part, whole))]
+                     for part, whole in shares])
+    for panel, shown, heights in ((above, wrong, ends[:, 0]),
+                                  (below, ~wrong, np.full(len(rows), place))):
+        panel.plot(times[:, 0], np.where(shown, heights, math.nan), **style(method))
+        panel.errorbar(times[shown, 0], heights[shown], fmt='none', zorder=2, elinewidth=0.8,
+                       ecolor=METHODS[method].colour,
+                       xerr=np.abs(times[shown, 1:] - times[shown, :1]).T,
+                       yerr=np.abs(ends[shown, 1:] - ends[shown, :1]).T if panel is above
+                       else None)
+    if kind == 'near' and method in _NUMBERED:
+        for n, time, height, is_above in zip(lookup.sides(figures), times[:, 0], ends[:, 0],
+                                             wrong):
+            if n in _NUMBERS:
+                panel, at = (above, height) if is_above else (below, place)
+                panel.annotate(f'n = {n}' if n == _NUMBERS[0] else f'{n}', (time, at),
+                               (15, -5) if is_above else (0, -15), textcoords='offset points',
+                               fontsize=7.5, ha='center', color=METHODS[method].colour)
+    if kind == 'near' and wrong.any():
+        last = np.flatnonzero(wrong)[-1]
+        above.annotate(LABELS[method], (times[last, 0], ends[last, 0]), (0, 8), fontsize=8,
+                       textcoords='offset points', ha='center', color=METHODS[method].colour)
 
 
 def _height(share):
-    return max(math.log10(1e4 * share), -0.15) if share else -0.15
+    return max(math.log10(1e4 * share), -0.4) if share else -0.4
 
 
 def _condition(figures):
@@ -116,8 +129,9 @@ def _condition(figures):
         for side, line in (('apart', '-'), ('meet', ':')):
             x, shares, ends = _curve(found['bins'][method], side)
             if side == 'apart' or np.nan_to_num(shares).any():
-                right.plot(x, shares, **style(method, linestyle=line, markersize=4, label=(
-                    _label(found, method) if side == 'apart' else None)))
+                label = _label(found, method) if side == 'apart' else None
+                right.plot(x, shares, **style(method, linestyle=line, linewidth=1.4,
+                                              markersize=4, label=label))
                 right.fill_between(x, *ends.T, color=METHODS[method].colour, alpha=0.12,
                                    linewidth=0)
     right.plot([], [], ':', color='#666666', label='dotted: pairs that overlap')

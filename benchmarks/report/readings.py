@@ -78,10 +78,17 @@ def literal_axes(p, q, centre_p, centre_q):
     if separates(p, q, x, y):
         return False, 1
     axes = 1
-    for body, nearest in ((p, _longest(p, centre_p, x, y)), (q, _longest(q, centre_q, -x, -y))):
+    b, c = _longest(p, centre_p, x, y), _longest(q, centre_q, -x, -y)
+    for body, nearest in ((p, b), (q, c)):
         for i in (nearest, (nearest + 1) % len(body)):
             axes += 1
             if edge_separates(p, q, body, i):
+                return False, axes
+    for body, vertex, other, nearest in ((p, b, q, c), (q, c, p, b)):
+        for i in (nearest, (nearest + 1) % len(other)):
+            axes += 1
+            x, y = to_edge(body[vertex, 0], body[vertex, 1], other, i)
+            if separates(p, q, x, y):
                 return False, axes
     return True, axes
 

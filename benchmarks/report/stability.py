@@ -12,17 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Wrong answers by family, how they grow with the distance from the origin, and separations."""
-
-from fractions import Fraction
+"""Wrong answers by family, and how they grow with the distance from the origin."""
 
 import families
-from methods import applicable, Pairs, RECTANGLES, run, shapely_shape
+from libraries import shapely_shape
+from methods import applicable, Pairs, RECTANGLES, run
 import numpy as np
 import oracle
-import rationals
 import samples
-from sat_collision import intersects, Polygon, separation
+from sat_collision import intersects, separation
 import shapely
 import shapes
 
@@ -30,7 +28,6 @@ SIDES = 3, 4, 8, 16, 64
 OFFSETS = 0, *(10**k for k in range(9))
 OFFSET_SIDES = 8
 GROWING = 'traditional', 'traditional_float32', 'gjk', 'improved', 'shapely'
-MEASURED = 'near', 'deep', 'hair_gaps', 'vertex_on_edge', 'slivers', 'containment', 'far_offsets'
 
 
 def by_family(rng, count=2000):
@@ -58,25 +55,6 @@ def by_offset(rng, count=2000):
     """Return wrong answers and the widest gap or overlap misjudged, by distance from 0."""
     return [{'offset': offset, **row} for offset in OFFSETS
             for row in _misjudged(rng, OFFSET_SIDES, offset, count)]
-
-
-def separations(rng, count=60):
-    """Return the worst error of `separation` against rational arithmetic, and wrong signs."""
-    rows = []
-    for name in MEASURED:
-        worst, signs, measured = 0.0, 0, 0
-        for a, b in getattr(families, name)(rng, count, OFFSET_SIDES):
-            meet = oracle.intersects(a, b)
-            p, q = Polygon(a), Polygon(b)
-            value = separation(p, q)
-            exact = -rationals.exact_depth(p, q) if meet else rationals.exact_distance(p, q)
-            size = max(float(np.abs(body).max()) for body in (a, b))
-            worst = max(worst, abs(float(Fraction(value) - exact)) / np.spacing(size))
-            signs += int((value > 0) == meet)
-            measured += 1
-        rows.append({'family': name, 'pairs': measured, 'worst_ulp': float(worst),
-                     'wrong_signs': signs})
-    return rows
 
 
 def hair_pairs(rng, n, offset, count, least, most):

@@ -12,12 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How figures are written: in words, in tables and in files, and which way a comparison goes."""
+"""How figures are written: in tables and in files."""
 
 import json
 import math
-import re
-import textwrap
 
 
 def table(head, rows):
@@ -72,27 +70,7 @@ def rate(part, whole):
     return f'{share(part, whole)} ({100 * low:.2g}–{100 * high:.2g})'
 
 
-def counted(count, whole):
-    """Return a count with the whole it is of, and its share where it is not 0."""
-    text = f'{count:,} of {whole:,}'
-    return f'{text} ({share(count, whole)})' if count else text
-
-
-def ratio(value):
-    """Return a ratio with two figures, or a dash."""
-    if value is None:
-        return '–'
-    return f'{value:.2g}' if value < 99.5 else f'{value:.0f}'
-
-
-def compared(time, other):
-    """Say how a time compares with another: '3.2 times as fast as', or 'as slow as'."""
-    if time < other:
-        return f'{_times(other / time)} as fast as'
-    return f'{_times(time / other)} as slow as'
-
-
-def metres(value):
+def length(value):
     """Return a length in m, with two figures."""
     return f'{value:.2g} m' if 1e-3 <= value < 100 or value == 0 else f'{power(value)} m'
 
@@ -102,31 +80,6 @@ def distance(value):
     if value < 1000:
         return f'{value:g} m'
     return f'{value / 1000:,.3f}'.rstrip('0').rstrip('.') + ' km'
-
-
-def spread(values, form):
-    """Return the least and the greatest of values as a range, or the one value."""
-    low, high = form(min(values)), form(max(values))
-    return low if low == high else f'{low} to {high}'
-
-
-def listed(items):
-    """Return items as a list in a sentence."""
-    items = list(items)
-    return items[0] if len(items) == 1 else f'{", ".join(items[:-1])} and {items[-1]}'
-
-
-def wrapped(markdown, width=130):
-    """Return Markdown with its paragraphs and list items filled, tables and headings as is."""
-    blocks = []
-    for block in markdown.split('\n\n'):
-        if not block.startswith(('|', '#', '![', '>')):
-            items = re.split(r'\n(?=- )', block)
-            block = '\n'.join(textwrap.fill(
-                ' '.join(item.split()), width, subsequent_indent='  ' * item.startswith('- '),
-                break_long_words=False, break_on_hyphens=False) for item in items)
-        blocks.append(block)
-    return '\n\n'.join(blocks)
 
 
 def compact(value, depth=0):
@@ -140,15 +93,6 @@ def compact(value, depth=0):
         return json.dumps(value)
     space = ' ' * (depth + 1)
     return f'{opening}\n{space}' + f',\n{space}'.join(parts) + f'\n{" " * depth}{closing}'
-
-
-def none_wrong(count):
-    """Return what no wrong answer among so many says about their rate (the rule of three)."""
-    return f'below {power(3 / count)} with 95 % confidence, for pairs so drawn'
-
-
-def _times(value):
-    return f'{value:.2g} times' if value < 99.5 else f'{value:.0f} times'
 
 
 def power(value):

@@ -87,12 +87,11 @@ class _Publisher(Node):
             elapsed = step * _PERIOD
             stamp = self.get_clock().now().to_msg()
             if step % _STATIC_STEPS == 0:
-                for outline in warehouse.STATIC:
-                    self._publish('warehouse', outline, stamp)
+                self._publish_set('warehouse', warehouse.STATIC, stamp)
             robot = warehouse.BY_ODOMETRY
             self._tell_odometry(robot, elapsed, stamp)
             person = warehouse.seen_by(robot, warehouse.person(elapsed), elapsed)
-            self._publish('people', person, stamp, _BASE)
+            self._publish_set('people', [person], stamp, _BASE)
             for name in warehouse.FOOTPRINTS:
                 if name != robot:
                     self._publish(name, warehouse.footprint(name, elapsed), stamp)
@@ -107,6 +106,12 @@ class _Publisher(Node):
         pose.position.x, pose.position.y = x, y
         pose.orientation.z, pose.orientation.w = math.sin(heading / 2), math.cos(heading / 2)
         self._topics[_ODOMETRY].publish(message)
+
+    def _publish_set(self, topic: str, outlines: Sequence[warehouse.Outline], stamp: Time,
+                     frame_id: str = warehouse.FRAME) -> None:
+        """Publish obstacles, and the empty polygon that ends their set."""
+        for outline in (*outlines, warehouse.NOTHING):
+            self._publish(topic, outline, stamp, frame_id)
 
     def _publish(self, topic: str, outline: warehouse.Outline, stamp: Time,
                  frame_id: str = warehouse.FRAME) -> None:

@@ -43,6 +43,9 @@ def _disc(x: float, y: float, radius: float, sides: int) -> Outline:
     return np.column_stack([x + radius * np.cos(angles), y + radius * np.sin(angles)])
 
 
+# The outline that ends a set of obstacles.
+NOTHING: Outline = np.empty((0, 2))
+
 # Four shelves, two pillars, and a wall as a segment.
 STATIC = (
     _box(3.0, 2.0, 8.0, 3.0),

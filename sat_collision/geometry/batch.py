@@ -21,9 +21,11 @@ worth fetching, and which these are is known one axis at a time: all pairs of a 
 step, and what one reads next comes while the others are at work.
 """
 
+import math
 from typing import Any, NamedTuple
 
 from sat_collision.geometry.arithmetic import require_nearest
+from sat_collision.geometry.distance import measure
 from sat_collision.geometry.intersection import bodies_meet, meet_near
 from sat_collision.geometry.jit import (
     borrowed, inlined, inner, kernel, prefetch, scratch, scratch_integers, unchecked_view)
@@ -92,6 +94,18 @@ def decide_rows(set_array, other_array, answers):
         for row in range(start, end):
             if answers[row] == UNCERTAIN or answers[row] == OPEN:
                 answers[row] = MEET if _meet(pairs, row, row - start) else SEPARATE
+
+
+@kernel
+def measure_rows(set_array, other_array, values):
+    """Write for each row the separation of its bodies in two sets, infinity where one is not."""
+    require_nearest(len(values))
+    rows = rows_of(borrowed(set_array))
+    others = rows_of(borrowed(other_array))
+    for row in range(len(values)):
+        values[row] = math.inf
+        if rows.n[row] != 0 and others.n[row] != 0:
+            values[row] = measure(body_of(rows, row), body_of(others, row))[0]
 
 
 @inlined

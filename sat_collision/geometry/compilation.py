@@ -11,27 +11,49 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Compiling takes many seconds: said before it begins, once in a process."""
+"""Compiling takes many seconds: said each time before it begins."""
 
 from __future__ import annotations
 
 import logging
 
 _is_said = False
+_is_told_elsewhere = False
+_under_way = 0
 
 
-def say_compiling(kept_in: str) -> None:
-    """Say that kernels are being compiled and where they are kept, unless that was said before."""
-    global _is_said
+def begin_compiling(name: str, kept_in: str) -> None:
+    """
+    Say that kernels are being compiled, unless others are already, for which these are needed.
+
+    Parameters
+    ----------
+    name : str
+        The kernel.
+    kept_in : str
+        The folder where it is kept.
+
+    """
+    global _is_said, _under_way
+    _under_way += 1
+    if _under_way > 1 or _is_told_elsewhere:
+        return
+    words = f'sat_collision: compiling kernels, for {name}'
     if not _is_said:
-        logging.getLogger(__name__).warning(
-            'sat_collision: compiling kernels, up to half a minute once after an installation; '
-            f'they are kept in {kept_in}. prepare_kernels does it ahead, and with '
-            'NUMBA_DISABLE_JIT=1 all is done in plain Python')
+        words += (', up to half a minute once after an installation; '
+                  f'they are kept in {kept_in}. prepare_kernels does it ahead, and with '
+                  'NUMBA_DISABLE_JIT=1 all is done in plain Python')
+    logging.getLogger(__name__).warning(words)
     _is_said = True
 
 
-def was_said() -> None:
-    """Take note that somebody else has said it, to whom it may concern."""
-    global _is_said
-    _is_said = True
+def end_compiling() -> None:
+    """Record that the kernel that was begun last is compiled."""
+    global _under_way
+    _under_way -= 1
+
+
+def say_nothing() -> None:
+    """Leave it to the caller to say that kernels are compiled."""
+    global _is_told_elsewhere
+    _is_told_elsewhere = True

@@ -35,7 +35,7 @@ from numba import __version__, config
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.registry import cpu_target
 from numba.core.sigutils import normalize_signature
-from sat_collision.geometry.compilation import say_compiling
+from sat_collision.geometry.compilation import begin_compiling, end_compiling
 from sat_collision.geometry.kernel_problem import report_problem
 
 # What is compiled of these, whenever the package is imported, takes a fraction of a second.
@@ -100,6 +100,7 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
         self._is_quick = function.__module__ in _QUICK
+        self._name = function.__name__
         locator = self._impl.locator
         self._cache_file = _CheckedFile(self.cache_path, self._impl.filename_base,
                                         (__version__, _SOURCES, locator.get_source_stamp()))
@@ -123,11 +124,13 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
         if found is not None and found.signature.args == normalize_signature(sig)[0]:
             return found
         if not self._is_quick:
-            say_compiling(self.cache_path)
+            begin_compiling(self._name, self.cache_path)
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Save what was compiled for a signature, if possible."""
+        if not self._is_quick:
+            end_compiling()
         try:
             try:
                 super().save_overload(sig, data)

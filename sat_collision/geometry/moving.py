@@ -30,12 +30,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from sat_collision.geometry.convex_parts import convex_parts
-from sat_collision.geometry.jit import indexable, inner, kernel
+from sat_collision.geometry.jit import indexable, inner, kernel, scratch
+from sat_collision.geometry.plane import scale_to_one
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.predicates import orient
 
 # Doubles that a vertex takes: x and y at time 0, then at time 1.
 STRIDE = 4
+# Takes all coordinates to where nothing overflows.
+_LEAST_SCALE = 2.0 ** -1000
 
 
 class MovingBody(NamedTuple):
@@ -183,3 +186,57 @@ def _is_below(p, q, axis, apart):
             if not q.array[j] - most > apart:
                 return False
     return True
+
+
+@inner
+def relative(a, b):
+    """
+    Return moving bodies, given by their arrays, relative to a point of their surroundings.
+
+    Where that makes coordinates of extreme magnitude they are multiplied by a power of two, so
+    that nothing overflows, and underflow takes nothing that is seen.
+
+    Returns
+    -------
+    a, b : flat arrays of float64
+    extent : float
+        The greatest relative coordinate, before it is multiplied; maybe infinite.
+    scale : float
+        The power of two.
+
+    """
+    x = min(_least_coordinate(a, 0), _least_coordinate(b, 0))
+    y = min(_least_coordinate(a, 1), _least_coordinate(b, 1))
+    extent = max(_extent(x, y, a), _extent(x, y, b))
+    scale = scale_to_one(extent) if extent < math.inf else _LEAST_SCALE
+    return _relative_to(x, y, a, scale), _relative_to(x, y, b, scale), extent, scale
+
+
+@inner
+def _least_coordinate(array, k):
+    """Return the least of the numbers that stand at k for each vertex."""
+    least = array[k]
+    for i in range(k + STRIDE, len(array), STRIDE):
+        least = min(least, array[i])
+    return least
+
+
+@inner
+def _extent(x, y, array):
+    """Return the greatest coordinate relative to x, y; infinite if that overflows."""
+    extent = 0.0
+    for k in range(0, len(array), 2):
+        extent = max(extent, max(array[k] - x, array[k + 1] - y))
+    return extent
+
+
+@inner
+def _relative_to(x, y, array, scale):
+    """Return the coordinates relative to x, y, times a power of two."""
+    moved = scratch(len(array))
+    before = min(scale, 1.0)
+    after = max(scale, 1.0)
+    for k in range(0, len(array), 2):
+        moved[k] = (array[k] * before - x * before) * after
+        moved[k + 1] = (array[k + 1] * before - y * before) * after
+    return moved

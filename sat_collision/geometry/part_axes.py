@@ -25,12 +25,11 @@ import math
 import numpy as np
 from sat_collision.geometry.jit import inner
 from sat_collision.geometry.layout import convex_part, first_vertex
-from sat_collision.geometry.part_boxes import ALLOWANCE
-from sat_collision.geometry.plane import length
+from sat_collision.geometry.plane import length, scale_to_one
 
 # More than what rounding makes of a distance along an axis, in parts of the largest coordinate:
-# see docs/exactness.md, lemma 15.
-_ROUNDING = 2.0 ** -47
+# see docs/exactness.md, lemma 20.
+ROUNDING = 2.0 ** -47
 # Below this magnitude products may have lost what is below the smallest doubles.
 _LEAST_PRODUCT = 1e-290
 
@@ -48,8 +47,8 @@ def limit_of(least, reach):
         The largest coordinate.
 
     """
-    limit = least + _ROUNDING * reach
-    return limit * ALLOWANCE if limit > 0.0 else limit / ALLOWANCE
+    # Where products of coordinates overflow or underflow axes prove nothing.
+    return least + ROUNDING * reach if scale_to_one(reach) == 1.0 else math.inf
 
 
 @inner

@@ -16,7 +16,7 @@
 What the boxes of convex parts tell of the separation of two bodies, without looking at the parts.
 
 Parts are no nearer than their boxes, and overlap no deeper: the move that parts the boxes parts
-what is in them. A little more is allowed for, as separations are rounded.
+what is in them. `distance` sees to it that this is true of rounded separations, too.
 """
 
 import math
@@ -24,8 +24,6 @@ import math
 import numpy as np
 from sat_collision.geometry.jit import COMPILED, inner
 from sat_collision.geometry.layout import convex_part, HEADER
-
-ALLOWANCE = 1.0 + 1e-9
 
 
 @inner
@@ -40,11 +38,9 @@ def overlap(p, q):
 
 
 @inner
-def may_be_less(gap, least, meeting):
+def may_be_less(gap, least):
     """Tell whether a separation may be less than the one found, given the `overlap` of boxes."""
-    if meeting:
-        return gap >= 0.0 and gap * ALLOWANCE >= -least
-    return -gap <= least * ALLOWANCE
+    return -gap < least
 
 
 if COMPILED:
@@ -65,7 +61,7 @@ if COMPILED:
         return pair
 
     @inner
-    def open_pairs(p, q, least, meeting):
+    def open_pairs(p, q, least):
         """
         Return the pairs of parts that may be nearer or deeper than what is found: an array.
 
@@ -76,9 +72,9 @@ if COMPILED:
         count = 0
         for i in range(max(1, -p.n)):
             a = convex_part(p, i)
-            if may_be_less(overlap(a, q), least, meeting):
+            if may_be_less(overlap(a, q), least):
                 for j in range(parts):
-                    if may_be_less(overlap(a, convex_part(q, j)), least, meeting):
+                    if may_be_less(overlap(a, convex_part(q, j)), least):
                         pairs[count] = i * parts + j
                         count += 1
         return pairs[:count]
@@ -102,11 +98,7 @@ else:
         """Return the first pair of parts whose boxes overlap most, or are nearest."""
         return int(np.argmax(_overlaps(p, q)))
 
-    def open_pairs(p, q, least, meeting):
+    def open_pairs(p, q, least):
         """Return the pairs of parts that may be nearer or deeper than what is found: a list."""
         gaps = _overlaps(p, q)
-        if meeting:
-            is_open = (gaps >= 0.0) & (gaps * ALLOWANCE >= -least)
-        else:
-            is_open = -gaps <= least * ALLOWANCE
-        return np.flatnonzero(is_open).tolist()
+        return np.flatnonzero(-gaps < least).tolist()

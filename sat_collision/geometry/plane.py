@@ -15,7 +15,7 @@
 
 import math
 
-from sat_collision.geometry.jit import kernel
+from sat_collision.geometry.jit import inner, kernel
 
 # Between these magnitudes the third powers of coordinates neither overflow nor underflow; others
 # are scaled by a power of two, which rounds nothing.
@@ -95,11 +95,23 @@ def centroid(ring, count):
         moment_x += double_area * (ax + bx)
         moment_y += double_area * (ay + by)
     if area > 0.0:
-        return (x0 + moment_x / area / 3.0) / scale, (y0 + moment_y / area / 3.0) / scale
+        # Of slivers rounding may leave anything, even more than the largest double.
+        return (_within_bounds(ring, 0, count, (x0 + moment_x / area / 3.0) / scale),
+                _within_bounds(ring, 1, count, (y0 + moment_y / area / 3.0) / scale))
     # A point, a segment, or so thin that its area is lost.
     x1 = ring[2 * count - 2] * scale
     y1 = ring[2 * count - 1] * scale
     return (x0 + (x1 - x0) / 2.0) / scale, (y0 + (y1 - y0) / 2.0) / scale
+
+
+@inner
+def _within_bounds(ring, axis, count, x):
+    """Return a coordinate, brought back to between those of the vertices."""
+    least = most = ring[axis]
+    for k in range(2 + axis, 2 * count, 2):
+        least = min(least, ring[k])
+        most = max(most, ring[k])
+    return min(max(x, least), most)
 
 
 @kernel

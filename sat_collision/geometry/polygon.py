@@ -17,7 +17,9 @@
 from __future__ import annotations
 
 import enum
-from typing import TypeAlias
+from numbers import Number
+from operator import index
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,7 +42,15 @@ PlaneMap: TypeAlias = tuple[float, float, float, float, float, float]
 
 
 class Reason(enum.Enum):
-    """Why points do not make a polygon."""
+    """
+    Why points do not make a polygon.
+
+    Examples
+    --------
+    >>> [reason.value for reason in Reason][:2]
+    ['empty', 'not finite']
+
+    """
 
     EMPTY = 'empty'
     NOT_FINITE = 'not finite'
@@ -58,6 +68,12 @@ class PolygonError(ValueError):
     reason : Reason
         What is wrong; the message names the vertex or the crossing.
 
+    Examples
+    --------
+    >>> Polygon([(0, 0), (1, 1), (1, 0), (0, float('nan'))])
+    Traceback (most recent call last):
+    sat_collision.geometry.polygon.PolygonError: vertex 3 is not finite
+
     """
 
     def __init__(self, reason: Reason, message: str) -> None:
@@ -65,18 +81,29 @@ class PolygonError(ValueError):
         self.reason = reason
 
 
+class Geometry(Protocol):
+    """What shapely's geometries, and those of many other libraries, have: one GeoJSON geometry."""
+
+    @property
+    def __geo_interface__(self) -> dict[str, Any]:
+        """Type and coordinates."""
+
+
 class Polygon:
     """
     An immutable simple polygon, segment or point: a closed set in the plane.
 
-    Repeated vertices, the closing vertex and collinear ones are dropped, clockwise order is
-    reversed, and the vertex with the least x, of several the least y, goes first. Points that all
-    lie on one line become a segment, equal points a single point; both are legal bodies.
+    Repeated vertices, the closing vertex and those at which the boundary goes straight on are
+    dropped, clockwise order is reversed, and the vertex with the least x, of several the least y,
+    goes first. Points that all lie on one line become a segment, equal points a single point; both
+    are legal bodies.
 
     Parameters
     ----------
-    points : (n, 2) or (n, 3) array_like
-        Vertices in order, in metres in the caller's frame; z is ignored.
+    points : (n, 2) or (n, 3) array_like, or geometry
+        Vertices in order, in metres in the caller's frame; z is ignored. Or anything with a
+        `__geo_interface__`, such as shapely's geometries: a Polygon without holes, a LinearRing, a
+        LineString of two points or a Point. A Polygon of this library is copied.
     max_vertices : int, optional
         The most vertices accepted, counted after dropping the superfluous ones.
 
@@ -88,8 +115,15 @@ class Polygon:
     Raises
     ------
     PolygonError
-        Empty, wrong shape, a coordinate that is not finite, a boundary that crosses, touches or
-        folds back on itself, or too many vertices.
+        Empty, wrong shape, no numbers, a coordinate that is not finite, holes, a boundary that
+        crosses, touches or folds back on itself, or too many vertices.
+    TypeError
+        A limit on vertices that is no integer, such as shapely's second argument, holes.
+
+    Examples
+    --------
+    >>> Polygon([(0, 2), (2, 2), (2, 0), (0, 0), (0, 2)])
+    Polygon([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
 
     """
 
@@ -97,8 +131,14 @@ class Polygon:
 
     packed: PackedBody
 
-    def __init__(self, points: ArrayLike, max_vertices: int = MAX_VERTICES) -> None:
-        self._pack(coordinates(points), max_vertices, max_vertices)
+    def __init__(self, points: BodyLike, max_vertices: int = MAX_VERTICES) -> None:
+        try:
+            most = index(max_vertices)
+        except TypeError:
+            raise TypeError(f'max_vertices has to be an integer, but is {max_vertices!r}; holes '
+                            'cannot be given: a body is all that its outline encloses') from None
+        self._pack(points.vertices if isinstance(points, Polygon) else coordinates(points),
+                   most, most)
 
     @classmethod
     def from_float32(cls, data: bytes, start: int, count: int, max_vertices: int = MAX_VERTICES,
@@ -134,7 +174,7 @@ class Polygon:
         return polygon
 
     @classmethod
-    def of_packed(cls, packed: NDArray[np.float64], count: int) -> Polygon:
+    def _of_packed(cls, packed: NDArray[np.float64], count: int) -> Polygon:
         """Make a polygon of a copy of what `packed` holds of it; there may be more behind."""
         polygon = cls.__new__(cls)
         polygon.packed = indexable(packed[:size_of((packed, count))].copy()), count
@@ -179,7 +219,17 @@ class Polygon:
             return self,
         array = np.asarray(packed)
         table = array[HEADER:HEADER - 2 * count].reshape(-1, 2).astype(int).tolist()
-        return tuple(Polygon.of_packed(array[start:], part) for start, part in table)
+        return tuple(Polygon._of_packed(array[start:], part) for start, part in table)
+
+    @property
+    def __geo_interface__(self) -> dict[str, Any]:
+        """The same as a GeoJSON geometry, for shapely's `shape` and other libraries."""
+        ring = tuple(map(tuple, self.vertices.tolist()))
+        if len(ring) > 2:
+            return {'type': 'Polygon', 'coordinates': ((*ring, ring[0]),)}
+        if len(ring) == 2:
+            return {'type': 'LineString', 'coordinates': ring}
+        return {'type': 'Point', 'coordinates': ring[0]}
 
     @property
     def is_convex(self) -> bool:
@@ -200,6 +250,10 @@ class Polygon:
 
     def __repr__(self) -> str:
         return f'Polygon({self.vertices.tolist()})'
+
+
+# What is taken for a body: a Polygon, (n, 2) or (n, 3) points, or a geometry.
+BodyLike: TypeAlias = Polygon | ArrayLike | Geometry
 
 
 def _decompose(outline: NDArray[np.float64]) -> list[Polygon]:
@@ -225,30 +279,61 @@ def size_of(body: PackedBody) -> int:
     return int(packed_size(count) if count > 0 else packed[1])
 
 
-def as_polygon(body: Polygon | ArrayLike) -> Polygon:
-    """Return a Polygon as it is, and make one from points."""
+def as_polygon(body: BodyLike) -> Polygon:
+    """Return a Polygon as it is, and make one from what else is a body."""
     return body if isinstance(body, Polygon) else Polygon(body)
 
 
-def coordinates(points: ArrayLike) -> NDArray[np.float64]:
-    """Return x and y of received points, (n, 2); raise `PolygonError` if there are none."""
+def coordinates(points: BodyLike) -> NDArray[np.float64]:
+    """Return x and y of points in the order given, (n, 2); raise `PolygonError` if that fails."""
+    if isinstance(points, Polygon):
+        raise _wrong('a Polygon, which has dropped and reordered vertices: give its points')
+    if hasattr(points, '__geo_interface__'):
+        points = _of_geometry(points.__geo_interface__)
     if isinstance(points, np.ma.MaskedArray):
-        raise PolygonError(Reason.WRONG_SHAPE, 'a masked array: fill what is masked, or drop it')
+        raise _wrong('a masked array: fill what is masked, or drop it')
     try:
-        array = np.asarray(points, dtype=None if hasattr(points, 'dtype') else np.float64)
-        if array.size == 0 and array.ndim <= 2:
-            raise _empty()
-        if array.ndim != 2 or array.shape[1] not in (2, 3):
-            raise PolygonError(Reason.WRONG_SHAPE,
-                               f'points of shape {array.shape}, expected (n, 2) or (n, 3)')
+        array = np.asarray(points)
+    except ValueError as error:
+        raise _wrong(f'not an array of points: {error}') from error
+    if array.size == 0 and array.ndim <= 2:
+        raise _empty()
+    if array.ndim != 2 or array.shape[1] not in (2, 3):
+        raise _wrong(f'points of shape {array.shape}, expected (n, 2) or (n, 3)')
+    if array.shape == (2, 3):
+        raise _wrong('points of shape (2, 3), which might be three points in columns: transpose '
+                     'them, or give two points without z')
+    if array.dtype.kind not in 'fiu' and not (array.dtype == object and all(
+            isinstance(x, Number) and not isinstance(x, bool) for x in array.flat)):
+        raise _wrong(f'coordinates that are no numbers but {array.dtype.name}')
+    try:
         return array.astype(np.float64)[:, :2]
     except OverflowError as error:
         raise PolygonError(Reason.NOT_FINITE,
                            f'a coordinate is beyond the largest double: {error}') from error
-    except (TypeError, ValueError) as error:
-        if isinstance(error, PolygonError):
-            raise
-        raise PolygonError(Reason.WRONG_SHAPE, f'not an array of points: {error}') from error
+    except TypeError as error:
+        raise _wrong(f'not an array of points: {error}') from error
+
+
+def _of_geometry(geometry: dict[str, Any]) -> list[Any]:
+    """Return the points of a GeoJSON geometry that is one body, without z."""
+    kind, at = geometry.get('type'), geometry.get('coordinates', ())
+    if kind == 'Polygon':
+        if len(at) > 1:
+            raise _wrong('a polygon with holes: a body is all that its outline encloses; cut it '
+                         'into polygons without holes')
+        at = at[0] if at else ()
+    elif kind == 'Point':
+        at = (at,) if at else ()
+    elif kind == 'LineString' and len(at) > 2:
+        raise _wrong(f'a LineString of {len(at)} points: only segments are bodies, give each')
+    elif kind not in ('LineString', 'LinearRing'):
+        raise _wrong(f'a {kind}, but a body is one Polygon, LinearRing, LineString or Point')
+    return [point[:2] for point in at]
+
+
+def _wrong(message: str) -> PolygonError:
+    return PolygonError(Reason.WRONG_SHAPE, message)
 
 
 def _empty() -> PolygonError:

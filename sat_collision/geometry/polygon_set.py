@@ -17,12 +17,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from operator import index
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from sat_collision.geometry.batch import decide_rows
+from numpy.typing import NDArray
+from sat_collision.geometry.batch import decide_rows, measure_rows
 from sat_collision.geometry.jit import indexable
-from sat_collision.geometry.polygon import as_polygon, PackedBody, Polygon, size_of
+from sat_collision.geometry.polygon import as_polygon, BodyLike, PackedBody, Polygon, size_of
 from sat_collision.geometry.rows import new_array, use_rows, views_of
 from sat_collision.geometry.scan import (
     intersecting_rows, is_same, nearest_row, NO_ROOM, rows_within, UNCHANGED, write_and_intersect,
@@ -40,27 +41,38 @@ class PolygonSet:
     """
     A set of bodies by row number, that can grow, shrink and be replaced in place.
 
-    All lies in one array, see `rows`. The space of a removed or outgrown body is reused when a
+    All lies in one array. The space of a removed or outgrown body is reused when a
     body fits it, or won back when the array is next rebuilt, which keeps it below four times what
     the bodies need.
 
     Parameters
     ----------
-    bodies : iterable of Polygon or (n, 2) array_like, optional
+    bodies : iterable of Polygon, (n, 2) array_like or geometry, optional
         Bodies of rows 0, 1, 2, ..., in metres in one frame.
 
     Raises
     ------
     PolygonError
         Points that do not make a polygon.
+    TypeError
+        One Polygon or geometry instead of several bodies.
+
+    Examples
+    --------
+    >>> obstacles = PolygonSet([[(3, 0), (4, 0), (4, 5)], [(0.5, 0.5)]])
+    >>> obstacles.intersecting_rows([(0, 0), (1, 0), (1, 1), (0, 1)])
+    array([1])
 
     """
 
-    def __init__(self, bodies: Iterable[Polygon | ArrayLike] = ()) -> None:
+    def __init__(self, bodies: Iterable[BodyLike] = ()) -> None:
         self._used_rows = 0
         self._used_doubles = 0
         self._free: list[int] = []
         self._use(new_array(_FEWEST_ROWS, _FEWEST_DOUBLES))
+        if isinstance(bodies, Polygon) or hasattr(bodies, '__geo_interface__'):
+            raise TypeError(f'one {type(bodies).__name__}, but a set is made of several bodies: '
+                            'put it into a list')
         for body in bodies:
             self.append(body)
 
@@ -78,13 +90,22 @@ class PolygonSet:
         """Bytes of memory held."""
         return int(self._array.nbytes)
 
-    def append(self, body: Polygon | ArrayLike) -> int:
-        """Add a body and return its row: the one freed last, if any."""
-        row = self.new_row()
-        self.replace(row, body)
+    def append(self, body: BodyLike) -> int:
+        """
+        Add a body and return its row: the one freed last, if any.
+
+        Raises
+        ------
+        PolygonError
+            Points that do not make a polygon; the set is as before.
+
+        """
+        packed = as_polygon(body).packed
+        row = self._new_row()
+        self._place(row, packed, _EMPTY)
         return row
 
-    def new_row(self) -> int:
+    def _new_row(self) -> int:
         """Add a row that has no body yet and return it: the one freed last, if any."""
         if self._free:
             return self._free.pop()
@@ -95,12 +116,22 @@ class PolygonSet:
         use_rows(self._array, self._used_rows)
         return row
 
-    def replace(self, row: int, body: Polygon | ArrayLike) -> None:
-        """Put another body in place of that of a row."""
-        self.place(row, as_polygon(body).packed, _EMPTY)
+    def replace(self, row: int, body: BodyLike) -> None:
+        """
+        Put another body in place of that of a row.
 
-    def place(self, row: int, body: PackedBody, others: PolygonSet,
-              margin: float = 0.0) -> list[int] | None:
+        Raises
+        ------
+        IndexError
+            No body has that row.
+        PolygonError
+            Points that do not make a polygon; the set is as before.
+
+        """
+        self._place(self._checked(row), as_polygon(body).packed, _EMPTY)
+
+    def _place(self, row: int, body: PackedBody, others: PolygonSet,
+               margin: float = 0.0) -> list[int] | None:
         """
         Put a body in place of that of a row, and find which rows of another set it then meets.
 
@@ -133,24 +164,50 @@ class PolygonSet:
                 return others._rows.found[:outcome].tolist() if outcome else []
 
     def remove(self, row: int) -> None:
-        """Take the body of a row out; the row number may be given to a later body."""
+        """
+        Take the body of a row out; the row number may be given to a later body.
+
+        Raises
+        ------
+        IndexError
+            No body has that row.
+
+        """
+        self._remove(self._checked(row))
+
+    def _remove(self, row: int) -> None:
+        """Take the body of a row out, if there is one, and have the row ready for another."""
         self._rows.n[row] = 0
         self._free.append(row)
 
-    def hide(self, rows: Sequence[int]) -> None:
-        """Empty rows, each of which stays in use until it is filled anew or removed."""
-        self._rows.n[rows] = 0
-
-    def is_same(self, row: int, body: PackedBody) -> bool:
-        """Tell whether the body of a row is this one, in the very same vertices."""
-        return bool(is_same(self._array, row, *body))
-
     def polygon(self, row: int) -> Polygon:
-        """Return the body of a row."""
-        start = self._rows.start[row]
-        return Polygon.of_packed(self._rows.packed[start:], int(self._rows.n[row]))
+        """
+        Return the body of a row.
 
-    def intersecting_rows(self, body: Polygon | ArrayLike) -> NDArray[np.int64]:
+        Raises
+        ------
+        IndexError
+            No body has that row.
+
+        """
+        return self._polygon(self._checked(row))
+
+    def _polygon(self, row: int) -> Polygon:
+        """Return the body of a row that has one."""
+        start = self._rows.start[row]
+        return Polygon._of_packed(self._rows.packed[start:], int(self._rows.n[row]))
+
+    def _checked(self, row: int) -> int:
+        """Return a row that has a body; raise `IndexError` for another."""
+        number = index(row)
+        if not 0 <= number < self._used_rows:
+            raise IndexError(f'no row {number} in a set of {self._used_rows} rows')
+        if not self._rows.n[number]:
+            raise IndexError(f'row {number} of a set of {self._used_rows} rows has no body: it '
+                             'was removed')
+        return number
+
+    def intersecting_rows(self, body: BodyLike) -> NDArray[np.int64]:
         """
         Return the rows whose bodies share a point with a body, in ascending order; exact.
 
@@ -163,13 +220,26 @@ class PolygonSet:
         found = intersecting_rows(self._array, packed, count)
         return self._rows.found[:int(found)].copy() if found else _NO_ROWS
 
-    def rows_within(self, body: Polygon | ArrayLike, margin: float) -> NDArray[np.int64]:
+    def rows_within(self, body: BodyLike, margin: float) -> NDArray[np.int64]:
         """
         Return the rows whose bodies are no further than margin (m) from a body, ascending.
 
-        A margin of 0 means contact and is exact; otherwise the separation, rounded to a few ulp of
-        the coordinates, is compared with it.
+        A margin of 0 means contact and is exact; otherwise the rows are those whose `separation`
+        is no more.
+
+        Raises
+        ------
+        ValueError
+            A margin that is negative or not a number.
+
+        Examples
+        --------
+        >>> PolygonSet([[(3, 0), (3, 1)], [(0, 5)]]).rows_within([(1, 0)], 2.0)
+        array([0])
+
         """
+        if not margin >= 0.0:
+            raise ValueError(f'margin {margin}, but it has to be 0 or more')
         if margin == 0.0:
             return self.intersecting_rows(body)
         packed, count = as_polygon(body).packed
@@ -177,22 +247,27 @@ class PolygonSet:
         rows: NDArray[np.int64] = self._rows.found[:found].copy()
         return rows
 
-    def nearest(self, body: Polygon | ArrayLike, skipped: Iterable[int] = ()
+    def nearest(self, body: BodyLike, skipped: Iterable[int] = ()
                 ) -> tuple[int, float, Point, Point] | None:
         """
         Return what is nearest to a body, or deepest in it.
 
         Parameters
         ----------
-        body : Polygon or (n, 2) array_like
+        body : Polygon, (n, 2) array_like or geometry
         skipped : iterable of int, optional
-            Rows to leave out.
+            Rows to leave out; one that has no body changes nothing.
 
         Returns
         -------
         int, float, (x, y), (x, y)
             The row, its separation from the body and the points that realise it, one of the row's
-            body and one of the other, see `query.separation`. None if there is no row to choose.
+            body and one of the other, see `separation`. None if there is no row to choose.
+
+        Examples
+        --------
+        >>> PolygonSet([[(3, 0), (3, 1)], [(0, 5)]]).nearest([(1, 0)])
+        (0, 2.0, (3.0, 0.0), (1.0, 0.0))
 
         """
         packed, count = as_polygon(body).packed
@@ -200,7 +275,7 @@ class PolygonSet:
             self._array, packed, count, indexable(np.sort(np.fromiter(skipped, np.int64))))
         return None if row < 0 else (row, separation, (ax, ay), (bx, by))
 
-    def intersects(self, body: Polygon | ArrayLike) -> NDArray[np.bool_]:
+    def intersects(self, body: BodyLike) -> NDArray[np.bool_]:
         """Return for each row whether its body shares a point with a body: (m,) bool."""
         answers = np.zeros(self._used_rows, np.bool_)
         answers[self.intersecting_rows(body)] = True
@@ -216,13 +291,36 @@ class PolygonSet:
             The sets differ in length.
 
         """
-        if self._used_rows != other._used_rows:
-            raise ValueError(f'{self._used_rows} bodies cannot be paired with '
-                             f'{other._used_rows}')
+        self._require_pairs(other)
         answers = np.empty(self._used_rows, np.int8)
         decide_rows(self._array, other._array, answers)
         meet: NDArray[np.bool_] = answers == MEET
         return meet
+
+    def separations(self, other: PolygonSet) -> NDArray[np.float64]:
+        """
+        Return for each row how far its body is from that of the same row of another set, metres.
+
+        Returns
+        -------
+        (m,) ndarray
+            As `separation` has them; infinite where a row has no body.
+
+        Raises
+        ------
+        ValueError
+            The sets differ in length.
+
+        """
+        self._require_pairs(other)
+        values = np.empty(self._used_rows)
+        measure_rows(self._array, other._array, indexable(values))
+        return values
+
+    def _require_pairs(self, other: PolygonSet) -> None:
+        if self._used_rows != other._used_rows:
+            raise ValueError(f'{self._used_rows} bodies cannot be paired with '
+                             f'{other._used_rows}')
 
     def _make_room(self, row: int, size: int) -> None:
         """Give a row space for a packed body, at the end of what is used."""
@@ -248,6 +346,27 @@ class PolygonSet:
             self._rows.start[row] = end
             end += size
         self._used_doubles = end
+
+
+class PackedSet(PolygonSet):
+    """
+    The same for a caller that keeps account of the rows itself: none is checked.
+
+    A wrong row overwrites memory. Rows may be empty, and packed bodies are taken.
+    """
+
+    new_row = PolygonSet._new_row
+    place = PolygonSet._place
+    remove = PolygonSet._remove
+    polygon = PolygonSet._polygon
+
+    def hide(self, rows: Sequence[int]) -> None:
+        """Empty rows, each of which stays in use until it is filled anew or removed."""
+        self._rows.n[rows] = 0
+
+    def is_same(self, row: int, body: PackedBody) -> bool:
+        """Tell whether the body of a row is this one, in the very same vertices."""
+        return bool(is_same(self._array, row, *body))
 
 
 _EMPTY = PolygonSet()

@@ -21,7 +21,7 @@ import sys
 import time
 
 from sat_collision.geometry import warm_up
-from sat_collision.geometry.compilation import was_said
+from sat_collision.geometry.compilation import say_nothing
 from sat_collision.geometry.jit import KERNEL
 from sat_collision.geometry.kernel_problem import kernel_problem
 
@@ -46,7 +46,7 @@ class Preparation:
         self._say = say
         self._begun = time.monotonic()
         self._other: subprocess.Popen[bytes] | None = None
-        was_said()
+        say_nothing()
         if warm_up.is_prepared() or kernel_problem():
             say(f'preparing kernels ({KERNEL})')
         else:

@@ -19,14 +19,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from sat_collision.geometry.distance import measure_arrays
 from sat_collision.geometry.intersection import arrays_meet
-from sat_collision.geometry.polygon import as_polygon, Polygon
+from sat_collision.geometry.polygon import as_polygon, BodyLike
 from sat_collision.geometry.polygon_set import PolygonSet
 
 
-def intersects(a: Polygon | ArrayLike, b: Polygon | ArrayLike) -> bool:
+def intersects(a: BodyLike, b: BodyLike) -> bool:
     """
     Tell whether two bodies share a point; touching counts.
 
@@ -34,7 +34,7 @@ def intersects(a: Polygon | ArrayLike, b: Polygon | ArrayLike) -> bool:
 
     Parameters
     ----------
-    a, b : Polygon or (n, 2) array_like
+    a, b : Polygon, (n, 2) array_like or geometry
         Polygons, segments or points, convex or not, in one frame; metres.
 
     Returns
@@ -46,22 +46,27 @@ def intersects(a: Polygon | ArrayLike, b: Polygon | ArrayLike) -> bool:
     PolygonError
         Points that do not make a polygon.
 
+    Examples
+    --------
+    >>> intersects([(0, 0), (1, 0), (1, 1), (0, 1)], [(1, 1), (2, 3)])
+    True
+
     """
     p, n = as_polygon(a).packed
     q, m = as_polygon(b).packed
     return bool(arrays_meet(p, n, q, m))
 
 
-def intersects_many(a: Polygon | ArrayLike,
-                    others: PolygonSet | Iterable[Polygon | ArrayLike]) -> NDArray[np.bool_]:
+def intersects_many(a: BodyLike,
+                    others: PolygonSet | Iterable[BodyLike]) -> NDArray[np.bool_]:
     """
     Tell for each of many bodies whether it shares a point with one; touching counts.
 
     Parameters
     ----------
-    a : Polygon or (n, 2) array_like
+    a : Polygon, (n, 2) array_like or geometry
         The one body.
-    others : PolygonSet or sequence of Polygon or (n, 2) array_like
+    others : PolygonSet or sequence of Polygon, (n, 2) array_like or geometry
         The m other bodies.
 
     Returns
@@ -73,19 +78,23 @@ def intersects_many(a: Polygon | ArrayLike,
     PolygonError
         Points that do not make a polygon.
 
+    Examples
+    --------
+    >>> intersects_many([(0, 0), (2, 0), (2, 2)], [[(1, 0)], [(0, 1)]])
+    array([ True, False])
+
     """
-    if not isinstance(others, PolygonSet):
-        others = PolygonSet(others)
-    return others.intersects(a)
+    return _as_set(others).intersects(a)
 
 
-def intersects_pairs(a: PolygonSet, b: PolygonSet) -> NDArray[np.bool_]:
+def intersects_pairs(a: PolygonSet | Iterable[BodyLike],
+                     b: PolygonSet | Iterable[BodyLike]) -> NDArray[np.bool_]:
     """
     Tell for each pair of bodies of two sets whether they share a point; touching counts.
 
     Parameters
     ----------
-    a, b : PolygonSet
+    a, b : PolygonSet or sequence of Polygon, (n, 2) array_like or geometry
         The k-th of a is compared with the k-th of b; of equal length.
 
     Returns
@@ -94,64 +103,115 @@ def intersects_pairs(a: PolygonSet, b: PolygonSet) -> NDArray[np.bool_]:
 
     Raises
     ------
+    PolygonError
+        Points that do not make a polygon.
     ValueError
         The sets differ in length.
 
+    Examples
+    --------
+    >>> intersects_pairs([[(0, 0), (2, 2)], [(0, 0)]], [[(1, 1)], [(1, 1)]])
+    array([ True, False])
+
     """
-    return a.intersects_pairs(b)
+    return _as_set(a).intersects_pairs(_as_set(b))
 
 
-def separation(a: Polygon | ArrayLike, b: Polygon | ArrayLike) -> float:
+def separations(a: PolygonSet | Iterable[BodyLike],
+                b: PolygonSet | Iterable[BodyLike]) -> NDArray[np.float64]:
+    """
+    Return for each pair of bodies of two sets their signed distance in metres.
+
+    Parameters
+    ----------
+    a, b : PolygonSet or sequence of Polygon, (n, 2) array_like or geometry
+        The k-th of a is measured with the k-th of b; of equal length.
+
+    Returns
+    -------
+    (k,) ndarray
+        As `separation` has them.
+
+    Raises
+    ------
+    PolygonError
+        Points that do not make a polygon.
+    ValueError
+        The sets differ in length.
+
+    Examples
+    --------
+    >>> separations([[(0, 0), (2, 2)], [(0, 0)]], [[(1, 1)], [(3, 4)]])
+    array([0., 5.])
+
+    """
+    return _as_set(a).separations(_as_set(b))
+
+
+def _as_set(bodies: PolygonSet | Iterable[BodyLike]) -> PolygonSet:
+    return bodies if isinstance(bodies, PolygonSet) else PolygonSet(bodies)
+
+
+def separation(a: BodyLike, b: BodyLike) -> float:
     """
     Return the signed distance of two bodies in metres.
 
     Parameters
     ----------
-    a, b : Polygon or (n, 2) array_like
-        Polygons, segments or points, convex or not, in one frame; metres, below 8e307.
+    a, b : Polygon, (n, 2) array_like or geometry
+        Polygons, segments or points, convex or not, in one frame; metres.
 
     Returns
     -------
     float
-        Right to 8 ulp of the largest coordinate, and the same whatever the start vertices and
-        the order of the bodies. Apart: the distance, > 0. Touching: 0. Overlapping: minus the
-        penetration depth, the length of the shortest translation after which they only touch; of
-        bodies that are not convex, minus the greatest depth of a pair of their convex parts, which
-        that translation is at least as long as. It is > 0 just when `intersects` is false.
+        Right to 2^-52 of itself and 2^-96 of the largest coordinate, and the same whatever the
+        start vertices and the order of the bodies; infinite where it is beyond the largest double.
+        Apart: the distance, > 0. Touching: 0. Overlapping: minus the penetration depth, the length
+        of the shortest translation after which they only touch; of bodies that are not convex,
+        minus the greatest depth of a pair of their convex parts, which that translation is at
+        least as long as, and which is 0 for a point on a cut between parts, such as the inner
+        diagonal of an L. It is > 0 just when `intersects` is false.
 
     Raises
     ------
     PolygonError
         Points that do not make a polygon.
 
+    Examples
+    --------
+    >>> separation([(0, 0), (1, 0), (1, 1), (0, 1)], [(4, 5), (5, 5)])
+    5.0
+
     """
-    return _measure(a, b)[0]
+    p, n = as_polygon(a).packed
+    q, m = as_polygon(b).packed
+    return float(measure_arrays(p, n, q, m)[0])
 
 
-def closest_points(a: Polygon | ArrayLike, b: Polygon | ArrayLike
+def closest_points(a: BodyLike, b: BodyLike
                    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
     Return the two points that realise the separation of two bodies.
 
     Parameters
     ----------
-    a, b : Polygon or (n, 2) array_like
+    a, b : Polygon, (n, 2) array_like or geometry
         As for `separation`.
 
     Returns
     -------
     (2,) ndarray, (2,) ndarray
-        A point of a and one of b. Apart: no two points are nearer. Overlapping: moving a by the
-        second minus the first ends the overlap (of the deepest pair of convex parts).
+        A point of a and one of b, but for rounding. Apart: no two points are nearer. Touching:
+        a common point. Overlapping: moving a by the second minus the first ends the overlap (of
+        the deepest pair of convex parts).
+
+    Examples
+    --------
+    >>> closest_points([(0, 0), (0, 4)], [(3, 1)])
+    (array([0., 1.]), array([3., 1.]))
 
     """
-    _, ax, ay, bx, by = _measure(a, b)
-    return np.array([ax, ay]), np.array([bx, by])
-
-
-def _measure(a: Polygon | ArrayLike,
-             b: Polygon | ArrayLike) -> tuple[float, float, float, float, float]:
     p, n = as_polygon(a).packed
     q, m = as_polygon(b).packed
-    found: tuple[float, float, float, float, float] = measure_arrays(p, n, q, m)
-    return found
+    _, ax, ay, bx, by = measure_arrays(p, n, q, m)
+    return np.array([ax, ay]), np.array([bx, by])

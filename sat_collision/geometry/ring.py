@@ -34,9 +34,10 @@ def clean(points, ring, most, most_notched):
     """
     Turn points into a clean counter-clockwise ring.
 
-    Repeated points, the closing point and collinear vertices are dropped, clockwise order is
-    reversed, and the lexicographically least vertex goes first: equal polygons have equal rings.
-    Points that all lie on one line become a segment, equal points one vertex.
+    Repeated points, the closing point and vertices at which the boundary goes straight on are
+    dropped, clockwise order is reversed, and the lexicographically least vertex goes first: equal
+    polygons have equal rings. Points that all lie on one line become a segment, equal points one
+    vertex.
 
     Parameters
     ----------

@@ -26,7 +26,6 @@ from sat_collision.geometry.distance import measure
 from sat_collision.geometry.intersection import bodies_meet, filtered_verdict
 from sat_collision.geometry.jit import borrowed, COMPILED, inner, kernel
 from sat_collision.geometry.layout import body_size, Packed
-from sat_collision.geometry.plane import length
 from sat_collision.geometry.rows import body_of, rows_of
 from sat_collision.geometry.separating_axis import MEET, SEPARATE
 
@@ -164,11 +163,9 @@ def rows_within(set_array, body, count, margin):
     """Write the rows no further than margin from a body, ascending; return how many there are."""
     require_nearest(count)
     rows = rows_of(borrowed(set_array))
-    # Boxes are compared with a little more, since their gap is rounded as the separation is.
-    reach = margin * (1.0 + 1e-9)
     hits = 0
     for row in range(rows.used):
-        if (rows.n[row] != 0 and _box_gap(rows, row, body) <= reach
+        if (rows.n[row] != 0 and _box_gap(rows, row, body) <= margin
                 and measure(body_of(rows, row), Packed(body, 0, count))[0] <= margin):
             rows.found[hits] = row
             hits += 1
@@ -194,7 +191,8 @@ def nearest_row(set_array, body, count, skipped):
     best = -1
     gap = math.inf
     for row in range(rows.used):
-        if (rows.n[row] != 0 and _box_gap(rows, row, body) < gap
+        # A gap may be infinite.
+        if (rows.n[row] != 0 and (best < 0 or _box_gap(rows, row, body) < gap)
                 and not _contains(skipped, row)):
             gap = _box_gap(rows, row, body)
             best = row
@@ -204,7 +202,7 @@ def nearest_row(set_array, body, count, skipped):
     found = measure(body_of(rows, first), Packed(body, 0, count))
     for row in range(rows.used):
         if (row != first and rows.n[row] != 0
-                and _box_gap(rows, row, body) <= max(found[0], 0.0)
+                and _box_gap(rows, row, body) < found[0]
                 and not _contains(skipped, row)):
             other = measure(body_of(rows, row), Packed(body, 0, count))
             if other[0] < found[0]:
@@ -228,6 +226,6 @@ def _contains(numbers, number):
 
 @inner
 def _box_gap(rows, row, body):
-    """Return the distance between the bounding boxes of a row and a body."""
-    return length(max(max(rows.min_x[row] - body[4], body[2] - rows.max_x[row]), 0.0),
-                  max(max(rows.min_y[row] - body[5], body[3] - rows.max_y[row]), 0.0))
+    """Return how far along x or y bounds are apart, < 0 if not: never more than the separation."""
+    return max(max(rows.min_x[row] - body[4], body[2] - rows.max_x[row]),
+               max(rows.min_y[row] - body[5], body[3] - rows.max_y[row]))

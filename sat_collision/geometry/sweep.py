@@ -24,7 +24,8 @@ is found; until then all is clear, and there the next axis is taken. No step is 
 separation over the fastest relative vertex.
 
 Gaps are rounded; see `_MARGIN` for what makes them proofs. Coordinates are taken relative to a
-point of the surroundings, so that how far away the origin is costs no accuracy.
+point of the surroundings, so that how far away the origin is costs no accuracy; and where they are
+of extreme magnitude times a power of two, so that nothing overflows or underflows.
 """
 
 from __future__ import annotations
@@ -34,8 +35,9 @@ import math
 from numpy.typing import ArrayLike
 from sat_collision.geometry.distance import measure_arrays
 from sat_collision.geometry.intersection import arrays_meet
-from sat_collision.geometry.jit import inlined, inner, kernel, scratch
-from sat_collision.geometry.moving import boxes_stay_apart, moving_body, Part, stays_apart, STRIDE
+from sat_collision.geometry.jit import inlined, inner, kernel
+from sat_collision.geometry.moving import (
+    boxes_stay_apart, moving_body, Part, relative, stays_apart, STRIDE)
 from sat_collision.geometry.plane import nearest_of_segment
 from sat_collision.geometry.polygon import coordinates, Polygon
 from sat_collision.geometry.predicates import UNDERFLOW_BOUND
@@ -64,7 +66,7 @@ def time_of_contact(a0: ArrayLike, a1: ArrayLike, b0: ArrayLike, b1: ArrayLike,
     Parameters
     ----------
     a0, a1 : (n, 2) array_like
-        Vertices of one body at times 0 and 1: a polygon, segment or point; metres, below 1e307.
+        Vertices of one body at times 0 and 1: a polygon, segment or point; metres.
     b0, b1 : (m, 2) array_like
         Vertices of the other, in the same frame.
     tolerance : float, optional
@@ -87,6 +89,11 @@ def time_of_contact(a0: ArrayLike, a1: ArrayLike, b0: ArrayLike, b1: ArrayLike,
     ValueError
         A body with different numbers of vertices; a tolerance that is not positive and finite; a
         margin that is negative or not finite.
+
+    Examples
+    --------
+    >>> time_of_contact([(0, 0), (0, 1)], [(4, 0), (4, 1)], [(3, 1)], [(1, 0)])
+    0.5
 
     """
     if not 0.0 < tolerance < math.inf:
@@ -126,10 +133,10 @@ def first_contact(a, a_ends, b, b_ends, tolerance, apart):
     """
     if _stands(a) and _stands(b):
         return math.inf
-    x = min(_least_coordinate(a, 0), _least_coordinate(b, 0))
-    y = min(_least_coordinate(a, 1), _least_coordinate(b, 1))
-    a = _relative_to(x, y, a)
-    b = _relative_to(x, y, b)
+    a, b, extent, scale = relative(a, b)
+    apart *= scale
+    # All bodies are within this tolerance, which does not overflow as the one given may.
+    tolerance = min(tolerance, 8.0 * extent) * scale
     time = math.inf
     first = 0
     for i in range(len(a_ends)):
@@ -150,24 +157,6 @@ def _stands(array):
         if array[k] != array[k + 2] or array[k + 1] != array[k + 3]:
             return False
     return True
-
-
-@inner
-def _least_coordinate(array, k):
-    """Return the least of the numbers that stand at k for each vertex."""
-    least = array[k]
-    for i in range(k + STRIDE, len(array), STRIDE):
-        least = min(least, array[i])
-    return least
-
-
-@inner
-def _relative_to(x, y, array):
-    moved = scratch(len(array))
-    for k in range(0, len(array), 2):
-        moved[k] = array[k] - x
-        moved[k + 1] = array[k + 1] - y
-    return moved
 
 
 @inner

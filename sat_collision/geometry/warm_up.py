@@ -25,13 +25,14 @@ import os
 import threading
 
 import numpy as np
+from sat_collision.geometry.contact import contact, contact_of_arrays
 from sat_collision.geometry.jit import COMPILED, indexable
 from sat_collision.geometry.layout import packed_size
 from sat_collision.geometry.packing import pack_convex, pack_convex_moved
 from sat_collision.geometry.polygon import Polygon
-from sat_collision.geometry.polygon_set import PolygonSet
-from sat_collision.geometry.query import closest_points, intersects, intersects_pairs
-from sat_collision.geometry.scan import nearest_row
+from sat_collision.geometry.polygon_set import PackedSet, PolygonSet
+from sat_collision.geometry.query import closest_points, intersects, intersects_pairs, separations
+from sat_collision.geometry.sweep import time_of_contact
 
 _TRIANGLE = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
 _UNMOVED = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
@@ -44,7 +45,7 @@ def is_prepared() -> bool:
         return True
     # It imports numba, which may not be there, or not work.
     from sat_collision.geometry.kernel_cache import is_kept
-    return is_kept(nearest_row)
+    return is_kept(contact_of_arrays)
 
 
 def prepare_packing() -> None:
@@ -65,18 +66,20 @@ def prepare_parts() -> None:
 def prepare_contacts() -> None:
     """Have ready what finds the bodies of a set that a body meets."""
     point = _origin()
-    bodies = PolygonSet()
+    bodies = PackedSet()
     bodies.place(bodies.new_row(), point.packed, bodies)
     bodies.is_same(0, point.packed)
 
 
 def prepare_distances() -> None:
-    """Have ready what finds the body of a set that is nearest, and those within a margin."""
+    """Have ready what finds the nearest body of a set, those within a margin, and contacts."""
     point = _origin()
-    bodies = PolygonSet([point])
+    bodies = PackedSet([point])
     bodies.nearest(point)
     bodies.place(0, point.packed, PolygonSet([point]), 1.0)
     bodies.rows_within(point, 1.0)
+    # Last: `is_prepared` asks for it.
+    contact(point, point)
 
 
 def prepare_pairs() -> None:
@@ -85,12 +88,14 @@ def prepare_pairs() -> None:
     bodies = PolygonSet([body])
     intersects(body, body)
     intersects_pairs(bodies, bodies)
+    separations(bodies, bodies)
     closest_points(body, body)
+    time_of_contact(_TRIANGLE, _TRIANGLE + 2, _TRIANGLE + 4, _TRIANGLE)
 
 
 def _origin() -> Polygon:
     """Return a point packed by hand, because packing may still be in the making."""
-    return Polygon.of_packed(np.zeros(packed_size(1)), 1)
+    return Polygon._of_packed(np.zeros(packed_size(1)), 1)
 
 
 def _end_with_input() -> None:

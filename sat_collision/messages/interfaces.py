@@ -18,16 +18,25 @@ The message classes, and how they are serialised: ROS's own, or without ROS the 
 The node has ROS. The replay tool needs none, and makes the same messages with the same code.
 """
 
+from array import array
+from typing import Any
+
 try:
     from builtin_interfaces.msg import Duration, Time
     from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
     from geometry_msgs.msg import Point, Point32, PolygonInstanceStamped, PolygonStamped
     from rclpy.serialization import deserialize_message as deserialize
     from rclpy.serialization import serialize_message as serialize
+    from sensor_msgs.msg import PointCloud2, PointField
     from std_msgs.msg import Bool, ColorRGBA, Float64
     from visualization_msgs.msg import Marker, MarkerArray
+
+    def octets(data: bytes) -> Any:
+        """Return what a field of bytes holds."""
+        return array('B', data)
 except ImportError:
-    from sat_collision.messages.rosbags_interfaces import deserialize, message_class, serialize
+    from sat_collision.messages.rosbags_interfaces import (
+        deserialize, message_class, octets, serialize)
     Duration = message_class('builtin_interfaces/msg/Duration')
     Time = message_class('builtin_interfaces/msg/Time')
     DiagnosticArray = message_class('diagnostic_msgs/msg/DiagnosticArray')
@@ -37,6 +46,8 @@ except ImportError:
     Point32 = message_class('geometry_msgs/msg/Point32')
     PolygonInstanceStamped = message_class('geometry_msgs/msg/PolygonInstanceStamped')
     PolygonStamped = message_class('geometry_msgs/msg/PolygonStamped')
+    PointCloud2 = message_class('sensor_msgs/msg/PointCloud2')
+    PointField = message_class('sensor_msgs/msg/PointField')
     Bool = message_class('std_msgs/msg/Bool')
     ColorRGBA = message_class('std_msgs/msg/ColorRGBA')
     Float64 = message_class('std_msgs/msg/Float64')
@@ -44,8 +55,9 @@ except ImportError:
     MarkerArray = message_class('visualization_msgs/msg/MarkerArray')
 
 __all__ = ['Bool', 'ColorRGBA', 'DiagnosticArray', 'DiagnosticStatus', 'Duration', 'Float64',
-           'KeyValue', 'Marker', 'MarkerArray', 'Point', 'Point32', 'PolygonInstanceStamped',
-           'PolygonStamped', 'Time', 'deserialize', 'serialize', 'type_name']
+           'KeyValue', 'Marker', 'MarkerArray', 'Point', 'Point32', 'PointCloud2', 'PointField',
+           'PolygonInstanceStamped', 'PolygonStamped', 'Time', 'deserialize', 'octets',
+           'serialize', 'type_name']
 
 
 def type_name(kind: type) -> str:

@@ -23,7 +23,9 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
+from sat_collision.geometry.contact import contact
 from sat_collision.geometry.polygon import Polygon
+from sat_collision.messages.contact_cloud import MOST_CONTACTS
 from sat_collision.messages.interfaces import ColorRGBA, Duration, Marker, MarkerArray, Point
 from sat_collision.messages.labels import Box, Labels
 from sat_collision.messages.shared_region import contact_marks, Ring
@@ -47,8 +49,6 @@ _DOT = 0.1
 _TEXT = 0.25
 # How many periods markers are shown: a dead monitor shall not leave a green robot behind.
 _PERIODS = 3
-# Who touches more than these sees it without further marks, each of which costs time.
-_MOST_CONTACTS = 50
 
 
 class _Style(NamedTuple):
@@ -65,6 +65,7 @@ _DOTS = _Style(Marker.SPHERE_LIST, 0.01, _DOT)
 _REGION = _Style(Marker.TRIANGLE_LIST, 0.02, 1.0)
 _SEGMENTS = _Style(Marker.LINE_LIST, 0.02, 2.0 * _LINE)
 _SPOTS = _Style(Marker.SPHERE_LIST, 0.02, 1.5 * _DOT)
+_NORMALS = _Style(Marker.LINE_LIST, 0.03, _LINE)
 _AXIS = _Style(Marker.LINE_LIST, 0.02, 0.5 * _LINE)
 _CLOSEST = _Style(Marker.SPHERE_LIST, 0.02, _DOT)
 
@@ -96,7 +97,7 @@ class Markers:
     Every message deletes all and draws all. Namespaces: `<name>/fill`, `<name>/outline` and
     `<name>/points` for each footprint and source of obstacles, of which id 1 has those in contact
     and id 0 the rest; `<footprint>/name` says its name and state. `contacts/...` show where bodies
-    meet, `nearest/...` the nearest pair apart.
+    meet, and which way the footprint would have to move; `nearest/...` the nearest pair apart.
     """
 
     def __init__(self) -> None:
@@ -163,8 +164,8 @@ class Markers:
                     text)
 
     def _draw_contacts(self, contacts: Iterable[tuple[ObstacleId, Polygon, Polygon]]) -> None:
-        marks = [mark for _, own, other in islice(contacts, _MOST_CONTACTS)
-                 for mark in contact_marks(own, other)]
+        pairs = [(own, other) for _, own, other in islice(contacts, MOST_CONTACTS)]
+        marks = [mark for own, other in pairs for mark in contact_marks(own, other)]
         for ns, style, points in (
                 ('regions', _REGION, [p for mark in marks for p in _triangles(mark)]),
                 ('segments', _SEGMENTS, [p for mark in marks if len(mark) == 2
@@ -172,6 +173,8 @@ class Markers:
                 ('points', _SPOTS, [p for mark in marks if len(mark) == 1
                                     for p in _points(mark)])):
             self._add(f'contacts/{ns}', 0, style, _MAROON, points)
+        self._add('contacts/normals', 0, _NORMALS, _AMBER, [
+            end for own, other in pairs for end in _points(_normals(own, other))])
 
     def _draw_nearest(self, scene: Scene, names: list[str]) -> None:
         """Draw the closest points of the nearest pair apart, and the axis they are on."""
@@ -218,6 +221,13 @@ class Markers:
         marker.header.frame_id = self._frame_id
         self._markers.append(marker)
         return marker
+
+
+def _normals(footprint: Polygon, obstacle: Polygon) -> Ring:
+    """Return the ends of lines along the normal from the points of contact."""
+    found = contact(footprint, obstacle)
+    way = max(found.depth, _TEXT) * found.normal
+    return np.stack([found.points_a, found.points_a + way], 1).reshape(-1, 2)
 
 
 def _triangles(ring: Ring) -> list[Any]:

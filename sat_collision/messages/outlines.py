@@ -23,10 +23,10 @@ from sat_collision.messages.cdr import Points
 from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.teller import Teller
 from sat_collision.messages.transform_listener import TransformListener
-from sat_collision.scene.deadlines import NEVER
 from sat_collision.scene.frames import NoTransform
 from sat_collision.scene.outlines import Outline, outline_of
 from sat_collision.scene.settings import FootprintSettings, Settings
+from sat_collision.scene.times import NEVER
 
 # An outline in a static frame is placed again so often within its timeout.
 _TIMES_PLACED = 3
@@ -74,9 +74,9 @@ class Outlines:
         for one in self._outlines.values():
             one.forget()
 
-    def receive(self, name: str, data: bytes) -> list[Rejection]:
+    def receive(self, name: str, data: bytes, now: int) -> list[Rejection]:
         """Take a message of odometry for a footprint."""
-        problem = self._transforms.hear_odometry(data)
+        problem = self._transforms.hear_odometry(data, now)
         return [self._teller.reject(self._outlines[name].settings, *problem)] if problem else []
 
     def follow(self, now: int) -> list[Rejection]:
@@ -101,7 +101,7 @@ class Outlines:
             return []
         one.is_pending = False
         one.begin(now)
-        found = self._transforms.newest(settings.frame_id)
+        found = self._transforms.newest(settings.frame_id, now)
         if isinstance(found, NoTransform):
             if one.fault == found.reason or (found.may_come and not one.has_waited(
                     now, self._patience)):
@@ -111,7 +111,7 @@ class Outlines:
         if not one.is_moved(found.at, now):
             return []
         one.next = max(one.next, now) + one.period
-        one.stamp, one.is_static, one.fault = found.at or now, found.at is None, ''
+        one.stamp, one.is_static, one.fault = min(found.at or now, now), found.at is None, ''
         if not settings.odometry:
             self._received[settings.name] += 1
         rejection = self._teller.place(settings, one.points, found, now)

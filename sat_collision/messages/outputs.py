@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the node publishes of a scene: flags, separations, states and markers."""
+"""What the node publishes of a scene: flags, separations, contacts, states and markers."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from collections.abc import Iterable, Mapping
 import math
 from typing import Any, Protocol
 
+from sat_collision.messages.contact_cloud import contact_cloud
 from sat_collision.messages.interfaces import (
-    Bool, DiagnosticArray, Float64, MarkerArray, serialize)
+    Bool, DiagnosticArray, Float64, MarkerArray, PointCloud2, serialize)
 from sat_collision.messages.markers import Markers
 from sat_collision.messages.states import States
 from sat_collision.scene.footprints import State, Status
-from sat_collision.scene.scene import Scene
+from sat_collision.scene.scene import Nearest, Scene
 from sat_collision.scene.settings import Settings
-from sat_collision.scene.view import Nearest
 
 _FLAGS = {raised: serialize(Bool(data=raised)) for raised in (False, True)}
 _UNKNOWN = serialize(Float64(data=math.nan))
@@ -63,7 +63,8 @@ class Outputs:
     markers_current : bool
         Whether the markers made last show the scene as it is; to be unset when a body has changed.
     measures : bool
-        Whether distances are measured; without, states have none and nothing is drawn.
+        Whether distances are measured; without, states have none, no contacts are published and
+        nothing is drawn.
 
     """
 
@@ -77,6 +78,9 @@ class Outputs:
             for footprint in settings.footprints}
         self._separations = {
             name: node.create_publisher(Float64, f'~/{name}/separation', 10)
+            for name in self._flags}
+        self._clouds = {
+            name: node.create_publisher(PointCloud2, f'~/{name}/contacts', 10)
             for name in self._flags}
         self._raised: set[str] = set()
         self._node_name = node.get_fully_qualified_name()
@@ -130,8 +134,12 @@ class Outputs:
                    for name in (self._flags if with_states else measured)}
         for name in measured:
             self._publish_separation(name, nearest[name])
+        stamp = self._clock.now().to_msg()
         if with_states:
-            self._publish_states(nearest)
+            self._publish_states(nearest, stamp)
+        for name in names:
+            if self.measures and self._clouds[name].get_subscription_count():
+                self._clouds[name].publish(contact_cloud(self._scene, name, stamp))
 
     def statuses(self) -> list[Any]:
         """Return a status of each footprint, without what changes all the time."""
@@ -172,14 +180,14 @@ class Outputs:
         else:
             self._separations[name].publish(_UNKNOWN)
 
-    def _publish_states(self, nearest: Mapping[str, Nearest | None]) -> None:
+    def _publish_states(self, nearest: Mapping[str, Nearest | None], stamp: Any) -> None:
         self._states.update(self._scene)
         for name, found in nearest.items():
             state = self._scene.state(name)
             named = {*state.contacts, *((found[0],) if found else ())}
             self._states.write_moving(name, state.age, found, self._scene.newer_by(name, named),
                                       self._scene.origin(name))
-        self._state_publisher.publish(self._states.message(self._clock.now().to_msg()))
+        self._state_publisher.publish(self._states.message(stamp))
 
     def publish_markers(self) -> None:
         """Publish the markers if somebody wants them."""

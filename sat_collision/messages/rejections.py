@@ -20,11 +20,11 @@ from typing import NamedTuple
 
 from sat_collision.geometry.polygon import Reason
 from sat_collision.scene import frame_tree, frames
-from sat_collision.scene.doubts import BY_ANOTHER_CLOCK, FAR
 from sat_collision.scene.frame_ids import in_quotes
-from sat_collision.scene.holders import OTHER_FRAME, TOO_MANY
+from sat_collision.scene.obstacle_store import OTHER_FRAME, TOO_MANY
 from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
 from sat_collision.scene.sources import TOO_OLD
+from sat_collision.scene.times import BY_ANOTHER_CLOCK, FAR
 
 EMPTY_FRAME_ID = 'empty frame_id'
 LONG_FRAME_ID = 'long frame_id'
@@ -56,8 +56,8 @@ _ADVICE = {
     frames.UNKNOWN_FRAME: 'check the frame_id and which transforms are published on /tf and '
                           '/tf_static',
     frame_tree.BAD_NAMES: 'a transform must name two frames',
-    frame_tree.BAD_TRANSFORM: 'the publisher must send finite numbers and a quaternion of '
-                              'length 1',
+    frame_tree.BAD_TRANSFORM: 'the publisher must send finite numbers and a quaternion that is '
+                              'not zero',
     frame_tree.OLD_TRANSFORM: 'check the clocks; two publishers of one frame do this, too',
     frame_tree.TOO_MANY_FRAMES: 'find out who makes up names of frames',
 }

@@ -42,6 +42,11 @@ def deserialize(data: bytes, kind: Any) -> Any:
     return kind(**{field: getattr(message, field) for field in kind.__slots__})
 
 
+def octets(data: bytes) -> Any:
+    """Return what a field of bytes holds."""
+    return np.frombuffer(data, np.uint8)
+
+
 @functools.cache
 def message_class(name: str) -> type:
     """Return the class of a type such as std_msgs/msg/Bool: fields by keyword, all optional."""

@@ -26,9 +26,8 @@ from sat_collision.messages.interfaces import DiagnosticArray, DiagnosticStatus,
 from sat_collision.scene import frame_ids
 from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.obstacles import ObstacleId
-from sat_collision.scene.scene import Scene
+from sat_collision.scene.scene import Nearest, Scene
 from sat_collision.scene.settings import Settings
-from sat_collision.scene.view import Nearest
 
 _LEVELS = {
     Status.CLEAR: DiagnosticStatus.OK,

@@ -22,6 +22,7 @@ from collections.abc import Callable
 from sat_collision.geometry.polygon import PlaneMap, PolygonError
 from sat_collision.messages.cdr import decode, MessageError, Points
 from sat_collision.messages.packer import Packer
+from sat_collision.messages.placement import Placement
 from sat_collision.messages.rejections import (
     detail_of, EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE)
 from sat_collision.messages.transform_listener import TransformListener
@@ -45,22 +46,20 @@ class Teller:
         None where what is not in the fixed frame is refused.
     watch_clock : callable
         Takes the present time in ns before a transform is asked for.
+    placements : list of Placement, optional
+        Gets what was taken.
 
     Attributes
     ----------
-    stamp, points, plane : int, Points, PlaneMap or None
-        Of the message that the scene is told of: its own, and the map that takes the points to
-        the fixed frame, None where they are in it.
     rejected : Counter
         The messages that were not taken, by (name, reason).
 
     """
 
     def __init__(self, settings: Settings, scene: Scene, transforms: TransformListener | None,
-                 watch_clock: Callable[[int], None]) -> None:
-        self.stamp = 0
-        self.points: Points = b'', 0, 0
-        self.plane: PlaneMap | None = None
+                 watch_clock: Callable[[int], None],
+                 placements: list[Placement] | None = None) -> None:
+        self._placements = placements
         self.rejected: Counter[tuple[str, str]] = Counter()
         self._scene = scene
         self._transforms = transforms
@@ -70,21 +69,21 @@ class Teller:
                           if source.type == POLYGON_INSTANCE}
         self._packer = Packer(settings.max_vertices)
 
-    def take(self, settings: FootprintSettings | ObstacleSettings, data: bytes, now: int,
-             may_wait: bool = True) -> Rejection | Wait | None:
+    def take(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
+             number: int | None, now: int, may_wait: bool = True) -> Rejection | Wait | None:
         """Tell the scene of a message; return WAIT if its transform may come, and it may wait."""
         scene, name = self._scene, settings.name
         stamp = instance = None
         try:
             stamp, frame_id, points, instance = decode(data, name in self._with_ids)
-            self.stamp, self.points, self.plane = stamp, points, None
+            plane: PlaneMap | None = None
             if not frame_id:
                 return self.refuse(settings, EMPTY_FRAME_ID, 'its header names no frame', now,
-                                   stamp, instance)
+                                   stamp, instance, number)
             if len(frame_id) > LONGEST_FRAME_ID:
                 return self.refuse(
                     settings, LONG_FRAME_ID, f'{len(frame_id)} characters where '
-                    f'{LONGEST_FRAME_ID} are accepted', now, stamp, instance)
+                    f'{LONGEST_FRAME_ID} are accepted', now, stamp, instance, number)
             origin = None
             if self._transforms and frame_id != self._fixed and points[2]:
                 self._watch_clock(now)
@@ -93,20 +92,24 @@ class Teller:
                     if found.may_come and may_wait and stamp:
                         return WAIT
                     return self.refuse(settings, found.reason, found.detail, now, stamp,
-                                       instance)
-                self.plane, at = found
+                                       instance, number)
+                plane, at = found
                 origin, frame_id = (frame_id, at), self._fixed
             if isinstance(settings, FootprintSettings):
-                refusal = scene.footprint(name, self._packer.pack(points, self.plane), frame_id,
-                                          stamp, now, origin)
+                refusal = scene.footprint(name, self._packer.pack(points, plane), frame_id,
+                                          stamp, now, origin, number)
             else:
-                body = self._packer.pack(points, self.plane) if points[2] else None
-                refusal = scene.obstacle(name, body, frame_id, stamp, now, instance)
+                body = self._packer.pack(points, plane) if points[2] else None
+                refusal = scene.obstacle(name, body, frame_id, stamp, now, instance, number)
         except MessageError as error:
-            return self.refuse(settings, UNDECODABLE, str(error), now)
+            return self.refuse(settings, UNDECODABLE, str(error), now, number=number)
         except PolygonError as error:
-            return self.refuse(settings, error.reason.value, str(error), now, stamp, instance)
+            return self.refuse(settings, error.reason.value, str(error), now, stamp, instance,
+                               number)
         if refusal is None:
+            if self._placements is not None:
+                self._placements.append(Placement(
+                    name, stamp or now, stamp != 0, frame_id, points, plane, instance))
             return None
         return self.reject(settings, refusal, detail_of(
             refusal, frame_id, scene.frame_id, (now - stamp) / 1e9, settings.timeout))
@@ -115,7 +118,6 @@ class Teller:
               now: int) -> Rejection | None:
         """Tell the scene where the outline of a footprint is: in its frame, which is found."""
         stamp = now if found.at is None else found.at
-        self.stamp, self.points, self.plane = stamp, points, found.plane
         try:
             refusal = self._scene.footprint(
                 settings.name, self._packer.pack(points, found.plane), self._fixed, stamp, now,
@@ -123,14 +125,18 @@ class Teller:
         except PolygonError as error:
             return self.refuse(settings, error.reason.value, str(error), now, stamp)
         if refusal is None:
+            if self._placements is not None:
+                self._placements.append(Placement(
+                    settings.name, stamp, True, self._fixed, points, found.plane, None))
             return None
         return self.reject(settings, refusal, detail_of(
             refusal, self._fixed, self._fixed, (now - stamp) / 1e9, settings.timeout))
 
     def refuse(self, settings: FootprintSettings | ObstacleSettings, reason: str, detail: str,
-               now: int, stamp: int | None = None, instance: int | None = None) -> Rejection:
+               now: int, stamp: int | None = None, instance: int | None = None,
+               number: int | None = None) -> Rejection:
         """Tell the scene, and the caller, of a message that gives no polygon."""
-        self._scene.refuse(settings.name, reason, now, stamp, instance)
+        self._scene.refuse(settings.name, reason, now, stamp, instance, number)
         return self.reject(settings, reason, detail)
 
     def reject(self, settings: FootprintSettings | ObstacleSettings, reason: str,

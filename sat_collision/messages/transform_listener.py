@@ -21,11 +21,12 @@ from collections import Counter
 from sat_collision.messages.cdr import MessageError
 from sat_collision.messages.rejections import Rejection, UNDECODABLE
 from sat_collision.messages.transforms import decode_odometry, decode_transforms
-from sat_collision.scene.deadlines import NEVER
 from sat_collision.scene.frame_ids import in_quotes, in_words
 from sat_collision.scene.frames import Frames, Mapped, NoTransform
 from sat_collision.scene.rotations import Transform
+from sat_collision.scene.scene import FROM_FUTURE
 from sat_collision.scene.settings import Settings, TF
+from sat_collision.scene.times import NEVER
 
 TF_STATIC = '/tf_static'
 TRANSFORM_TOPICS = (TF, TF_STATIC)
@@ -70,13 +71,15 @@ class TransformListener:
     def configure(self, settings: Settings) -> None:
         """Apply settings."""
         self._target = settings.frame_id
+        self._tolerance = round(settings.future_tolerance * 1e9)
         self.frames.configure(settings.max_tf_gap * 1e9, settings.max_tilt)
 
     def clear(self) -> None:
         """Forget what was told of another time: all but the static frames."""
         self.frames.clear()
 
-    def listen(self, topic: str, data: bytes, number: int | None = None) -> list[Rejection]:
+    def listen(self, topic: str, data: bytes, now: int,
+               number: int | None = None) -> list[Rejection]:
         """Take a message of /tf or /tf_static, and which one of its publisher it is, if known."""
         self.received[topic] += 1
         try:
@@ -89,8 +92,14 @@ class TransformListener:
         static = topic == TF_STATIC
         numbers = self._numbers
         for parent, child, stamp, transform in transforms:
-            refusal = insert(parent, child, stamp, transform, static)
-            if refusal:
+            if now and stamp > now + self._tolerance and not static:
+                refusal: str | None = FROM_FUTURE
+            else:
+                refusal = insert(parent, child, stamp, transform, static)
+            if refusal == FROM_FUTURE:
+                self._count(in_words(child), refusal)
+                rejections.append(Rejection(topic, topic, refusal, _ahead(child, stamp, now)))
+            elif refusal:
                 self._count(in_words(child), refusal)
                 rejections.append(Rejection(topic, topic, refusal, _detail(
                     parent, child, transform, 'by an unknown publisher ')))
@@ -103,13 +112,16 @@ class TransformListener:
         self.transforms += len(transforms) - len(rejections)
         return rejections
 
-    def hear_odometry(self, data: bytes) -> tuple[str, str] | None:
+    def hear_odometry(self, data: bytes, now: int) -> tuple[str, str] | None:
         """Take an Odometry; return reason and detail if it is of no use."""
         try:
             parent, child, stamp, transform = decode_odometry(data)
         except MessageError as error:
             return UNDECODABLE, str(error)
-        refusal = self.frames.insert(parent, child, stamp, transform)
+        if now and stamp > now + self._tolerance:
+            return FROM_FUTURE, _ahead(child, stamp, now)
+        # One that is ahead of the clock must not shut out those that follow.
+        refusal = self.frames.insert(parent, child, min(stamp, now) if now else stamp, transform)
         if refusal:
             return refusal, _detail(parent, child, transform)
         self.transforms += 1
@@ -126,9 +138,9 @@ class TransformListener:
         """Return when between two times a frame was told to be in the fixed frame, in ns."""
         return self.frames.stamps(self._target, frame_id, after, until)
 
-    def newest(self, frame_id: str) -> Mapped | NoTransform:
+    def newest(self, frame_id: str, now: int) -> Mapped | NoTransform:
         """Return what takes a frame to the fixed frame at the newest time that is known."""
-        return self.frames.newest_plane(self._target, frame_id)
+        return self.frames.newest_plane(self._target, frame_id, now=now)
 
     def plane(self, frame_id: str, stamp: int, now: int,
               timeout: float) -> Mapped | NoTransform:
@@ -151,7 +163,12 @@ class TransformListener:
         if stamp:
             return self.frames.plane(self._target, frame_id, stamp)
         oldest = now - timeout * 1e9 if timeout > 0.0 else -NEVER
-        return self.frames.newest_plane(self._target, frame_id, oldest)
+        return self.frames.newest_plane(self._target, frame_id, oldest, now)
+
+
+def _ahead(child: str, stamp: int, now: int) -> str:
+    return (f'the transform of {in_quotes(child)} is stamped {(stamp - now) / 1e9:.3f} s ahead of '
+            'the clock')
 
 
 def _detail(parent: str, child: str, transform: Transform, publisher: str = '') -> str:

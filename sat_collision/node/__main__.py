@@ -17,10 +17,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+import os
 import sys
 
 from sat_collision import __version__
 from sat_collision.node.signals import end_on_signals
+
+_STDERR = 2
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -28,10 +31,23 @@ def main(args: Sequence[str] | None = None) -> int:
     if '--version' in (sys.argv if args is None else args):
         print(f'sat_collision {__version__}')
         return 0
+    _fill_standard_streams()
     end_on_signals()
     # Not before: it takes so long to import that a signal may come meanwhile.
     from sat_collision.node.process import run
     return run(args)
+
+
+def _fill_standard_streams() -> None:
+    """
+    Open /dev/null as each standard stream that is closed.
+
+    Else the next file that is opened takes its place, and what is printed goes there: into the
+    pipe that ends the node on signals, for one.
+    """
+    while (opened := os.open(os.devnull, os.O_RDWR)) <= _STDERR:
+        os.set_inheritable(opened, True)
+    os.close(opened)
 
 
 if __name__ == '__main__':

@@ -29,9 +29,8 @@ from sat_collision.messages.outputs import Outputs
 from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
-from sat_collision.node import loop, waiting
-from sat_collision.node.fallback import ExecutorLoop
 from sat_collision.node.health import Health
+from sat_collision.node.loop import Loop, Reserved
 from sat_collision.node.parameters import Parameters
 from sat_collision.node.quality import flag_qos
 from sat_collision.node.receiver import Backlog
@@ -41,6 +40,7 @@ from sat_collision.node.timing import ClockWatch, Every
 from sat_collision.node.transforms import subscribe, transform_type
 from sat_collision.node.watchdog import Watchdog
 from sat_collision.scene.settings import Settings
+from sat_collision.scene.times import NEVER
 
 NAME = 'footprint_monitor'
 
@@ -49,6 +49,8 @@ NAME = 'footprint_monitor'
 _TICK = 0.1
 _HEALTH_PERIOD = 1.0
 _LOG_PERIOD = 1.0
+# After so many s all has had the time to begin.
+_STARTED = 5.0
 # The node ticks so many times, at least, in the time after which the watchdog calls it stalled.
 _TICKS_IN_TIME = 3.0
 _SHORTEST_TICK = 0.02
@@ -88,21 +90,16 @@ class FootprintMonitor(Node):
         transforms = transform_type(self, settings)
         self._monitor = Monitor(settings, transforms is not None)
         self._scene = self._monitor.scene
-        self._outputs = Outputs(self, settings, self._scene, flag_qos(settings))
+        self._outputs = Outputs(self, settings, self._scene, flag_qos())
         self._outputs.measures = self._preparation.is_complete()
         self._health = Health(self, {'kernel': KERNEL,
                                      'problem of kernels': kernel_problem() or 'none'})
         self._logged: dict[tuple[str, str], float] = {}
-        in_loop = waiting.is_supported()
-        self._taken_by = loop.Reserved() if in_loop else self.default_callback_group
-        subscriptions = Subscriptions(self, settings, self._receive_alone, self._taken_by,
-                                      self._health)
-        for name in subscriptions.latched:
-            self._scene.meet_publisher(name, True)
-        self._inputs = inputs = subscriptions.inputs
-        self._dead = subscriptions.dead
-        transform_inputs = transforms and subscribe(self, transforms, self._receive_alone,
-                                                    self._taken_by)
+        taken_by = Reserved()
+        self._inputs = Subscriptions(self, settings, taken_by, self._health)
+        transform_inputs = transforms and subscribe(self, transforms, taken_by)
+        self._behind: set[str] = set()
+        self._reports_unknown_at = time.monotonic() + _STARTED
         self._clock_watch = ClockWatch()
         self._warns_of_losses = True
         self._ticked = 0.0
@@ -112,14 +109,8 @@ class FootprintMonitor(Node):
         self._watchdog = Watchdog(self._raise_alarm, self._end_alarm)
         self._is_stalled = False
         self._set_rates(settings)
-        if in_loop:
-            self.loop: loop.Loop | ExecutorLoop = loop.Loop(
-                self, [*(transform_inputs or ()), *inputs], self,
-                lambda: self._scene.settings.max_batch_delay)
-        else:
-            self.get_logger().warning('this rclpy has not what the loop of this node stands on: '
-                                      'using the single-threaded executor, which costs more')
-            self.loop = ExecutorLoop(self, self)
+        self.loop = Loop(self, [*(transform_inputs or ()), *self._inputs.inputs], self,
+                         lambda: self._scene.settings.max_batch_delay)
         parameters.on_change(self._configure, self._health.note_change)
 
     def _set_rates(self, settings: Settings) -> None:
@@ -153,6 +144,12 @@ class FootprintMonitor(Node):
         elif rejections := self._monitor.receive_batch(name, messages, now):
             self._log(rejections)
 
+    def begin_stream(self, name: str) -> None:
+        """Look who publishes, before the first message of a publisher is taken."""
+        endpoints = self._inputs.publishers.at_beginning(name)
+        if endpoints is not None:
+            self._monitor.update_publishers(name, endpoints)
+
     def end_batch(self, messages: int, seconds: float) -> None:
         """Publish what has changed, after so many messages that took so long."""
         self._health.count_batch(messages, seconds)
@@ -162,8 +159,10 @@ class FootprintMonitor(Node):
     def note_backlog(self, name: str, backlog: Backlog | None) -> None:
         """Take note of how far behind a topic is, None where it is not any more."""
         self._health.note_backlog(name, backlog)
-        if name not in TRANSFORM_TOPICS:
-            self._monitor.note_backlog(name, backlog.seconds if backlog else None)
+        if backlog:
+            self._behind.add(name)
+        else:
+            self._behind.discard(name)
 
     def due(self, now: int, steady: float) -> float:
         """Return when the next tick is due, by the steady clock in s."""
@@ -192,9 +191,13 @@ class FootprintMonitor(Node):
 
     def _look_around(self, now: int, steady: float) -> None:
         """Look at what nothing tells of: publishers, clock, middleware, kernels in the making."""
-        for one in self._inputs:
-            alive = one.subscription.get_publisher_count() - self._dead[one.name]
-            self._monitor.count_publishers(one.name, max(alive, 0))
+        for name, endpoints in self._inputs.publishers.news(self._behind):
+            self._monitor.update_publishers(name, endpoints)
+        for one in self._inputs.inputs:
+            if self._scene.wants_history(one.name) and self._inputs.renew(one.name):
+                self._scene.renew(one.name)
+        if steady >= self._reports_unknown_at:
+            self._report_unknown()
         self._scene.stop_clock(
             self.get_clock().ros_time_is_active and now > 0
             and self._clock_watch.stands(now, steady, self._scene.settings.clock_timeout))
@@ -225,10 +228,13 @@ class FootprintMonitor(Node):
         self._health.count_stall(stalled)
         self.get_logger().error(f'the monitor goes on after a stall of {stalled:.1f} s')
 
-    def _receive_alone(self, name: str, data: bytes, info: dict[str, Any]) -> None:
-        start = time.perf_counter()
-        self.receive(name, [(data, info['publication_sequence_number'])], self.present())
-        self.end_batch(1, time.perf_counter() - start)
+    def _report_unknown(self) -> None:
+        """Say once, when all has had the time to begin, what is not known yet, and why."""
+        self._reports_unknown_at = NEVER
+        reasons = {reason for footprint in self._scene.settings.footprints
+                   if footprint.enabled for reason in self._scene.doubts(footprint.name)}
+        for reason in sorted(reasons):
+            self.get_logger().warning(f'unknown since the start: {reason}')
 
     def _log(self, rejections: Iterable[Rejection]) -> None:
         """Log rejected messages, once a second at most for each source and reason."""

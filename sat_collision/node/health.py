@@ -52,8 +52,7 @@ class Health:
         name = node.get_fully_qualified_name()
         self._status = DiagnosticStatus(name=f'{name}: health', hardware_id=name)
         self._facts = facts
-        self._incompatible: dict[str, str] = {}
-        self._unseen: set[str] = set()
+        self._flag = node.resolve_topic_name('~/collision')
         self._events: Counter[tuple[str, str]] = Counter()
         self._news: Counter[str] = Counter()
         self._received: Counter[str] = Counter()
@@ -77,11 +76,6 @@ class Health:
         """Count that the node was stalled for so long."""
         self._stalls += 1
         self._longest_stall = max(self._longest_stall, seconds)
-
-    def incompatible_qos(self, topic: str, policy: str) -> None:
-        """Note that a publisher on a topic cannot be heard."""
-        self._incompatible[topic] = policy
-        self._unseen.add(topic)
 
     def count_event(self, topic: str, what: str, count: int) -> None:
         """Count what the quality of service of a topic promised and did not keep."""
@@ -113,7 +107,6 @@ class Health:
             Of the footprints.
 
         """
-        self._forget_who_left()
         self._write(monitor)
         self._send([self._status, *states])
 
@@ -127,17 +120,6 @@ class Health:
         message = DiagnosticArray(status=statuses)
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
-
-    def _forget_who_left(self) -> None:
-        """Forget incompatible publishers of topics that have none any more."""
-        for subscription in self._node.subscriptions:
-            topic = subscription.topic_name
-            if topic in self._incompatible:
-                all_publishers = self._node.count_publishers(topic)
-                if all_publishers > subscription.get_publisher_count():
-                    self._unseen.discard(topic)
-                elif topic not in self._unseen:
-                    del self._incompatible[topic]
 
     def _write(self, monitor: Monitor) -> None:
         now = time.monotonic()
@@ -175,11 +157,8 @@ class Health:
             values['stalls'] = f'{self._stalls}, the longest of {self._longest_stall:.1f} s'
         for name, change in self._changes.items():
             values[f'{name}: changed'] = change
-        for topic, policy in self._incompatible.items():
-            values[f'{topic}: incompatible QoS'] = policy
         self._status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
-        problems = [f'incompatible QoS on {topic}' for topic in self._incompatible]
-        problems += monitor.scene.source_faults
+        problems = [*monitor.scene.source_faults]
         if twice:
             publishers = ', '.join(sorted(publishers_of_tf(self._node))) or 'unknown'
             frames = ', '.join(map(in_words, [*twice][:_MOST_NAMED]))
@@ -196,6 +175,10 @@ class Health:
         problems += [f'{what}: {count}' for what, count in (+self._news).items()]
         self._news.clear()
         self._status.level = DiagnosticStatus.WARN if problems else DiagnosticStatus.OK
+        if (rivals := self._node.count_publishers(self._flag) - 1) > 0:
+            self._status.level = DiagnosticStatus.ERROR
+            problems.insert(0, f'{rivals} more publish {self._flag}: another monitor of this name '
+                               'runs, so that no flag can be trusted: end it, or rename one')
         self._status.message = '; '.join(problems) or 'running'
         self._received = received
         self._refused, self._lost = refused, lost

@@ -23,9 +23,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from functools import partial
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.executors import SingleThreadedExecutor
@@ -44,15 +45,15 @@ _FEW = 5
 # After a longer wait a message has come alone, as a rule, in s. To look for another one behind it
 # costs as much as taking it; if there is one, the next wait is short.
 _LONG_WAIT = 1e-4
-# How often the executor is run for what is not waited for, such as a publisher that does not
-# fit, in s.
-_OTHERS_PERIOD = 1.0
+# What the middleware calls the number of a message among those of its publisher.
+_NUMBER = 'publication_sequence_number'
 # A process that comes so much too late was held up, and what was sent meanwhile may still be on
 # its way to the queues, in s.
 HELD_UP = 0.03
 
 
-class Input(NamedTuple):
+@dataclass
+class Input:
     """A subscription of a footprint or source of obstacles, and the name of that."""
 
     name: str
@@ -74,6 +75,10 @@ class Reserved(CallbackGroup):
         """Do nothing: what is executed excludes nothing else."""
 
 
+def leave(_: bytes) -> None:
+    """Do nothing with a message: the callback of a subscription from which the loop takes."""
+
+
 class Loop:
     """
     Runs a node in this thread.
@@ -81,9 +86,9 @@ class Loop:
     In each turn it waits for messages, takes those of each topic in turn, footprints first, for
     no longer than a budget, and has published once what has changed by all of them; after a long
     wait it takes one of each topic. Where messages are many it rests between turns instead of
-    waiting: fewer wakes, larger batches. What else the node has is done by an executor of rclpy's
-    now and then, and when a service is called, which is looked at once a tick: each thing waited
-    for costs with every wake.
+    waiting: fewer wakes, larger batches. Services and events of the middleware are looked at once
+    a tick: each thing waited for costs with every wake. What a service asks for is done by an
+    executor of rclpy's.
 
     Parameters
     ----------
@@ -101,7 +106,8 @@ class Loop:
         self._node = node
         self._receiver = receiver
         self._max_batch_delay = max_batch_delay
-        self._topics = [_Topic(one, receiver) for one in inputs]
+        self._inputs = inputs
+        self._topics: list[_Topic] = []
         self._budget = _LONGEST_TURN / len(inputs)
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
@@ -112,7 +118,6 @@ class Loop:
         self._ticked = True
         self._next_tick = 0.0
         self._was_held_up = False
-        self._next_others = 0.0
         self._taken = 0
         self._counted_since = time.monotonic()
 
@@ -120,6 +125,7 @@ class Loop:
         """Run until `ended` is true, which is looked at after each turn."""
         while not ended():
             with ExitStack() as held:
+                self._topics = [_Topic(one, self._receiver) for one in self._inputs]
                 waiting = Waiting(self._node, {topic.pointer for topic in self._topics}, held)
                 # What is waited for changes seldom, such as with use_sim_time.
                 while not ended() and not (self._ticked and waiting.is_outdated()):
@@ -149,9 +155,9 @@ class Loop:
             self._taken += taken
             self._receiver.end_batch(taken, now - begun)
         waiting.take_others(ready)
-        if waiting.is_service_called or now >= self._next_others:
+        if waiting.is_service_called:
+            waiting.is_service_called = False
             self._executor.spin_once(0.0)
-            self._next_others = now + _OTHERS_PERIOD
         if late >= 0.0:
             self._was_held_up = late > HELD_UP and not self._was_held_up
             self._receiver.tick(present, not (self._was_held_up or self._is_behind))
@@ -202,7 +208,10 @@ class _Topic:
         if taken is None:
             return 0
         data, info = taken
-        self._receiver.receive(self._name, ((data, info['publication_sequence_number']),), now)
+        number = info[_NUMBER]
+        if number == 1:
+            self._receiver.begin_stream(self._name)
+        self._receiver.receive(self._name, ((data, number),), now)
         return 1
 
     def take(self, budget: float, now: int) -> int:
@@ -226,7 +235,10 @@ class _Topic:
         while taken is not None:
             data, self._last = taken
             self._count += 1
-            yield data, self._last['publication_sequence_number']
+            number = self._last[_NUMBER]
+            if number == 1:
+                self._receiver.begin_stream(self._name)
+            yield data, number
             if time.monotonic() >= end:
                 self.is_behind = True
                 break

@@ -18,22 +18,21 @@ from __future__ import annotations
 
 from rclpy.duration import Duration
 from rclpy.qos import QoSLivelinessPolicy, QoSPolicyKind, QoSProfile
-from sat_collision.scene.settings import Settings
 
 # What can be overridden of the subscriptions.
 OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
                QoSPolicyKind.DURABILITY, QoSPolicyKind.DEADLINE, QoSPolicyKind.LIVELINESS,
                QoSPolicyKind.LIVELINESS_LEASE_DURATION)
 
-# Flags are published within this time, or three of their periods if that is longer: what DDS
-# promises to those who subscribe. After so much longer without one the monitor counts as dead.
+# What DDS promises to those who subscribe to flags, in s: one within the deadline, or the monitor
+# is dead after the lease.
 _DEADLINE = 0.3
 _LEASE = 0.5
 
 
-def flag_qos(settings: Settings) -> QoSProfile:
-    """Return what the publishers of flags offer: to be heard of often, or to be dead."""
-    late = max(_DEADLINE, 3.0 / settings.publish_rate)
+def flag_qos() -> QoSProfile:
+    """Return what the publishers of flags offer: to publish often, or to be dead."""
     return QoSProfile(
-        depth=10, deadline=Duration(seconds=late), liveliness=QoSLivelinessPolicy.MANUAL_BY_TOPIC,
-        liveliness_lease_duration=Duration(seconds=late + _LEASE - _DEADLINE))
+        depth=10, deadline=Duration(seconds=_DEADLINE),
+        liveliness=QoSLivelinessPolicy.MANUAL_BY_TOPIC,
+        liveliness_lease_duration=Duration(seconds=_LEASE))

@@ -45,6 +45,9 @@ class Receiver(Protocol):
 
         """
 
+    def begin_stream(self, name: str) -> None:
+        """Take that the next message of a footprint or source is the first of its publisher."""
+
     def end_batch(self, messages: int, seconds: float) -> None:
         """Publish what has changed, after so many messages that took so long."""
 

@@ -16,10 +16,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 from rclpy.callback_groups import CallbackGroup
@@ -29,8 +27,10 @@ from rclpy.event_handler import (
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSDurabilityPolicy, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.subscription import Subscription
 from sat_collision.node.health import Health
-from sat_collision.node.loop import Input
+from sat_collision.node.loop import Input, leave
+from sat_collision.node.publishers import Publishers
 from sat_collision.node.quality import OVERRIDABLE
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
@@ -50,8 +50,6 @@ class Subscriptions:
     ----------
     node : rclpy.node.Node
     settings : Settings
-    receive : callable
-        Takes the name of a footprint or source, the bytes of a message and what rclpy knows of it.
     group : rclpy.callback_groups.CallbackGroup
     health : Health
 
@@ -59,11 +57,7 @@ class Subscriptions:
     ----------
     inputs : list of Input
         Footprints first.
-    latched : list of str
-        Names of what is delivered though it was sent before.
-    dead : Counter
-        How many publishers have lost their liveliness, by the name of the footprint or source:
-        DDS still counts them, some for very long.
+    publishers : Publishers
 
     Raises
     ------
@@ -72,15 +66,13 @@ class Subscriptions:
 
     """
 
-    def __init__(self, node: Node, settings: Settings, receive: Callable[..., Any],
-                 group: CallbackGroup, health: Health) -> None:
+    def __init__(self, node: Node, settings: Settings, group: CallbackGroup,
+                 health: Health) -> None:
         self._node = node
-        self._receive = receive
         self._group = group
         self._health = health
         self.inputs: list[Input] = []
-        self.latched: list[str] = []
-        self.dead: Counter[str] = Counter()
+        self._create: dict[str, Callable[[], Subscription]] = {}
         for footprint in settings.footprints:
             if footprint.odometry:
                 from nav_msgs.msg import Odometry
@@ -90,31 +82,48 @@ class Subscriptions:
         for source in settings.obstacles:
             kind = PolygonInstanceStamped if source.type == POLYGON_INSTANCE else PolygonStamped
             self._subscribe(source, kind, _SETS_IN_QUEUE * source.max_count)
+        self.publishers = Publishers(node, self.inputs)
+
+    def renew(self, name: str) -> bool:
+        """
+        Subscribe anew, so that all comes again that the publisher keeps for late subscribers.
+
+        Returns
+        -------
+        bool
+            Whether the subscription is one that gets such messages.
+
+        """
+        one, = (one for one in self.inputs if one.name == name)
+        if one.subscription.qos_profile.durability is not QoSDurabilityPolicy.TRANSIENT_LOCAL:
+            return False
+        self._node.destroy_subscription(one.subscription)
+        one.subscription = self._create[name]()
+        self.publishers.forget_matched(name)
+        return True
 
     def _subscribe(self, source: FootprintSettings | ObstacleSettings, kind: type, depth: int,
                    parameter: str = 'topic') -> None:
         events = SubscriptionEventCallbacks(
             incompatible_qos=partial(self._report_incompatible_qos, source.topic),
             deadline=partial(self._count_missed_deadlines, source.topic),
-            liveliness=partial(self._note_liveliness, source))
+            liveliness=partial(self._note_liveliness, source),
+            matched=lambda event: self.publishers.note_matched(source.name, event))
+        # The settings have the remapped name, which must not be remapped again.
+        topic = self._node.get_parameter(f'{source.name}.{parameter}').value
+        self._create[source.name] = create = partial(
+            self._node.create_subscription, kind, topic, leave, QoSProfile(depth=depth), raw=True,
+            callback_group=self._group, event_callbacks=events,
+            qos_overriding_options=QoSOverridingOptions(OVERRIDABLE))
         try:
-            subscription = self._node.create_subscription(
-                # The settings have the remapped name, which must not be remapped again.
-                kind, self._node.get_parameter(f'{source.name}.{parameter}').value,
-                partial(self._receive, source.name), QoSProfile(depth=depth), raw=True,
-                callback_group=self._group, event_callbacks=events,
-                qos_overriding_options=QoSOverridingOptions(OVERRIDABLE))
+            self.inputs.append(Input(source.name, create()))
         except RuntimeError as error:
             raise ParameterError(f'{source.topic}: {error}') from error
-        if subscription.qos_profile.durability is QoSDurabilityPolicy.TRANSIENT_LOCAL:
-            self.latched.append(source.name)
         self._node.get_logger().info(f'{source.name}: {kind.__name__} on {source.topic}')
-        self.inputs.append(Input(source.name, subscription))
 
     def _report_incompatible_qos(self, topic: str,
                                  event: QoSRequestedIncompatibleQoSInfo) -> None:
         policy = qos_policy_name_from_kind(event.last_policy_kind)
-        self._health.incompatible_qos(topic, policy)
         self._node.get_logger().error(
             f'{topic}: a publisher offers a {policy} that this node cannot accept, so nothing '
             f'from it arrives; set qos_overrides.{topic}.subscription.{policy.lower()} to what '
@@ -125,6 +134,7 @@ class Subscriptions:
 
     def _note_liveliness(self, source: FootprintSettings | ObstacleSettings,
                          event: QoSLivelinessChangedInfo) -> None:
-        self.dead[source.name] = event.not_alive_count
+        self.publishers.dead[source.name] = event.not_alive_count
+        self.publishers.changed.add(source.name)
         self._health.count_event(source.topic, 'liveliness lost',
                                  max(event.not_alive_count_change, 0))

@@ -16,15 +16,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
-from typing import Any
-
 from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from sat_collision.messages.transform_listener import TF_STATIC
-from sat_collision.node.loop import Input
+from sat_collision.node.loop import Input, leave
 from sat_collision.scene.settings import Settings, TF
 
 # As tf2 has them.
@@ -54,8 +50,7 @@ def publishers_of_tf(node: Node) -> set[str]:
             for one in node.get_publishers_info_by_topic(TF)}
 
 
-def subscribe(node: Node, kind: type, receive: Callable[..., Any],
-              group: CallbackGroup) -> list[Input]:
+def subscribe(node: Node, kind: type, group: CallbackGroup) -> list[Input]:
     """
     Subscribe to the bytes of /tf and /tf_static.
 
@@ -64,8 +59,6 @@ def subscribe(node: Node, kind: type, receive: Callable[..., Any],
     node : rclpy.node.Node
     kind : type
         The class TFMessage.
-    receive : callable
-        Takes the name of a topic, the bytes of a message and what rclpy knows of it.
     group : rclpy.callback_groups.CallbackGroup
 
     Returns
@@ -74,5 +67,5 @@ def subscribe(node: Node, kind: type, receive: Callable[..., Any],
 
     """
     return [Input(topic, node.create_subscription(
-        kind, topic, partial(receive, topic), QoSProfile(depth=_DEPTH, durability=durability),
+        kind, topic, leave, QoSProfile(depth=_DEPTH, durability=durability),
         raw=True, callback_group=group)) for topic, durability in _DURABILITIES.items()]

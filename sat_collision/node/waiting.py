@@ -17,28 +17,16 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from typing import Any
 
+from rclpy.event_handler import EventHandler
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
 
-def is_supported() -> bool:
-    """Tell whether this rclpy has the pieces that the loop stands on."""
-    wait_set = getattr(rclpy_implementation, 'WaitSet', None)
-    subscription = getattr(rclpy_implementation, 'Subscription', None)
-    return all(hasattr(wait_set, name) for name in (
-        'add_subscription', 'add_service', 'clear_entities', 'get_ready_entities', 'wait')
-    ) and hasattr(subscription, 'take_message')
-
-
 class Waiting:
     """
-    The subscriptions and services of a node, as they are now, to be waited for.
-
-    Attributes
-    ----------
-    is_service_called : bool
-        Whether a service was found called by the last wait for services.
+    The subscriptions, services and events of a node, as they are now, to be waited for.
 
     Parameters
     ----------
@@ -48,37 +36,66 @@ class Waiting:
     held : ExitStack
         Keeps what is waited for until it is closed.
 
+    Attributes
+    ----------
+    is_service_called : bool
+        Whether a service was found called when services were last looked at.
+
     """
 
     def __init__(self, node: Node, taken_elsewhere: set[int], held: ExitStack) -> None:
         self._node = node
-        self._entities = [*node.subscriptions, *node.services]
+        self._entities = self._entities_now()
+        self._events = [one for one in node.waitables if isinstance(one, EventHandler)]
         held.enter_context(node.context.handle)
         for one in self._entities:
             held.enter_context(one.handle)
+        for event in self._events:
+            held.enter_context(event)
         self._subscriptions = [one.handle for one in node.subscriptions]
         self._services = [one.handle for one in node.services]
         self._wait_set = rclpy_implementation.WaitSet(
-            len(self._subscriptions), 0, 0, 0, len(self._services), 0, node.context.handle)
+            len(self._subscriptions), 0, 0, 0, len(self._services), len(self._events),
+            node.context.handle)
         self.is_service_called = False
         self._others = {one.handle.pointer: one for one in node.subscriptions
                         if one.handle.pointer not in taken_elsewhere}
 
+    def _entities_now(self) -> list[Any]:
+        return [*self._node.subscriptions, *self._node.services]
+
     def is_outdated(self) -> bool:
         """Tell whether the node has other ones by now."""
-        return self._entities != [*self._node.subscriptions, *self._node.services]
+        return self._entities != self._entities_now()
 
-    def wait(self, seconds: float, for_services: bool) -> set[int]:
-        """Wait until something is ready; return the pointers of the subscriptions that are."""
+    def wait(self, seconds: float, for_others: bool) -> set[int]:
+        """
+        Wait until something is ready; return the pointers of the subscriptions that are.
+
+        Parameters
+        ----------
+        seconds : float
+        for_others : bool
+            Whether to look at services and events, too, and handle the events.
+
+        """
         wait_set = self._wait_set
         wait_set.clear_entities()
         for handle in self._subscriptions:
             wait_set.add_subscription(handle)
-        for handle in self._services if for_services else ():
-            wait_set.add_service(handle)
+        if for_others:
+            for handle in self._services:
+                wait_set.add_service(handle)
+            for event in self._events:
+                event.add_to_wait_set(wait_set)
         wait_set.wait(int(seconds * 1e9))
-        self.is_service_called = bool(for_services and wait_set.get_ready_entities('service'))
-        return set(wait_set.get_ready_entities('subscription'))
+        ready = set(wait_set.get_ready_entities('subscription'))
+        if for_others:
+            self.is_service_called = bool(wait_set.get_ready_entities('service'))
+            for event in [one for one in self._events if one.is_ready(wait_set)]:
+                if (info := event.take_data()) is not None:
+                    event.callback(info)
+        return ready
 
     def take_others(self, ready: set[int] | None) -> None:
         """Take what else has come, such as /clock, of what is ready, None for of all."""

@@ -11,5 +11,15 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+"""
+Checks of recordings: what touched, and what the monitor would have said.
 
-"""Checks of recordings with the scene of the live node."""
+cli      the command replay_check
+run      one recording through the monitor
+live     what the monitor would have said, over time
+motion   what touched by recorded motion
+output   results for people, machines and other nodes
+model    options, configuration, topics, results
+bag      reading and writing recordings
+kernels  compiled kernels, or plain Python where that is done before them
+"""

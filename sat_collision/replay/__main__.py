@@ -21,7 +21,8 @@ from collections.abc import Sequence
 import sys
 import traceback
 
-from sat_collision.replay.interrupts import insistent_interrupts
+from sat_collision.replay.cli.terminal import insistent_interrupts
+from sat_collision.replay.model.options import missing
 
 _STATUS_OF_INTERRUPTED = 2
 _STATUS_OF_BAD_INPUT = 3
@@ -32,10 +33,10 @@ def main(args: Sequence[str] | None = None) -> int:
     try:
         with insistent_interrupts():
             # Not before: it takes so long to import that an interrupt may come meanwhile.
-            from sat_collision.replay.arguments import parse
+            from sat_collision.replay.cli.arguments import parse
             options = parse(args)
             _prepare_kernels(options)
-            from sat_collision.replay.command import run
+            from sat_collision.replay.cli.command import run
             return run(options)
     except KeyboardInterrupt:
         print('replay_check: interrupted', file=sys.stderr)
@@ -47,15 +48,16 @@ def main(args: Sequence[str] | None = None) -> int:
         if '--debug' in (sys.argv if args is None else args):
             traceback.print_exc()
         words = ' '.join(str(error).split())
-        print(f'replay_check: cannot start: {type(error).__name__}: {words} '
-              '(--debug shows where)', file=sys.stderr)
+        hint = missing(error) if isinstance(error, ModuleNotFoundError) else (
+            f'{type(error).__name__}: {words} (--debug shows where)')
+        print(f'replay_check: cannot start: {hint}', file=sys.stderr)
         return _STATUS_OF_BAD_INPUT
 
 
 def _prepare_kernels(options: argparse.Namespace) -> None:
     """Have the kernels compiled, and say so, where it pays; a cluster has kernels of its own."""
+    from sat_collision.replay.bag.unpacking import Limits
     from sat_collision.replay.kernels import choose, prepare
-    from sat_collision.replay.unpacking import Limits
     limits = Limits(options.max_memory, options.max_disk)
     if not options.dask and choose(options.bags, limits):
         prepare(lambda words: print(f'replay_check: {words}', file=sys.stderr))

@@ -20,14 +20,18 @@ That is chosen before anything of the geometry is imported, for then it is too l
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from array import array
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
 import contextlib
 from pathlib import Path
+import struct
 import sys
 import time
 
-from sat_collision.replay.recording import Recording
-from sat_collision.replay.unpacking import Limits
+from sat_collision.replay.bag.recording import Recording
+from sat_collision.replay.bag.storage import Message
+from sat_collision.replay.bag.unpacking import Limits
 
 _TYPES = ('geometry_msgs/msg/PolygonStamped', 'geometry_msgs/msg/PolygonInstanceStamped')
 # So many messages take plain Python some 2 s, and compiling takes more than 10 s. That pays off
@@ -60,13 +64,12 @@ def prepare(say: Callable[[str], object]) -> None:
     """Compile or load all kernels, of the node and of replay, and say so."""
     from sat_collision.geometry import warm_up
     from sat_collision.geometry.preparation import Preparation
-    from sat_collision.replay.rehearsal import rehearse
     begun = time.monotonic()
     preparation = Preparation(say, say)
     say('preparing the kernels of replay and of the functions on two bodies')
     warm_up.prepare_pairs()
     preparation.complete()
-    rehearse()
+    _warm_up()
     say(f'all kernels ready after {time.monotonic() - begun:.1f} s')
     if mark := _mark():
         with contextlib.suppress(OSError):  # as problems of kernels say
@@ -94,6 +97,52 @@ def _mark() -> Path | None:
         return prepared_mark()
     except Exception:  # a numba that does not work may raise anything; kernels say so
         return None
+
+
+_SECOND = 10**9
+_NOTCHED = ((0, 0), (4, 0), (4, 4), (2, 1))
+_SQUARE = ((0, 0), (1, 0), (1, 1), (0, 1))
+
+
+class _WarmUp:
+    """What is asked of a recording: a robot with a notch, and two obstacles that pass it."""
+
+    path = Path('warm-up')
+    start, end = _SECOND, 2 * _SECOND
+    latched: frozenset[str] = frozenset()
+
+    def __init__(self) -> None:
+        self.problems: list[str] = []
+        self.topics = {'/footprint': _TYPES[0], '/obstacles': _TYPES[0]}
+        self.counts: Counter[str] = Counter()
+
+    def messages(self, *_: object) -> Iterator[Message]:
+        for tick in range(21):
+            time = _SECOND + tick * _SECOND // 20
+            yield '/footprint', time, _message(time, _NOTCHED, 0.01 * tick)
+            for ring, x in ((_SQUARE, 0.3 * tick - 3.0), (_NOTCHED, 9.0 - 0.4 * tick)):
+                yield '/obstacles', time, _message(time, ring, x)
+            yield '/obstacles', time, _message(time, (), 0.0)
+
+
+def _warm_up() -> None:
+    """Answer both questions once, exactly and with a margin."""
+    from sat_collision.replay.model.options import Options
+    from sat_collision.replay.run import check_recording
+    for as_live in (False, True):
+        for margin in (0.0, 0.1):
+            result = check_recording(_WarmUp(), Options(
+                parameters={'margin': margin}, as_live=as_live))
+            assert result.contacts and not result.problems, result
+
+
+def _message(time: int, ring: tuple[tuple[float, float], ...], x: float) -> bytes:
+    """Return a PolygonStamped in CDR."""
+    seconds, nanoseconds = divmod(time, _SECOND)
+    points = array('f', [value for a, b in ring for value in (a + x, b, 0.0)])
+    encapsulation = b'\0\1\0\0' if struct.pack('=H', 1) == b'\1\0' else b'\0\0\0\0'
+    return encapsulation + struct.pack('=iII4sI', seconds, nanoseconds, 4, b'map\0',
+                                       len(ring)) + points.tobytes()
 
 
 if __name__ == '__main__':

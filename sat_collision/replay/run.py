@@ -16,38 +16,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
+from sat_collision.geometry.polygon import Reason
 from sat_collision.messages.cdr import header_stamp
-from sat_collision.messages.rejections import Rejection
+from sat_collision.messages.placement import Placement
+from sat_collision.messages.rejections import EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE
 from sat_collision.messages.transform_listener import TF_STATIC, TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
-from sat_collision.replay.destinations import OutputError
-from sat_collision.replay.film import Film, moments_of
-from sat_collision.replay.motion.motion import Motion
-from sat_collision.replay.motion.timeline import MotionTimeline
-from sat_collision.replay.options import HEADER, Options, RECEIVE
-from sat_collision.replay.progress import OnProgress, with_progress
-from sat_collision.replay.recording import Recording
-from sat_collision.replay.result import FootprintResult, Result, SourceResult
-from sat_collision.replay.storage import Message, Recorded
-from sat_collision.replay.timeline import Timeline
-from sat_collision.replay.timers import Moments, Timer
-from sat_collision.replay.topics import (
+from sat_collision.replay.bag.recording import Recording
+from sat_collision.replay.bag.storage import Message, Recorded
+from sat_collision.replay.bag.writer import OutputError
+from sat_collision.replay.live import SceneKeyframes, Timeline
+from sat_collision.replay.model.keyframes import Keyframes
+from sat_collision.replay.model.options import HEADER, Options, RECEIVE
+from sat_collision.replay.model.result import FootprintResult, moments_of, Result, SourceResult
+from sat_collision.replay.model.topics import (
     all_sources, is_subscribed, missing_topics, settings_for, TRANSFORM_TYPE, wrong_types)
-from sat_collision.scene.deadlines import NEVER
+from sat_collision.replay.motion.order import StampOrder, WINDOW
+from sat_collision.replay.motion.tape import Tape
+from sat_collision.replay.motion.walk import Motion, MotionTimeline
 from sat_collision.scene.parameters import ParameterError
+from sat_collision.scene.scene import OVERTAKEN
 from sat_collision.scene.settings import Settings
+from sat_collision.scene.times import NEVER
 
 if TYPE_CHECKING:
-    from sat_collision.replay.outputs import BagOutputs
+    from sat_collision.replay.output.bag import BagOutputs
+
+OnProgress: TypeAlias = Callable[[float], None]
 
 _APART = 3600 * 10**9
+_PROGRESS_EVERY = 500
+# Why a message tells of no body, whenever and wherever it is received.
+_OF_CONTENT = {EMPTY_FRAME_ID, LONG_FRAME_ID, *(reason.value for reason in Reason)}
+_LONGEST_QUIET = 60 * 10**9
 
 
 def check(path: str | Path, options: Options = Options(),
@@ -69,16 +77,37 @@ def check(path: str | Path, options: Options = Options(),
         Whatever is wrong with the recording or the parameters is in its problems.
 
     """
-    half = partial(_half, progress) if options.film and progress else progress
     with Recording(path, options.limits) as recording:
-        result = check_recording(recording, options, half)
-        result.content = recording.content
-    if options.film and (moments := moments_of(result)):
-        result.film = Film(moments)
-        with Recording(path, options.limits) as recording:
+        if not options.keyframes:
+            result = check_recording(recording, options, progress)
+            result.content = recording.content
+        elif options.as_live:
+            half = partial(_half, progress) if progress else None
+            result = check_recording(recording, options, half)
+            result.content = recording.content
+            # What is worth drawing is known now; then it is all seen once more.
+            keyframes = Keyframes(moments_of(result))
             check_recording(recording, replace(options, write_bag=None),
-                            half and (lambda share: half(1.0 + share)), result.film)
+                            half and (lambda share: half(1.0 + share)), keyframes)
+            result.keyframes = keyframes if keyframes.moments else None
+        else:
+            tape = Tape(options.limits.disk)
+            result = check_recording(recording, options, progress, tape=tape)
+            result.content = recording.content
+            result.keyframes = _developed(tape, result)
     return result
+
+
+def _developed(tape: Tape, result: Result) -> Keyframes | None:
+    """Return the keyframes of a result, None if there are none."""
+    if tape.is_full:
+        result.notes.append('there was more to draw than --max-disk allows to keep')
+        return None
+    keyframes = Keyframes(moments_of(result))
+    if not keyframes.moments or result.end is None:
+        return None
+    tape.develop(keyframes, result.end)
+    return keyframes
 
 
 def _half(progress: OnProgress, share: float) -> None:
@@ -86,15 +115,16 @@ def _half(progress: OnProgress, share: float) -> None:
 
 
 def check_recording(recording: Recorded, options: Options,
-                    progress: OnProgress | None = None, film: Film | None = None) -> Result:
-    """Check what is open, as `check` does, and fill a film if there is one."""
+                    progress: OnProgress | None = None, keyframes: Keyframes | None = None,
+                    tape: Tape | None = None) -> Result:
+    """Check what is open, as `check` does, and fill keyframes or a tape if there is one."""
     path = recording.path
     result = Result(str(path), options.clock, options.max_unknown, options.as_live,
-                    max_undecided=options.max_undecided)
+                    max_undetermined=options.max_undetermined)
     try:
         settings = settings_for(recording.topics, options.parameters, options.footprints,
                                 options.obstacles, options.node)
-        _Run(recording, settings, options, result, film).run(progress)
+        _Run(recording, settings, options, result, tape or keyframes).run(progress)
     except (ParameterError, OutputError, OSError) as error:
         result.problems.append(f'{path}: {error}')
     result.problems[:0] = recording.problems
@@ -105,33 +135,39 @@ class _Run:
     """One recording on its way through the scene."""
 
     def __init__(self, recording: Recorded, settings: Settings, options: Options,
-                 result: Result, film: Film | None) -> None:
+                 result: Result, keyframes: Keyframes | Tape | None) -> None:
         self._recording = recording
         self._settings = settings
         self._options = options
         self._result = result
         footprints = [FootprintResult(footprint.name, footprint.topic, footprint.enabled)
                       for footprint in settings.footprints]
-        self._motion = None if options.as_live else Motion(settings, footprints, film)
         self._transforms = [topic for topic in TRANSFORM_TOPICS if settings.frame_id
                             and recording.topics.get(topic) == TRANSFORM_TYPE]
-        self._monitor = Monitor(settings, bool(self._transforms), self._motion)
+        self._placements: list[Placement] = []
+        self._monitor = Monitor(settings, bool(self._transforms),
+                                None if options.as_live else self._placements)
         self._scene = self._monitor.scene
+        self._motion = None if options.as_live else Motion(
+            settings, self._monitor.transforms, footprints,
+            keyframes if isinstance(keyframes, Tape) else None)
         self._timers: list[Timer] = []
         self._live: Timeline | None = None
         self._timeline: Timeline | MotionTimeline
         if self._motion:
-            self._motion.monitor = self._monitor
             self._timeline = MotionTimeline(self._scene, self._motion, footprints)
         else:
-            self._timeline = self._live = Timeline(self._scene, footprints, film)
+            shown = (SceneKeyframes(keyframes, self._scene)
+                     if isinstance(keyframes, Keyframes) else None)
+            self._timeline = self._live = Timeline(self._scene, footprints, shown)
             self._timers.append(Timer(options.sample, self._live.sample))
-            if film:
-                self._timers.append(Moments(film.moments, partial(film.take, self._scene)))
+            if shown:
+                self._timers.append(Moments(shown.keyframes.moments, shown.take))
         self._outputs: BagOutputs | None = None
         self._now = 0
         self._due: float = NEVER
         self._examples: dict[str, dict[str, str]] = {}
+        self._undecodable: dict[str, list[str]] = {}
 
     def run(self, progress: OnProgress | None) -> None:
         """Check the recording and fill in the result."""
@@ -155,12 +191,20 @@ class _Run:
             else:
                 end = recording.end if stop is None else min(stop, recording.end)
                 self._play(names, start, stop, end, progress)
+        for topic, details in self._undecodable.items():
+            result.problems.append(f'{recording.path}: {len(details)} messages on {topic} cannot '
+                                   f'be decoded, the first one: {details[0]}')
+        if recording.topics and not recording.counts.total():
+            result.notes.append('the recording has no messages')
         result.sources = [
             SourceResult(source.name, source.topic, self._monitor.received[source.name],
-                         {reason: count for (name, reason), count in
-                          sorted(self._monitor.rejected.items()) if name == source.name},
+                         rejected := {
+                             reason: count for (name, reason), count in
+                             sorted(self._monitor.rejected.items()) if name == source.name},
                          self._examples.get(source.name, {}),
-                         self._motion.undecided(source.name) if self._motion else 0)
+                         self._motion.undetermined(source.name) if self._motion else 0,
+                         sum(count for reason, count in rejected.items()
+                             if reason in _OF_CONTENT))
             for source in all_sources(self._settings)]
         result.footprints = self._timeline.footprints
         result.contacts = self._timeline.contacts
@@ -170,51 +214,60 @@ class _Run:
     def _play(self, names: dict[str, list[str]], start: int, stop: int | None, end: int,
               progress: OnProgress | None) -> None:
         by_header, result = self._options.clock == HEADER, self._result
-        result.origin = (self._first_stamp(names.keys() - {*TRANSFORM_TOPICS}) if by_header
-                         else self._recording.start)
+        if by_header and self._options.start:
+            result.origin = self._first_stamp(names.keys() - {*TRANSFORM_TOPICS})
+        elif not by_header:
+            result.origin = self._recording.start
         # What metadata.yaml says of the recording's bounds is not taken as a reason to drop any.
-        messages = self._with_clocks_compared(
-            self._recording.messages(names, start if self._options.start else None, stop))
+        # By stamps, what was received later may belong to the time that is checked.
+        later = WINDOW if self._motion else 0
+        messages: Iterable[Message] = self._with_clocks_compared(self._recording.messages(
+            names, start if self._options.start else None, stop and stop + later))
         if progress:
             total = sum(self._recording.counts[topic] for topic in names)
-            messages = with_progress(messages, total, progress)
+            messages = _with_progress(messages, total, progress)
+        ordered = StampOrder(messages, by_header) if self._motion else None
+        if ordered:
+            messages = ordered
+        elif by_header:
+            messages = ((topic, header_stamp(data) if topic not in TRANSFORM_TOPICS else 0, data)
+                        for topic, _, data in messages)
         if self._options.write_bag:
             self._write_outputs(self._options.write_bag)
-        for topic in self._recording.latched & names.keys():
-            for name in names[topic]:
-                self._scene.meet_publisher(name, True)
+        # The first message of a latched topic is the first one that its publisher sent.
+        numbers = dict.fromkeys(self._recording.latched & names.keys(), 1)
         if not by_header:
             self._begin(start)
-        now, monitor, motion = self._now, self._monitor, self._motion
+        now, monitor = self._now, self._monitor
         if self._options.start and TF_STATIC in self._transforms:
             # What was told before would be latched.
             for topic, _, data in self._recording.messages([TF_STATIC], None, start):
                 self._keep(monitor.receive_transforms(topic, data, now))
         for topic, time, data in messages:
-            if topic in TRANSFORM_TOPICS:
-                time = now if by_header else time
-            elif by_header:
-                time = header_stamp(data)
-                if time and not now:
+            if by_header and not now:
+                if not time or topic in TRANSFORM_TOPICS:
+                    time = 0
+                else:
                     self._begin(time)
+            elif not by_header and stop is not None and time >= stop:
+                break
             if time > now:
                 now = time
                 if now > monitor.deadline or now >= self._due:
                     self._pass_until(now)
-                if motion:
-                    motion.now = now
             if topic in TRANSFORM_TOPICS:
                 self._keep(monitor.receive_transforms(topic, data, now))
                 if now:
                     self._follow(now)
+            number = numbers.pop(topic, None)
             for name in names[topic]:
-                rejection = monitor.receive(name, data, now)
+                rejection = monitor.receive(name, data, now, number)
                 if rejection:
                     self._keep([rejection])
                 self._follow(now)
         if self._result.start is None:
             return
-        end = now if by_header else max(now, end)
+        end = now if by_header else max(now, end - max(ordered.delay if ordered else 0, 0))
         self._pass_until(end)
         for timer in self._timers:
             if timer.due <= end:
@@ -230,7 +283,7 @@ class _Run:
         return next(filter(None, stamps), None)
 
     def _write_outputs(self, path: str) -> None:
-        from sat_collision.replay.outputs import BagOutputs
+        from sat_collision.replay.output.bag import BagOutputs
         self._outputs = BagOutputs(path, self._options.node, self._settings, self._scene)
         self._timers += [Timer(1.0 / self._settings.publish_rate, self._outputs.publish),
                          Timer(1.0 / self._settings.marker_rate, self._outputs.publish_markers)]
@@ -238,11 +291,19 @@ class _Run:
     def _keep(self, rejections: Iterable[Rejection]) -> None:
         """Keep the first example of each reason."""
         for rejection in rejections:
+            if self._motion and rejection.reason != OVERTAKEN:
+                self._motion.lose(rejection.name)
+            if rejection.reason == UNDECODABLE:
+                self._undecodable.setdefault(rejection.topic, []).append(rejection.detail)
             self._examples.setdefault(rejection.name, {}).setdefault(
                 rejection.reason, rejection.text)
 
     def _follow(self, now: int) -> None:
-        """Take note of what has changed."""
+        """Take what was placed, and what has changed."""
+        if self._placements and self._motion:
+            for placement in self._placements:
+                self._motion.place(placement)
+            self._placements.clear()
         changed = self._scene.changes()
         if changed:
             self._change(changed, now)
@@ -252,8 +313,8 @@ class _Run:
     def _begin(self, start: int) -> None:
         """Let the time begin."""
         self._result.start = self._now = start
-        if self._motion:
-            self._motion.now = start
+        if self._result.origin is None:
+            self._result.origin = start
         self._monitor.advance(start)
         self._change(self._scene.changes(), start)
         for timer in self._timers:
@@ -273,8 +334,6 @@ class _Run:
             timer = min(self._timers, key=lambda timer: timer.due, default=None)
             if deadline <= (min(now, timer.due) if timer else now):
                 self._now = int(deadline)
-                if self._motion:
-                    self._motion.now = self._now
                 self._keep(self._monitor.advance(self._now))
                 self._follow(self._now)
                 continue
@@ -298,3 +357,67 @@ class _Run:
                     'time, as in recordings of simulations: try --clock header')
             break
         return chain(passed, messages)
+
+
+def _with_progress(messages: Iterable[Message], total: int,
+                   progress: OnProgress) -> Iterator[Message]:
+    """Yield messages, and tell now and then what share of the total has passed."""
+    for count, message in enumerate(messages):
+        if count % _PROGRESS_EVERY == 0:
+            progress(min(count / max(total, 1), 1.0))
+        yield message
+
+
+class Timer:
+    """
+    Something that recurs.
+
+    Parameters
+    ----------
+    period : float
+        In s.
+    action : callable
+        Takes the time in ns.
+
+    Attributes
+    ----------
+    due : int or float
+        When it is to be done next, ns.
+
+    """
+
+    def __init__(self, period: float, action: Callable[[int], None]) -> None:
+        self.action = action
+        self.due: float = 0
+        self._period = max(round(period * 1e9), 1)
+
+    def act(self, until: float) -> None:
+        """Do it; of a long time in which nothing else happens, until then, leave the most out."""
+        self.action(int(self.due))
+        self.due += self._period
+        quiet = until - self.due
+        if quiet > _LONGEST_QUIET:
+            self.due += int(quiet)
+
+
+class Moments(Timer):
+    """
+    Something that is done at chosen moments.
+
+    Parameters
+    ----------
+    moments : iterable of int
+        In ns, in their order.
+    action : callable
+        Takes the time in ns.
+
+    """
+
+    def __init__(self, moments: Iterable[int], action: Callable[[int], None]) -> None:
+        super().__init__(0.0, action)
+        self._moments = iter(moments)
+
+    def act(self, until: float) -> None:
+        """Do it."""
+        self.action(int(self.due))
+        self.due = next(self._moments, NEVER)

@@ -20,7 +20,7 @@ from collections.abc import Collection
 from typing import Any, Generic, TypeVar
 
 from sat_collision.geometry.polygon import Polygon
-from sat_collision.geometry.polygon_set import PolygonSet
+from sat_collision.geometry.polygon_set import PackedSet
 
 _Other = TypeVar('_Other', bound='Body[Any]')
 
@@ -35,7 +35,7 @@ class Body(Generic[_Other]):
         Its row among the placed bodies of its kind, None while it is nowhere.
     contacts : set of Body
         The bodies of the other kind that share a point with it.
-    placed : PolygonSet or None
+    placed : PackedSet or None
         The placed bodies of its kind.
 
     """
@@ -45,7 +45,7 @@ class Body(Generic[_Other]):
     def __init__(self) -> None:
         self.row: int | None = None
         self.contacts: set[_Other] = set()
-        self.placed: PolygonSet | None = None
+        self.placed: PackedSet | None = None
         self._polygon: Polygon | None = None
 
     @property

@@ -20,11 +20,10 @@ from collections.abc import Iterable
 from typing import Any, Generic, TypeVar
 
 from sat_collision.geometry.polygon import PackedBody
-from sat_collision.geometry.polygon_set import Point, PolygonSet
+from sat_collision.geometry.polygon_set import PackedSet, Point
 from sat_collision.scene.bodies import Body
 from sat_collision.scene.footprints import Footprint
-from sat_collision.scene.observer import Observer
-from sat_collision.scene.obstacles import Obstacle, Owner
+from sat_collision.scene.obstacles import Obstacle
 
 _Kind = TypeVar('_Kind', bound=Body[Any])
 _Other = TypeVar('_Other', bound=Body[Any])
@@ -41,8 +40,6 @@ class Contacts:
     ----------
     margin : float
         Metres up to which bodies apart count as meeting.
-    observer : Observer, optional
-        Is told of each body that is placed or taken away.
 
     Attributes
     ----------
@@ -51,8 +48,7 @@ class Contacts:
 
     """
 
-    def __init__(self, margin: float = 0.0, observer: Observer | None = None) -> None:
-        self.observer = observer
+    def __init__(self, margin: float = 0.0) -> None:
         self.changed: set[Footprint] = set()
         self._margin = margin
         self._footprints: _Placed[Footprint] = _Placed()
@@ -70,7 +66,7 @@ class Contacts:
         if footprint.row is not None:
             polygon = self._footprints.polygons.polygon(footprint.row)
             rows = self._obstacles.polygons.rows_within(polygon, self._margin).tolist()
-            if update_contacts(footprint, self._minded(footprint, rows)):
+            if update_contacts(footprint, self._monitored(footprint, rows)):
                 self.changed.add(footprint)
 
     def place_footprint(self, footprint: Footprint, where: PackedBody) -> None:
@@ -78,13 +74,11 @@ class Contacts:
         row = footprint.row
         if row is None:
             row = self._footprints.new_row(footprint)
-        if self.observer:
-            self.observer.place_footprint(footprint)
         met = self._footprints.polygons.place(row, where, self._obstacles.polygons, self._margin)
         if met is not None:
             footprint.moved()
             if (met or footprint.contacts) and update_contacts(
-                    footprint, self._minded(footprint, met)):
+                    footprint, self._monitored(footprint, met)):
                 self.changed.add(footprint)
 
     def place_obstacle(self, obstacle: Obstacle, where: PackedBody) -> bool:
@@ -92,8 +86,6 @@ class Contacts:
         row = obstacle.row
         if row is None:
             row = self._obstacles.new_row(obstacle)
-        if self.observer:
-            self.observer.place_obstacle(obstacle)
         met = self._obstacles.polygons.place(row, where, self._footprints.polygons, self._margin)
         if met is None:
             return False
@@ -101,37 +93,24 @@ class Contacts:
         if met or obstacle.contacts:
             self.changed.update(update_contacts(obstacle, [
                 footprint for footprint in self._footprints.of_rows(met)
-                if footprint.settings.minds(obstacle.name.source)]))
+                if footprint.settings.monitors(obstacle.name.source)]))
         return True
-
-    def begin_set(self, source: str, stamp: int) -> None:
-        """Let the observer know that obstacles of another set of a source come now."""
-        if self.observer:
-            self.observer.begin_set(source, stamp)
-
-    def is_at(self, obstacle: Obstacle, where: PackedBody) -> bool:
-        """Tell whether an obstacle is there already."""
-        return obstacle.row is not None and self._obstacles.polygons.is_same(obstacle.row, where)
 
     def remove_footprint(self, footprint: Footprint) -> None:
         """Take a footprint away, if it is placed."""
-        if self.observer:
-            self.observer.remove_footprint(footprint)
         if self._footprints.remove(footprint) and update_contacts(footprint, ()):
             self.changed.add(footprint)
 
     def remove_obstacle(self, obstacle: Obstacle) -> None:
         """Take an obstacle away, if it is placed."""
-        if self.observer:
-            self.observer.remove_obstacle(obstacle)
         if self._obstacles.remove(obstacle):
             self.changed.update(update_contacts(obstacle, ()))
 
-    def hide_obstacles(self, held_by: Owner, rows: list[int]) -> None:
-        """Take all obstacles of a holder away, which keep their rows to be placed again soon."""
+    def hide_obstacles(self, group: object, rows: list[int]) -> None:
+        """Take all obstacles of a group away, which keep their rows to be placed again soon."""
         self._obstacles.polygons.hide(rows)
         for footprint in self._footprints.bodies.values():
-            lost = {one for one in footprint.contacts if one.held_by is held_by}
+            lost = {one for one in footprint.contacts if one.group is group}
             if lost:
                 footprint.toggle(lost)
                 self.changed.add(footprint)
@@ -141,7 +120,7 @@ class Contacts:
     def nearest(self, footprint: Footprint, skipped: Iterable[Obstacle] = ()
                 ) -> tuple[Obstacle, float, Point, Point] | None:
         """
-        Return what is nearest to a footprint of all that it minds, None if there is no such.
+        Return what is nearest to a footprint of all that concerns it, None if there is no such.
 
         Parameters
         ----------
@@ -160,21 +139,21 @@ class Contacts:
         left_out = [body.row for body in skipped if body.row is not None]
         if footprint.settings.obstacles:
             left_out += [row for row, obstacle in self._obstacles.bodies.items()
-                         if not footprint.settings.minds(obstacle.name.source)]
+                         if not footprint.settings.monitors(obstacle.name.source)]
         found = self._obstacles.polygons.nearest(footprint.polygon, left_out)
         return found and (self._obstacles.bodies[found[0]], *found[1:])
 
-    def _minded(self, footprint: Footprint, rows: list[int]) -> list[Obstacle]:
-        """Return the obstacles of some rows that a footprint minds."""
+    def _monitored(self, footprint: Footprint, rows: list[int]) -> list[Obstacle]:
+        """Return the obstacles of some rows that concern a footprint."""
         return [obstacle for obstacle in self._obstacles.of_rows(rows)
-                if footprint.settings.minds(obstacle.name.source)]
+                if footprint.settings.monitors(obstacle.name.source)]
 
 
 class _Placed(Generic[_Kind]):
     """The placed bodies of one kind, by row."""
 
     def __init__(self) -> None:
-        self.polygons = PolygonSet()
+        self.polygons = PackedSet()
         self.bodies: dict[int, _Kind] = {}
 
     def new_row(self, body: _Kind) -> int:

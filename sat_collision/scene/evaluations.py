@@ -19,10 +19,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import chain
 
-from sat_collision.scene.deadlines import Deadlines
 from sat_collision.scene.footprints import Evaluation, Footprint, Status
 from sat_collision.scene.settings import Settings
 from sat_collision.scene.sources import Source
+from sat_collision.scene.times import NEVER
 
 _DISABLED = 'checking is disabled'
 _NO_CLOCK = 'no clock yet: the time reads 0, as with use_sim_time before the first /clock'
@@ -41,7 +41,6 @@ class Evaluations:
         Every Footprint by name.
     changed : set of Footprint
         Those for which something has changed; emptied here.
-    deadlines : Deadlines
     reported : dict
         The Evaluation of each footprint that was reported last, by name; kept here.
 
@@ -53,10 +52,9 @@ class Evaluations:
     """
 
     def __init__(self, footprints: dict[str, Footprint], changed: set[Footprint],
-                 deadlines: Deadlines, reported: dict[str, Evaluation]) -> None:
+                 reported: dict[str, Evaluation]) -> None:
         self._footprints = footprints
         self._changed = changed
-        self._deadlines = deadlines
         self._reported = reported
         self.unreported: set[Footprint] = set()
         self._in_collision: set[str] = set()
@@ -84,15 +82,17 @@ class Evaluations:
                 self._faults[name] = faults
                 self._changed.add(footprint)
 
-    def evaluate(self, now: int, release_delay: int) -> None:
-        """Evaluate the footprints for which something has changed; times in ns."""
+    def evaluate(self, now: int, release_delay: int) -> float:
+        """Evaluate what has changed; return when the first of it changes by itself; in ns."""
+        deadline = NEVER
         for footprint in self._changed:
             footprint.evaluate(now, *self._faults[footprint.settings.name], release_delay)
-            self._deadlines.watch(footprint)
+            deadline = min(deadline, footprint.deadline)
             if footprint.status is Status.COLLISION:
                 self._in_collision.add(footprint.settings.name)
         self.unreported |= self._changed
         self._changed.clear()
+        return deadline
 
     def brief_contacts(self) -> list[str]:
         """
@@ -123,8 +123,9 @@ class Evaluations:
 
 
 def _faults_for(footprint: Footprint, sources: Iterable[Source]) -> tuple[str, ...]:
-    """Return why there may be obstacles that a footprint minds and nobody told of."""
-    minded = [source for source in sources if footprint.settings.minds(source.settings.name)]
-    if not any(source.settings.enabled for source in minded):
+    """Return why there may be obstacles that concern a footprint and were not received."""
+    monitored = [source for source in sources
+                 if footprint.settings.monitors(source.settings.name)]
+    if not any(source.settings.enabled for source in monitored):
         return (_NONE_OF_THEM if footprint.settings.obstacles else _NO_SOURCE),
-    return tuple(chain.from_iterable(source.faults for source in minded))
+    return tuple(chain.from_iterable(source.faults for source in monitored))

@@ -21,10 +21,10 @@ import enum
 from typing import NamedTuple, TypeAlias
 
 from sat_collision.scene.bodies import Body
-from sat_collision.scene.deadlines import NEVER
-from sat_collision.scene.doubts import BY_ANOTHER_CLOCK, FAR
 from sat_collision.scene.obstacles import Obstacle, ObstacleId
 from sat_collision.scene.settings import FootprintSettings
+from sat_collision.scene.streams import Stream
+from sat_collision.scene.times import BY_ANOTHER_CLOCK, FAR, NEVER
 
 
 class Status(enum.Enum):
@@ -72,20 +72,18 @@ class Footprint(Body[Obstacle]):
     Parameters
     ----------
     settings : FootprintSettings
-    due : set of Footprint
-        To be added to when time alone has changed something.
 
     Attributes
     ----------
+    stream : Stream
+        Its messages by their numbers.
     time : int or None
         Stamp of the good footprint, None if there is none; not in the future.
-    stamp : int
-        The same as it came, with no stamp as the time of arrival.
     frame_id : str
         The frame of the message that came last.
     origin : Origin or None
         Where the good footprint came from, None if it came in the frame of all.
-    heard : int or None
+    received : int or None
         When that came.
     fault : str
         Why there is no good footprint; empty if there is one, be it stale.
@@ -102,19 +100,20 @@ class Footprint(Body[Obstacle]):
 
     """
 
-    __slots__ = ('settings', 'timeout', 'time', 'stamp', 'frame_id', 'origin', 'heard', 'fault',
-                 'stale', 'status', 'evaluation', 'doubts', 'gained_or_lost', 'watched',
-                 '_clear_since', '_release', '_due', '_held', '_names')
+    __slots__ = ('settings', 'stream', 'timeout', 'time', 'frame_id', 'origin', 'received',
+                 'fault', 'stale', 'status', 'evaluation', 'doubts', 'gained_or_lost',
+                 '_clear_since', '_release', '_held', '_names', '_stream_faults')
 
     evaluation: Evaluation
 
-    def __init__(self, settings: FootprintSettings, due: set[Footprint]) -> None:
+    def __init__(self, settings: FootprintSettings) -> None:
         super().__init__()
+        self.stream = Stream()
+        self._stream_faults: tuple[str, ...] = ()
         self.time: int | None = None
-        self.stamp = 0
         self.frame_id = ''
         self.origin: Origin | None = None
-        self.heard: int | None = None
+        self.received: int | None = None
         self.fault = ''
         self.stale = False
         self.status = Status.UNKNOWN
@@ -123,23 +122,23 @@ class Footprint(Body[Obstacle]):
         # How many contacts have a name: that of a set and that of the next may have the same.
         self._held: dict[ObstacleId, int] = {}
         self._names: tuple[ObstacleId, ...] | None = None
-        self.watched: float = NEVER
         self._clear_since: int | None = None
         self._release: float = NEVER
-        self._due = due
         self.configure(settings)
 
     def configure(self, settings: FootprintSettings) -> None:
         """Apply settings; with other sources its contacts must be decided anew."""
         self.settings = settings
         self.timeout = round(settings.timeout * 1e9) if settings.timeout > 0.0 else NEVER
+        self.stream.timeout = self.timeout
 
     @property
     def deadline(self) -> float:
-        """Time in ns after which the footprint is stale, or its delayed release is due."""
+        """Time in ns after which something changes by itself: its age, faults or release."""
+        deadline = min(self._release, self.stream.mixed_until)
         if self.time is None or self.stale:
-            return self._release
-        return min(self._release, self.time + self.timeout)
+            return deadline
+        return min(deadline, self.time + self.timeout)
 
     @property
     def contacts_reported(self) -> tuple[ObstacleId, ...]:
@@ -166,14 +165,25 @@ class Footprint(Body[Obstacle]):
                 self.gained_or_lost ^= {name}
                 self._names = None
 
-    def is_newer_than(self, stamp: int) -> bool:
-        """Tell whether the good footprint is newer than a stamp, and not stale or for ever."""
-        return (0 < stamp < self.stamp and self.time is not None and not self.stale
+    def is_newer_than(self, time: int) -> bool:
+        """Tell whether the good footprint is newer than a time, and not stale or for ever."""
+        return (self.time is not None and time < self.time and not self.stale
                 and self.timeout != NEVER)
 
-    def expire(self) -> None:
-        """Ask for another evaluation, now that the deadline is past."""
-        self._due.add(self)
+    def set_back(self, now: int) -> None:
+        """Forget all times, which were those of another clock."""
+        self.stream.set_back(now)
+        self.received = self._clear_since = None
+        self._release = NEVER
+
+    def find_stream_faults(self, now: int) -> bool:
+        """Find out what is wrong with the publishers now; tell whether that is new."""
+        self.stream.pass_time(now)
+        faults = tuple(self.stream.faults())
+        if faults == self._stream_faults:
+            return False
+        self._stream_faults = faults
+        return True
 
     def evaluate(self, now: int, monitor_fault: str, source_faults: tuple[str, ...],
                  release_delay: int) -> None:
@@ -190,6 +200,8 @@ class Footprint(Body[Obstacle]):
         release_delay : int
 
         """
+        if self.stream.mixed_until < now:
+            self.find_stream_faults(now)
         self.stale = self.time is not None and self.time + self.timeout < now
         self._release = NEVER
         reasons = source_faults
@@ -197,8 +209,8 @@ class Footprint(Body[Obstacle]):
             status, reasons = Status.UNKNOWN, (monitor_fault,)
         elif not self.settings.enabled:
             status, reasons = Status.UNKNOWN, (f'footprint {self.settings.name} is disabled',)
-        elif self.fault or self.stale:
-            status, reasons = Status.UNKNOWN, (self._fault_in_words(), *source_faults)
+        elif self._stream_faults or self.fault or self.stale:
+            status, reasons = Status.UNKNOWN, (*self._faults_in_words(), *source_faults)
         elif self.contacts:
             status = Status.COLLISION
         else:
@@ -217,11 +229,15 @@ class Footprint(Body[Obstacle]):
         self.status = status
         self.evaluation = status, reasons
 
-    def _fault_in_words(self) -> str:
-        """Return what is wrong with the footprint itself, as a sentence."""
-        fault = self.fault
+    def _faults_in_words(self) -> tuple[str, ...]:
+        """Return what is wrong with the footprint itself, in sentences."""
+        faults = self._stream_faults
         if self.stale:
-            fault = f'is older than its timeout of {self.settings.timeout:g} s'
-            if self.heard is not None and self.time is not None and self.heard - self.time > FAR:
-                fault = f'has stamps that are {BY_ANOTHER_CLOCK}'
-        return f'footprint {self.settings.name} on {self.settings.topic} {fault}'
+            if self.received is not None and self.received - (self.time or 0) > FAR:
+                faults += f'has stamps that are {BY_ANOTHER_CLOCK}',
+            else:
+                faults += f'is older than its timeout of {self.settings.timeout:g} s',
+        elif self.fault and not (faults and self.received is None):
+            faults += ('; '.join((self.fault, *self.stream.hints())),)
+        return tuple(f'footprint {self.settings.name} on {self.settings.topic} {fault}'
+                     for fault in faults)

@@ -12,23 +12,29 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The tree that frames make: the transforms heard, and the way from a frame to its parents."""
+"""The tree of frames: the transforms received, and the path from a frame to its ancestors."""
 
 from __future__ import annotations
 
 from collections.abc import Container
+from typing import TypeAlias
 
-from sat_collision.scene.deadlines import NEVER
-from sat_collision.scene.rotations import composed, IDENTITY, normalised, Transform
-from sat_collision.scene.tracks import Link, Track
+from sat_collision.scene.rotations import (
+    accepted, composed, fixed, FixedTransform, IDENTITY, Transform)
+from sat_collision.scene.times import NEVER
+from sat_collision.scene.tracks import Track
 
 BAD_NAMES = 'bad frame names'
 BAD_TRANSFORM = 'not finite or no rotation'
 OLD_TRANSFORM = 'older than tf_cache_time'
 TOO_MANY_FRAMES = 'too many frames'
 
-# What a stranger who makes up names may take of the memory.
+# Bounds the memory that made-up frame names can take.
 _MOST_FRAMES = 10_000
+
+# A frame and its ancestors, in order, each with the transform from the one before it; that of the
+# first is the identity.
+Steps: TypeAlias = dict[str, FixedTransform]
 
 
 class FrameTree:
@@ -41,12 +47,12 @@ class FrameTree:
     Parameters
     ----------
     history : int
-        For so long before the newest transform of a frame its others are kept, in ns.
+        How much older than the newest transform of a frame others may be to be kept, in ns.
 
     Attributes
     ----------
     static : dict
-        The Link of each static frame by its name.
+        The parent of each static frame, and the transform to it, by its name.
     moving : dict
         The Track of each other frame that has a parent by its name.
     rewritten : bool
@@ -56,13 +62,13 @@ class FrameTree:
 
     def __init__(self, history: int) -> None:
         self._history = history
-        self.static: dict[str, Link] = {}
+        self.static: dict[str, tuple[str, FixedTransform]] = {}
         self.moving: dict[str, Track] = {}
         self._parents: set[str] = set()
         self.rewritten = False
 
     def __contains__(self, frame: str) -> bool:
-        """Tell whether any transform has named a frame."""
+        """Return whether any transform has named a frame."""
         return frame in self.static or frame in self.moving or frame in self._parents
 
     def clear(self) -> None:
@@ -73,7 +79,7 @@ class FrameTree:
     def insert(self, parent: str, child: str, stamp: int, transform: Transform,
                static: bool = False) -> str | None:
         """
-        Take where a child frame is in its parent.
+        Insert the transform from a child frame to its parent.
 
         A slash before a name is dropped, as tf2 does.
 
@@ -86,28 +92,29 @@ class FrameTree:
         """
         track = self.moving.get(child)
         if track is not None and not static and track.links[-1][0] == parent:
-            # As nearly always: names that were looked at before, and a newer transform.
-            unit = normalised(transform)
-            if unit is None:
+            # The usual case: names that were checked before, and a newer transform.
+            taken = accepted(transform)
+            if taken is None:
                 return BAD_TRANSFORM
-            if track.extend(stamp, (parent, unit), self._history):
+            if track.extend(stamp, (parent, taken), self._history):
                 return None
         if parent[:1] == '/' or child[:1] == '/':
             parent, child = parent.removeprefix('/'), child.removeprefix('/')
         if parent == child or not parent or not child:
             return BAD_NAMES
-        unit = normalised(transform)
-        if unit is None:
+        taken = accepted(transform)
+        if taken is None:
             return BAD_TRANSFORM
-        link = parent, unit
         if static:
-            if self.static.get(child) != link:
+            pose = parent, fixed(taken)
+            if self.static.get(child) != pose:
                 if self._is_full(child):
                     return TOO_MANY_FRAMES
                 self.moving.pop(child, None)
-                self.static[child] = link
+                self.static[child] = pose
                 self.rewritten = True
         else:
+            link = parent, taken
             track = self.moving.get(child)
             if track is None:
                 if self._is_full(child):
@@ -123,20 +130,20 @@ class FrameTree:
         return None
 
     def _is_full(self, child: str) -> bool:
-        """Tell whether there is no room for a frame."""
+        """Return whether there is no room for a frame."""
         return len(self.static) + len(self.moving) >= _MOST_FRAMES and child not in self.static \
             and child not in self.moving
 
     def climb(self, frame: str, stamp: int, max_gap: float,
-              ends: Container[str] = ()) -> tuple[dict[str, Transform], str]:
+              ends: Container[str] = ()) -> tuple[Steps, str]:
         """
-        Go from a frame to its parent and on, to one of the ends or as far as is known.
+        Collect the transforms from a frame to its ancestors, up to one of the ends.
 
         Parameters
         ----------
         frame : str
         stamp : int
-            The time to go at.
+            The time they are for.
         max_gap : float
             As for `Track.at`.
         ends : container of str, optional
@@ -144,40 +151,38 @@ class FrameTree:
 
         Returns
         -------
-        dict
-            The transform from the frame to each one on the way, by its name.
+        Steps
+            As far as the transforms are known at that time.
         str
-            The last frame; empty if the way leads back to itself.
+            The last frame; empty if the frames form a circle.
 
         """
-        here = IDENTITY
-        passed = {frame: here}
+        steps = {frame: IDENTITY}
         static, moving = self.static, self.moving
         while frame not in ends:
-            link = static.get(frame)
-            if link is None:
+            found = static.get(frame)
+            if found is None:
                 track = moving.get(frame)
                 if track is None:
                     break
-                link = track.at(stamp, max_gap)
-                if link is None:
+                found = track.at(stamp, max_gap)
+                if found is None:
                     break
-            frame, step = link
-            if frame in passed:
-                return passed, ''
-            here = step if here is IDENTITY else composed(step, here)
-            passed[frame] = here
-        return passed, frame
+            frame, step = found
+            if frame in steps:
+                return steps, ''
+            steps[frame] = step
+        return steps, frame
 
     def climb_newest(self, frame: str,
                      ends: Container[str] = ()) -> tuple[dict[str, float], str]:
         """
-        Go as `climb` does by the newest transforms.
+        Collect the ancestors of a frame as `climb` does, by the newest transforms.
 
         Returns
         -------
         dict
-            The least stamp on the way to each frame, by its name; NEVER if all there are static.
+            The least stamp up to each frame, by its name; NEVER if all there are static.
         str
             As `climb`.
 
@@ -185,15 +190,25 @@ class FrameTree:
         least = NEVER
         passed = {frame: least}
         while frame not in ends:
-            link = self.static.get(frame)
-            if link is None:
-                track = self.moving.get(frame)
-                if track is None:
-                    break
-                link = track.links[-1]
+            if frame in self.static:
+                frame = self.static[frame][0]
+            elif frame in self.moving:
+                track = self.moving[frame]
                 least = min(least, track.stamps[-1])
-            frame = link[0]
+                frame = track.links[-1][0]
+            else:
+                break
             if frame in passed:
                 return passed, ''
             passed[frame] = least
         return passed, frame
+
+
+def transform_to(end: str, steps: Steps) -> FixedTransform:
+    """Return the transform from the first frame of some steps to another of them."""
+    here = IDENTITY
+    for frame, step in steps.items():
+        here = step if here is IDENTITY else composed(step, here)
+        if frame == end:
+            break
+    return here

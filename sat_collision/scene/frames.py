@@ -12,20 +12,22 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where a frame was in another when something was seen there, or why that is not known."""
+"""Look up where a frame was in another at a time, or why that is not known."""
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterable
+from itertools import chain, takewhile
 import math
 from typing import NamedTuple
 
 from sat_collision.geometry.polygon import PlaneMap
-from sat_collision.scene.deadlines import NEVER
 from sat_collision.scene.frame_ids import in_quotes, in_words
-from sat_collision.scene.frame_tree import FrameTree
+from sat_collision.scene.frame_tree import FrameTree, transform_to
 from sat_collision.scene.rotations import (
-    composed, IDENTITY, inverse, plane_map, tilt, Transform)
+    FixedTransform, IDENTITY, plane_map, relative, rounded, tilt, Transform)
+from sat_collision.scene.times import NEVER
 
 BAD_FRAME_ID = 'bad frame_id'
 GAP = 'gap between transforms'
@@ -46,15 +48,21 @@ class Located(NamedTuple):
 
     Attributes
     ----------
-    transform : Transform
+    pose : FixedTransform
         From the one to the other.
     at : int or None
         The time that it holds for in ns, None for all times.
+    transform : Transform
+        The pose, rounded to doubles.
 
     """
 
-    transform: Transform
+    pose: FixedTransform
     at: int | None
+
+    @property
+    def transform(self) -> Transform:
+        return rounded(self.pose)
 
 
 class Mapped(NamedTuple):
@@ -95,7 +103,7 @@ class NoTransform(NamedTuple):
 
 class Frames:
     """
-    The transforms of the last seconds, and what follows from them.
+    The transforms of the last seconds, and look-ups in them.
 
     With tf2's meaning: between two stamps the translation is interpolated linearly and the
     rotation evenly, and static frames are where they are at all times. But where a frame was is
@@ -107,7 +115,7 @@ class Frames:
     Parameters
     ----------
     history : int
-        For so long before the newest transform of a frame its others are kept, in ns.
+        How much older than the newest transform of a frame others may be to be kept, in ns.
     max_gap : float, optional
         How far apart two stamps may be to know what is between them, in ns; NEVER for any.
     max_tilt : float, optional
@@ -122,7 +130,7 @@ class Frames:
         self._maps: dict[tuple[str, str, int], Mapped] = {}
 
     def clear(self) -> None:
-        """Forget all that moves, as tf2 does; what is static is told only once."""
+        """Forget all moving frames, as tf2 does; static ones are published only once."""
         self._tree.clear()
         self._maps.clear()
 
@@ -134,11 +142,11 @@ class Frames:
 
     def insert(self, parent: str, child: str, stamp: int, transform: Transform,
                static: bool = False) -> str | None:
-        """Take where a child frame is in its parent; return why not, as `FrameTree.insert`."""
+        """Insert a transform as `FrameTree.insert` does, and return what that returns."""
         tree = self._tree
         refusal = tree.insert(parent, child, stamp, transform, static)
         if tree.rewritten:
-            # Where nothing but the newest is added, what was looked up stays true.
+            # A transform newer than all others changes no look-up that was answered.
             self._maps.clear()
             tree.rewritten = False
         return refusal
@@ -150,14 +158,16 @@ class Frames:
         climb, gap = self._tree.climb, self._max_gap
         below, top = climb(source, stamp, gap, (target,))
         if top == target:
-            return Located(below[target], stamp)
+            return Located(transform_to(target, below), stamp)
         if top:
             above, common = climb(target, stamp, gap, below)
             if common in below:
-                return Located(composed(inverse(above[common]), below[common]), stamp)
+                return Located(relative(transform_to(common, above),
+                                        transform_to(common, below)), stamp)
         return self._explain(target, source, stamp)
 
-    def newest(self, target: str, source: str, oldest: float = -NEVER) -> Located | NoTransform:
+    def newest(self, target: str, source: str, oldest: float = -NEVER,
+               now: float = NEVER) -> Located | NoTransform:
         """
         Return where the source frame is in the target frame, at the newest time that all know.
 
@@ -166,6 +176,9 @@ class Frames:
         target, source : str
         oldest : float, optional
             What is older than this time is no answer.
+        now : float, optional
+            What is newer than this time is an answer only where there is none but that: one
+            transform that is ahead of the clock must not shut out those after it.
 
         Returns
         -------
@@ -174,6 +187,8 @@ class Frames:
         """
         below, top = self._tree.climb_newest(source, (target,))
         time = below.get(target)
+        above: dict[str, float] = {}
+        common = target
         if time is None:
             above, common = self._tree.climb_newest(target, below)
             if not top or common not in below:
@@ -182,6 +197,10 @@ class Frames:
         if time == NEVER:
             found = self.lookup(target, source, 0)
             return found._replace(at=None) if isinstance(found, Located) else found
+        if time > now:
+            way = chain(takewhile(common.__ne__, below), takewhile(common.__ne__, above))
+            time = min(stamps[max(bisect_right(stamps, now) - 1, 0)] for stamps in (
+                self._tree.moving[frame].stamps for frame in way if frame in self._tree.moving))
         if time < oldest:
             return NoTransform(
                 OLD_LATEST, f'{_between(source, target)}: the newest is past the timeout by '
@@ -201,13 +220,13 @@ class Frames:
             self._maps[key] = known = found
         return known
 
-    def newest_plane(self, target: str, source: str,
-                     oldest: float = -NEVER) -> Mapped | NoTransform:
+    def newest_plane(self, target: str, source: str, oldest: float = -NEVER,
+                     now: float = NEVER) -> Mapped | NoTransform:
         """Return as `newest` does what takes the plane of a frame to that of another."""
-        return self._projected(self.newest(target, source, oldest), target, source)
+        return self._projected(self.newest(target, source, oldest, now), target, source)
 
     def stamps(self, target: str, source: str, after: int, until: int) -> list[int]:
-        """Return when, after a time and before another, one of the two was told to be, sorted."""
+        """Return the stamps between two times that transforms above either frame have, sorted."""
         tree = self._tree
         names = {*tree.climb_newest(source)[0], *tree.climb_newest(target)[0]}
         return sorted({stamp for name in names & tree.moving.keys()
@@ -217,12 +236,12 @@ class Frames:
                    source: str) -> Mapped | NoTransform:
         if isinstance(found, NoTransform):
             return found
-        angle = tilt(found.transform)
+        angle = tilt(found.pose)
         if angle > self._max_tilt:
             return NoTransform(
                 TILTED, f'{in_words(source)} is tilted by {math.degrees(angle):.1f} degrees in '
                 f'{in_words(target)}, more than {math.degrees(self._max_tilt):g}', False)
-        return Mapped(plane_map(found.transform), found.at)
+        return Mapped(plane_map(found.pose), found.at)
 
     def _explain(self, target: str, source: str, stamp: int | None) -> NoTransform:
         """Put into words why there is no answer for a time, or for the newest."""

@@ -16,13 +16,12 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from sat_collision.scene.bodies import Body
-from sat_collision.scene.deadlines import NEVER
 
-# A place in a set; an id; a shape; or the name of a place that is none.
-Key: TypeAlias = 'int | bytes | str'
+# A place in a set, an id, or a shape.
+Key: TypeAlias = 'int | bytes'
 
 
 class ObstacleId(NamedTuple):
@@ -46,51 +45,35 @@ class ObstacleId(NamedTuple):
         return f'{self.source}/{self.key}'
 
 
-class Owner(Protocol):
-    """What an obstacle asks of what holds it."""
-
-    timeout: float
-
-    def forget(self, obstacle: Obstacle) -> None:
-        """Drop an obstacle."""
-
-
 class Obstacle(Body[Body[Any]]):
     """
     An obstacle of a source; or, if `refused` says why, the place of one that was refused.
 
     Attributes
     ----------
-    held_by : Owner
+    group : object
+        The group that holds it.
     key : Key
         What it is known by there.
     name : ObstacleId
     time : int or float
         Time in ns that it counts from.
+    listing : int
+        Number of the listing of a map that had it last.
     frame_id : str
     refused : str or None
         Why the message that it stands for was refused.
 
     """
 
-    __slots__ = ('held_by', 'key', 'name', 'time', 'frame_id', 'refused', 'watched')
+    __slots__ = ('group', 'key', 'name', 'time', 'listing', 'frame_id', 'refused')
 
-    def __init__(self, held_by: Owner, source: str, key: Key, number: int,
-                 time: float) -> None:
+    def __init__(self, group: object, source: str, key: Key, number: int) -> None:
         super().__init__()
-        self.held_by = held_by
+        self.group = group
         self.key = key
         self.name = ObstacleId(source, number)
-        self.time = time
+        self.time: float = 0
+        self.listing = 0
         self.frame_id = ''
         self.refused: str | None = None
-        self.watched: float = NEVER
-
-    @property
-    def deadline(self) -> float:
-        """Time in ns after which the obstacle is forgotten."""
-        return self.time + self.held_by.timeout
-
-    def expire(self) -> None:
-        """Forget the obstacle, now that its deadline is past."""
-        self.held_by.forget(self)

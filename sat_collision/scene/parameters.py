@@ -29,6 +29,9 @@ from sat_collision.scene.settings import (
 _LISTS = {'footprints': DEFAULT_FOOTPRINT, 'obstacles': DEFAULT_SOURCE}
 # What every node of rclpy has beside these parameters.
 _OF_EVERY_NODE = ('qos_overrides', 'start_type_description_service', 'use_sim_time')
+# Parameters of a source that there were before, and what to do instead.
+_REMOVED = {'set_quiet': 'remove it: a pause does not end a set, which ends with an empty polygon '
+                         'of its stamp, or when the next one begins'}
 _TYPES = {bool: 'true or false', int: 'a whole number', float: 'a double', str: 'a text',
           list: 'a list of texts'}
 _RESERVED = frozenset((*specs(Settings), *_OF_EVERY_NODE))
@@ -95,7 +98,9 @@ def check_names_given(given: Iterable[str], known: Collection[str]) -> None:
     for name in given:
         if name not in known and name.partition('.')[0] not in _OF_EVERY_NODE:
             hint = ''
-            if nearest := _nearest(name, known):
+            if remedy := _REMOVED.get(name.rpartition('.')[2]):
+                hint = f' any more: {remedy}'
+            elif nearest := _nearest(name, known):
                 hint = f': did you mean {nearest}?'
             elif '.' in name:
                 hint = '; a source has some only if footprints or obstacles name it'

@@ -12,7 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Transforms between frames: turned by a unit quaternion, then moved. Plain floats, for speed."""
+"""
+Transforms between frames: turned by a quaternion, then moved.
+
+Received ones are doubles. They are composed in integers, so that a chain of frames rounds no more
+than one transform does, see docs/exactness.md, lemma 22.
+"""
 
 from __future__ import annotations
 
@@ -21,83 +26,141 @@ from typing import TypeAlias
 
 from sat_collision.geometry.polygon import PlaneMap
 
-# Translation x, y, z in m, then rotation x, y, z, w, a unit quaternion. It takes the coordinates
-# of a point in the child frame to those in the parent frame.
+# Translation x, y, z in m, then rotation x, y, z, w, a quaternion of any length above zero. It
+# takes the coordinates of a point in the child frame to those in the parent frame.
 Transform: TypeAlias = tuple[float, float, float, float, float, float, float]
 
-IDENTITY: Transform = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+# The same in fixed point, in units of 2^-128; the quaternion's length is about 1.
+FixedTransform: TypeAlias = tuple[int, int, int, int, int, int, int]
 
-# How far the square of a quaternion's length may be from 1; tf2 has the same.
-_DENORMALISED = 1e-2
+_BITS = 128
+_ONE = 1 << _BITS
+IDENTITY: FixedTransform = (0, 0, 0, 0, 0, 0, _ONE)
+
+# Translations are refused from here on, so that a chain of them never leaves the doubles.
+_FARTHEST = 2.0 ** 1000
+# Up to here a translation in units of 2^-128 is a double.
+_FAR = 2.0 ** 800
+# Quaternions whose squared length is closer to 1 than this count as of length 1: after 10,000
+# products in a chain they are still about that long.
+_NEARLY_UNIT = 1e-9
 
 
-def normalised(transform: Transform) -> Transform | None:
-    """Return a transform with a rotation of length 1, None if it has none or is not finite."""
+def accepted(transform: Transform) -> Transform | None:
+    """
+    Return a received transform, None if it is not finite or its quaternion is zero.
+
+    A quaternion that is much too long or too short is scaled by a power of two, which rounds
+    nothing; its direction alone says how a frame is turned, as in tf2.
+    """
     x, y, z, a, b, c, d = transform
-    square = a * a + b * b + c * c + d * d
-    # Of translations whose sum is beyond the largest double no frame is known to lie so far.
-    if not (abs(square - 1.0) <= _DENORMALISED and math.isfinite(x + y + z)):
+    if not (-_FARTHEST < x < _FARTHEST and -_FARTHEST < y < _FARTHEST
+            and -_FARTHEST < z < _FARTHEST):
         return None
-    if square == 1.0:
+    if 0.5 < a * a + b * b + c * c + d * d < 2.0:
         return transform
-    length = math.sqrt(square)
-    return x, y, z, a / length, b / length, c / length, d / length
+    if not all(map(math.isfinite, (a, b, c, d))):
+        return None
+    largest = max(abs(a), abs(b), abs(c), abs(d))
+    if largest == 0.0:
+        return None
+    _, exponent = math.frexp(largest)
+    return (x, y, z, math.ldexp(a, -exponent), math.ldexp(b, -exponent),
+            math.ldexp(c, -exponent), math.ldexp(d, -exponent))
 
 
-def composed(outer: Transform, inner: Transform) -> Transform:
+def fixed(transform: Transform) -> FixedTransform:
+    """Return an accepted transform in fixed point."""
+    x, y, z, a, b, c, d = transform
+    return _fixed_length(x), _fixed_length(y), _fixed_length(z), *_fixed_rotation(a, b, c, d)
+
+
+def _fixed_length(x: float) -> int:
+    return int(x * _ONE) if -_FAR < x < _FAR else int(x) << _BITS
+
+
+def _fixed_rotation(a: float, b: float, c: float, d: float) -> tuple[int, int, int, int]:
+    square = a * a + b * b + c * c + d * d
+    i, j, k, m = int(a * _ONE), int(b * _ONE), int(c * _ONE), int(d * _ONE)
+    if abs(square - 1.0) < _NEARLY_UNIT:
+        return i, j, k, m
+    scale = int(2.0 ** 64 / math.sqrt(square))
+    return i * scale >> 64, j * scale >> 64, k * scale >> 64, m * scale >> 64
+
+
+def composed(outer: FixedTransform, inner: FixedTransform) -> FixedTransform:
     """Return the transform that does first the inner one, then the outer one."""
     x, y, z, a, b, c, d = outer
     u, v, w, p, q, r, s = inner
-    # Twice the cross product of the outer rotation's axis and the inner translation.
-    i = 2.0 * (b * w - c * v)
-    j = 2.0 * (c * u - a * w)
-    k = 2.0 * (a * v - b * u)
-    return (u + d * i + (b * k - c * j) + x,
-            v + d * j + (c * i - a * k) + y,
-            w + d * k + (a * j - b * i) + z,
-            d * p + a * s + b * r - c * q,
-            d * q - a * r + b * s + c * p,
-            d * r + a * q - b * p + c * s,
-            d * s - a * p - b * q - c * r)
+    # The cross product of the outer rotation's axis and the inner translation.
+    i = b * w - c * v
+    j = c * u - a * w
+    k = a * v - b * u
+    half = (a * a + b * b + c * c + d * d) >> 1
+    return (x + u + (d * i + b * k - c * j) // half,
+            y + v + (d * j + c * i - a * k) // half,
+            z + w + (d * k + a * j - b * i) // half,
+            (d * p + a * s + b * r - c * q) >> _BITS,
+            (d * q - a * r + b * s + c * p) >> _BITS,
+            (d * r + a * q - b * p + c * s) >> _BITS,
+            (d * s - a * p - b * q - c * r) >> _BITS)
 
 
-def inverse(transform: Transform) -> Transform:
-    """Return the transform back."""
-    x, y, z, a, b, c, d = transform
-    return composed((0.0, 0.0, 0.0, -a, -b, -c, d), (-x, -y, -z, 0.0, 0.0, 0.0, 1.0))
+def relative(target: FixedTransform, source: FixedTransform) -> FixedTransform:
+    """Return the transform from one frame to another, both given in a third frame."""
+    x, y, z, a, b, c, d = target
+    u, v, w, p, q, r, s = source
+    return composed((0, 0, 0, -a, -b, -c, d), (u - x, v - y, w - z, p, q, r, s))
 
 
-def interpolated(one: Transform, two: Transform, share: float) -> Transform:
+def interpolated(one: Transform, two: Transform, passed: int, span: int) -> FixedTransform:
     """
-    Return what lies between two transforms: one at share 0, two at share 1.
+    Return what lies between two accepted transforms: one where 0 of the span has passed.
 
     The translation is linear, the rotation turns evenly the shorter way round (K. Shoemake,
     "Animating Rotation with Quaternion Curves", SIGGRAPH 1985), as in tf2.
     """
     x, y, z, a, b, c, d = one
     u, v, w, p, q, r, s = two
-    cosine = a * p + b * q + c * r + d * s
+    length = math.sqrt(a * a + b * b + c * c + d * d)
+    other = math.sqrt(p * p + q * q + r * r + s * s)
+    cosine = (a * p + b * q + c * r + d * s) / (length * other)
     sign = 1.0
     if cosine < 0.0:
         cosine, sign = -cosine, -1.0
-    m, n = 1.0 - share, share
+    n = passed / span
+    m = 1.0 - n
     if cosine < 1.0:
         angle = math.acos(cosine)
         sine = math.sin(angle)
         m, n = math.sin(m * angle) / sine, math.sin(n * angle) / sine
-    n *= sign
-    return (x + share * (u - x), y + share * (v - y), z + share * (w - z),
-            m * a + n * p, m * b + n * q, m * c + n * r, m * d + n * s)
+    m /= length
+    n *= sign / other
+    x, y, z = _fixed_length(x), _fixed_length(y), _fixed_length(z)
+    return (x + (_fixed_length(u) - x) * passed // span,
+            y + (_fixed_length(v) - y) * passed // span,
+            z + (_fixed_length(w) - z) * passed // span,
+            *_fixed_rotation(m * a + n * p, m * b + n * q, m * c + n * r, m * d + n * s))
 
 
-def plane_map(transform: Transform) -> PlaneMap:
+def rounded(transform: FixedTransform) -> Transform:
+    """Return a transform in doubles, its quaternion of length 1."""
+    x, y, z, a, b, c, d = transform
+    length = math.isqrt(a * a + b * b + c * c + d * d)
+    return (x / _ONE, y / _ONE, z / _ONE, a / length, b / length, c / length, d / length)
+
+
+def plane_map(transform: FixedTransform) -> PlaneMap:
     """Return what a transform does to points of the plane z = 0, projected onto z = 0."""
     x, y, _, a, b, c, d = transform
-    return (1.0 - 2.0 * (b * b + c * c), 2.0 * (a * b - c * d), x,
-            2.0 * (a * b + c * d), 1.0 - 2.0 * (a * a + c * c), y)
+    aa, bb, cc, ab, cd = a * a, b * b, c * c, 2 * a * b, 2 * c * d
+    square = aa + bb + cc + d * d
+    # Python divides integers with a single rounding.
+    return ((square - 2 * (bb + cc)) / square, (ab - cd) / square, x / _ONE,
+            (ab + cd) / square, (square - 2 * (aa + cc)) / square, y / _ONE)
 
 
-def tilt(transform: Transform) -> float:
+def tilt(transform: FixedTransform) -> float:
     """
     Return by what angle (rad) a transform tilts the plane z = 0.
 

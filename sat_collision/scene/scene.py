@@ -16,38 +16,49 @@
 
 from __future__ import annotations
 
-from sat_collision.geometry.polygon import PackedBody
-from sat_collision.scene.circumstances import Circumstances
+from collections import Counter
+from collections.abc import Mapping, Sequence, Set
+from itertools import chain
+from typing import TypeAlias
+
+from sat_collision.geometry.polygon import PackedBody, Polygon
+from sat_collision.geometry.polygon_set import Point
 from sat_collision.scene.contacts import Contacts
-from sat_collision.scene.deadlines import Deadlines
 from sat_collision.scene.evaluations import Evaluations
-from sat_collision.scene.footprints import Evaluation, Footprint, Origin
+from sat_collision.scene.footprints import Evaluation, Footprint, Origin, State, Status
 from sat_collision.scene.frame_ids import in_quotes
-from sat_collision.scene.holders import OTHER_FRAME
-from sat_collision.scene.observer import Observer
-from sat_collision.scene.settings import Settings
+from sat_collision.scene.obstacle_store import OTHER_FRAME
+from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from sat_collision.scene.sources import Source
+from sat_collision.scene.streams import CONTINUES, Endpoint
+from sat_collision.scene.times import NEVER
 
 FROM_FUTURE = 'from the future'
 OVERTAKEN = 'older than the last'
 
 _AGREEMENT = 10**9
-_UNHEARD = 'has not been heard yet'
+_NOT_RECEIVED = 'has not been received yet'
+_CHANGED = 'has not been received since its publisher changed'
+
+# An obstacle, its separation (m) from a footprint, and the closest points of the two.
+Nearest: TypeAlias = tuple[ObstacleId, float, Point, Point]
 
 
-class Scene(Circumstances):
+class Scene:
     """
     Footprints and obstacles, and the state of each footprint.
 
     A message is decided against the bodies that it may meet; all else stays as it was decided.
     In doubt a footprint is unknown, never clear. It is
 
-    - UNKNOWN if nothing is known of the footprint itself (never heard, refused, in another frame,
-      older than its timeout, disabled), if checking is disabled, or if there is no clock;
+    - UNKNOWN if nothing is known of the footprint itself (not received, refused, in another frame,
+      older than its timeout, disabled, of two publishers), if checking is disabled, or if there
+      is no clock;
     - else in COLLISION if it shares a point with an obstacle, or is within the margin of one: a
       proved contact stays true whatever else is in doubt;
-    - else UNKNOWN if a source of obstacles is at fault (never heard, silent, refused), or none
-      is enabled: there may be an obstacle that nobody told of;
+    - else UNKNOWN if a source of obstacles is not known, see `knowledge`, or none is enabled:
+      there may be an obstacle that was not received;
     - else CLEAR, which is reported once it has been so for `release_delay`.
 
     Where a footprint has sources of its own, these alone count for it.
@@ -59,41 +70,41 @@ class Scene(Circumstances):
     Parameters
     ----------
     settings : Settings
-    observer : Observer, optional
-        Is told of what is taken and of what is dropped.
 
     Attributes
     ----------
     settings : Settings
     frame_id : str
-        The frame of all bodies: that of the settings, else the one that the footprints heard in
-        the last second agree on; empty until there is one.
+        The frame of all bodies: that of the settings, else the one that the footprints received
+        in the last second agree on; empty until there is one.
+    deadline : int or float
+        The time in ns until which, at least, nothing changes by itself; NEVER if at no time.
+    evaluations : Evaluations
 
     """
 
-    def __init__(self, settings: Settings, observer: Observer | None = None) -> None:
+    def __init__(self, settings: Settings) -> None:
         self.settings = settings
-        self._observer = observer
+        self.frame_id = settings.frame_id
+        self.deadline: float = NEVER
         self._now = 0
         self._clock_stands = False
         self._reported: dict[str, Evaluation] = {}
-        self._release_delay = round(settings.release_delay * 1e9)
-        self._future_tolerance = round(settings.future_tolerance * 1e9)
-        self._forget_all()
+        self._contacts = Contacts(settings.margin)
+        self._sources = {source.name: Source(source, self._contacts)
+                         for source in settings.obstacles}
+        self._footprints = {footprint.name: Footprint(footprint)
+                            for footprint in settings.footprints}
+        self.evaluations = Evaluations(self._footprints, self._contacts.changed, self._reported)
+        self._use(settings)
+        for footprint in self._footprints.values():
+            self._invalidate(footprint, _NOT_RECEIVED)
         self._reevaluate_all()
 
-    def _forget_all(self) -> None:
-        self.frame_id = self.settings.frame_id
-        self._contacts = Contacts(self.settings.margin, self._observer)
-        self._deadlines = Deadlines()
-        self._sources = {source.name: Source(source, self._contacts, self._deadlines)
-                         for source in self.settings.obstacles}
-        self._footprints = {footprint.name: Footprint(footprint, self._contacts.changed)
-                            for footprint in self.settings.footprints}
-        self.evaluations = Evaluations(self._footprints, self._contacts.changed,
-                                       self._deadlines, self._reported)
-        for footprint in self._footprints.values():
-            self._invalidate(footprint, _UNHEARD)
+    def _use(self, settings: Settings) -> None:
+        self.settings = settings
+        self._release_delay = round(settings.release_delay * 1e9)
+        self._future_tolerance = round(settings.future_tolerance * 1e9)
 
     def update(self, settings: Settings) -> None:
         """
@@ -101,26 +112,25 @@ class Scene(Circumstances):
 
         What is disabled forgets what it was told: enabled again, it is unknown until told anew.
         """
-        self.settings = settings
-        self._release_delay = round(settings.release_delay * 1e9)
-        self._future_tolerance = round(settings.future_tolerance * 1e9)
+        self._use(settings)
         for source in settings.obstacles:
             self._sources[source.name].configure(source, self._now)
         for new in settings.footprints:
             footprint = self._footprints[new.name]
             if new.enabled != footprint.settings.enabled:
-                self._invalidate(footprint, _UNHEARD)
-            minded = footprint.settings.obstacles
+                self._invalidate(footprint, _NOT_RECEIVED)
+            monitored = footprint.settings.obstacles
             footprint.configure(new)
-            if new.obstacles != minded:
+            if new.obstacles != monitored:
                 self._contacts.decide(footprint)
         self._contacts.use_margin(settings.margin)
         self._contacts.changed.update(self._footprints.values())
+        self.deadline = self._now - 1
         self._reevaluate_all()
         self.pass_time(self._now)
 
     def footprint(self, name: str, body: PackedBody, frame_id: str, stamp: int, now: int,
-                  origin: Origin | None = None) -> str | None:
+                  origin: Origin | None = None, number: int | None = None) -> str | None:
         """
         Take a footprint.
 
@@ -133,6 +143,8 @@ class Scene(Circumstances):
             Header stamp and present time in ns.
         origin : Origin, optional
             Where it came from, if it was moved to the frame.
+        number : int, optional
+            Which one of its publisher's messages it is, where that is known.
 
         Returns
         -------
@@ -146,42 +158,44 @@ class Scene(Circumstances):
         footprint = self._footprints[name]
         if not footprint.settings.enabled:
             return None
+        if number is not None:
+            self.receive_number(name, number, now)
         if stamp > now and self._is_from_future(stamp):
             self._invalidate(footprint, f'was refused: {FROM_FUTURE}')
             self._evaluate()
             return FROM_FUTURE
         footprint.frame_id = frame_id
-        footprint.heard = now
+        footprint.received = now
         if frame_id != self.frame_id and not self.settings.frame_id:
             self._choose_frame()
         if frame_id != self.frame_id:
             self._invalidate(footprint, f'is not in the frame {in_quotes(self.frame_id)}')
             self._evaluate()
             return OTHER_FRAME
-        if footprint.is_newer_than(stamp):
+        time = stamp if 0 < stamp < now else now
+        if footprint.is_newer_than(time):
             return OVERTAKEN
         self._contacts.place_footprint(footprint, body)
-        footprint.stamp = stamp or now
         footprint.origin = origin
-        footprint.time = time = min(stamp, now) if stamp else now
+        footprint.time = time
         if footprint.fault or footprint.stale or time + footprint.timeout < now:
             footprint.fault = ''
             self._contacts.changed.add(footprint)
-        elif time + footprint.timeout < footprint.watched:
-            self._deadlines.watch(footprint)
+        elif time + footprint.timeout < self.deadline:
+            self.deadline = time + footprint.timeout
         if self._contacts.changed:
             self._evaluate()
         return None
 
     def obstacle(self, name: str, body: PackedBody | None, frame_id: str, stamp: int, now: int,
-                 instance: int | None = None) -> str | None:
+                 instance: int | None = None, number: int | None = None) -> str | None:
         """
         Take a message of a source of obstacles; as `footprint`, but for what follows.
 
         Parameters
         ----------
         body : PackedBody or None
-            None for a heartbeat: the publisher lives, and saw nothing.
+            None for an empty polygon, which ends a set or a map.
         instance : int, optional
             The obstacle's id, of a source that gives ids.
 
@@ -196,84 +210,240 @@ class Scene(Circumstances):
         source = self._sources[name]
         if not source.settings.enabled:
             return None
-        faults = source.faults
+        faults, listing = source.faults, source.listing
         refusal: str | None
         if stamp > now and self._is_from_future(stamp):
-            # With such a stamp it can be of no set; a heartbeat is of no instance.
-            refusal = source.refuse(FROM_FUTURE, None, now, None if body is None else instance)
-        elif body is None:
-            refusal = source.heartbeat(stamp, now)
-        elif self.frame_id and frame_id != self.frame_id:
-            refusal = source.refuse(OTHER_FRAME, stamp, now, instance)
+            # With such a stamp it can be of no set; an empty polygon is of no instance.
+            refusal = source.refuse(FROM_FUTURE, None, now, None if body is None else instance,
+                                    number)
+        elif body is not None and self.frame_id and frame_id != self.frame_id:
+            refusal = source.refuse(OTHER_FRAME, stamp, now, instance, number)
         else:
-            refusal = source.place(body, frame_id, stamp, now, instance)
-        if source.faults is not faults:
+            refusal = source.place(body, frame_id, stamp, now, instance, number)
+        due = (stamp if 0 < stamp < now else now) + source.timeout
+        if due < self.deadline:
+            self.deadline = due
+        if source.faults is not faults or source.listing is not listing:
+            self._watch(source.deadline)
             self._reevaluate_all()
         elif self._contacts.changed:
             self._evaluate()
         return refusal
 
     def refuse(self, name: str, reason: str, now: int, stamp: int | None = None,
-               instance: int | None = None) -> None:
+               instance: int | None = None, number: int | None = None) -> None:
         """
-        Take note of a message of a footprint or source that gave no polygon.
+        Take a message of a footprint or source that gave no polygon.
 
         The reason has no figures; stamp and instance are None where they could not be read.
         """
         self.pass_time(now)
         if stamp is not None and self._is_from_future(stamp):
             stamp = None
-        footprint = self._footprints.get(name)
-        if footprint is None:
-            if self._sources[name].settings.enabled:
-                self._sources[name].refuse(reason, stamp, now, instance)
-        else:
-            self._invalidate(footprint, f'was refused: {reason}')
+        source = self._sources.get(name)
+        if source is None:
+            if number is not None:
+                self.receive_number(name, number, now)
+            self._invalidate(self._footprints[name], f'was refused: {reason}')
+        elif source.settings.enabled:
+            source.refuse(reason, stamp, now, instance, number)
+            self._watch(source.deadline)
         self._reevaluate_all()
 
-    def advance(self, now: int) -> None:
-        """
-        Let time pass when all that was sent until now has been told: what paused is whole.
+    def receive_number(self, name: str, number: int, now: int) -> None:
+        """Take the number of a message of a footprint."""
+        footprint = self._footprints[name]
+        if footprint.stream.receive(number, now) is not CONTINUES:
+            self.pass_time(now)
+            self._update_stream(footprint)
 
-        Where messages may wait to be told, only `pass_time` is right: a pause may be none.
-        """
-        paused = [source for source in self._sources.values() if source.pause < now]
-        for source in paused:
-            source.end_pause()
-        self.pass_time(now)
-        if paused:
+    def update_publishers(self, name: str, endpoints: Sequence[Endpoint]) -> None:
+        """Take the publishers that a footprint or source has now."""
+        source = self._sources.get(name)
+        if source is not None:
+            source.update_publishers(endpoints, self._now)
+            self._watch(source.deadline)
+        else:
+            footprint = self._footprints[name]
+            if footprint.stream.update(endpoints) and footprint.time is not None:
+                self._invalidate(footprint, _CHANGED)
+            self._update_stream(footprint)
+        self._reevaluate_all()
+
+    def lost(self) -> Counter[str]:
+        """Return how many messages were sent but never came, by name."""
+        things: Mapping[str, Footprint | Source] = {**self._footprints, **self._sources}
+        return +Counter({name: thing.stream.lost for name, thing in things.items()})
+
+    def wants_history(self, name: str) -> bool:
+        """Tell whether the one publisher of a map must be asked for all that it has sent."""
+        source = self._sources.get(name)
+        return (source is not None and source.wants_history
+                and not source.stream.faults())
+
+    def renew(self, name: str) -> None:
+        """Take what comes of a source from now on for all that its publisher has ever sent."""
+        self._sources[name].renew(self._now)
+        self._reevaluate_all()
+
+    def stop_clock(self, stands: bool) -> None:
+        """Take whether the clock stands still, so that nothing can grow old."""
+        if stands != self._clock_stands:
+            self._clock_stands = stands
             self._reevaluate_all()
 
-    def pass_time(self, now: int) -> None:
-        """
-        Let time pass: obstacles are forgotten, footprints become stale, sources fall silent.
+    def note_waiting(self, name: str, are_waiting: bool) -> None:
+        """Take whether messages of a source wait to be taken."""
+        source = self._sources.get(name)
+        if source is not None:
+            source.are_waiting = are_waiting
 
-        A step back (a recording begins again, a simulation is reset) drops everything: it belongs
-        to another time.
+    def pass_time(self, now: int, is_all_taken: bool = True) -> None:
+        """
+        Let time pass: bodies become too old, sources fall silent, maps settle.
+
+        Where messages may still be queued, `is_all_taken` is false and no map settles. A step
+        back (a recording begins again, a simulation is reset) drops what has a time: it belongs
+        to another one.
         """
         last, self._now = self._now, now
-        if 0 < last <= now <= self._deadlines.earliest:
-            return
-        begins = last == 0 or now < last
-        if now < last:
-            self._forget_all()
-        if begins:
+        if not is_all_taken:
             for source in self._sources.values():
-                source.listen(now)
-        changed = begins
-        for thing in self._deadlines.missed(now):
-            thing.expire()
-            changed = True
-        if changed:
-            self._reevaluate_all()
+                source.wait(now)
+        if 0 < last <= now <= self.deadline:
+            return
+        if now < last:
+            self._set_back(now)
+        for footprint in self._footprints.values():
+            if footprint.deadline < now:
+                self._contacts.changed.add(footprint)
+        for source in self._sources.values():
+            if source.deadline < now:
+                source.pass_time(now)
+        self.deadline = min(chain(
+            (source.deadline for source in self._sources.values()),
+            (footprint.deadline for footprint in self._footprints.values()
+             if footprint not in self._contacts.changed)), default=NEVER)
+        self._reevaluate_all()
+
+    @property
+    def footprints(self) -> list[tuple[str, Polygon]]:
+        """The (name, Polygon) of every footprint that is somewhere, be it stale."""
+        return [(name, polygon) for name, footprint in self._footprints.items()
+                if (polygon := footprint.polygon) is not None]
+
+    @property
+    def obstacles(self) -> list[tuple[ObstacleId, Polygon]]:
+        """The (ObstacleId, Polygon) of every obstacle that is somewhere."""
+        return [(obstacle.name, polygon) for source in self._sources.values()
+                for obstacle in source.store if (polygon := obstacle.polygon) is not None]
+
+    @property
+    def source_faults(self) -> tuple[str, ...]:
+        """Why sources of obstacles cannot be trusted, in sentences."""
+        return tuple(chain.from_iterable(source.faults for source in self._sources.values()))
+
+    def settings_of(self, name: str) -> FootprintSettings | ObstacleSettings:
+        """Return the settings of a footprint or source by its name."""
+        source = self._sources.get(name)
+        return source.settings if source else self._footprints[name].settings
+
+    def doubts(self, name: str) -> tuple[str, ...]:
+        """Return why it is not known what a footprint touches, whatever it is known to touch."""
+        return self._footprints[name].doubts
+
+    def changes(self) -> list[str]:
+        """Return the names of footprints whose state, age apart, changed since the last call."""
+        return self.evaluations.changes()
+
+    def status(self, name: str) -> Status:
+        """Return the Status of a footprint."""
+        return self._footprints[name].status
+
+    def state(self, name: str) -> State:
+        """Return the State of a footprint at the time that was passed last."""
+        footprint = self._footprints[name]
+        age = None if footprint.time is None else (self._now - footprint.time) / 1e9
+        status, reasons = footprint.evaluation
+        return State(status, footprint.contacts_reported, reasons, age)
+
+    def origin(self, name: str) -> tuple[str, float | None]:
+        """
+        Return where the good footprint came from, '' if there is none.
+
+        It is the name of the frame in which it was sent, and the age in s of the transform that
+        moved it from there, None if there was none or it holds for all times.
+        """
+        footprint = self._footprints[name]
+        if footprint.time is None:
+            return '', None
+        if footprint.origin is None:
+            return footprint.frame_id, None
+        frame_id, at = footprint.origin
+        return frame_id, None if at is None else (self._now - at) / 1e9
+
+    def contacts(self, name: str) -> list[tuple[ObstacleId, Polygon, Polygon]]:
+        """Return (ObstacleId, Polygon of the footprint, Polygon) of all that a footprint meets."""
+        footprint = self._footprints[name]
+        return [(obstacle.name, own, other) for obstacle in footprint.contacts
+                if (own := footprint.polygon) and (other := obstacle.polygon)]
+
+    def nearest(self, name: str, apart: bool = False) -> Nearest | None:
+        """
+        Return what is nearest to a footprint, None if one of the two is nowhere.
+
+        It is an obstacle, its separation and the closest points, as `PolygonSet.nearest` has
+        them; with `apart` the obstacles in contact are left out.
+        """
+        footprint = self._footprints[name]
+        found = self._contacts.nearest(footprint, footprint.contacts if apart else ())
+        return found and (found[0].name, *found[1:])
+
+    def newer_by(self, name: str, obstacles: Set[ObstacleId]) -> dict[ObstacleId, float]:
+        """
+        Return by how many s obstacles are newer than a footprint; only those that are somewhere.
+
+        Where two sets hold an obstacle of one name, that in contact counts, else the newer.
+        """
+        footprint = self._footprints[name]
+        if footprint.time is None:
+            return {}
+        found: dict[ObstacleId, tuple[bool, float]] = {}
+        # Once through all of a source, as all of them may be asked for.
+        for source in {obstacle.source for obstacle in obstacles}:
+            for one in self._sources[source].store:
+                if one.row is not None and one.name in obstacles:
+                    known = one in footprint.contacts, one.time
+                    found[one.name] = max(found.get(one.name, known), known)
+        return {obstacle: (time - footprint.time) / 1e9 for obstacle, (_, time) in found.items()}
+
+    def _set_back(self, now: int) -> None:
+        """Forget what belongs to another time."""
+        self.frame_id = self.settings.frame_id
+        for footprint in self._footprints.values():
+            footprint.set_back(now)
+            self._invalidate(footprint, _NOT_RECEIVED)
+        for source in self._sources.values():
+            source.set_back(now)
 
     def _is_from_future(self, stamp: int) -> bool:
         return stamp > self._now + self._future_tolerance and self._now > 0
 
+    def _watch(self, deadline: float) -> None:
+        if deadline < self.deadline:
+            self.deadline = deadline
+
+    def _update_stream(self, footprint: Footprint) -> None:
+        """Have a footprint evaluated anew if what is wrong with its publishers has changed."""
+        if footprint.find_stream_faults(self._now):
+            self._contacts.changed.add(footprint)
+            self._evaluate()
+
     def _choose_frame(self) -> None:
-        """Let the frame be the one that the footprints heard of late agree on, if they do."""
+        """Let the frame be the one that the footprints received of late agree on, if they do."""
         frames = {footprint.frame_id for footprint in self._footprints.values()
-                  if footprint.heard is not None and footprint.heard >= self._now - _AGREEMENT}
+                  if footprint.received is not None
+                  and footprint.received >= self._now - _AGREEMENT}
         if len(frames) != 1 or self.frame_id in frames:
             return
         self.frame_id, = frames
@@ -281,5 +451,20 @@ class Scene(Circumstances):
             if footprint.time is not None and footprint.frame_id != self.frame_id:
                 self._invalidate(footprint, f'is not in the frame {in_quotes(self.frame_id)}')
         for source in self._sources.values():
-            source.refuse_other_frames(self.frame_id)
+            source.refuse_other_frames(self.frame_id, self._now)
         self._reevaluate_all()
+
+    def _invalidate(self, footprint: Footprint, fault: str) -> None:
+        footprint.time = None
+        footprint.fault = fault
+        self._contacts.remove_footprint(footprint)
+        self._contacts.changed.add(footprint)
+
+    def _reevaluate_all(self) -> None:
+        """Evaluate the footprints for which something has changed: all, if a common fault has."""
+        self.evaluations.find_faults(self.settings, self._now, self._clock_stands,
+                                     self._sources.values())
+        self._evaluate()
+
+    def _evaluate(self) -> None:
+        self._watch(self.evaluations.evaluate(self._now, self._release_delay))

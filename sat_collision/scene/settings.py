@@ -118,7 +118,7 @@ class FootprintSettings:
         """Whether it has an outline of its own instead of a topic that tells it."""
         return bool(self.points) or self.radius > 0.0
 
-    def minds(self, source: str) -> bool:
+    def monitors(self, source: str) -> bool:
         """Tell whether the obstacles of a source, and its faults, concern the footprint."""
         return not self.obstacles or source in self.obstacles
 
@@ -136,23 +136,24 @@ class ObstacleSettings:
         'PolygonInstanceStamped, whose ids tell obstacles apart',
         choices=(POLYGON, POLYGON_INSTANCE)))
     timeout: float = field(default=2.0, metadata=_setting(
-        's; older obstacles are forgotten, and a source silent for so long makes the footprints '
-        'unknown; 0.0 for never, as a latched map needs', live=True, safety=True,
-        limits=(0.0, _DAY)))
+        's; older obstacles are forgotten, and a source without a whole set or without a message '
+        'for so long makes the footprints unknown; 0.0 for never, as a latched map needs',
+        live=True, safety=True, limits=(0.0, _DAY)))
     enabled: bool = field(default=True, metadata=_setting(
         'false ignores the source and drops its obstacles', live=True, safety=True))
     set_window: float = field(default=0.02, metadata=_setting(
         's; messages stamped within this time of the first of a set are different obstacles of '
-        'that set', live=True, safety=True, limits=(0.0, 60.0)))
-    set_quiet: float = field(default=0.05, metadata=_setting(
-        's; a set is whole when nothing of it has come for so long, if no later set or empty '
-        'polygon with its stamp says so before', live=True, safety=True, limits=(0.001, 60.0)))
+        'that set; it ends with an empty polygon of its stamp, or with the next set', live=True,
+        safety=True, limits=(0.0, 60.0)))
+    settle_time: float = field(default=1.0, metadata=_setting(
+        's; with a timeout of 0.0, a map that no empty polygon ends is complete when nothing of '
+        'it has come for so long', live=True, safety=True, limits=(0.1, 60.0)))
     accumulate: bool = field(default=False, metadata=_setting(
         'true keeps every polygon until its timeout, for publishers that send obstacles one by '
         'one', live=True, safety=True))
     max_count: int = field(default=10_000, metadata=_setting(
-        'the most obstacles of the source; more are refused and make the footprints unknown',
-        live=True, limits=(1, 1_000_000)))
+        'the most obstacles of the source, with which a set is whole; more are refused and make '
+        'the footprints unknown', live=True, safety=True, limits=(1, 1_000_000)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,7 +205,8 @@ class Settings:
         limits=(1, 1_000_000)))
     publish_rate: float = field(default=10.0, metadata=_setting(
         'Hz; how often flags and states are published without any change',
-        live=True, limits=_RATES))
+        # Subscribers take a flag older than 0.3 s for a raised one.
+        live=True, limits=(5.0, 50.0)))
     marker_rate: float = field(default=10.0, metadata=_setting(
         'Hz; how often markers are published while somebody subscribes',
         live=True, limits=_RATES))

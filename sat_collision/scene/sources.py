@@ -12,287 +12,325 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sources of obstacles: what each has told, for how long, and whether that is all there is."""
+"""Sources of obstacles: what each one is known to have sent, where it is, and what is wrong."""
 
 from __future__ import annotations
 
-from sat_collision.geometry.polygon import PackedBody
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+from sat_collision.geometry.polygon import PackedBody, size_of
 from sat_collision.scene.contacts import Contacts
-from sat_collision.scene.deadlines import Alarm, Deadlines, NEVER
-from sat_collision.scene.doubts import Doubts
-from sat_collision.scene.holders import Holdings, shape_of
-from sat_collision.scene.obstacle_sets import ObstacleSets
+from sat_collision.scene.knowledge import Group, Keys, LOSS, Maps, Sets
+from sat_collision.scene.obstacle_store import KeyedGroup, ObstacleStore, SetGroup, TOO_MANY
 from sat_collision.scene.obstacles import Key
 from sat_collision.scene.settings import ObstacleSettings, POLYGON_INSTANCE
+from sat_collision.scene.streams import BEGUN, CONTINUES, Endpoint, LOST, MET, News, Stream
+from sat_collision.scene.times import BY_ANOTHER_CLOCK, FAR, NEVER
 
 TOO_OLD = 'too old'
+
+# Of so many listings that were interrupted the obstacles stay.
+_MOST_FORMER = 20
+
+_Listing: TypeAlias = 'Sets[SetGroup] | Keys[KeyedGroup] | Maps[KeyedGroup]'
 
 
 class Source:
     """
-    What one topic has told about obstacles.
+    One topic of obstacles: its stream, how it lists them, and the obstacles themselves.
 
-    A polygon with a stamp is an obstacle of a set, see `ObstacleSets`. While a set comes in it
-    only adds: what the last whole set held is forgotten when the new one is whole. Polygons with
-    stamp 0, and all those of a source that accumulates, go by their shape; instances by their id.
-    The source is known from its first whole set on, or the first pause after polygons without
-    stamps; one without sets from its first message on.
-
-    While a source holds a message that was refused it is at fault: there may be an obstacle where
-    nobody looks. So it is after a loss until all is told anew: by a whole set, or in the timeout.
+    Polygons with stamps come in sets; those of stamp 0, and all of a source that accumulates, go
+    by their shape; instances by their id; with a timeout of 0 they make a map. The obstacles of a
+    listing that was interrupted stay until their timeout, beside those of the listing that
+    follows.
 
     Times are in ns. A message counts from its stamp, from now if that is 0 or in the future. One
-    past its timeout is refused as TOO_OLD and changes nothing: what is held is known better.
+    past its timeout is refused as TOO_OLD.
 
     Parameters
     ----------
     settings : ObstacleSettings
     contacts : Contacts
-    deadlines : Deadlines
-        Calls for `expire`.
 
     Attributes
     ----------
-    obstacles : Holdings
-    pause : int or float
-        Time in ns after which what comes in is whole, if nothing more comes; NEVER if nothing is.
+    store : ObstacleStore
+    stream : Stream
+    listing : Sets, Keys or Maps
+        What its publisher lists now. Another object where that begins anew.
     faults : tuple of str
         Why the source cannot be trusted, in words; empty if it can. The same object as long as
         nothing about it changes.
+    timeout : int or float
+        NEVER where there is none.
+    are_waiting : bool
+        Whether messages wait to be taken, so that no map is complete.
 
     """
 
-    def __init__(self, settings: ObstacleSettings, contacts: Contacts,
-                 deadlines: Deadlines) -> None:
-        self._note_set = contacts.begin_set
-        self._deadlines = deadlines
-        self._doubts = Doubts()
-        self.obstacles = Holdings(settings.name, contacts, deadlines, self._count_refusals)
-        self._sets = ObstacleSets()
-        self._coming_in = self.obstacles.sides[0]
-        self.are_waiting = False
-        self._cure = Alarm(self._get_over_loss)
+    def __init__(self, settings: ObstacleSettings, contacts: Contacts) -> None:
         self.settings = settings
+        self.store = ObstacleStore(settings.name, contacts)
+        self.stream = Stream()
         self.faults: tuple[str, ...] = ()
-        self.watched: float = NEVER
-        self._clear()
+        self.are_waiting = False
+        # Groups of listings that were interrupted.
+        self._former: list[Group] = []
+        self._is_far = False
+        self._was_known = False
+        self.timeout: float = NEVER
+        self.listing: _Listing = Sets(self.store.new_set)
         self.configure(settings, now=0)
 
-    def _clear(self) -> None:
-        self.obstacles.clear()
-        self._doubts = Doubts(publishers=self._doubts.publishers)
-        self._heard: float = -NEVER
-        self.pause = self._cure.deadline = NEVER
-        self._sets.clear()
-
     def configure(self, settings: ObstacleSettings, now: int) -> None:
-        """Apply settings; a disabled source forgets all that it was told."""
-        was_enabled = self.settings.enabled
-        self.settings = settings
-        self._timeout = round(settings.timeout * 1e9) if settings.timeout > 0.0 else NEVER
-        self.obstacles.configure(self._timeout, settings.max_count)
-        self._sets.window = round(settings.set_window * 1e9)
-        self._sets.timeout = self._timeout
-        self._quiet = round(settings.set_quiet * 1e9)
+        """Apply settings; a disabled source forgets all that it has received."""
+        before, self.settings = self.settings, settings
+        self.timeout = round(settings.timeout * 1e9) if settings.timeout > 0.0 else NEVER
+        self.store.max_count = settings.max_count
+        self.stream.timeout = self.timeout
         self._by_id = settings.type == POLYGON_INSTANCE
         self._in_sets = not self._by_id and not settings.accumulate
-        self._followed = -1
-        if not settings.enabled:
-            self._clear()
-        elif now and not was_enabled:
-            self.listen(now)
-        if self._doubts.is_silent and now <= self.deadline:
-            # What it held is forgotten: a longer timeout brings nothing back.
-            self._heard, self._doubts.is_silent, self._doubts.is_heard = -NEVER, False, False
-        if self.deadline < now:
-            self.expire()
-        self._deadlines.watch(self)
-        self._find_faults()
+        self._stamped = self._manner(1)
+        if settings.enabled != before.enabled:
+            self.stream.interrupt()
+            self._forget_all(now, wants_history=settings.enabled)
+        else:
+            self._follow(CONTINUES, None, now)
+        self._configure_listing()
+        self.pass_time(now)
+
+    @property
+    def wants_history(self) -> bool:
+        """Whether a publisher that keeps what it has sent must be asked for all of it again."""
+        listing = self.listing
+        return isinstance(listing, Maps) and listing.wants_history and self.settings.enabled
 
     @property
     def deadline(self) -> float:
-        """Time in ns after which the source is silent, unless it is heard again."""
-        return self._heard + self._timeout if self._doubts.is_heard else NEVER
+        """Time in ns after which something changes by itself."""
+        deadline = min(self.listing.deadline, self.stream.mixed_until)
+        if self._former and self.timeout < NEVER:
+            deadline = min(deadline, self.timeout + min(group.oldest for group in self._former))
+        return deadline
 
-    def expire(self) -> None:
-        """Note that the source is silent, now that its deadline is past."""
-        self._doubts.is_silent = True
-        self._begin_anew()
-        if self.pause == NEVER:
-            self._sets.settle()
-        self._find_faults()
-
-    def listen(self, now: int) -> None:
-        """Take note that from now on all is told that is sent: after a pause, sets count."""
-        if self._in_sets and self.settings.enabled and self._doubts.publishers != 0:
-            self.pause = now + self._quiet
-
-    def meet_publisher(self, from_beginning: bool) -> None:
-        """Take note that the next message is the first one heard of a publisher, or sent by it."""
-        if self._doubts.is_heard and not (from_beginning and self._sets.is_whole):
-            self._begin_anew()
-            self._find_faults()
-        if from_beginning:
-            self._sets.settle()
-
-    def _begin_anew(self) -> None:
-        """Trust the source from the first set on that begins after this and is whole."""
-        self._drop_last_set()
-        self._sets.clear()
-        self._doubts.is_known = False
-
-    def lose(self, now: int) -> None:
-        """Take note that messages were lost before the one that comes next."""
-        self._doubts.is_lossy = True
-        self._sets.miss()
-        self._cure.deadline = now + self._timeout
-        self._deadlines.watch(self._cure)
-        self._find_faults()
-
-    def count_publishers(self, count: int, now: int) -> None:
-        """Take note of how many publishers there are; without any, nothing is known any more."""
-        doubts = self._doubts
-        if count == doubts.publishers and (count or not doubts.is_heard):
-            return
-        before, doubts.publishers = doubts.publishers, count
-        doubts.is_left = count == 0 and (bool(before) or doubts.is_heard)
-        if doubts.is_left:
-            doubts.is_heard = doubts.is_silent = False
-            self._heard = -NEVER
-        if doubts.is_left or count == 1 < (before or 0):  # what several sent was mixed up
-            self._begin_anew()
-        if count == 0:
-            self.pause = NEVER
-        elif count == 1:
-            self.listen(now)
-        self._find_faults()
-
-    def overwhelm(self, overwhelmed: bool) -> None:
-        """Take note of whether the source sends more than can be checked."""
-        self._doubts.is_behind = overwhelmed
-        self._find_faults()
-
-    def heartbeat(self, stamp: int, now: int) -> str | None:
-        """Take the message that the publisher lives and saw nothing; return a refusal or None."""
-        if self._hear(stamp, now) is None:
-            return TOO_OLD
-        if self._in_sets:
-            self._follow(stamp, now)
-            if stamp and self._sets.includes(stamp):
-                self._end_set()
-        return None
-
-    def place(self, body: PackedBody, frame_id: str, stamp: int, now: int,
-              instance: int | None) -> str | None:
-        """Take a body; return a refusal or None."""
-        if now == self._followed and stamp == self._sets.current and stamp:
-            # The message before has told the source all but the body.
-            return self._coming_in.place(body, frame_id, stamp if stamp < now else now)
-        time = self._hear(stamp, now)
-        if time is None:
-            return TOO_OLD
-        if self._in_sets and stamp:
-            self._follow(stamp, now)
-            return self._coming_in.place(body, frame_id, time)
-        key: Key = shape_of(body) if instance is None or not self._by_id else instance
-        keyed = self.obstacles.keyed
-        if not self._in_sets:
-            keyed.forget_unplaced()
-        elif key not in keyed or self._doubts.is_lossy or None in keyed:
-            self._follow(0, now)
-        return keyed.place(key, body, frame_id, time)
-
-    def refuse(self, reason: str, stamp: int | None, now: int, instance: int | None) -> str:
-        """Take a message without a usable polygon, as `Scene.refuse`; return what counts."""
-        time = self._hear(stamp or 0, now)
-        if time is None:
-            return TOO_OLD
-        if self._in_sets:
-            if stamp:
-                self._follow(stamp, now)
-                return self._coming_in.refuse(time, reason)
-            self._follow(0, now)
-            self._sets.miss()
-        return self.obstacles.keyed.refuse(instance if self._by_id else None, time, reason)
-
-    def refuse_other_frames(self, frame_id: str) -> None:
-        """Refuse the obstacles in another frame than this, which was not known when they came."""
-        if self.obstacles.refuse_other_frames(frame_id):
-            self._sets.miss()
-
-    def _hear(self, stamp: int, now: int) -> int | None:
-        """Note a sign of life; return the time it counts from, None if that is too long ago."""
-        time = stamp if 0 < stamp < now else now
-        if time + self._timeout < now:
-            self._doubts.note_late(now - time)
-            self._find_faults()
-            return None
-        if time > self._heard:
-            self._heard = time
-            if self._doubts.hear():
-                self._deadlines.watch(self)
-                self._find_faults()
-        return time
-
-    def _follow(self, stamp: int, now: int) -> None:
-        """Let a message join the set that comes in, or begin the next one."""
-        sets = self._sets
-        self._followed = now
-        # What comes in is whole if nothing more of it comes for a while.
-        self.pause = now + self._quiet
-        if stamp == sets.current:
-            return
-        if not stamp or sets.continues(stamp):
-            return sets.join(stamp)
-        if not sets.is_whole:
-            self._end_set()
-        sets.begin(stamp)
-        self._coming_in = self.obstacles.sides[sets.side]
-        self._note_set(self.settings.name, stamp)
-        if sets.is_cut:
-            self._doubts.is_cut = True
-            self._find_faults()
-
-    def end_pause(self) -> None:
-        """Take what came in last for whole, if nothing more of it waits; the pause is over."""
+    def pass_time(self, now: int) -> None:
+        """Let time pass: what is too old is forgotten, and what has paused may settle."""
         if self.are_waiting:
-            self.pause += self._quiet
-            return
-        self.pause = NEVER
-        self._end_set()
-        self._sets.settle()
+            self.wait(now)
+        self.stream.pass_time(now)
+        self.listing.pass_time(now)
+        if self.timeout < NEVER:
+            for group in self._former:
+                group.forget_before(now - self.timeout)
+        self._drop_former()
+        self._find_faults(now)
 
-    def _end_set(self) -> None:
-        """Take the set that came in last for whole; trust the source if nothing was missed."""
-        sets, doubts = self._sets, self._doubts
-        self._drop_last_set()
-        if sets.counts:
-            if self._in_sets:
-                self.obstacles.keyed.forget_unplaced()
-            if doubts.is_lossy:
-                self._get_over_loss()
-            if not doubts.is_known or doubts.is_cut:
-                doubts.is_known = True
-                doubts.is_cut = sets.is_cut
-                self._find_faults()
+    def wait(self, now: int) -> None:
+        """Take for no pause what was none: messages may still be queued."""
+        if isinstance(self.listing, Maps):
+            self.listing.wait(now)
 
-    def _drop_last_set(self) -> None:
-        """Forget what the set before held."""
-        if not self._sets.is_whole:
-            self._sets.is_whole = True
-            self.obstacles.sides[1 - self._sets.side].clear()
+    def set_back(self, now: int) -> None:
+        """Forget what belongs to another time, all but maps."""
+        self.stream.set_back(now)
+        if isinstance(self.listing, Maps):
+            self.listing.wait(now)
+        else:
+            self._forget_all(now, wants_history=False)
+        self._find_faults(now)
 
-    def _get_over_loss(self) -> None:
-        self._cure.deadline = NEVER
-        self._doubts.is_lossy = False
-        self._find_faults()
+    def update_publishers(self, endpoints: Sequence[Endpoint], now: int) -> None:
+        """Take the publishers that there are now."""
+        if self.stream.update(endpoints):
+            self._begin_anew(type(self.listing), now, wants_history=True)
+        self._drop_former()
+        self._find_faults(now)
 
-    def _count_refusals(self, reason: str, more: int) -> None:
-        self._doubts.refusals[reason] += more
-        self._find_faults()
+    def renew(self, now: int) -> None:
+        """Listen anew: what the one publisher has kept comes again."""
+        self.stream.restart()
+        self._begin_anew(type(self.listing), now)
+        self._find_faults(now)
 
-    def _find_faults(self) -> None:
+    def place(self, body: PackedBody | None, frame_id: str, stamp: int, now: int,
+              instance: int | None, number: int | None) -> str | None:
+        """Take a body, or None for an empty polygon; return a refusal or None."""
+        news = self.stream.receive(number, now)
+        if news is not CONTINUES or not stamp or type(self.listing) is not self._stamped:
+            self._follow(news, stamp if stamp or body is not None else None, now)
+        time = stamp if 0 < stamp < now else now
+        listing = self.listing
+        is_old = time + self.timeout < now
+        if is_old or self._is_far:
+            self._note_age(is_old, now - time)
+        refusal: str | None = TOO_OLD if is_old else None
+        if body is None:
+            self._end_listing(news, stamp, time, now)
+        elif isinstance(listing, Sets):
+            group = listing.receive(news, stamp, time, now)
+            if not is_old:
+                refusal = group.place(body, frame_id, time)
+        else:
+            keyed = self._join(listing, news, time, now)
+            if not is_old:
+                key: Key = shape_of(body) if instance is None or not self._by_id else instance
+                refusal = keyed.place(key, listing.listing, body, frame_id, time)
+                if refusal:
+                    self._spoil(f'there were {refusal}', now)
+        if self.listing.is_known is not self._was_known or news is not CONTINUES or (
+                self.faults or refusal):
+            self._find_faults(now)
+        return refusal
+
+    def refuse(self, reason: str, stamp: int | None, now: int, instance: int | None,
+               number: int | None) -> str:
+        """Take a message without a usable polygon, as `Scene.refuse`; return what counts."""
+        news = self.stream.receive(number, now)
+        self._follow(news, stamp, now)
+        time = stamp if stamp and stamp < now else now
+        listing = self.listing
+        is_old = time + self.timeout < now
+        if is_old or self._is_far:
+            self._note_age(is_old, now - time)
+        if stamp and isinstance(listing, Sets):
+            group = listing.receive(news, stamp, time, now)
+            if not is_old:
+                reason = group.refuse(time, reason)
+        elif instance is not None and self._by_id and not isinstance(listing, Sets):
+            if stamp is not None:
+                self._join(listing, news, time, now)
+            elif news is not CONTINUES:
+                self._spoil(LOSS, now)
+            keyed = listing.group
+            if not is_old and keyed.refuse(instance, listing.listing, time, reason):
+                self._spoil(f'there were {TOO_MANY}', now)
+        else:
+            self._spoil(f'a message was refused: {reason}', now)
+            if isinstance(listing, Sets):
+                listing.is_known = False
+        self._find_faults(now)
+        return TOO_OLD if is_old else reason
+
+    def refuse_other_frames(self, frame_id: str, now: int) -> None:
+        """Refuse the obstacles in another frame than this, which was not known when they came."""
+        for group in self.store.groups:
+            group.refuse_other_frames(frame_id)
+        self._find_faults(now)
+
+    def _follow(self, news: News, stamp: int | None, now: int) -> None:
+        """Begin another listing where a stream begins, or is listed in another manner."""
+        if news is MET or news is BEGUN:
+            self._begin_anew(type(self.listing), now)
+        manner = self._manner(stamp)
+        if type(self.listing) is not manner:
+            self._begin_anew(manner, now)
+
+    def _manner(self, stamp: int | None) -> type[_Listing]:
+        """Return how a message with this stamp is listed; None for any."""
+        if self.timeout == NEVER:
+            return Maps
+        if not self._in_sets:
+            return Keys
+        if stamp is None:
+            return Sets if isinstance(self.listing, Maps) else type(self.listing)
+        return Sets if stamp else Keys
+
+    def _join(self, listing: Keys[KeyedGroup] | Maps[KeyedGroup], news: News, time: int,
+              now: int) -> KeyedGroup:
+        return (listing.receive(news, time, now) if isinstance(listing, Keys)
+                else listing.receive(news, now))
+
+    def _end_listing(self, news: News, stamp: int, time: int, now: int) -> None:
+        """Take an empty polygon: what that means depends on the manner."""
+        listing = self.listing
+        if isinstance(listing, Maps):
+            listing.end(news, now)
+            self._drop_former()
+        elif isinstance(listing, Keys):
+            listing.receive(news, time, now)
+        elif stamp:
+            listing.end(news, stamp, time, now)
+        elif news is LOST:
+            listing.spoil(LOSS)
+
+    def _spoil(self, cause: str, now: int) -> None:
+        """Take messages of which nothing is known."""
+        if isinstance(self.listing, Keys):
+            self.listing.spoil(cause, now)
+        else:
+            self.listing.spoil(cause)
+
+    def _begin_anew(self, manner: type[_Listing], now: int,
+                    wants_history: bool = False) -> None:
+        """Begin another listing; bodies of the former one stay until their timeout."""
+        for group in self.listing.groups:
+            group.forget_refused()
+            group.forget_before(now - self.timeout)
+            if group.oldest < NEVER:
+                self._former.append(group)
+            else:
+                group.clear()
+        if manner is Sets:
+            self.listing = Sets(self.store.new_set)
+        elif manner is Keys:
+            self.listing = Keys(self.store.new_keyed())
+        else:
+            self.listing = Maps(self.store.new_keyed(), wants_history)
+        self._configure_listing()
+        self._drop_former()
+
+    def _configure_listing(self) -> None:
+        listing = self.listing
+        if isinstance(listing, Maps):
+            listing.settle_time = round(self.settings.settle_time * 1e9)
+        else:
+            listing.timeout = self.timeout
+        if isinstance(listing, Sets):
+            listing.window = round(self.settings.set_window * 1e9)
+            listing.max_count = self.settings.max_count
+
+    def _forget_all(self, now: int, wants_history: bool) -> None:
+        self._begin_anew(self._manner(None), now, wants_history)
+        for group in self._former:
+            group.clear()
+        self._former.clear()
+
+    def _drop_former(self) -> None:
+        """Forget what is left of former listings, where nothing speaks for it any more."""
+        is_replaced = (self.timeout == NEVER and self.listing.is_known
+                       and self.stream.is_alone)
+        for k, group in reversed([*enumerate(self._former)]):
+            if is_replaced or group.oldest == NEVER or k < len(self._former) - _MOST_FORMER:
+                del self._former[k]
+                group.clear()
+
+    def _note_age(self, is_old: bool, age: int) -> None:
+        self._is_far = is_old and (self._is_far or age > FAR)
+
+    def _find_faults(self, now: int) -> None:
         """Put into words what is wrong with the source."""
-        faults = self._doubts.in_words(self.settings, self._in_sets)
+        if self._was_known and not self.listing.is_known:
+            # What was held because the last whole set was young may be too old.
+            self.listing.pass_time(now)
+        self._was_known = self.listing.is_known
+        faults: tuple[str, ...] = ()
+        if self.settings.enabled:
+            words = self.stream.faults()
+            problem = self.listing.problem(now)
+            if problem and not words:
+                if self._is_far:
+                    problem = f'has stamps that are {BY_ANOTHER_CLOCK}'
+                words = ['; '.join((problem, *self.stream.hints()))]
+            words += [f'sent what was refused: {reason}'
+                      for reason in sorted(+self.store.refusals)]
+            faults = tuple(f'obstacle source {self.settings.name} on {self.settings.topic} {word}'
+                           for word in words)
         if faults != self.faults:
             self.faults = faults
+
+
+def shape_of(body: PackedBody) -> bytes:
+    """Return what is the same for equal bodies, and for no others."""
+    return np.asarray(body[0])[:size_of(body)].tobytes()

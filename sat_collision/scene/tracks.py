@@ -19,7 +19,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from typing import TypeAlias
 
-from sat_collision.scene.rotations import interpolated, Transform
+from sat_collision.scene.rotations import fixed, FixedTransform, interpolated, Transform
 
 # The parent frame, and the transform to it.
 Link: TypeAlias = tuple[str, Transform]
@@ -56,7 +56,7 @@ class Track:
         stamp : int
         link : Link
         history : int
-            What was older than this before the newest one until now is forgotten.
+            What was older than this before the newest one until now is forgotten, as in tf2.
 
         Returns
         -------
@@ -65,19 +65,16 @@ class Track:
 
         """
         stamps = self.stamps
-        newest = stamps[-1]
-        if stamp <= newest:
+        if stamp <= stamps[-1]:
             return False
-        if stamps[0] < newest - history:
-            passed = bisect_left(stamps, newest - history)
-            del stamps[:passed], self.links[:passed]
+        self._prune(history)
         stamps.append(stamp)
         self.links.append(link)
         return True
 
     def insert(self, stamp: int, link: Link, history: int) -> bool:
         """
-        Add a transform that is not newer than all others.
+        Add a transform that is not newer than all others, forgetting as `extend` does.
 
         Returns
         -------
@@ -86,6 +83,7 @@ class Track:
 
         """
         stamps, links = self.stamps, self.links
+        self._prune(history)
         if stamp < stamps[-1] - history:
             return False
         place = bisect_right(stamps, stamp)
@@ -98,7 +96,15 @@ class Track:
                 links.insert(place, link)
         return True
 
-    def at(self, stamp: int, max_gap: float) -> Link | None:
+    def _prune(self, history: int) -> None:
+        """Forget what is older than the newest by more than the history."""
+        stamps = self.stamps
+        oldest = stamps[-1] - history
+        if stamps[0] < oldest:
+            passed = bisect_left(stamps, oldest)
+            del stamps[:passed], self.links[:passed]
+
+    def at(self, stamp: int, max_gap: float) -> tuple[str, FixedTransform] | None:
         """
         Return the parent and the transform at a time.
 
@@ -113,7 +119,7 @@ class Track:
 
         Returns
         -------
-        Link or None
+        str, FixedTransform or None
             None outside the history, and in a gap.
 
         """
@@ -122,16 +128,15 @@ class Track:
         if place == 0:
             return None
         before = stamps[place - 1]
-        older = self.links[place - 1]
+        parent, older = self.links[place - 1]
         if before == stamp:
-            return older
+            return parent, fixed(older)
         if place == len(stamps) or stamps[place] - before > max_gap:
             return None
-        newer = self.links[place]
-        if older[0] != newer[0]:
-            return older
-        share = (stamp - before) / (stamps[place] - before)
-        return older[0], interpolated(older[1], newer[1], share)
+        next_parent, newer = self.links[place]
+        if next_parent != parent:
+            return parent, fixed(older)
+        return parent, interpolated(older, newer, stamp - before, stamps[place] - before)
 
     def gap(self, stamp: int) -> int:
         """Return how far apart the stamps around a time within the history are."""

@@ -41,6 +41,7 @@ import rivals  # noqa: E402
 import samples  # noqa: E402
 import scenes  # noqa: E402
 import shapes  # noqa: E402
+import singly  # noqa: E402
 import stages  # noqa: E402
 
 EXACT = 'interval', 'filtered'
@@ -122,6 +123,22 @@ def test_equation_5_as_printed_chooses_worse():
     meet = oracle.intersects_pairs(pairs)[0]
     printed, meant = (answers(method, pairs)[~meet].sum() for method in ('literal', 'published_a'))
     assert printed > 2 * meant > 0
+
+
+def test_equation_5_tries_the_axes_of_reading_a():
+    """One centre line, four normals and four lines to the nearest points, all where they meet."""
+    pairs = pairs_of('containment', 50, 8)
+    for method in ('literal', 'published_a'):
+        assert set(methods.run(method, methods.Pairs(pairs))[1].tolist()) == {9}
+
+
+@pytest.mark.parametrize('move, time', [((-4, 0), Fraction(1, 2)), ((-2, 0), 1), ((-1, 0), None),
+                                        ((-4, 2), Fraction(1, 2)), ((-4, -4.5), None),
+                                        ((-8, 3), Fraction(1, 4))])
+def test_the_oracle_of_contact_times(move, time):
+    """A square three wide of the other one: head on, short of it, corner on corner, past it."""
+    square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+    assert singly._first_contact(square, square + (3.0, 0.0), np.array(move, float)) == time
 
 
 @pytest.mark.parametrize('n', [3, 8, 9, 10, 33, 257])

@@ -55,7 +55,7 @@ def test_static_map(start, tmp_path):
 
 def test_costmap_converter(start):
     """A closed ring, a line, a point and nothing, in a message without a frame."""
-    monitor = start(obstacle__set_quiet=60.0)
+    monitor = start()
     to_set = functions('costmap_converter').to_set
     ring = box(5.0)
 

@@ -99,7 +99,7 @@ def converter(domain):
 
 def test_scans_are_checked(start, converter):
     """In a room the robot is clear; with a box at its nose it is not."""
-    monitor = start(obstacle__set_quiet=60.0)
+    monitor = start()
     scans = monitor.node.create_publisher(LaserScan, 'scan', 1)
     for scene, state in (([ROOM, BOX], 'clear'), ([ROOM, NEAR], 'collision'),
                          ([ROOM, BOX], 'clear')):

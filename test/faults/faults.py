@@ -19,7 +19,7 @@ in the test suite does each once. Clocks are stepped where libfaketime is instal
 """
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 import contextlib
 import os
 from pathlib import Path
@@ -50,8 +50,10 @@ _PERIOD = 0.02
 _TIMEOUT = 0.5
 # What a subscriber may count on, see the README: no flag for so long is a raised one.
 _TOO_OLD = 0.3
+# Obstacles a set.
+_COUNT = 20
 # How many messages a publisher keeps for a monitor that does not take them.
-_DEPTH = 10
+_DEPTH = 5 * _COUNT
 _STEP = 10.0
 _FAKETIME = next(Path('/usr/lib').glob('*/faketime/libfaketimeMT.so.1'), None)
 
@@ -67,20 +69,6 @@ def tick_or_hang(self, *arguments):
     return tick(self, *arguments)
 FootprintMonitor.tick = tick_or_hang
 sys.exit(main(sys.argv))
-"""
-
-# Publishes one obstacle where it is told, until it is killed.
-_PUBLISHER = """
-import sys, time
-sys.path[:0] = sys.argv[1:3]
-from builders import box, serialised
-from geometry_msgs.msg import PolygonStamped
-import rclpy
-rclpy.init()
-publisher = rclpy.create_node('obstacles').create_publisher(PolygonStamped, 'obstacles', 10)
-while rclpy.ok():
-    publisher.publish(serialised(box(float(sys.argv[3]), 0), time.time_ns()))
-    time.sleep(0.02)
 """
 
 
@@ -131,6 +119,7 @@ class Rig:
         self.x = {'footprint': 0.0, 'obstacles': 5.0}
         self.silent: set[str] = set()
         self.damaged: set[str] = set()
+        self._one_at_a_time = threading.Lock()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._publish)
         self._thread.start()
@@ -170,9 +159,15 @@ class Rig:
         new.replace(self._clock)
 
     def publish(self, name: str) -> None:
-        """Publish a footprint or an obstacle, damaged if it is to be so."""
-        data = serialised(box(self.x[name], 0), time.time_ns())
-        self._publishers[name].publish(data[:-5] if name in self.damaged else data)
+        """Publish a footprint or a set of obstacles, damaged if it is to be so."""
+        stamp = time.time_ns()
+        polygons: list[list[tuple[float, float]]] = [box(self.x[name], 0)]
+        if name == 'obstacles':
+            polygons += [box(self.x[name] + 2 * k, 0) for k in range(1, _COUNT)] + [[]]
+        with self._one_at_a_time:
+            for polygon in polygons:
+                data = serialised(polygon, stamp)
+                self._publishers[name].publish(data[:-5] if name in self.damaged else data)
 
     def close(self) -> None:
         """End all that was begun."""
@@ -189,17 +184,6 @@ class Rig:
             for name in self._publishers:
                 if name not in self.silent:
                     self.publish(name)
-
-    @contextlib.contextmanager
-    def without_publisher(self, name: str) -> Iterator[None]:
-        """Leave a topic to another publisher."""
-        self.silent.add(name)
-        self._node.destroy_publisher(self._publishers[name])
-        try:
-            yield
-        finally:
-            self._publishers[name] = self._node.create_publisher(PolygonStamped, name, _DEPTH)
-            self.silent.discard(name)
 
     def _hear(self, flag: Bool) -> None:
         self._flags.append((time.monotonic(), flag.data))
@@ -268,40 +252,6 @@ def _damaged(name: str) -> Callable[[Rig], Outcome]:
     return lambda rig: outcome(rig, lambda: rig.damaged.add(name), rig.damaged.clear)
 
 
-def _lost(rig: Rig) -> Outcome:
-    """Send more than is kept for the node while it stands still for a moment."""
-    assert rig.process
-    process = rig.process
-
-    def lose() -> None:
-        process.send_signal(signal.SIGSTOP)
-        for _ in range(5 * _DEPTH):
-            rig.publish('obstacles')
-        process.send_signal(signal.SIGCONT)
-    # It is over with the next set, which is complete.
-    return outcome(rig, lose, lambda: None, lasting=0.0)
-
-
-def _publisher_killed(rig: Rig) -> Outcome:
-    """Let the obstacles come from another process, which dies and starts again."""
-    folders = str(ROOT), str(ROOT / 'test' / 'support')
-
-    def start() -> subprocess.Popen[bytes]:
-        return subprocess.Popen(
-            [sys.executable, '-c', _PUBLISHER, *folders, str(rig.x['obstacles'])],
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    started = []
-    with rig.without_publisher('obstacles'):
-        started.append(start())
-        try:
-            rig.until(lambda: not rig.is_clear())
-            return outcome(rig, started[0].kill, lambda: started.append(start()))
-        finally:
-            for one in started:
-                one.terminate()
-                one.wait()
-
-
 def _clock_stepped(seconds: float) -> Callable[[Rig], Outcome]:
     def fault(rig: Rig) -> Outcome:
         rig.start_with_own_clock()
@@ -355,12 +305,9 @@ FAULTS: dict[str, Callable[[Rig], Outcome]] = {
     'the obstacles are silent (timeout 0.5 s)': _silent('obstacles'),
     'footprints come damaged': _damaged('footprint'),
     'obstacles come damaged': _damaged('obstacles'),
-    'some obstacles are lost on the way': _lost,
     'the robot touches while 10,000 messages/s of no use come': _contact_in_flood,
     **({f'the clock of the monitor is stepped by {step:+g} s, and back': _clock_stepped(step)
         for step in (_STEP, -_STEP)} if _FAKETIME else {}),
-    # The last, as DDS counts a publisher that was killed for another 20 s.
-    'the publisher of the obstacles is killed and started again': _publisher_killed,
 }
 
 

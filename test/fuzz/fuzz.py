@@ -36,7 +36,7 @@ from sat_collision.geometry.polygon import Polygon, PolygonError  # noqa: E402
 from sat_collision.messages.cdr import decode, MessageError  # noqa: E402
 from sat_collision.messages.interfaces import deserialize, PolygonStamped  # noqa: E402
 from sat_collision.monitor import Monitor, Rejection  # noqa: E402
-from sat_collision.replay.configuration import settings_of  # noqa: E402
+from sat_collision.replay.model.configuration import settings_of  # noqa: E402
 from sat_collision.scene.footprints import Status  # noqa: E402
 from sat_collision.scene.parameters import declare_parameters, ParameterError  # noqa: E402
 from sat_collision.scene.settings import POLYGON_INSTANCE  # noqa: E402

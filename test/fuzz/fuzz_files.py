@@ -29,12 +29,12 @@ import tempfile
 import time
 
 from recordings import box, write
-from sat_collision.replay.configuration import parameters_of_file, settings_of
-from sat_collision.replay.expectation import differences, ExpectationError
-from sat_collision.replay.formats import write_json
-from sat_collision.replay.recording import Recording
+from sat_collision.replay.bag.recording import Recording
+from sat_collision.replay.bag.unpacking import Limits
+from sat_collision.replay.model.configuration import parameters_of_file, settings_of
+from sat_collision.replay.output.baseline import Baseline, BaselineError
+from sat_collision.replay.output.formats import write_json
 from sat_collision.replay.run import check
-from sat_collision.replay.unpacking import Limits
 from sat_collision.scene.parameters import ParameterError
 from storages import write_mcap
 
@@ -150,8 +150,8 @@ class Expectation:
         """Damage it and compare with it."""
         self._file.write_bytes(mutated(self._data, rng))
         try:
-            differences(self._results, str(self._file))
-        except ExpectationError:
+            Baseline(str(self._file)).differences(self._results)
+        except BaselineError:
             pass
 
 

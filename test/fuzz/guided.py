@@ -27,13 +27,13 @@ os.environ['NUMBA_DISABLE_JIT'] = '1'
 import atheris  # noqa: E402
 
 with atheris.instrument_imports(include=['sat_collision.messages', 'sat_collision.monitor']):
-    from fuzz import check_message
     from builders import box, odometry, serialised, transforms  # noqa: I100, from fuzz's path
+    from fuzz import check_message
     from sat_collision.messages.cdr import MessageError
     from sat_collision.messages.transform_listener import TF, TF_STATIC
     from sat_collision.messages.transforms import decode_odometry, decode_transforms
     from sat_collision.monitor import Monitor
-    from sat_collision.replay.configuration import settings_of
+    from sat_collision.replay.model.configuration import settings_of
 
 MONITOR = Monitor(settings_of({'frame_id': 'map'}), transforms=True)
 

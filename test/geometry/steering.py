@@ -121,7 +121,7 @@ def danger(which, p, q):
 
 
 @kernel
-def _pack_both(x, n, p, q):
+def pack_both(x, n, p, q):
     """Pack the bodies that x holds; tell whether both are strictly convex and keep their count."""
     verdict, count, _, _, _ = pack(x[:2 * n], p, n, n)
     if verdict != CONVEX or count != n:
@@ -156,7 +156,7 @@ def steer(which, x, n, steps, random):
             move = random.integers(1, 4) << power
             bits[k] += move if random.random() < 0.5 else -move
         found = -1.0
-        if _pack_both(x, n, a, b):
+        if pack_both(x, n, a, b):
             p = Packed(a, 0, n)
             q = Packed(b, 0, m)
             found = 0.0
@@ -185,7 +185,7 @@ def decide(x, n):
     m = len(x) // 2 - n
     a = np.empty(packed_size(n))
     b = np.empty(packed_size(m))
-    _pack_both(x, n, a, b)
+    pack_both(x, n, a, b)
     return convex_meet(Packed(a, 0, n), Packed(b, 0, m))
 
 

@@ -18,6 +18,7 @@ import filter_bounds
 import numpy as np
 import pytest
 from sat_collision.geometry.jit import COMPILED
+import separations
 import steering
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason='the search needs compiled kernels')
@@ -69,3 +70,18 @@ def test_pairs_at_the_edge_of_a_filter(which, n, m):
     arrived, ratio, proved, wrong = steering.at_the_edge(which, n, m, EVALUATIONS // 2)
     assert wrong == 0 and proved > 0 and ratio <= 1.0
     assert arrived > 0.0 or n + m > 10
+
+
+@pytest.mark.parametrize('n, m', separations.COUNTS)
+@pytest.mark.parametrize('which', range(len(separations.NAMES)), ids=separations.NAMES)
+def test_no_separation_way_or_axis_exceeds_its_bound(which, n, m):
+    assert separations.largest(which, n, m, EVALUATIONS // 2) <= 1.0
+
+
+@pytest.mark.parametrize('which, share', [
+    (separations.DISTANCE, 0.45), (separations.DEPTH, 0.45), (separations.WAY, 0.12),
+    (separations.AXIS, 0.12)], ids=separations.NAMES)
+def test_less_of_the_bound_of_a_separation_would_be_too_little(which, share):
+    """What is found is in parts of the bound."""
+    assert max(separations.largest(which, n, m, EVALUATIONS // 2)
+               for n, m in ((2, 2), (3, 3), (4, 6))) > share

@@ -25,10 +25,11 @@ import sys
 import numpy as np
 import pytest
 from sat_collision import (
-    closest_points, intersects, intersects_many, intersects_pairs, Polygon, PolygonSet, separation,
-    time_of_contact)
+    closest_points, contact, intersects, intersects_many, intersects_pairs, Polygon,
+    separation, time_of_contact)
 from sat_collision.geometry import arithmetic
 from sat_collision.geometry.jit import COMPILED
+from sat_collision.geometry.polygon_set import PackedSet
 from sat_collision.geometry.predicates import orient, orientation
 from sat_collision.geometry.scan import is_same
 
@@ -63,7 +64,7 @@ def message(mode):
 
 BOX = np.array([(0, 0), (1, 0), (1, 1), (0, 1.0)])
 POLYGON, OTHER = Polygon(BOX), Polygon(BOX + 0.5)
-SET = PolygonSet([POLYGON, OTHER])
+SET = PackedSet([POLYGON, OTHER])
 QUESTIONS = {
     'Polygon': lambda: Polygon(BOX),
     'from_float32': lambda: Polygon.from_float32(np.zeros(9, np.float32).tobytes(), 0, 3),
@@ -72,6 +73,7 @@ QUESTIONS = {
     'intersects_pairs': lambda: intersects_pairs(SET, SET),
     'separation': lambda: separation(POLYGON, OTHER),
     'closest_points': lambda: closest_points(POLYGON, OTHER),
+    'contact': lambda: contact(POLYGON, OTHER),
     'time_of_contact': lambda: time_of_contact(BOX, BOX, BOX + 2.0, BOX),
     'orientation': lambda: orientation(*BOX[:3]),
     'intersecting_rows': lambda: SET.intersecting_rows(POLYGON),

@@ -71,6 +71,8 @@ def test_answers_do_not_depend_on_how_the_bodies_are_written(name, change):
     if 'scaled' in change and name in ('one_ulp', *families.EXTREME):
         pytest.skip('no room for another scale')
     pairs = pairs_of(name, 60, 6)
+    if change == 'with z':  # two points with z look like three in columns, and are refused
+        pairs = [pair for pair in pairs if all(len(body) != 2 for body in pair)]
     changed = [[UNCHANGED[change](body) for body in pair] for pair in pairs]
     np.testing.assert_array_equal(bulk(changed), bulk(pairs))
 

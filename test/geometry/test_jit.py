@@ -23,7 +23,7 @@ import sys
 import families
 import numpy as np
 from sat_collision import (
-    intersects, intersects_pairs, Polygon, PolygonSet, separation, time_of_contact)
+    contact, intersects, intersects_pairs, Polygon, PolygonSet, separation, time_of_contact)
 from sat_collision.geometry import sat_methods
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -60,7 +60,8 @@ def library_answers():
             packed = np.asarray(Polygon(p).packed[0])
             answers[name] += [intersects(p, q), separation(p, q).hex(),
                               packed.tobytes().hex(), *Polygon(q).centroid.tolist(),
-                              time_of_contact(p + 2 * np.ptp(q), p, q * [1, 0.75], q)]
+                              time_of_contact(p + 2 * np.ptp(q), p, q * [1, 0.75], q),
+                              *(np.asarray(one).tobytes().hex() for one in contact(p, q))]
     for name, family in families.CONVEX.items():
         for p, q in family(np.random.default_rng(8), 20, 9):
             centres = sat_methods.centre_of_gravity(p), sat_methods.centre_of_gravity(q)

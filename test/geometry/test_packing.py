@@ -26,6 +26,7 @@ from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.layout import (
     BOUNDS, FINGERPRINT, HEADER, near_support, Packed, packed_size, table_sector)
 from sat_collision.geometry.packing import pack_convex
+from sat_collision.geometry.polygon_set import PackedSet
 import shapes
 
 
@@ -106,7 +107,7 @@ def test_bytes_and_points_pack_alike():
         except ValueError:
             assert count == 0
             continue
-        assert polygon.vertices.tolist() == Polygon(points).vertices.tolist()
+        assert polygon.vertices.tolist() == Polygon(points[:, :2]).vertices.tolist()
         assert count == (polygon.packed[1] if polygon.is_convex else 0)
         if count:
             assert array[:packed_size(count)].tolist() == list(polygon.packed[0])
@@ -137,3 +138,12 @@ def test_bodies_with_other_notches_have_other_fingerprints():
     first, second = (shape.packed[0][FINGERPRINT] for shape in shapes)
     assert first != second
     assert first == Polygon(shapes[0].vertices).packed[0][FINGERPRINT]
+
+
+@pytest.mark.parametrize('corner', [8e306, -1.7e308, 1.7e308])
+def test_fingerprints_of_large_bodies_are_numbers(corner):
+    """Else the same body in a row would never be recognised, NaN being equal to nothing."""
+    for ring in ([(0, 0), (1, 0), (1, -1)], [(0, 0), (1, 0), (1, 1), (0.5, 0.25)]):
+        polygon = Polygon(np.array(ring) * corner)
+        assert np.isfinite(polygon.packed[0][FINGERPRINT])
+        assert PackedSet([polygon]).is_same(0, Polygon(polygon.vertices).packed)

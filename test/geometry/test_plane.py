@@ -19,6 +19,7 @@ import math
 
 import numpy as np
 import pytest
+from sat_collision import Polygon, separation
 from sat_collision.geometry.plane import centroid, length
 import shapes
 
@@ -70,3 +71,17 @@ def exact_centroid(ring):
 def test_drawn_centres(ring, centre):
     assert centroid(np.array(ring, float).ravel(), len(ring)) == pytest.approx(
         centre, rel=1e-12, abs=math.ulp(np.abs(ring).max()))
+
+
+SLIVER = [(0.0, 254.4994643777963), (354.8568311893048, -376.71156683469275),
+          (463.8794122799391, -570.6383840387703), (529.7585769268337, -687.822701197935),
+          (1.836e-320, 254.4994643777963)]
+
+
+def test_centre_of_a_sliver_is_in_its_bounds():
+    """Its area is less than rounding, so that the quotient was beyond the largest double."""
+    polygon = Polygon(SLIVER)
+    min_x, min_y, max_x, max_y = polygon.bounds
+    for x, y in (polygon.centroid, polygon.packed[0][:2]):
+        assert min_x <= x <= max_x and min_y <= y <= max_y
+    assert separation(polygon, [(0.0, 0.0)]) > 0.0

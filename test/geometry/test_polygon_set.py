@@ -17,6 +17,7 @@ from bodies import as_shapely, random_body
 import numpy as np
 import pytest
 from sat_collision import Polygon, PolygonError, PolygonSet
+from sat_collision.geometry.polygon_set import PackedSet
 
 
 def test_hits_follow_every_change_of_the_set():
@@ -83,7 +84,7 @@ def test_unchanged_body_is_recognised():
     """Placing the very same vertices again says so; one that differs by an ulp is another."""
     body = Polygon([(0, 0), (4, 0), (4, 4), (2, 1)])
     moved = Polygon([(0, 0), (4, 0), (4, 4), (2, np.nextafter(1, 2))])
-    bodies = PolygonSet([body])
+    bodies = PackedSet([body])
     others = PolygonSet([[(3, 1)], [(9, 9)]])
     assert bodies.is_same(0, body.packed) and not bodies.is_same(0, moved.packed)
     assert bodies.place(0, body.packed, others) is None
@@ -95,9 +96,51 @@ def test_unchanged_body_is_recognised():
 def test_hidden_rows_meet_nothing_until_they_are_filled_anew():
     """They stay in use: no other body is given their rows."""
     square = [(0, 0), (1, 0), (1, 1), (0, 1)]
-    bodies = PolygonSet([square, square, square])
+    bodies = PackedSet([square, square, square])
     bodies.hide([0, 2])
     assert bodies.intersecting_rows(square).tolist() == [1]
     assert bodies.append(square) == 3
-    bodies.replace(2, square)
+    bodies.place(2, Polygon(square).packed, bodies)
     assert bodies.intersecting_rows(square).tolist() == [1, 2, 3]
+
+
+@pytest.mark.parametrize('row', [2, 9, 100000, -1, -2])
+@pytest.mark.parametrize('use', [lambda bodies, row: bodies.replace(row, [(0, 0)]),
+                                 PolygonSet.remove, PolygonSet.polygon])
+def test_rows_that_are_not_there_are_refused(use, row):
+    """With the row and how many there are; the set stays as it is."""
+    bodies = PolygonSet([[(0, 0)], [(1, 1)]])
+    with pytest.raises(IndexError, match=f'no row {row} in a set of 2 rows'):
+        use(bodies, row)
+    assert bodies.intersects([(0, 0), (1, 1)]).tolist() == [True, True]
+
+
+def test_rows_without_a_body_are_refused():
+    """A row that is removed twice is given to one later body only, and none is lost."""
+    bodies = PolygonSet([[(0, 0)], [(1, 1)]])
+    bodies.remove(0)
+    for use in (PolygonSet.remove, PolygonSet.polygon,
+                lambda bodies, row: bodies.replace(row, [(0, 0)])):
+        with pytest.raises(IndexError, match='row 0 of a set of 2 rows has no body'):
+            use(bodies, 0)
+    assert [bodies.append([(2, 2)]), bodies.append([(3, 3)])] == [0, 2]
+    assert len(bodies) == 3
+    with pytest.raises(TypeError, match='integer'):
+        bodies.remove(0.5)
+    bodies.remove(np.int32(2))
+    assert bodies.intersecting_rows([(0, 0), (4, 4)]).tolist() == [0, 1]
+
+
+def test_a_body_that_is_refused_changes_nothing():
+    """Neither a row nor the number of rows."""
+    bodies = PolygonSet([[(0, 0)]])
+    for use in (bodies.append, lambda body: bodies.replace(0, body)):
+        with pytest.raises(PolygonError, match='no points'):
+            use([])
+    assert len(bodies) == 1 and bodies.intersects([(0, 0)]).tolist() == [True]
+
+
+def test_what_trusts_its_caller_is_not_public():
+    """Rows are checked in all that a user of the library sees."""
+    assert not {'place', 'hide', 'new_row', 'is_same'} & {*dir(PolygonSet)}
+    assert not hasattr(Polygon, 'of_packed')

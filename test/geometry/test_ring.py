@@ -92,11 +92,13 @@ def test_collinear_points_become_the_whole_segment():
 
 @pytest.mark.parametrize('points', [
     [(0, 0), (4, 0), (4, 2), (4, 1), (0, 1)],
+    [(0, 0), (2, 0), (1, 0), (1, 1)],
     [(0, 0), (4, 0), (2, 2), (4, 4), (0, 4), (2, 2)],
     [(0, 0), (4, 0), (4, 4), (2, 0), (0, 4)],
     [(0, 0), (2, 0), (1, 2), (0, 0), (2, 0), (1, 2), (1, 1)],
     [(np.cos(4 * np.pi * k / 5), np.sin(4 * np.pi * k / 5)) for k in range(5)],
-], ids=['spike', 'touches in a vertex', 'touches an edge', 'twice around', 'pentagram'])
+], ids=['spike', 'spike along an edge', 'touches in a vertex', 'touches an edge',
+        'twice around', 'pentagram'])
 def test_boundary_that_meets_itself_is_refused(points):
     """All turns may be to the left, as in a pentagram, and yet the boundary crosses itself."""
     assert reason(points) is Reason.SELF_INTERSECTING

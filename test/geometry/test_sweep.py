@@ -125,12 +125,14 @@ def test_far_from_the_origin_all_is_the_same(offset):
             time_of_contact(*way))
 
 
-@pytest.mark.parametrize('exponent', [-900, -200, 200, 900])
+@pytest.mark.parametrize('exponent', [-1060, -1022, -900, -200, 200, 900, 1018])
 def test_every_scale_is_the_same(exponent):
-    """Bit by bit, with the tolerance to scale."""
+    """Bit by bit, with the tolerance to scale: from the least doubles to the largest."""
+    tolerance = 2.0 ** -14
     for way in pairs(5, 100):
         scaled = [np.ldexp(pose, exponent) for pose in way]
-        assert time_of_contact(*scaled, math.ldexp(TOLERANCE, exponent)) == time_of_contact(*way)
+        assert time_of_contact(*scaled, math.ldexp(tolerance, exponent)) == (
+            time_of_contact(*way, tolerance))
 
 
 @pytest.mark.parametrize('a, move, b, expected', [

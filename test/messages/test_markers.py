@@ -30,12 +30,12 @@ GREEN, RED, GREY = 'green', 'red', 'grey'
 
 @pytest.fixture
 def scene():
-    """Return a scene of two footprints and two sources, none of which ever expires."""
+    """Return a scene of two footprints and two sources, of which a set has ended just now."""
     scene = Scene(Settings(
         tuple(FootprintSettings(name, f'/{name}', timeout=0.0) for name in ('a', 'b')),
-        tuple(ObstacleSettings(name, f'/{name}', timeout=0.0) for name in ('map', 'people'))))
-    for seconds in (7, 8):
-        scene.advance(seconds * SECOND)
+        tuple(ObstacleSettings(name, f'/{name}', timeout=100.0) for name in ('map', 'people'))))
+    for name in ('map', 'people'):
+        end(scene, name, SECOND // 2)
     return scene
 
 
@@ -45,8 +45,8 @@ def place(scene, name, points, stamp=SECOND, frame_id='map'):
     put(name, Polygon(points).packed if points else None, frame_id, stamp, 9 * SECOND)
 
 
-def whole(scene, name='map', stamp=SECOND):
-    """Have a source say that a set is whole."""
+def end(scene, name='map', stamp=SECOND):
+    """End a set of a source."""
     place(scene, name, None, stamp)
 
 
@@ -64,7 +64,7 @@ def drawn(scene, markers=None):
 
 
 def colour(marker):
-    """Tell green, red and grey from each other, None for any other colour."""
+    """Return green, red or grey, None for any other colour."""
     r, g, b = marker.color.r, marker.color.g, marker.color.b
     if r == g == b:
         return GREY
@@ -76,17 +76,17 @@ def xy(marker):
 
 
 def test_footprints_are_green_red_or_grey(scene):
-    """One is clear, one in contact; then a source cannot be trusted and the clear one is grey."""
+    """One is clear, one in contact; then a source is not known and the clear one is grey."""
     place(scene, 'a', box(0, 0))
     place(scene, 'b', box(5, 5))
     place(scene, 'map', box(5.5, 5.5))
-    whole(scene)
-    whole(scene, 'people')
+    end(scene)
+    end(scene, 'people')
     markers = drawn(scene)
     for part in ('fill', 'outline'):
         assert colour(markers[f'a/{part}', 0]) == GREEN
         assert colour(markers[f'b/{part}', 0]) == RED
-    scene.refuse('people', 'not finite', 9 * SECOND)
+    scene.refuse('people', 'not finite', 9 * SECOND, 9 * SECOND)
     markers = drawn(scene)
     assert colour(markers['a/fill', 0]) == GREY and colour(markers['b/fill', 0]) == RED
 
@@ -148,13 +148,13 @@ def test_contacts_are_marked_and_named(scene):
 
 
 def test_footprints_are_named_beside_their_bodies(scene):
-    """As long as nobody told of obstacles, nothing is known of them."""
+    """As long as no set is whole, nothing is known of them."""
     place(scene, 'a', box(0, 0))
     place(scene, 'b', box(5, 5))
     assert {drawn(scene)[f'{name}/name', 0].text for name in 'ab'} == {'a: unknown', 'b: unknown'}
     for name in ('map', 'people'):
         place(scene, name, box(9, 9))
-        whole(scene, name)
+        end(scene, name)
     text = drawn(scene)['a/name', 0]
     assert text.text == 'a' and colour(text) == GREEN
     assert text.pose.position.y > 1.0
@@ -166,15 +166,15 @@ def test_nearest_clear_pair_and_its_axis(scene):
     place(scene, 'b', box(0, 20))
     place(scene, 'map', box(3, 0.5))
     place(scene, 'people', box(2, 30))
-    whole(scene)
-    whole(scene, 'people')
+    end(scene)
+    end(scene, 'people')
     markers = drawn(scene)
     assert xy(markers['nearest/points', 0])[:, 0].tolist() == [1, 3]
     assert markers['nearest/distance', 0].text == 'a - map/0: 2 m'
-    start, end = xy(markers['nearest/axis', 0])
-    assert start[1] == end[1] and start[0] < 1 and end[0] > 3
+    left, right = xy(markers['nearest/axis', 0])
+    assert left[1] == right[1] and left[0] < 1 and right[0] > 3
     place(scene, 'people', box(0, 21.5), 2 * SECOND)
-    whole(scene, 'people', 2 * SECOND)
+    end(scene, 'people', 2 * SECOND)
     assert drawn(scene)['nearest/distance', 0].text == 'b - people/0: 0.5 m'
 
 
@@ -185,10 +185,10 @@ def test_pairs_in_contact_and_unknown_footprints_have_no_axis(scene):
         place(scene, 'map', box(x, 0), k * SECOND)
         assert ('nearest/axis', 0) not in drawn(scene)
     place(scene, 'map', box(3, 0), 3 * SECOND)
-    whole(scene, stamp=3 * SECOND)
-    whole(scene, 'people')
+    end(scene, stamp=3 * SECOND)
+    end(scene, 'people')
     assert ('nearest/axis', 0) in drawn(scene)
-    scene.refuse('people', 'not finite', 9 * SECOND)
+    scene.refuse('people', 'not finite', 9 * SECOND, 9 * SECOND)
     assert ('nearest/axis', 0) not in drawn(scene)
 
 
@@ -199,9 +199,9 @@ def test_what_is_gone_is_not_drawn_any_more(scene):
     place(scene, 'b', box(5, 5))
     place(scene, 'map', box(7, 7))
     assert {'a/fill', 'b/fill', 'map/fill'} <= {ns for ns, _ in drawn(scene, markers)}
-    scene.refuse('b', 'not finite', 9 * SECOND)
+    scene.refuse('b', 'not finite', 9 * SECOND, 9 * SECOND)
     assert not [ns for ns, _ in drawn(scene, markers) if ns.startswith('b/')]
-    scene.advance(SECOND)
+    scene.pass_time(SECOND)
     assert drawn(scene, markers) == {}
 
 
@@ -212,7 +212,7 @@ def test_only_new_polygons_are_made_into_points_again(scene):
     place(scene, 'map', box(7, 7))
     before = drawn(scene, markers)
     place(scene, 'map', box(8, 7), 2 * SECOND)
-    whole(scene, stamp=2 * SECOND)
+    end(scene, stamp=2 * SECOND)
     after = drawn(scene, markers)
     assert after['a/fill', 0].points[0] is before['a/fill', 0].points[0]
     assert xy(after['map/outline', 0])[0].tolist() == [8, 7]

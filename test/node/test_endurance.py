@@ -26,7 +26,7 @@ def held():
     return len(os.listdir('/proc/self/task')), len(os.listdir('/proc/self/fd'))
 
 
-def test_starts_and_stops(domain, runner):
+def test_starts_and_stops(domain):
     """Of nodes that were at work, one after another."""
     counts = []
     for _ in range(12):
@@ -46,7 +46,7 @@ def test_publishers_that_come_and_go(start):
         publisher = monitor.publisher('obstacles')
 
         def heard():
-            monitor.send('obstacles', APART)
+            monitor.send_set('obstacles', APART)
             return monitor.received['obstacle'] > before
         monitor.until(heard, 'a message')
         monitor.node.destroy_publisher(publisher)

@@ -66,7 +66,7 @@ def test_flood_of_one_topic(process, domain, kind):
     near, far = (box(1, 1), ['obstacle/0']), (box(5, 5), [])
     for polygon, met in (near, far, near):
         def seen():
-            peer.send('obstacles', polygon)
+            peer.send_set('obstacles', polygon)
             peer.send('footprint', ROBOT)
             peer.spin(0.03)
             return peer.contacts() == met

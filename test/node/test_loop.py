@@ -30,7 +30,8 @@ from streams import streaming
 ROBOT = box(0, 0)
 APART = box(5, 5)
 TOUCHING = box(1, 1)
-NO_TIMEOUT = {'footprint__timeout': 0.0, 'obstacle__timeout': 0.0}
+LASTING = {'footprint__timeout': 0.0, 'obstacle__timeout': 60.0}
+MAP_OF_IDS = {'obstacle__type': 'polygon_instance', 'obstacle__timeout': 0.0}
 DEPTH = 'qos_overrides./obstacles.subscription.depth'
 
 
@@ -74,7 +75,7 @@ def pausable(domain):
     started = []
 
     def pausable(**parameters):
-        started.append(PausedMonitor(domain, {**NO_TIMEOUT, **parameters}))
+        started.append(PausedMonitor(domain, {**LASTING, **parameters}))
         return started[-1]
 
     yield pausable
@@ -86,27 +87,24 @@ def test_set_that_arrives_at_once_is_seen_whole(pausable):
     """A contact that only another place of the set has now never falls in between."""
     monitor = pausable()
     monitor.send('footprint', ROBOT)
-    monitor.send('obstacles', TOUCHING)
+    monitor.send_set('obstacles', TOUCHING)
     monitor.await_state('collision')
     heard = monitor.listen('~/collision')
     monitor.until(lambda: heard and heard[-1].data)
     del heard[:]
     with monitor.waiting():
-        stamp = monitor.now()
-        for k in range(99):
-            monitor.send('obstacles', box(10 + 2 * k, 5), stamp)
-        monitor.send('obstacles', TOUCHING, stamp)
+        monitor.send_set('obstacles', *(box(10 + 2 * k, 5) for k in range(99)), TOUCHING)
     before = len(heard)
     monitor.until(lambda: monitor.contacts() == ['obstacle/99'] and len(heard) > before)
     assert all(flag.data for flag in heard)
 
 
-def test_contact_within_a_batch_is_published(pausable, runner):
+def test_contact_within_a_batch_is_published(pausable):
     """The flags rise and fall at once, although the contact is over when the batch is."""
-    monitor = pausable(obstacle__type='polygon_instance', publish_rate=0.1)
+    monitor = pausable(**MAP_OF_IDS, publish_rate=5.0)
     both = monitor.listen('~/footprint/collision'), monitor.listen('~/collision')
     monitor.send('footprint', ROBOT)
-    monitor.send('obstacles', APART, instance=1)
+    monitor.send_set('obstacles', APART, instance=1)
     monitor.until(lambda: all(heard and not heard[-1].data for heard in both))
     before = [len(heard) for heard in both]
     with monitor.waiting():
@@ -119,33 +117,33 @@ def test_contact_within_a_batch_is_published(pausable, runner):
         assert [flag.data for flag in heard[start:]].count(True) == 1
 
 
-def test_contact_within_the_first_batch(pausable, runner):
+def test_contact_within_the_first_batch(pausable):
     """Before anything has been published at all."""
-    monitor = pausable(obstacle__type='polygon_instance', unknown_is_collision=False)
+    monitor = pausable(**MAP_OF_IDS, unknown_is_collision=False)
     monitor.paused = True
     heard = monitor.listen('~/collision')
     with monitor.waiting():
         monitor.send('footprint', ROBOT)
-        for polygon in (TOUCHING, APART):
+        for polygon in (TOUCHING, APART, []):
             monitor.send('obstacles', polygon, instance=1)
     monitor.until(lambda: any(flag.data for flag in heard), 'a rise')
     monitor.await_state('clear')
 
 
-def test_messages_that_never_came_are_counted(pausable, runner):
-    """A queue of ten and fifty messages at once: forty are lost, and /diagnostics says so."""
-    monitor = pausable(**{DEPTH: 10})
+def test_messages_that_never_came_are_counted(pausable):
+    """A queue of ten and a set of fifty at once: forty are lost, and /diagnostics says so."""
+    monitor = pausable(obstacle__timeout=1.0, **{DEPTH: 10})
+    states = monitor.listen('~/state')
     monitor.send('obstacles', APART)
-    monitor.until(lambda: monitor.monitor._monitor.received['obstacle'])
+    monitor.until(lambda: 'has not sent a whole set yet' in monitor.reason())
     with monitor.waiting():
-        stamp = monitor.now()
-        for _ in range(50):
-            monitor.send('obstacles', APART, stamp)
+        monitor.send_set('obstacles', *49 * [APART])
     status = monitor.until(
         lambda: (health := monitor.health()) and 'obstacle: lost' in values(health) and health)
     assert values(status)['obstacle: lost'] == '40'
     assert 'messages lost' in status.message
-    assert 'lost messages on the way' in values(monitor.await_state('unknown'))['reason']
+    assert any('has not sent a whole set since messages were lost' in array.status[0].message
+               for array in states)
     assert values(status)['obstacle: received'] == '11'
 
 
@@ -167,9 +165,6 @@ def start_slow(domain, monkeypatch):
 
     def start_slow(**parameters):
         running.append(RunningMonitor(domain, (), parameters))
-        running[0].send('footprint', ROBOT)
-        running[0].send('obstacles', APART, stamp=0)
-        running[0].await_state('clear')
         return running[0]
 
     yield start_slow
@@ -180,36 +175,33 @@ def start_slow(domain, monkeypatch):
 def test_source_behind_by_more_than_its_timeout_is_unknown(start_slow):
     """Until it has caught up; /diagnostics says by how much it is behind."""
     monitor = start_slow(footprint__timeout=0.0, obstacle__timeout=0.3)
-    for _ in range(100):
-        monitor.send('obstacles', APART, stamp=0)
-    status = monitor.await_state('unknown')
-    assert 'more than can be checked' in values(status)['reason']
+    monitor.send('footprint', ROBOT)
+    monitor.send_set_until('clear', 'obstacles', APART)
+    monitor.send_set('obstacles', *100 * [APART])
+    monitor.await_state('unknown')
     health = monitor.until(
         lambda: (health := monitor.health()) and 'behind' in health.message and health)
     seconds, messages = values(health)['obstacle: behind'].split(' s, ')
     assert float(seconds) > 0.1 and messages.endswith(' messages')
-    monitor.send_until('clear', 'obstacles', APART, stamp=0)
+    monitor.send_set_until('clear', 'obstacles', APART)
     monitor.until(lambda: 'behind' not in monitor.health().message)
 
 
-def test_source_that_loses_messages_while_behind_is_unknown(start_slow, domain):
-    """What was lost may have been an obstacle; with a timeout of none just as well."""
-    monitor = start_slow(**NO_TIMEOUT, **{DEPTH: 20})
+def test_source_that_loses_messages_is_unknown(start_slow, domain):
+    """What was lost may have been an obstacle; another publisher is whole again."""
+    monitor = start_slow(footprint__timeout=0.0, obstacle__timeout=1.0, **{DEPTH: 20})
+    monitor.send('footprint', ROBOT)
     with streaming(domain, 'obstacles', 1000):
-        monitor.until(lambda: 'more than can be checked' in values(monitor.status())['reason'])
-        assert monitor.state() == 'unknown'
+        monitor.until(lambda: 'without a gap since messages were lost' in monitor.reason())
         health = monitor.until(
             lambda: (health := monitor.health()) and 'messages lost' in health.message and health)
         assert int(values(health)['obstacle: lost']) > 20
-    for _ in range(3):
-        monitor.spin(0.2)
-        monitor.send('obstacles', APART, stamp=0)
-    monitor.await_state('clear')
+    monitor.send_set_until('clear', 'obstacles', APART)
 
 
 def test_all_else_works_while_messages_stream(start, domain):
     """Parameter services, a publisher that does not fit, and /clock."""
-    monitor = start(**NO_TIMEOUT)
+    monitor = start(**LASTING)
     with streaming(domain, 'obstacles', 2000, TOUCHING):
         monitor.send('footprint', ROBOT)
         monitor.await_state('collision')
@@ -221,7 +213,9 @@ def test_all_else_works_while_messages_stream(start, domain):
                                durability=DurabilityPolicy.TRANSIENT_LOCAL)
         unfit = monitor.node.create_publisher(PolygonStamped, 'footprint', transient)
         monitor.logged('offers a RELIABILITY')
+        monitor.await_state('unknown')
         monitor.node.destroy_publisher(unfit)
+        monitor.send_until('collision', 'footprint', ROBOT)
         assert monitor.set_parameters(use_sim_time=True) == [None]
         monitor.set_clock(3600 * SECOND)
         monitor.send('footprint', ROBOT, 3600 * SECOND)

@@ -27,7 +27,7 @@ from rcl_interfaces.srv import ListParameters
 import rclpy
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
-from sat_collision.node import fallback, loop
+from sat_collision.node import loop
 from streams import streaming
 
 
@@ -42,6 +42,7 @@ class Recorder:
         self.seconds = seconds
         self.are_put_off = are_put_off
         self.names = []
+        self.begun = []
         self.batches = []
         self.backlogs = []
         self.ticks = 0
@@ -51,6 +52,9 @@ class Recorder:
         for _ in messages:
             time.sleep(self.seconds)
             self.names.append(name)
+
+    def begin_stream(self, name):
+        self.begun.append(name)
 
     def end_batch(self, messages, seconds):
         self.batches.append(messages)
@@ -118,7 +122,7 @@ def test_flood_leaves_the_others_their_turn(looped):
 
 
 def test_tick_tells_whether_all_was_taken(looped):
-    """What waits may be of a set that seems to pause; so may what came while held up."""
+    """What waits may be of a map that seems to settle; so may what came while held up."""
     peer, looped = looped
     receiver = Recorder(0.001)
     arrive(peer, flood=200)
@@ -130,6 +134,19 @@ def test_tick_tells_whether_all_was_taken(looped):
         time.sleep(0.2)
         one.run(lambda: len(receiver.told_all) == 2)
         assert [is_all_taken for is_all_taken, _ in receiver.told_all] == [False, True]
+
+
+def test_first_message_of_a_publisher_is_told_of(looped):
+    """Before it is taken, alone or among others: once for each."""
+    peer, looped = looped
+    receiver = Recorder()
+    with looped(receiver) as one:
+        one.run(lambda: receiver.ticks > 2)
+        arrive(peer, other=1)
+        one.run(lambda: 'other' in receiver.names)
+        arrive(peer, flood=20)
+        one.run(lambda: receiver.names.count('flood') == 20)
+    assert receiver.begun == ['other', 'flood']
 
 
 def test_end_is_not_put_off_by_a_flood(looped):
@@ -196,7 +213,7 @@ def test_message_that_comes_alone_is_taken_alone(looped):
         timer.start()
         one.run(lambda: receiver.names.count('flood') == 21)
         timer.join()
-    assert receiver.batches == [1, 20]
+    assert receiver.batches[0] == 1 and sum(receiver.batches) == 21
 
 
 def test_messages_put_a_tick_off(looped):
@@ -252,10 +269,9 @@ def test_all_was_taken_that_came_since_the_wait(looped):
 
 
 @pytest.mark.parametrize('rate', (5, 500))
-def test_service_is_answered_when_it_is_called(looped, domain, monkeypatch, rate):
-    """Not only when the executor is run for all that is not waited for; with rests, too."""
+def test_service_is_answered(looped, domain, rate):
+    """It is looked at once a tick, with rests and without."""
     peer, looped = looped
-    monkeypatch.setattr(loop, '_OTHERS_PERIOD', 1e9)
     receiver = Recorder()
     client = peer.node.create_client(ListParameters, '/receiver/list_parameters')
     with looped(receiver, delay=0.02) as one, streaming(domain, 'flood', rate):
@@ -267,10 +283,9 @@ def test_service_is_answered_when_it_is_called(looped, domain, monkeypatch, rate
 
 
 @pytest.mark.parametrize('turns_before', (0, 5))
-def test_other_subscriptions_are_served_at_once(looped, monkeypatch, turns_before):
+def test_other_subscriptions_are_served(looped, turns_before):
     """As that to the clock; so is one that the node makes while it runs."""
     peer, looped = looped
-    monkeypatch.setattr(loop, '_OTHERS_PERIOD', 1e9)
     receiver = Recorder()
     heard = []
     with looped(receiver) as one:
@@ -285,20 +300,3 @@ def test_other_subscriptions_are_served_at_once(looped, monkeypatch, turns_befor
             return heard or receiver.ticks > 200
         one.run(is_heard)
     assert heard
-
-
-def test_executor_tells_whether_all_was_taken(looped):
-    """Where rclpy's own must do: it is asked for no more than so many messages before a tick."""
-    peer, looped = looped
-    receiver = Recorder()
-
-    def take(_):
-        time.sleep(0.001)
-        receiver.names.append('many')
-    looped.node.create_subscription(PolygonStamped, 'many', take, QoSProfile(depth=2000))
-    arrive(peer, many=400)
-    one = fallback.ExecutorLoop(looped.node, receiver)
-    one.run(lambda: receiver.told_all and receiver.told_all[-1][0])
-    one.close()
-    assert receiver.names.count('many') == 400
-    assert len(receiver.told_all) > 2

@@ -25,8 +25,9 @@ APART = box(5, 5)
 TOUCHING = box(1, 1)
 BOW_TIE = [(5, 5), (6, 6), (6, 5), (5, 6)]
 CIRCLE = [(math.cos(k / 500), math.sin(k / 500)) for k in range(2000)]
-NO_TIMEOUT = {'footprint__timeout': 0.0, 'obstacle__timeout': 0.0}
+LASTING = {'footprint__timeout': 0.0, 'obstacle__timeout': 60.0}
 
+GOOD_POLYGONS = ('obstacles', APART), ('footprint', ROBOT)
 GOOD = serialize_message(polygon_message(APART, 10**18))
 BAD_POLYGONS = {
     'not finite': [(0, 0), (1, math.nan), (1, 1)],
@@ -44,25 +45,30 @@ BAD_BYTES = {
 }
 
 
+def send(monitor, topic, points, **options):
+    """Send a footprint, or a set of one obstacle."""
+    (monitor.send if topic == 'footprint' else monitor.send_set)(topic, points, **options)
+
+
 def clear(monitor):
     """Bring the monitor to a clear state."""
-    monitor.send('footprint', ROBOT)
-    monitor.send('obstacles', APART)
+    for topic, good in GOOD_POLYGONS:
+        send(monitor, topic, good)
     monitor.await_state('clear')
 
 
 @pytest.mark.parametrize('situation', BAD_POLYGONS)
 def test_bad_polygon_makes_unknown_until_good_data_arrives(start, situation):
     """First as obstacle, then as footprint; the next good message heals."""
-    monitor = start(**NO_TIMEOUT)
+    monitor = start(**LASTING)
     clear(monitor)
     reason = 'not finite' if situation == 'infinite' else situation
-    for topic, good in (('obstacles', APART), ('footprint', ROBOT)):
-        monitor.send(topic, BAD_POLYGONS[situation])
-        status = monitor.await_state('unknown')
-        assert reason in values(status)['reason']
+    for topic, good in GOOD_POLYGONS:
+        send(monitor, topic, BAD_POLYGONS[situation])
+        monitor.await_state('unknown')
+        assert reason in monitor.reason()
         monitor.until(monitor.flag)
-        monitor.send(topic, good)
+        send(monitor, topic, good)
         monitor.await_state('clear')
     key = f'footprint: rejected, {reason}'
     health = monitor.until(lambda: monitor.health() and key in values(monitor.health())
@@ -75,19 +81,30 @@ def test_bad_polygon_makes_unknown_until_good_data_arrives(start, situation):
 
 @pytest.mark.parametrize('situation', BAD_BYTES)
 def test_bytes_that_are_no_message_make_unknown(start, situation):
-    """What typed subscribers drop in silence is refused aloud."""
-    monitor = start(**NO_TIMEOUT)
-    clear(monitor)
-    for topic, good in (('obstacles', APART), ('footprint', ROBOT)):
-        monitor.publisher(topic).publish(BAD_BYTES[situation])
-        monitor.await_state('unknown')
-        monitor.send_until('clear', topic, good)
+    """A footprint at once; obstacles when the last whole set is past its timeout."""
+    monitor = start(footprint__timeout=0.0, obstacle__timeout=0.5)
+    monitor.send('footprint', ROBOT)
+    monitor.send_set_until('clear', 'obstacles', APART)
+    bad = BAD_BYTES[situation]
+
+    def sent():
+        monitor.publisher('obstacles').publish(bad)
+        monitor.send_set('obstacles', APART)
+        monitor.spin(0.03)
+        return 'since a message was refused: undecodable' in monitor.reason()
+    monitor.until(sent)
+    monitor.send_set_until('clear', 'obstacles', APART)
+    monitor.publisher('footprint').publish(bad)
+    monitor.until(lambda: 'was refused: undecodable' in monitor.reason())
+    monitor.send('footprint', ROBOT)
+    monitor.send_set_until('clear', 'obstacles', APART)
+    for topic in ('/obstacles', '/footprint'):
         monitor.logged('undecodable', topic)
 
 
 def test_empty_footprint_is_unknown(start):
-    """An empty polygon is a heartbeat of obstacles, but no footprint."""
-    monitor = start(**NO_TIMEOUT)
+    """An empty polygon ends a set of obstacles, but is no footprint."""
+    monitor = start(**LASTING)
     clear(monitor)
     monitor.send('footprint', [])
     status = monitor.await_state('unknown')
@@ -96,24 +113,23 @@ def test_empty_footprint_is_unknown(start):
 
 def test_empty_frame_is_refused(start):
     """Coordinates in no frame mean nothing."""
-    monitor = start(**NO_TIMEOUT)
+    monitor = start(**LASTING)
     clear(monitor)
-    for topic, good in (('obstacles', APART), ('footprint', ROBOT)):
-        monitor.send(topic, good, frame_id='')
-        status = monitor.await_state('unknown')
-        assert 'frame' in values(status)['reason']
-        monitor.send(topic, good)
+    for topic, good in GOOD_POLYGONS:
+        send(monitor, topic, good, frame_id='')
+        monitor.await_state('unknown')
+        assert 'frame' in monitor.reason()
+        send(monitor, topic, good)
         monitor.await_state('clear')
 
 
 def test_other_bodies_are_untouched(start):
     """A bad footprint leaves the other's state; a bad obstacle leaves a proved contact."""
     monitor = start(footprints=['left', 'right'], left__timeout=0.0, right__timeout=0.0,
-                    obstacle__timeout=0.0)
+                    obstacle__timeout=60.0)
     monitor.send('left', ROBOT)
     monitor.send('right', box(9, 0))
-    stamp = monitor.now()
-    monitor.send('obstacles', TOUCHING, stamp)
+    monitor.send_set('obstacles', TOUCHING)
     monitor.await_state('collision', 'left')
     monitor.await_state('clear', 'right')
     monitor.send('right', BOW_TIE)
@@ -121,7 +137,7 @@ def test_other_bodies_are_untouched(start):
     assert monitor.state('left') == 'collision'
     monitor.send('right', box(9, 0))
     monitor.await_state('clear', 'right')
-    monitor.send('obstacles', BOW_TIE, stamp)
+    monitor.send_set('obstacles', TOUCHING, BOW_TIE)
     monitor.await_state('unknown', 'right')
     assert monitor.state('left') == 'collision'
     assert monitor.contacts('left') == ['obstacle/0']
@@ -129,11 +145,11 @@ def test_other_bodies_are_untouched(start):
 
 def test_rejections_are_logged_once_a_second_at_most(start):
     """Two hundred bad messages in about two seconds: a few lines, all of them counted."""
-    monitor = start(**NO_TIMEOUT)
+    monitor = start(**LASTING)
     clear(monitor)
     begun = monitor.now()
     for _ in range(200):
-        monitor.send('obstacles', BOW_TIE)
+        monitor.send_set('obstacles', BOW_TIE)
         monitor.spin(0.005)
     key = 'obstacle: rejected, self-intersecting'
     monitor.until(lambda: monitor.health() and values(monitor.health()).get(key) == '200',
@@ -146,9 +162,9 @@ def test_rejections_are_logged_once_a_second_at_most(start):
 
 def test_max_vertices_is_a_parameter(start):
     """Four vertices are one too many here."""
-    monitor = start(max_vertices=3, **NO_TIMEOUT)
+    monitor = start(max_vertices=3, **LASTING)
     monitor.send('footprint', [(0, 0), (1, 0), (0, 1)])
-    monitor.send('obstacles', [(5, 5), (6, 5), (6, 6)])
+    monitor.send_set('obstacles', [(5, 5), (6, 5), (6, 6)])
     monitor.await_state('clear')
-    monitor.send('obstacles', APART)
+    monitor.send_set('obstacles', APART)
     monitor.await_state('unknown')

@@ -34,14 +34,14 @@ def latch(running, *links):
 
 def test_bodies_are_placed_by_tf(start_with_tf):
     """The robot drives into what its camera sees standing in the world."""
-    running = start_with_tf(obstacle__accumulate=True)
+    running = start_with_tf()
     latch(running, ('base', 'camera', 0, 0.5, 0.0))
 
     def drive(x):
         stamp = running.now()
         tell(running, ('odom', 'base', stamp, x, 0.0))
         running.send('/footprint', box(0), stamp, 'base')
-        running.send('/obstacles', box(4.5 - x), stamp, 'camera')
+        running.send_set('/obstacles', box(4.5 - x), stamp=stamp, frame_id='camera')
         running.spin(0.02)
 
     def until(state, x):
@@ -64,18 +64,20 @@ def test_what_was_latched_before_the_start_is_known(domain, start_with_tf):
 
 
 def test_messages_wait_for_the_transform_at_their_stamp(start_with_tf):
-    """The flag is raised when it comes, not before, and nothing is refused."""
-    running = start_with_tf(obstacle__type='polygon_instance', transform_timeout=9.0)
+    """The obstacle counts as where it was before until that comes, and nothing is refused."""
+    running = start_with_tf(transform_timeout=9.0, footprint__timeout=0.0, obstacle__timeout=60.0)
     tell(running, ('odom', 'base', running.now(), 0.0, 0.0))
-    running.send_until('unknown', '/footprint', box(0), frame_id='odom')
-    running.send('/obstacles', box(0.5), frame_id='odom', instance=1)
-    running.send_until('collision', '/footprint', box(0), frame_id='odom')
+    running.send('/footprint', box(0), frame_id='odom')
+    running.send_set_until('collision', '/obstacles', box(0.5), frame_id='odom')
+    received = running.received['obstacle']
     stamp = running.now()
-    running.send('/obstacles', box(0.5), stamp, 'base', 1)
-    running.until(lambda: running.received['obstacle'] == 2)
+    running.send_set('/obstacles', box(0.5), stamp=stamp, frame_id='base')
+    running.until(lambda: running.received['obstacle'] == received + 2)
+    count = len(running.states())
+    running.until(lambda: len(running.states()) > count + 2)
     assert running.state() == 'collision'
     tell(running, ('odom', 'base', stamp, 9.0, 0.0))
-    running.send_until('clear', '/footprint', box(0), frame_id='odom')
+    running.await_state('clear')
     assert not running.monitor._monitor.rejected
 
 

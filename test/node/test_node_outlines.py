@@ -31,7 +31,7 @@ def drive(running, x, child='base', peer=None):
     """Tell where a robot is, and that its laser sees nothing near."""
     (peer or running).publisher('/tf', PolygonStamped).publish(
         transforms(('odom', child, running.now(), x, 0.0)))
-    running.send('/obstacles', box(9.0), frame_id='odom')
+    running.send_set('/obstacles', box(9.0), frame_id='odom')
     running.spin(0.02)
 
 
@@ -40,7 +40,7 @@ def until(running, state, x):
 
 
 def test_an_outline_is_moved_by_tf(start_with_tf):
-    running = start_with_tf(obstacle__accumulate=True, **OUTLINE)
+    running = start_with_tf(**OUTLINE)
     until(running, 'clear', 0.0)
     until(running, 'collision', 9.5)
     until(running, 'clear', 8.0)
@@ -57,8 +57,7 @@ def test_an_outline_is_moved_by_odometry(start, monkeypatch):
     """Where there is no tf2_msgs, for what the robot sees as well."""
     monkeypatch.setitem(sys.modules, 'tf2_msgs', None)
     monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', None)
-    running = start(frame_id='odom', footprint__odometry='odom', obstacle__accumulate=True,
-                    **OUTLINE)
+    running = start(frame_id='odom', footprint__odometry='odom', **OUTLINE)
 
     def report(x):
         data = odometry('odom', 'base', running.now(), x, 0.0)
@@ -67,7 +66,7 @@ def test_an_outline_is_moved_by_odometry(start, monkeypatch):
         assert decode_odometry(rclpy.serialization.serialize_message(message)) == (
             decode_odometry(data))
         running.publisher('/odom', Odometry).publish(message)
-        running.send('/obstacles', box(9.0 - x), frame_id='base')
+        running.send_set('/obstacles', box(9.0 - x), frame_id='base')
         running.spin(0.02)
 
     for x, state in ((0.0, 'clear'), (9.0, 'collision'), (7.0, 'clear')):

@@ -16,15 +16,18 @@
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import box, Peer, values
+import numpy as np
 from rclpy.parameter_client import AsyncParameterClient
 from sat_collision import KERNEL
+from sat_collision.messages import outputs
+from sat_collision.messages.contact_cloud import contact_cloud
 from sat_collision.messages.markers import Markers
 from visualization_msgs.msg import Marker
 
 ROBOT = box(0, 0)
 APART = box(5, 5)
 TOUCHING = box(1, 1)
-NO_TIMEOUT = {'footprint__timeout': 0.0, 'obstacle__timeout': 0.0}
+LASTING = {'footprint__timeout': 0.0, 'obstacle__timeout': 60.0}
 
 
 def spaces(message):
@@ -33,9 +36,9 @@ def spaces(message):
 
 def test_late_subscriber_gets_the_whole_scene(start):
     """Markers begin with somebody who looks; they come again without any change."""
-    monitor = start(**NO_TIMEOUT)
+    monitor = start(**LASTING)
     monitor.send('footprint', ROBOT)
-    monitor.send('obstacles', TOUCHING)
+    monitor.send_set('obstacles', TOUCHING)
     monitor.await_state('collision')
     heard = monitor.markers()
     monitor.until(lambda: len(heard) > 2, 'markers')
@@ -47,16 +50,16 @@ def test_late_subscriber_gets_the_whole_scene(start):
 
 def test_markers_follow_the_scene_and_nothing_stale_stays(start):
     """The obstacle parts from the footprint, then the node is told to check nothing."""
-    monitor = start(marker_rate=50.0, **NO_TIMEOUT)
+    monitor = start(marker_rate=50.0, **LASTING)
     heard = monitor.markers()
     monitor.until(lambda: heard and not spaces(heard[-1]), 'an empty picture')
     monitor.send('footprint', ROBOT)
-    monitor.send('obstacles', TOUCHING)
+    monitor.send_set('obstacles', TOUCHING)
     monitor.until(lambda: 'contacts/points' in spaces(heard[-1]))
-    monitor.send('obstacles', APART)
+    monitor.send_set('obstacles', APART)
     monitor.until(lambda: 'nearest/axis' in spaces(heard[-1])
                   and 'contacts/points' not in spaces(heard[-1]))
-    monitor.send('obstacles', box(7, 7))
+    monitor.send_set('obstacles', box(7, 7))
     monitor.until(lambda: any(marker.ns == 'obstacle/outline' and marker.points[0].x >= 7
                               for marker in heard[-1].markers), 'the obstacle where it is')
     assert monitor.set_parameters(obstacle__enabled=False) == [None]
@@ -69,9 +72,9 @@ def test_nobody_subscribed_no_markers_are_made(start, monkeypatch):
     asked = []
     message = Markers.message
     monkeypatch.setattr(Markers, 'message', lambda *a: asked.append(1) or message(*a))
-    monitor = start(**NO_TIMEOUT)
+    monitor = start(**LASTING)
     monitor.send('footprint', ROBOT)
-    monitor.send('obstacles', APART)
+    monitor.send_set('obstacles', APART)
     monitor.await_state('clear')
     monitor.spin(0.3)
     assert not asked
@@ -82,34 +85,56 @@ def test_nobody_subscribed_no_markers_are_made(start, monkeypatch):
     assert len(asked) == count, 'nothing has changed since'
 
 
+def test_points_of_contact_come_while_somebody_subscribes(start, monkeypatch):
+    """With the stamp of the state that names the obstacle; nothing is made before."""
+    asked = []
+    monkeypatch.setattr(outputs, 'contact_cloud',
+                        lambda *a: asked.append(1) or contact_cloud(*a))
+    monitor = start(**LASTING)
+    monitor.send('footprint', ROBOT)
+    monitor.send_set('obstacles', TOUCHING)
+    monitor.await_state('collision')
+    assert not asked
+    clouds, states = monitor.listen('~/footprint/contacts'), monitor.listen('~/state')
+    both = monitor.until(lambda: [(cloud, state) for cloud in clouds for state in states
+                                  if cloud.header.stamp == state.header.stamp], 'one stamp')
+    cloud, state = both[0]
+    assert cloud.width == 1 and cloud.header.frame_id == 'map'
+    point = np.frombuffer(bytes(cloud.data), np.float32)
+    assert point[:3].tolist() == [1, 1, 0] and np.hypot(*point[3:5]) == 1 and point[6] == 0
+    assert values(state.status[0])['obstacles in contact'] == 'obstacle/0'
+    monitor.send_set('obstacles', APART)
+    monitor.until(lambda: clouds[-1].width == 0, 'an empty cloud')
+
+
 def test_health_tells_rates_rejections_check_time_and_kernel(start):
-    """Five obstacles, one of them bad: a warning in one period, running in the next."""
-    monitor = start(**NO_TIMEOUT)
+    """Five sets, one of them bad: a warning in one period, running in the next."""
+    monitor = start(**LASTING)
     monitor.until(monitor.health, 'a first word')
     for points in 4 * [APART] + [[(0, 0), (1, 1), (1, 0), (0, 1)]]:
-        monitor.send('obstacles', points)
+        monitor.send_set('obstacles', points)
     warned = monitor.until(lambda: monitor.health() and monitor.health().level
                            == DiagnosticStatus.WARN and 'rejected' in monitor.health().message
                            and monitor.health(), 'a warning')
     assert 'messages rejected: 1' in warned.message
     told = values(warned)
-    assert told['obstacle: received'] == '5'
+    assert told['obstacle: received'] == '10'
     assert told['obstacle: rejected, self-intersecting'] == '1'
     assert float(told['obstacle: rate [Hz]']) > 0
     assert 0 < float(told['check time mean [ms]']) <= float(told['longest batch [ms]'])
     assert told['kernel'] == KERNEL
-    monitor.send('obstacles', APART)
+    monitor.send_set('obstacles', APART)
     monitor.until(lambda: monitor.health().level == DiagnosticStatus.OK, 'a quiet period')
     monitor.until(lambda: values(monitor.health())['obstacle: rate [Hz]'] == '0.0')
-    assert values(monitor.health())['obstacle: received'] == '6'
+    assert values(monitor.health())['obstacle: received'] == '12'
     assert monitor.health().hardware_id == '/footprint_monitor'
 
 
 def test_parameters_change_a_running_node(start):
     """Every live parameter over the service; what follows from it at once."""
-    monitor = start(publish_rate=0.5, **NO_TIMEOUT)
+    monitor = start(publish_rate=5.0, **LASTING)
     monitor.send('footprint', ROBOT)
-    monitor.send('obstacles', TOUCHING)
+    monitor.send_set('obstacles', TOUCHING)
     monitor.await_state('collision')
     assert monitor.set_parameters(enabled=False) == [None]
     monitor.await_state('unknown', patience=1.0)
@@ -118,7 +143,7 @@ def test_parameters_change_a_running_node(start):
     monitor.until(lambda: monitor.flag() is False and monitor.flag('footprint') is False,
                   patience=1.0)
     assert monitor.set_parameters(enabled=True) == [None]
-    monitor.send_until('collision', 'obstacles', TOUCHING)
+    monitor.send_set_until('collision', 'obstacles', TOUCHING)
     assert monitor.set_parameters(footprint__enabled=False) == [None]
     monitor.await_state('unknown', patience=1.0)
     monitor.until(lambda: monitor.flag() is False)
@@ -131,8 +156,8 @@ def test_parameters_change_a_running_node(start):
 
 def test_timeout_set_while_running_applies_to_what_is_there(start):
     """A footprint that would never expire is stale at once, and good again without a timeout."""
-    monitor = start(**NO_TIMEOUT)
-    monitor.send('obstacles', APART)
+    monitor = start(**LASTING)
+    monitor.send_set('obstacles', APART)
     monitor.send('footprint', ROBOT)
     monitor.await_state('clear')
     assert monitor.set_parameters(footprint__timeout=0.01) == [None]
@@ -143,9 +168,9 @@ def test_timeout_set_while_running_applies_to_what_is_there(start):
 
 def test_bad_parameters_are_refused_with_a_reason_and_change_nothing(start):
     """Out of range, of the wrong type, structural: the node goes on as before."""
-    monitor = start(**NO_TIMEOUT)
+    monitor = start(**LASTING)
     monitor.send('footprint', ROBOT)
-    monitor.send('obstacles', APART)
+    monitor.send_set('obstacles', APART)
     monitor.await_state('clear')
     reasons = monitor.set_parameters(footprint__timeout=-1.0, enabled='no', footprints=['a'])
     for reason, words in zip(reasons, ('range', 'type', 'read-only')):
@@ -166,16 +191,9 @@ def test_parameters_are_described_to_users(start):
 
 def test_peer_that_only_listens(start, domain):
     """A second participant, as a dashboard is, sees what the first sees."""
-    monitor = start(**NO_TIMEOUT)
+    monitor = start(**LASTING)
     dashboard = Peer(domain)
     monitor.send('footprint', ROBOT)
-    monitor.send('obstacles', TOUCHING)
+    monitor.send_set('obstacles', TOUCHING)
     dashboard.await_state('collision')
     dashboard.close()
-
-
-def test_fall_back_is_told(start, runner):
-    """Where the loop's pieces are missing from this rclpy the node says what it does instead."""
-    monitor = start(**NO_TIMEOUT)
-    if runner == 'executor':
-        monitor.logged('single-threaded executor')

@@ -70,28 +70,16 @@ assert compiled() == before
 """
 
 
-# What `python -m sat_collision.node` does, in what the node can run in.
-PROGRAM = """
-import sys
-from sat_collision.node import waiting
-from sat_collision.node.__main__ import main
-if {runner!r} == 'executor':
-    waiting.is_supported = lambda: False
-sys.exit(main(sys.argv))
-"""
-
-
-@pytest.fixture(params=('loop', 'executor'))
-def launch(domain, request, monkeypatch):
+@pytest.fixture
+def launch(domain, monkeypatch):
     """Start the node's process with some arguments; its output goes to a pipe."""
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
     started = []
 
     def launch(*arguments, **options):
         started.append(subprocess.Popen(
-            [sys.executable, '-c', PROGRAM.format(runner=request.param), '--ros-args',
-             *arguments],
-            cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options))
+            [sys.executable, '-m', 'sat_collision.node', '--ros-args', *arguments], cwd=ROOT,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options))
         return started[-1]
 
     yield launch
@@ -138,12 +126,12 @@ def test_one_signal_ends_a_busy_node_cleanly(launch_ready, peer, number):
 
     def collides():
         peer.send('footprint', box(0, 0))
-        peer.send('obstacles', box(1, 1))
+        peer.send_set('obstacles', box(1, 1))
         peer.spin(0.02)
         return peer.state() == 'collision'
     peer.until(collides)
     for _ in range(20):
-        peer.send('obstacles', box(1, 1))
+        peer.send_set('obstacles', box(1, 1))
     process.send_signal(number)
     status, output = ended(process)
     assert (status, 'Traceback' in output) == (0, False), output
@@ -184,6 +172,8 @@ def test_signal_that_the_shell_had_told_to_ignore(launch_ready, peer):
     (['-p', 'footprints:=[a, a]'], "'a' is used twice"),
     (['-p', 'qos_overrides./footprint.subscription.durability:=latched'], 'latched'),
     (['--params-file', 'nowhere.yaml'], 'nowhere.yaml'),
+    # No subscriber that follows the README's rule could make use of such flags.
+    (['-p', 'publish_rate:=0.1'], 'publish_rate'),
 ])
 def test_parameters_that_cannot_be_end_the_process_with_a_word(launch, arguments, words):
     """Status 1 and a line that says what is wrong, where others have a traceback."""
@@ -198,6 +188,20 @@ def test_version_is_told_without_a_node():
                             capture_output=True, text=True)
     assert (result.returncode, result.stderr) == (0, '')
     assert result.stdout.startswith('sat_collision ')
+
+
+def test_closed_output_does_not_end_the_node(domain, peer):
+    """As some supervisors start it: without stdout and stderr, which then are no files of it."""
+    process = subprocess.Popen(
+        ['sh', '-c', 'exec "$0" -m sat_collision.node >&- 2>&-', sys.executable], cwd=ROOT,
+        env={**os.environ, 'ROS_DOMAIN_ID': str(domain)})
+    try:
+        peer.until(peer.flag)
+        process.terminate()
+        assert process.wait(60) == 0
+    finally:
+        process.kill()
+        process.wait()
 
 
 def test_first_lines_say_what_the_node_does(launch):

@@ -104,7 +104,7 @@ def gate():
 @pytest.fixture
 def robot(gate, start):
     """Return a robot that is always told to drive, behind the example, by a running monitor."""
-    return Robot(gate, start(footprint__timeout=0.0, obstacle__timeout=0.0))
+    return Robot(gate, start(footprint__timeout=0.0, obstacle__timeout=60.0))
 
 
 class Robot:
@@ -133,16 +133,16 @@ class Robot:
 def test_example_stops_the_robot(robot):
     """At first and in contact it stands, clear it drives."""
     robot.monitor.until(lambda: robot.is_told(0.0), 'a stop before the first flag')
-    robot.monitor.send('/obstacles', box(5, 5))
+    robot.monitor.send_set('/obstacles', box(5, 5))
     robot.monitor.send('/footprint', box(0, 0))
     robot.monitor.until(lambda: robot.is_told(0.5), 'motion')
-    robot.monitor.send('/obstacles', box(0.5, 0.5))
+    robot.monitor.send_set('/obstacles', box(0.5, 0.5))
     robot.monitor.until(lambda: robot.is_told(0.0), 'a stop')
 
 
 def test_example_stops_the_robot_without_a_flag(robot):
     """The monitor stands still, and nobody raises a flag: for 0.3 s the last one counts."""
-    robot.monitor.send('/obstacles', box(5, 5))
+    robot.monitor.send_set('/obstacles', box(5, 5))
     robot.monitor.send('/footprint', box(0, 0))
     robot.monitor.until(lambda: robot.is_told(0.5), 'motion')
     flags = robot.monitor.listen('~/collision')
@@ -156,8 +156,8 @@ def test_example_stops_the_robot_without_a_flag(robot):
 def test_fleet_avoids_itself(start):
     """One robot comes to the other: both touch; what one sees concerns both; one is silent."""
     monitor = start(['--params-file', str(ROOT / 'config' / 'fleet.yaml')],
-                    robot1__timeout=0.0, robot2__timeout=0.0, body1__timeout=0.0,
-                    body2__timeout=1.5, obstacle__timeout=0.0)
+                    robot1__timeout=0.0, robot2__timeout=0.0, body1__timeout=60.0,
+                    body2__timeout=1.5, obstacle__timeout=60.0)
     topics = [f'/robot{k}/local_costmap/published_footprint' for k in (1, 2)]
 
     def place(*robots):
@@ -170,7 +170,7 @@ def test_fleet_avoids_itself(start):
             place(*robots)
             return (monitor.state('robot1'), monitor.state('robot2')) == (one, other)
         monitor.until(are_so, f'{one} and {other}')
-    monitor.send('/obstacles', box(20, 20))
+    monitor.send_set('/obstacles', box(20, 20))
     until('clear', 'clear', 0, 5)
     until('collision', 'collision', 0, 0.75)
     assert monitor.contacts('robot1') == ['body2/0']

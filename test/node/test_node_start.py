@@ -129,7 +129,7 @@ def test_flags_before_distances(start, domain):
 
     def is_told(x, collides):
         peer.send('footprint', box(0.0))
-        peer.send('obstacles', box(x))
+        peer.send_set('obstacles', box(x))
         peer.spin(0.05)
         return flags and flags[-1].data is collides
     peer.until(lambda: is_told(9.0, False), 'a clear flag')
@@ -196,7 +196,8 @@ def test_interrupt_of_a_compiler(start, place):
     """In code from a string, with an object half made, whose end fails: only it is told, once."""
     (place / 'home' / 'interrupted.py').write_text("""
 import os, signal, sys
-from sat_collision.replay import __main__, arguments
+from sat_collision.replay import __main__
+from sat_collision.replay.cli import arguments
 
 class HalfMade:
     def __init__(self):

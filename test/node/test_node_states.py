@@ -22,10 +22,11 @@ from harness import box, SECOND, to_ns, values
 ROBOT = box(0, 0)
 APART = box(5, 5)
 TOUCHING = box(1, 1)
+LASTING = {'footprint__timeout': 0.0, 'obstacle__timeout': 60.0}
 
 
-def test_nothing_heard_is_unknown_and_raises_the_flag(start):
-    """Before any message, and while one side alone has been heard."""
+def test_nothing_received_is_unknown_and_raises_the_flag(start):
+    """Before any message, and while one side alone has been received."""
     monitor = start()
     status = monitor.await_state('unknown')
     assert status.level == DiagnosticStatus.STALE
@@ -38,29 +39,28 @@ def test_nothing_heard_is_unknown_and_raises_the_flag(start):
 
 def test_clear_then_touching_then_clear(start):
     """An obstacle comes as near as one common corner, and goes again."""
-    monitor = start(footprint__timeout=0.0, obstacle__timeout=0.0)
+    monitor = start(**LASTING)
     monitor.send('footprint', ROBOT)
-    monitor.send('obstacles', APART)
+    monitor.send_set('obstacles', APART)
     status = monitor.await_state('clear')
     assert status.level == DiagnosticStatus.OK and status.hardware_id == '/footprint'
     monitor.until(lambda: monitor.flag() is False and monitor.flag('footprint') is False)
-    monitor.send('obstacles', TOUCHING)
+    monitor.send_set('obstacles', TOUCHING)
     status = monitor.await_state('collision')
     assert status.level == DiagnosticStatus.ERROR and 'obstacle/0' in status.message
     assert monitor.contacts() == ['obstacle/0']
     monitor.until(lambda: monitor.flag() and monitor.flag('footprint'))
-    monitor.send('obstacles', APART)
+    monitor.send_set('obstacles', APART)
     monitor.await_state('clear')
     monitor.until(lambda: monitor.flag() is False and monitor.flag('footprint') is False)
 
 
 def test_states_say_age_and_all_obstacles_in_contact(start):
     """Two of the three obstacles of a set are in contact; the age counts from the stamp."""
-    monitor = start(footprint__timeout=0.0, obstacle__timeout=0.0)
+    monitor = start(**LASTING)
     stamp = monitor.now() - 3 * SECOND
     monitor.send('footprint', ROBOT, stamp)
-    for polygon in (TOUCHING, APART, [(0.5, 0.5)]):
-        monitor.send('obstacles', polygon, stamp)
+    monitor.send_set('obstacles', TOUCHING, APART, [(0.5, 0.5)], stamp=stamp)
     monitor.await_state('collision')
     monitor.until(lambda: monitor.contacts() == ['obstacle/0', 'obstacle/2'])
     assert 3.0 <= float(values(monitor.status())['age']) < 3.0 + 10.0
@@ -69,10 +69,10 @@ def test_states_say_age_and_all_obstacles_in_contact(start):
 def test_each_footprint_has_its_own_flag(start):
     """One of two robots collides: its flag and the common one rise, the other's does not."""
     monitor = start(footprints=['left', 'right'], left__timeout=0.0, right__timeout=0.0,
-                    obstacle__timeout=0.0)
+                    obstacle__timeout=60.0)
     monitor.send('left', ROBOT)
     monitor.send('right', box(9, 0))
-    monitor.send('obstacles', box(9.5, 0))
+    monitor.send_set('obstacles', box(9.5, 0))
     monitor.await_state('clear', 'left')
     monitor.await_state('collision', 'right')
     monitor.until(lambda: monitor.flag() and monitor.flag('right')
@@ -81,33 +81,38 @@ def test_each_footprint_has_its_own_flag(start):
 
 def test_unknown_lowers_the_flag_if_so_wished(start):
     """With unknown_is_collision false an unknown footprint is not blocked; contact still is."""
-    monitor = start(unknown_is_collision=False, footprint__timeout=0.0, obstacle__timeout=0.0)
+    monitor = start(unknown_is_collision=False, **LASTING)
     monitor.await_state('unknown')
     monitor.until(lambda: monitor.flag() is False and monitor.flag('footprint') is False)
     monitor.send('footprint', ROBOT)
-    monitor.send('obstacles', TOUCHING)
+    monitor.send_set('obstacles', TOUCHING)
     monitor.until(lambda: monitor.flag() and monitor.flag('footprint'))
 
 
+class Never:
+    """What is never due."""
+
+    def due(self, now):
+        return False
+
+
 def test_change_is_published_at_once(start):
-    """With ten seconds between regular messages, each change still arrives within one."""
-    monitor = start(publish_rate=0.1, footprint__timeout=0.0, obstacle__timeout=0.0)
-    monitor.listen('~/collision'), monitor.listen('~/footprint/collision')
-    monitor.state()
+    """Nothing is published at the regular times, and each change still is."""
+    monitor = start(**LASTING)
     monitor.send('footprint', ROBOT)
-    monitor.send('obstacles', APART)
+    monitor.send_set('obstacles', APART)
     monitor.await_state('clear')
+    monitor.until(lambda: monitor.flag() is False and monitor.flag('footprint') is False)
+    monitor.monitor._publishing = Never()
     for obstacle, state in 2 * ((TOUCHING, 'collision'), (APART, 'clear')):
-        sent = time.monotonic()
-        monitor.send('obstacles', obstacle)
-        monitor.await_state(state, patience=1.0)
+        monitor.send_set('obstacles', obstacle)
+        monitor.await_state(state)
         monitor.until(lambda: monitor.flag() == monitor.flag('footprint')
-                      == (state == 'collision'), patience=1.0)
-        assert time.monotonic() - sent < 1.0
+                      == (state == 'collision'))
 
 
 def test_without_change_all_is_repeated_at_publish_rate(start):
-    """Silence would mean death: at 5 Hz each topic has ten messages in two seconds."""
+    """At 5 Hz each topic has ten messages in two seconds, and no more."""
     monitor = start(publish_rate=5.0)
     monitor.flag(), monitor.flag('footprint'), monitor.state()
     topics = [monitor.listen(topic) for topic in ('~/collision', '~/footprint/collision',
@@ -116,7 +121,7 @@ def test_without_change_all_is_repeated_at_publish_rate(start):
     begun = time.monotonic()
     counts = [len(heard) for heard in topics]
     monitor.until(lambda: all(len(heard) >= count + 10 for heard, count in zip(topics, counts)))
-    assert 1.7 < time.monotonic() - begun < 2.7
+    assert time.monotonic() - begun > 1.7
 
 
 def test_states_are_repeated_with_a_fresh_stamp_and_age(start):
@@ -132,37 +137,36 @@ def test_states_are_repeated_with_a_fresh_stamp_and_age(start):
 
 def test_release_delay_holds_a_fall_and_no_rise(start):
     """The flag falls half a second after the contact has ended, and rises at once."""
-    monitor = start(release_delay=0.5, footprint__timeout=0.0, obstacle__timeout=0.0)
+    monitor = start(release_delay=0.5, **LASTING)
     monitor.send('footprint', ROBOT)
-    monitor.send('obstacles', TOUCHING)
+    monitor.send_set('obstacles', TOUCHING)
     monitor.await_state('collision')
     parted = time.monotonic()
-    monitor.send('obstacles', APART)
+    monitor.send_set('obstacles', APART)
     monitor.await_state('clear')
     assert time.monotonic() - parted > 0.4
-    monitor.send('obstacles', TOUCHING)
+    monitor.send_set('obstacles', TOUCHING)
     monitor.await_state('collision')
 
 
 def test_node_in_a_namespace(start):
     """Its topics are below the namespace, the footprint's as well."""
-    monitor = start(arguments=['-r', '__ns:=/fleet/robot1'], footprint__timeout=0.0,
-                    obstacle__timeout=0.0)
+    monitor = start(arguments=['-r', '__ns:=/fleet/robot1'], **LASTING)
     monitor.name = 'fleet/robot1/footprint_monitor'
     monitor.send('/fleet/robot1/footprint', ROBOT)
-    monitor.send('/fleet/robot1/obstacles', TOUCHING)
+    monitor.send_set('/fleet/robot1/obstacles', TOUCHING)
     monitor.await_state('collision')
     monitor.until(lambda: monitor.flag('footprint'))
 
 
 def test_body_in_another_frame_is_unknown_until_it_comes_in_the_right_one(start):
     """Frames are not transformed: neither the footprint nor an obstacle may be in another."""
-    monitor = start(frame_id='map', footprint__timeout=0.0, obstacle__timeout=0.0)
+    monitor = start(frame_id='map', **LASTING)
     monitor.send('footprint', ROBOT)
-    monitor.send('obstacles', APART, frame_id='odom')
+    monitor.send_set('obstacles', APART, frame_id='odom')
     status = monitor.await_state('unknown')
     monitor.until(lambda: 'other frame' in values(monitor.status())['reason'])
-    monitor.send('obstacles', APART)
+    monitor.send_set('obstacles', APART)
     monitor.await_state('clear')
     monitor.send('footprint', ROBOT, frame_id='odom')
     status = monitor.await_state('unknown')
@@ -173,23 +177,23 @@ def test_body_in_another_frame_is_unknown_until_it_comes_in_the_right_one(start)
 
 
 def test_first_footprint_in_a_wrong_frame_heals(start):
-    """Without frame_id, the one that footprints heard in the last second agree on is the frame."""
-    monitor = start(footprint__timeout=0.0, obstacle__timeout=0.0)
+    """Without frame_id, the frame is that of the footprints received in the last second."""
+    monitor = start(**LASTING)
     monitor.send('footprint', ROBOT, frame_id='odom')
-    monitor.send('obstacles', APART)
+    monitor.send_set('obstacles', APART)
     monitor.await_state('unknown')
     monitor.until(lambda: 'other frame' in values(monitor.status())['reason'])
     monitor.send('footprint', ROBOT)
-    monitor.send('obstacles', APART)
+    monitor.send_set('obstacles', APART)
     monitor.await_state('clear')
 
 
 def test_states_say_how_far_apart_in_time_things_are(start):
     """The footprint is 0.1 s older than the obstacle that it touches."""
-    monitor = start(footprint__timeout=0.0, obstacle__timeout=0.0)
+    monitor = start(**LASTING)
     stamp = monitor.now() - SECOND
     monitor.send('footprint', ROBOT, stamp)
-    monitor.send('obstacles', TOUCHING, stamp + SECOND // 10)
+    monitor.send_set('obstacles', TOUCHING, stamp=stamp + SECOND // 10)
     monitor.await_state('collision')
     told = values(monitor.status())
     assert told['contacts are newer by'] == 'obstacle/0 0.100'
@@ -198,19 +202,19 @@ def test_states_say_how_far_apart_in_time_things_are(start):
 
 def test_first_footprint_gives_the_frame(start):
     """Without frame_id, what comes in its frame is accepted and what does not is refused."""
-    monitor = start(footprint__timeout=0.0, obstacle__timeout=0.0)
+    monitor = start(**LASTING)
     monitor.send('footprint', ROBOT, frame_id='odom')
-    monitor.send('obstacles', APART, frame_id='odom')
+    monitor.send_set('obstacles', APART, frame_id='odom')
     monitor.await_state('clear')
-    monitor.send('obstacles', APART, frame_id='map')
+    monitor.send_set('obstacles', APART, frame_id='map')
     monitor.await_state('unknown')
 
 
 def test_margin_counts_as_collision_and_can_be_changed(start):
     """A box a quarter of a metre away collides with a margin of as much, not with less."""
-    monitor = start(margin=0.25, footprint__timeout=0.0, obstacle__timeout=0.0)
+    monitor = start(margin=0.25, **LASTING)
     monitor.send('footprint', ROBOT)
-    monitor.send('obstacles', box(1.25, 0))
+    monitor.send_set('obstacles', box(1.25, 0))
     status = monitor.await_state('collision')
     assert 'within 0.25 m of obstacle/0' in status.message
     assert monitor.set_parameters(margin=0.125) == [None]
@@ -222,15 +226,13 @@ def test_margin_counts_as_collision_and_can_be_changed(start):
 
 def test_states_say_what_is_nearest(start):
     """Of two obstacles the nearer one apart, then the one overlapped deepest."""
-    monitor = start(footprint__timeout=0.0, obstacle__timeout=0.0)
+    monitor = start(**LASTING)
     monitor.send('footprint', ROBOT)
-    stamp = monitor.now()
-    monitor.send('obstacles', box(4, 5), stamp)
-    monitor.send('obstacles', box(0, 1.5), stamp)
+    monitor.send_set('obstacles', box(4, 5), box(0, 1.5))
     monitor.await_state('clear')
     monitor.until(lambda: values(monitor.status())['nearest obstacle'] == 'obstacle/1')
     assert values(monitor.status())['least separation'] == '0.5'
-    monitor.send('obstacles', box(0.75, 0), stamp + SECOND // 10)
+    monitor.send_set('obstacles', box(0.75, 0))
     monitor.await_state('collision')
     monitor.until(lambda: values(monitor.status())['least separation'] == '-0.25')
     assert values(monitor.status())['nearest obstacle'] == 'obstacle/0'
@@ -238,10 +240,10 @@ def test_states_say_what_is_nearest(start):
 
 def test_coordinates_coarser_than_the_resolution_are_warned_of(start):
     """At UTM coordinates float32 steps by half a metre: the state says so, clear or not."""
-    monitor = start(footprint__timeout=0.0, obstacle__timeout=0.0)
+    monitor = start(**LASTING)
     north = 5_000_000.0
     monitor.send('footprint', box(500_000, north))
-    monitor.send('obstacles', box(500_008, north))
+    monitor.send_set('obstacles', box(500_008, north))
     status = monitor.await_state('clear')
     assert status.level == DiagnosticStatus.WARN and 'steps of 0.5 m' in status.message
     assert monitor.set_parameters(resolution=1.0) == [None]

@@ -23,6 +23,7 @@ import pytest
 import rclpy
 from rosgraph_msgs.msg import Clock
 from sat_collision.node.footprint_monitor import FootprintMonitor
+from sat_collision.scene.streams import Endpoint
 
 ROBOT = box(0, 0)
 APART = box(5, 5)
@@ -32,8 +33,7 @@ HOUR = 3600 * SECOND
 
 def send_pair(monitor, obstacle, stamp):
     monitor.send('footprint', ROBOT, stamp)
-    monitor.send('obstacles', obstacle, stamp)
-    monitor.send('obstacles', [], stamp)
+    monitor.send_set('obstacles', obstacle, stamp=stamp)
 
 
 def test_before_the_first_clock_nothing_is_known(start):
@@ -89,7 +89,7 @@ def test_state_is_published_while_the_clock_stands_still(start):
 
 def test_backward_jump_drops_everything_until_fresh_data(start):
     """A recording begins again: the obstacle of its end must not collide with its beginning."""
-    monitor = start(use_sim_time=True, footprint__timeout=0.0, obstacle__timeout=0.0)
+    monitor = start(use_sim_time=True, footprint__timeout=0.0, obstacle__timeout=60.0)
     monitor.set_clock(HOUR)
     send_pair(monitor, TOUCHING, HOUR)
     monitor.await_state('collision')
@@ -106,12 +106,11 @@ def test_backward_jump_drops_everything_until_fresh_data(start):
 def test_release_delay_counts_in_simulated_time(start):
     """The flag stays up for as long as the clock stands still."""
     monitor = start(use_sim_time=True, release_delay=1.0, footprint__timeout=0.0,
-                    obstacle__timeout=0.0)
+                    obstacle__timeout=60.0)
     monitor.set_clock(HOUR)
     send_pair(monitor, TOUCHING, HOUR)
     monitor.await_state('collision')
-    monitor.send('obstacles', APART, HOUR + SECOND // 2)
-    monitor.send('obstacles', [], HOUR + SECOND // 2)
+    monitor.send_set('obstacles', APART, stamp=HOUR + SECOND // 2)
     monitor.until(lambda: not monitor.contacts())
     assert monitor.state() == 'collision'
     monitor.set_clock(HOUR + 2 * SECOND)
@@ -138,7 +137,7 @@ def test_recording_played_by_the_clock_of_today(start):
     """State, log and health say what is to be set, and health is well again without /clock."""
     monitor = start(footprint__timeout=1.0)
     last_year = monitor.now() - 365 * 24 * 3600 * SECOND
-    monitor.send('/obstacles', box(5, 5), last_year)
+    monitor.send_set('/obstacles', box(5, 5), stamp=last_year)
     monitor.send('/footprint', box(0, 0), last_year)
     monitor.logged('/obstacles was rejected, too old', 'set use_sim_time: true')
     monitor.until(lambda: (status := monitor.status())
@@ -154,21 +153,22 @@ def test_recording_played_by_the_clock_of_today(start):
 
 
 def test_tick_is_due_when_something_changes_by_itself(domain):
-    """As when the pause after an obstacle is over: not at the next regular tick, nor at once."""
+    """As when a map settles: not at the next regular tick, nor at once."""
     context = rclpy.Context()
     context.init(domain_id=domain)
     node = FootprintMonitor(context=context, parameter_overrides=to_parameters(
-        {'watchdog': 0.0, 'obstacle.set_quiet': 0.05}))
+        {'watchdog': 0.0, 'obstacle.timeout': 0.0, 'obstacle.settle_time': 0.1}))
     now, steady = node.present(), time.monotonic()
     node.tick(now, True)
+    node._monitor.update_publishers('obstacle', [Endpoint('its gid', '/mapper')])
     ticked = node._ticked
     assert node.due(now, steady) == ticked + 0.1, 'nothing changes by itself'
     node.receive('obstacle', [(serialised(APART, now), 1)], now)
     about = partial(pytest.approx, rel=0.0, abs=1e-6)
     # As if a while had passed since, by both clocks.
     late = ticked + 0.03
-    assert node.due(now, late) == about(late + 0.05)
-    assert node.due(now + SECOND // 20, late) == about(late)
+    assert node.due(now + SECOND // 20, late) == about(late + 0.05)
+    assert node.due(now + SECOND // 10, late) == about(late)
     assert node.due(now + SECOND, late) == about(ticked + 0.02), 'no more often than that'
     node.destroy_node()
     context.shutdown()

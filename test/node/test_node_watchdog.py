@@ -71,13 +71,13 @@ def clear(running):
     running.until(lambda: running.flag() is False)
 
 
-PARAMETERS = {'footprint__timeout': 0.0, 'obstacle__timeout': 0.0, 'watchdog': 0.3}
+PARAMETERS = {'footprint__timeout': 0.0, 'obstacle__timeout': 60.0, 'watchdog': 0.3}
 
 
 def test_a_stalled_loop_raises_the_flags(start, stall):
     """All flags are raised and all states unknown, in words, until the loop turns again."""
     running = start(**PARAMETERS)
-    running.send('obstacles', box(5, 5))
+    running.send_set('obstacles', box(5, 5))
     clear(running)
     assert running.flag('footprint') is not True
     running.logged('footprint: ')
@@ -103,7 +103,7 @@ def test_a_stalled_loop_raises_the_flags(start, stall):
 def test_the_alarm_ends_with_the_stall(start, stall):
     """After it, no flag is raised any more: what was said by two threads comes in order."""
     running = start(**PARAMETERS)
-    running.send('obstacles', box(5, 5))
+    running.send_set('obstacles', box(5, 5))
     clear(running)
     for _ in range(5):
         stalled = stall(running)
@@ -118,7 +118,7 @@ def test_the_alarm_ends_with_the_stall(start, stall):
 def test_without_a_watchdog(start, stall):
     """With watchdog 0.0 nobody speaks while the loop stands still."""
     running = start(**{**PARAMETERS, 'watchdog': 0.0})
-    running.send('obstacles', box(5, 5))
+    running.send_set('obstacles', box(5, 5))
     clear(running)
     stalled = stall(running)
     heard = len(running.listen('~/collision'))
@@ -130,7 +130,7 @@ def test_without_a_watchdog(start, stall):
 def test_watchdog_may_be_changed(start, stall):
     """A longer one lets a short stall pass; the log and /diagnostics tell of the change."""
     running = start(**PARAMETERS)
-    running.send('obstacles', box(5, 5))
+    running.send_set('obstacles', box(5, 5))
     clear(running)
     assert running.set_parameters(watchdog=30.0) == [None]
     running.logged('parameter watchdog was changed from 0.3 to 30.0')

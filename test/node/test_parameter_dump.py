@@ -46,7 +46,6 @@ def dump(monitor, node):
             for name, value in zip(names, got.result().values)}
 
 
-@pytest.mark.parametrize('runner', ['loop'], indirect=True)
 @pytest.mark.parametrize('namespace', ['', '/robot1'])
 def test_start_from_a_dump(start, tmp_path, namespace):
     """It has the same parameters, the defaults, and comes to know the same."""

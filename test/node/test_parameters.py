@@ -210,6 +210,7 @@ def test_every_parameter_is_described(declare):
     ({'footprint.timeout': math.nan}, 'footprint.timeout.*range'),
     ({'obstacle.max_count': 0}, 'obstacle.max_count'),
     ({'publish_rate': 1000.0}, 'publish_rate'),
+    ({'publish_rate': 0.1}, 'publish_rate.*range'),
     ({'publish_rate': None}, 'publish_rate.*has no value'),
     ({'footprints': None}, 'footprints.*has no value'),
     ({'footprints': 'robot'}, r'footprints.*write \[robot\]'),
@@ -224,6 +225,7 @@ def test_every_parameter_is_described(declare):
     ({'margn': 1.0}, "no parameter 'margn': did you mean margin"),
     ({'footprint.timout': 1.0}, 'did you mean footprint.timeout'),
     ({'scan.timeout': 1.0}, 'no parameter'),
+    ({'obstacle.set_quiet': 0.05}, 'set_quiet.*remove it.*empty polygon'),
     ({'footprint.topic': 'a b'}, 'footprint.topic'),
     ({'footprint.topic': ''}, 'footprint.topic'),
     ({'footprint.obstacles': ['obstacles']}, "'obstacles'; did you mean 'obstacle'"),
@@ -239,7 +241,7 @@ def test_senseless_values_at_start_end_in_one_line(declare, values, words):
     ('enabled', False), ('footprint.enabled', False), ('obstacle.enabled', False),
     ('footprint.timeout', 3.0), ('obstacle.timeout', 0.0), ('obstacle.set_window', 0.1),
     ('obstacle.accumulate', True), ('obstacle.max_count', 5), ('release_delay', 1.0),
-    ('unknown_is_collision', False), ('publish_rate', 1.0), ('marker_rate', 1.0),
+    ('unknown_is_collision', False), ('publish_rate', 5.0), ('marker_rate', 1.0),
     ('margin', 0.5), ('resolution', 0.5), ('max_batch_delay', 0.0),
 ])
 def test_what_is_live_can_be_set_while_running(declare, name, value):

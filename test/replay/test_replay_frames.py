@@ -19,8 +19,8 @@ import math
 from builders import SECOND, serialised, transforms
 import pytest
 from recordings import box, nanoseconds, SOURCE, write
-from sat_collision.replay.options import HEADER, Options
-from sat_collision.replay.result import Verdict
+from sat_collision.replay.model.options import HEADER, Options
+from sat_collision.replay.model.result import Verdict
 from sat_collision.replay.run import check
 
 TYPES = dict.fromkeys(('/tf', '/tf_static'), 'tf2_msgs/msg/TFMessage')
@@ -98,7 +98,8 @@ def test_what_waits_is_told_in_time(tmp_path):
 
 
 def test_transforms_that_come_too_late_make_the_robot_unknown(tmp_path):
-    result = run(tmp_path / 'bag', drive(0.3))
+    assert run(tmp_path / 'bag', drive(0.3)).verdict is Verdict.COLLISION, 'by the stamps'
+    result = run(tmp_path / 'live', drive(0.3), as_live=True)
     assert result.verdict is Verdict.UNKNOWN and result.contacts == []
     for source in result.sources:
         assert set(source.rejected) == {'no transform', 'unknown frame'}

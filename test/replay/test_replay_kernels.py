@@ -24,7 +24,7 @@ import pytest
 from recordings import box, drive, write
 from sat_collision.geometry.jit import COMPILED
 from sat_collision.replay import kernels
-from sat_collision.replay.unpacking import Limits
+from sat_collision.replay.bag.unpacking import Limits
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason='nothing is compiled here')
 
@@ -78,13 +78,15 @@ def test_all_that_the_commands_need_is_prepared_ahead(start, tmp_path):
 
 
 def test_library_says_that_it_compiles(start, tmp_path):
-    """Once, with where that is kept; and nothing where there is nothing to compile."""
+    """Before each wait, first with where that is kept; nothing where there is none to come."""
     result = start('-c', INTERSECTS, NUMBA_DISABLE_JIT='1')
     assert (result.stdout, result.stderr, compiled(tmp_path)) == ('True\n', '', set())
-    result = start('-c', INTERSECTS)
-    line, = result.stderr.splitlines()
-    assert 'compiling kernels' in line and str(tmp_path) in line
-    result = start('-c', INTERSECTS)
+    measures = INTERSECTS + '; import sat_collision; sat_collision.separation([(0, 0)], [(1, 0)])'
+    first, *others = start('-c', measures).stderr.splitlines()
+    assert 'compiling kernels, for' in first and str(tmp_path) in first
+    assert others[-2:] == [f'sat_collision: compiling kernels, for {name}'
+                           for name in ('arrays_meet', 'measure_arrays')]
+    result = start('-c', measures)
     assert (result.stdout, result.stderr) == ('True\n', '')
 
 

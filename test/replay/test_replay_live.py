@@ -23,11 +23,11 @@ from recordings import NAMES, needs_shared, SHARED
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 from sat_collision.messages.cdr import decode
-from sat_collision.replay.options import Options
+from sat_collision.replay.model.options import Options
 from sat_collision.replay.run import check
 
 SECOND = 10**9
-STORAGE = {'loop': 'mcap', 'executor': 'sqlite3'}
+STORAGES = 'mcap', 'sqlite3'
 
 
 def recorded(bag):
@@ -66,7 +66,7 @@ def without_repetition(items):
 
 @needs_shared
 @pytest.mark.parametrize('name', NAMES)
-def test_live_node_and_replay_publish_the_same(start, runner, tmp_path, name):
+def test_live_node_and_replay_publish_the_same(start, tmp_path, name):
     """
     The changes of state that the node publishes are those in the bag that replay writes.
 
@@ -75,7 +75,7 @@ def test_live_node_and_replay_publish_the_same(start, runner, tmp_path, name):
     compared too, not only the last; but from the third stamp on, for the node knows more of the
     first set: that it is the publisher's first.
     """
-    bag = SHARED / f'{name}_{STORAGE[runner]}'
+    bag = SHARED / f'{name}_{STORAGES[NAMES.index(name) % 2]}'
     monitor = start(use_sim_time=True, publish_rate=50.0)
     heard = monitor.listen('~/state', 10_000)
     flags = monitor.listen('~/collision', 10_000)
@@ -92,7 +92,7 @@ def test_live_node_and_replay_publish_the_same(start, runner, tmp_path, name):
         monitor.set_clock(stamp + SECOND // 16)
         wait(lambda: monitor.monitor._scene.deadline > stamp + SECOND // 16)
     monitor.until(lambda: heard and to_ns(heard[-1].header.stamp) > stamp, 'the last state')
-    check(bag, Options(clock='header', write_bag=str(tmp_path / 'out'),
+    check(bag, Options(clock='header', as_live=True, write_bag=str(tmp_path / 'out'),
                        parameters={'publish_rate': 50.0}))
     states, raised = [], []
     with AnyReader([tmp_path / 'out']) as reader:

@@ -20,9 +20,9 @@ from random import Random
 from builders import odometry, serialised, transforms
 import pytest
 from recordings import nanoseconds, SOURCE, write
-from sat_collision.replay.configuration import settings_of
-from sat_collision.replay.options import Options
-from sat_collision.replay.result import Verdict
+from sat_collision.replay.model.configuration import settings_of
+from sat_collision.replay.model.options import Options
+from sat_collision.replay.model.result import Verdict
 from sat_collision.replay.run import check
 from sat_collision.scene.parameters import ParameterError
 
@@ -98,7 +98,7 @@ def test_between_two_transforms_it_turns_evenly(tmp_path, tf):
         assert any(first - 1e-6 <= time <= last + 1e-6 for time in times) and last - first < 0.05
     assert all(any(first - 1e-6 <= time <= last + 1e-6 for first, last in spans)
                for time in times)
-    assert {contact.found for contact in result.contacts} == {'between frames'}
+    assert {contact.found for contact in result.contacts} == {'between samples'}
 
 
 def test_it_cuts_no_corners(tmp_path):
@@ -141,7 +141,7 @@ def test_where_the_transforms_have_a_gap_nothing_is_made_up(tmp_path):
     result = run(tmp_path / 'bag', messages, {**PARAMETERS, 'max_tf_gap': 0.5})
     assert result.contacts == []
     footprint = next(one for one in result.sources if one.name == 'footprint')
-    assert footprint.undecided == pytest.approx(0.7e9, rel=0.2)
+    assert footprint.undetermined == pytest.approx(0.7e9, rel=0.2)
 
 
 def test_a_bag_that_loops_recovers(tmp_path):

@@ -18,11 +18,9 @@ from dataclasses import replace
 
 import pytest
 from sat_collision.scene.contacts import Contacts
-from sat_collision.scene.deadlines import Deadlines
 from sat_collision.scene.footprints import Footprint
 from sat_collision.scene.obstacles import Obstacle
-from sat_collision.scene.sources import Source
-from stage import CART, LIDAR, PATIENT_LIDAR, PATIENT_ROBOT, ROBOT, square, Stage
+from stage import CART, PATIENT_LIDAR, PATIENT_ROBOT, ROBOT, square, Stage
 
 
 @pytest.fixture
@@ -34,13 +32,12 @@ def contacts():
 @pytest.fixture
 def robot():
     """Return a footprint that is nowhere."""
-    return Footprint(ROBOT, set())
+    return Footprint(ROBOT)
 
 
 def obstacles(contacts, count):
     """Return obstacles that are nowhere."""
-    source = Source(LIDAR, contacts, Deadlines())
-    return [Obstacle(source, 'lidar', key, key, time=0) for key in range(count)]
+    return [Obstacle(None, 'lidar', key, key) for key in range(count)]
 
 
 def test_each_side_knows_of_the_contact_whichever_is_placed_last(contacts, robot):
@@ -56,7 +53,7 @@ def test_each_side_knows_of_the_contact_whichever_is_placed_last(contacts, robot
 
 def test_changed_are_footprints_that_gained_or_lost_a_contact(contacts, robot):
     """None whose contacts stay the same while somebody moves."""
-    cart = Footprint(CART, set())
+    cart = Footprint(CART)
     person, = obstacles(contacts, 1)
     contacts.place_footprint(robot, square(0).packed)
     contacts.place_footprint(cart, square(10).packed)
@@ -71,14 +68,11 @@ def test_changed_are_footprints_that_gained_or_lost_a_contact(contacts, robot):
 def test_body_placed_where_it_is_stays_as_it_is(contacts):
     """It is told apart from one that has moved, and from one that is nowhere."""
     person, = obstacles(contacts, 1)
-    assert not contacts.is_at(person, square(1).packed)
     assert contacts.place_obstacle(person, square(1).packed)
     polygon = person.polygon
     assert not contacts.place_obstacle(person, square(1).packed)
-    assert contacts.is_at(person, square(1).packed) and person.polygon is polygon
+    assert person.polygon is polygon
     assert contacts.place_obstacle(person, square(2).packed)
-    assert contacts.is_at(person, square(2).packed)
-    assert not contacts.is_at(person, square(1).packed)
     assert person.polygon.bounds == (2, 0, 3, 1)
 
 
@@ -114,7 +108,7 @@ def test_body_in_the_row_of_a_removed_one_is_another(contacts, robot):
 
 def test_margin_decides_all_pairs_anew(contacts, robot):
     """Footprints for which nothing changes by it are not told of."""
-    cart = Footprint(CART, set())
+    cart = Footprint(CART)
     near, far = obstacles(contacts, 2)
     contacts.place_footprint(robot, square(0).packed)
     contacts.place_footprint(cart, square(20).packed)
@@ -144,8 +138,7 @@ def test_margin_makes_what_is_near_a_contact():
     """A gap of 0.5 m: a collision for a margin of 0.5 m, clear for less, both changed live."""
     stage = Stage(PATIENT_LIDAR, footprints=(PATIENT_ROBOT,), margin=0.5)
     stage.robot()
-    stage.see(1.5)
-    stage.whole()
+    stage.send(1.5)
     assert stage.status() == 'collision'
     for margin, status in ((0.25, 'clear'), (0.75, 'collision'), (0.0, 'clear')):
         stage.scene.update(replace(stage.settings, margin=margin))

@@ -16,7 +16,6 @@
 
 import pytest
 from sat_collision.scene.contacts import Contacts
-from sat_collision.scene.deadlines import Deadlines
 from sat_collision.scene.evaluations import Evaluations
 from sat_collision.scene.footprints import Footprint
 from sat_collision.scene.settings import Settings
@@ -35,7 +34,7 @@ def changed():
 @pytest.fixture
 def footprints(changed):
     """Return two footprints by name, good since 0, with nothing found of them yet."""
-    footprints = {settings.name: Footprint(settings, changed) for settings in (ROBOT, CART)}
+    footprints = {settings.name: Footprint(settings) for settings in (ROBOT, CART)}
     for footprint in footprints.values():
         footprint.time = 0
     changed.update(footprints.values())
@@ -43,15 +42,9 @@ def footprints(changed):
 
 
 @pytest.fixture
-def deadlines():
-    """Return what looks after deadlines, of nothing yet."""
-    return Deadlines()
-
-
-@pytest.fixture
-def evaluations(footprints, changed, deadlines):
+def evaluations(footprints, changed):
     """Return what evaluates the two, with nothing reported yet."""
-    return Evaluations(footprints, changed, deadlines, {})
+    return Evaluations(footprints, changed, {})
 
 
 def test_only_footprints_that_changed_are_evaluated(footprints, changed, evaluations):
@@ -68,7 +61,7 @@ def test_only_footprints_that_changed_are_evaluated(footprints, changed, evaluat
 def test_other_faults_concern_all_footprints(footprints, changed, evaluations):
     """The same again concern none."""
     settings = Settings((ROBOT, CART), (LIDAR,))
-    lidar = Source(LIDAR, Contacts(), Deadlines())
+    lidar = Source(LIDAR, Contacts())
     evaluations.evaluate(now=0, release_delay=0)
     evaluations.find_faults(settings, SECOND, False, [lidar])
     assert changed == set(footprints.values())
@@ -90,15 +83,12 @@ def test_changes_are_told_once_and_in_the_order_of_the_settings(footprints, chan
     assert evaluations.changes() == []
 
 
-def test_evaluated_footprints_are_watched(footprints, changed, evaluations, deadlines):
-    """They become stale without anything else happening."""
-    evaluations.evaluate(now=0, release_delay=0)
-    for footprint in deadlines.missed(SECOND):
-        footprint.expire()
-    assert not changed
-    for footprint in deadlines.missed(SECOND + 1):
-        footprint.expire()
-    assert changed == set(footprints.values())
+def test_evaluation_tells_when_something_changes_by_itself(footprints, changed, evaluations):
+    """The footprint that becomes stale first."""
+    footprints['cart'].time = SECOND
+    assert evaluations.evaluate(now=SECOND, release_delay=0) == SECOND
+    changed.add(footprints['cart'])
+    assert evaluations.evaluate(now=SECOND, release_delay=0) == 2 * SECOND
 
 
 def test_changes_name_every_footprint_once_at_first():
@@ -132,23 +122,22 @@ def test_next_set_with_the_same_contacts_is_no_change():
     """Nor is it while both sets are there; a name less or more is one."""
     stage = clear_stage()
     stage.wait_until(0.1)
-    stage.burst(0.5, 0.6)
-    stage.whole()
+    stage.send(0.5, 0.6)
     assert stage.scene.changes() == ['robot']
     stage.wait_until(0.2)
     stage.see(0.5)
     assert stage.scene.changes() == []
     stage.see(0.7)
     assert stage.scene.changes() == []
-    stage.whole()
+    stage.end()
     assert stage.scene.changes() == []
     assert [contact.key for contact in stage.state().contacts] == [0, 1]
     stage.wait_until(0.3)
-    stage.see(0.5)
-    stage.whole()
+    stage.send(0.5)
     assert stage.scene.changes() == ['robot']
     stage.wait_until(0.4)
-    stage.burst(0.5, 0.6)
+    stage.see(0.5)
+    stage.see(0.6)
     assert stage.scene.changes() == ['robot']
     assert [contact.key for contact in stage.state().contacts] == [0, 1]
 
@@ -159,8 +148,7 @@ def test_state_that_came_and_went_is_no_change():
     stage.scene.changes()
     stage.see(0.5)
     stage.wait_until(0.1)
-    stage.burst(20, 30)
-    stage.whole()
+    stage.send(20, 30)
     assert stage.scene.changes() == []
 
 
@@ -171,9 +159,9 @@ def test_collision_that_came_and_went_is_told_as_brief():
     stage.see(0.5)
     assert stage.scene.evaluations.brief_contacts() == []
     stage.wait_until(0.1)
-    stage.burst(20, 30)
+    stage.see(20)
     assert stage.scene.evaluations.brief_contacts() == []
-    stage.whole()
+    stage.end()
     assert stage.scene.evaluations.brief_contacts() == ['robot']
     assert stage.scene.changes() == []
     assert stage.scene.evaluations.brief_contacts() == []

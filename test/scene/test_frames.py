@@ -129,6 +129,13 @@ def test_two_trees(tree):
     assert tree.newest('crane', -9) == (*words, True)
 
 
+def test_a_quaternion_need_not_have_length_one(tree):
+    """As `static_transform_publisher --qz 0.7 --qw 0.7` sends it: a quarter to the left."""
+    tree.static('laser', 'arm', 1.0, rotation=(0.0, 0.0, 0.7, 0.7))
+    tree.static('arm', 'hand', 2.0)
+    assert tree.plane('hand', 0.5).plane == (0.0, -1.0, 1.75, 1.0, 0.0, 2.0)
+
+
 @pytest.mark.parametrize('name', ['', '/base'])
 def test_names_that_are_none(tree, name):
     found = tree.where(name, 0.5)
@@ -262,6 +269,17 @@ def test_what_is_kept_is_measured_from_the_newest_before():
     tree = Tree(max_gap=frames.NEVER)
     tree.moving('odom', 'base', *((time, time) for time in (0, 1, 19, 20, 30)))
     assert tree.where('base', 19) == 19.0 and tree.where('base', 1).reason == frames.NO_TRANSFORM
+
+
+def test_a_late_transform_forgets_what_is_too_old_as_well():
+    """As tf2 does, whether it takes the late one or not: 1 s is more than 10 s before 20 s."""
+    for late in (19, 5):
+        tree = Tree(max_gap=frames.NEVER)
+        tree.moving('odom', 'base', *((time, time) for time in (1, 9, 11, 20)))
+        assert tree.where('base', 9) == 9.0
+        tree.frames.insert('odom', 'base', nanoseconds(late), (9.0, 0.0, 0.0, *UPRIGHT))
+        assert tree.where('base', 11) == 11.0
+        assert tree.where('base', 9).reason == frames.NO_TRANSFORM
 
 
 def test_of_several_with_one_stamp_the_last_counts_from_then_on():

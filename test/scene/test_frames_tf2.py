@@ -30,8 +30,8 @@ ERRORS = {
     'InvalidArgumentException': {frames.BAD_FRAME_ID},
     'ConnectivityException': {frames.NOT_CONNECTED},
 }
-# Infinitely far away, and by a quaternion of length 1.2: tf2 takes both.
-NOT_TAKEN = {('refused', 'i'), ('refused', 'u')}
+# Infinitely far away: tf2 takes it.
+NOT_TAKEN = {('refused', 'i')}
 START = 1_700_000_000_000_000_000
 
 

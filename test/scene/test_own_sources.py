@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Footprints with sources of their own: what the others tell is nothing to them."""
+"""Footprints with sources of their own: what the others send is nothing to them."""
 
 from dataclasses import replace
 
@@ -21,22 +21,22 @@ from sat_collision.scene.parameters import ParameterError
 from stage import CART, findings, LIDAR, PATIENT_ROBOT, Stage
 from test_scene_parameters import settings_of
 
-DOCK = replace(LIDAR, name='dock', topic='/dock', timeout=0.0)
-WALLS = replace(LIDAR, name='walls', topic='/walls', timeout=0.0)
+DOCK = replace(LIDAR, name='dock', topic='/dock', timeout=100.0)
+WALLS = replace(LIDAR, name='walls', topic='/walls', timeout=100.0)
 BOTH = DOCK, WALLS
 
 
-def told(*own):
+def stage_of(*own):
     """Return a stage with a dock that the robot stands in, and walls that are far."""
     stage = Stage(*BOTH, footprints=[replace(PATIENT_ROBOT, obstacles=own)])
     stage.robot()
     for name, x in (('dock', 0.5), ('walls', 7.0)):
         stage.see(x, name=name)
-        stage.whole(name)
+        stage.end(name=name)
     return stage
 
 
-def mind(stage, *own):
+def monitor(stage, *own):
     """Give the robot other sources of its own while the scene runs."""
     robot = replace(stage.settings.footprints[0], obstacles=own)
     stage.settings = replace(stage.settings, footprints=(robot,))
@@ -44,27 +44,27 @@ def mind(stage, *own):
 
 
 def test_dock_is_left_out_while_docking():
-    """Then it counts again, at once; what stays is told to go on."""
-    stage = told()
+    """Then it counts again, at once; what stays goes on."""
+    stage = stage_of()
     assert stage.status() == 'collision'
-    mind(stage, 'walls')
+    monitor(stage, 'walls')
     assert stage.status() == 'clear'
     assert stage.scene.nearest('robot')[:2] == (('walls', 0), 6.0)
     stage.robot(0.1)
     stage.see(0.2, stamp=0.03, name='dock')
     assert stage.status() == 'clear'
-    mind(stage)
+    monitor(stage)
     assert stage.state().contacts == (('dock', 0),)
     assert stage.scene.nearest('robot')[0] == ('dock', 0)
 
 
 def test_own_obstacles_are_met_however_they_come():
     """The wall comes to the robot, then the robot goes to the wall; the margin counts."""
-    stage = told('walls')
+    stage = stage_of('walls')
     stage.see(0.9, stamp=0.03, name='walls')
     assert stage.status() == 'collision'
     stage.see(7.0, stamp=0.06, name='walls')
-    stage.heartbeat(0.06, 'walls')
+    stage.end(0.06, 'walls')
     assert stage.status() == 'clear'
     stage.robot(6.5)
     assert stage.status() == 'collision'
@@ -84,7 +84,7 @@ def test_faults_of_other_sources_are_nothing_to_it():
         stage.robot(name=name)
     for name in ('dock', 'walls', 'lidar'):
         stage.see(9, name=name)
-        stage.whole(name)
+        stage.end(name=name)
     assert stage.status('all') == 'clear'
     stage.wait_until(2.001)
     stage.refuse(name='dock')
@@ -98,7 +98,7 @@ def test_faults_of_other_sources_are_nothing_to_it():
 
 def test_nothing_is_known_with_all_own_sources_disabled():
     """Though another one is enabled and well."""
-    stage = told('walls')
+    stage = stage_of('walls')
     stage.scene.update(replace(stage.settings, obstacles=(DOCK, replace(WALLS, enabled=False))))
     assert findings(stage) == ('unknown', ('none of its obstacle sources is enabled',))
 

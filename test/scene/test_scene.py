@@ -19,8 +19,8 @@ from dataclasses import replace
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import ObstacleSettings
 from stage import (
-    CART, clear_stage, LIDAR, PATIENT_LIDAR, PATIENT_ROBOT, ROBOT, Stage, TOO_OLD, UNHEARD,
-    UNHEARD_LIDAR)
+    CART, clear_stage, LIDAR, NOT_RECEIVED, NOTHING_SENT, PATIENT_LIDAR, PATIENT_ROBOT, ROBOT,
+    Stage, TOO_OLD)
 
 
 def test_everything_is_unknown_before_any_message():
@@ -29,7 +29,7 @@ def test_everything_is_unknown_before_any_message():
     state = stage.state()
     assert stage.status() == 'unknown'
     assert state.contacts == ()
-    assert state.reasons == (UNHEARD, UNHEARD_LIDAR)
+    assert state.reasons == (NOT_RECEIVED, NOTHING_SENT)
     assert state.age is None
 
 
@@ -40,15 +40,14 @@ def test_contact_begins_and_ends_with_the_obstacle():
                             (0.4, -1.01, 'clear')):
         stage.wait_until(time)
         stage.see(x)
-        stage.whole()
+        stage.end()
         assert stage.status() == status
 
 
 def test_contact_begins_and_ends_with_the_footprint():
     """The robot drives past obstacles that stand still."""
     stage = Stage()
-    stage.burst(0, 4, 5)
-    stage.whole()
+    stage.send(0, 4, 5)
     for x, keys in ((2, []), (3, [1]), (4.5, [1, 2]), (6.5, []), (0, [0])):
         stage.robot(x)
         assert stage.state().contacts == tuple(ObstacleId('lidar', key) for key in keys)
@@ -59,8 +58,8 @@ def test_contacts_are_sorted_by_source_and_key():
     """Contacts come from several sources in any order."""
     stage = Stage(ObstacleSettings('radar', '/radar'), LIDAR)
     stage.robot()
-    stage.burst(0.1, 9, 0.2, name='radar')
-    stage.burst(0.3)
+    stage.send(0.1, 9, 0.2, name='radar')
+    stage.send(0.3)
     assert [str(obstacle) for obstacle in stage.state().contacts] == [
         'lidar/0', 'radar/0', 'radar/2']
 
@@ -70,8 +69,7 @@ def test_footprints_are_judged_each_for_itself():
     stage = Stage(footprints=[ROBOT, CART])
     stage.robot(0)
     stage.robot(5, name='cart')
-    stage.see(5.5)
-    stage.whole()
+    stage.send(5.5)
     assert (stage.status('robot'), stage.status('cart')) == ('clear', 'collision')
 
 
@@ -87,22 +85,21 @@ def test_forgotten_obstacle_ends_its_contact():
 
 
 def test_contact_outweighs_a_source_in_trouble():
-    """A proved contact is one, whatever else is unknown; the trouble is still told."""
+    """A proved contact is one, whatever else is unknown; the reason is still given."""
     stage = Stage(LIDAR, ObstacleSettings('radar', '/radar'))
     stage.robot()
-    stage.see(0.5)
-    stage.whole()
+    stage.send(0.5)
     assert stage.status() == 'collision'
-    assert stage.state().reasons == ('obstacle source radar on /radar has not been heard yet',)
+    assert stage.state().reasons == ('obstacle source radar on /radar has not sent anything yet',)
     stage.wait_until(0.1)
     stage.see(5)
     assert stage.status() == 'collision'
-    stage.whole()
+    stage.end()
     assert stage.status() == 'unknown'
 
 
 def test_scene_disabled_knows_nothing_and_knows_all_when_enabled():
-    """`enabled` is switched off and on: what was heard meanwhile counts."""
+    """`enabled` is switched off and on: what came meanwhile counts."""
     stage = clear_stage()
     stage.scene.update(replace(stage.settings, enabled=False))
     stage.see(0.5)
@@ -129,12 +126,12 @@ def test_nothing_is_known_without_a_clock():
 
 
 def test_step_back_in_time_drops_everything():
-    """A recording starts again: what was heard lies in the future now."""
-    stage = clear_stage(PATIENT_LIDAR, footprints=[PATIENT_ROBOT])
+    """A recording starts again: what was received lies in the future now."""
+    stage = clear_stage(footprints=[PATIENT_ROBOT])
     stage.wait_until(-0.001)
     assert stage.scene.footprints == stage.scene.obstacles == []
     assert stage.status() == 'unknown'
-    assert stage.state().reasons == (UNHEARD, UNHEARD_LIDAR)
+    assert stage.state().reasons == (NOT_RECEIVED, NOTHING_SENT)
     stage.robot()
     stage.see(0.5)
     assert stage.status() == 'collision'
@@ -147,15 +144,15 @@ def test_step_back_is_noticed_with_the_first_message_too():
     stage.see(20)
     assert stage.held == {0: 20}
     assert stage.state().reasons == (
-        UNHEARD, 'obstacle source lidar on /polygons has not sent a whole set yet')
+        NOT_RECEIVED, 'obstacle source lidar on /polygons has not sent a whole set yet')
 
 
 def test_nearest_obstacle():
     """The nearest of two, and none where there is none."""
-    stage = Stage(PATIENT_LIDAR, footprints=(PATIENT_ROBOT,))
+    stage = Stage(footprints=(PATIENT_ROBOT,))
     assert stage.scene.nearest('robot') is None
     stage.robot(10000)
     assert stage.scene.nearest('robot') is None
-    stage.burst(10004, 9997)
+    stage.send(10004, 9997)
     obstacle, separation, *_ = stage.scene.nearest('robot')
     assert (obstacle, separation) == (ObstacleId('lidar', 1), 2.0)

@@ -16,27 +16,25 @@
 
 from dataclasses import replace
 
-from stage import CART, clear_stage, EVERY_KIND, ROBOT, Stage
+from stage import ACCUMULATED, CART, clear_stage, EVERY_KIND, ROBOT, Stage
 
 
 def test_frame_is_the_one_that_footprints_of_the_last_second_agree_on():
     """The first footprint ever came in a wrong frame; the obstacles follow with their next set."""
     stage = Stage(footprints=[ROBOT, CART])
     stage.robot(frame='odom', name='cart')
-    stage.see(10)
-    stage.whole()
+    stage.send(10)
     assert stage.robot(frame='map') == 'other frame', 'they do not agree'
     stage.wait_until(0.5)
     assert stage.robot(name='cart') is None
     assert stage.scene.frame_id == 'map'
     stage.robot()
     assert stage.status('robot') == stage.status('cart') == 'unknown'
-    stage.see(10)
-    stage.whole()
+    stage.send(10)
     assert stage.status('robot') == stage.status('cart') == 'clear'
 
 
-def test_frame_does_not_wait_for_a_footprint_that_was_not_heard_of_late():
+def test_frame_does_not_wait_for_a_footprint_that_was_not_received_of_late():
     """What is still in the old frame is unknown from then on."""
     stage = Stage(footprints=[ROBOT, replace(CART, timeout=0.0)])
     stage.robot(frame='odom', name='cart')
@@ -55,7 +53,7 @@ def test_frame_of_the_first_footprint_is_that_of_the_scene():
     stage.robot(frame='odom')
     assert stage.scene.frame_id == 'odom'
     assert stage.see(0.5, frame='map') == 'other frame'
-    stage.whole()
+    stage.end()
     assert stage.status() == 'unknown'
     assert stage.state().reasons == (
         'obstacle source lidar on /polygons sent what was refused: other frame',)
@@ -68,27 +66,28 @@ def test_frame_of_the_first_footprint_is_that_of_the_scene():
 def test_obstacles_that_came_before_the_frame_was_known(settings):
     """The first obstacles come before the first footprint, some of them in another frame."""
     stage = Stage(settings)
+    stage.end(stamp=-1.9)
     stage.see(0.5, frame='odom', instance=1)
     stage.see(9.5, frame='map', instance=2)
-    stage.whole()
+    stage.end()
     stage.robot(frame='odom')
     assert list(stage.held.values()) == [0.5]
     assert stage.status() == 'collision'
-    assert stage.state().reasons == (
-        'obstacle source lidar on /polygons sent what was refused: other frame',)
+    refused = 'obstacle source lidar on /polygons sent what was refused: other frame'
+    assert stage.state().reasons[-1] == refused
     stage.wait_until(0.1)
     stage.see(0.5, frame='odom', instance=1)
     stage.see(8.5, frame='odom', instance=2)
-    stage.whole()
+    stage.end()
     assert stage.status() == 'collision'
-    assert stage.state().reasons == ()
+    assert stage.state().reasons == ((refused,) if settings is ACCUMULATED else ())
 
 
 def test_refusal_before_the_frame_was_known_keeps_its_reason():
     """What was not finite is not in another frame as well."""
     stage = Stage()
     stage.refuse('not finite')
-    stage.whole()
+    stage.end()
     stage.robot()
     assert stage.state().reasons == (
         'obstacle source lidar on /polygons sent what was refused: not finite',)
@@ -98,7 +97,7 @@ def test_configured_frame_holds_from_the_start():
     """With frame_id set, neither the first footprint nor the first obstacle decides."""
     stage = Stage(frame_id='map')
     assert stage.see(0.5, frame='odom') == 'other frame'
-    stage.whole()
+    stage.end()
     assert stage.robot(frame='odom') == 'other frame'
     assert stage.state().reasons == (
         "footprint robot on /footprint is not in the frame 'map'",
@@ -112,8 +111,7 @@ def test_configured_frame_holds_from_the_start():
 def test_second_footprint_in_another_frame_is_unknown():
     """The first one decides; it is not disturbed by the other."""
     stage = Stage(footprints=[ROBOT, CART])
-    stage.see(10)
-    stage.whole()
+    stage.send(10)
     stage.robot()
     assert stage.robot(10, name='cart', frame='odom') == 'other frame'
     assert (stage.status('robot'), stage.status('cart')) == ('clear', 'unknown')
@@ -134,8 +132,9 @@ def test_step_back_in_time_lets_the_frame_be_chosen_anew():
     for time in (-1.0, -0.9):
         stage.wait_until(time)
     stage.robot(frame='odom')
-    stage.see(10, frame='odom')
-    stage.whole()
+    for stamp in (-1.0, None):
+        stage.see(10, stamp, frame='odom')
+        stage.end(stamp)
     assert stage.status() == 'clear'
 
 

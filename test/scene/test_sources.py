@@ -12,185 +12,284 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sources of obstacles: identity by id, expiry, silence and settings."""
+"""Sources of obstacles: what is held, what is known, and what is said where it is not."""
 
 from dataclasses import replace
 
+import pytest
+from sat_collision.scene.contacts import Contacts
+from sat_collision.scene.scene import FROM_FUTURE
 from sat_collision.scene.settings import ObstacleSettings
-from sat_collision.scene.sources import TOO_OLD
-from stage import EVERY_KIND, findings, INSTANCES, LIDAR, Stage, with_robot
+from sat_collision.scene.sources import Source, TOO_OLD
+from sat_collision.scene.streams import Endpoint
+from stage import (
+    ACCUMULATED, EVERY_KIND, findings, INSTANCES, LIDAR, nanoseconds, NOTHING_SENT,
+    PATIENT_LIDAR, square, Stage, START, with_robot)
 
-DOUBT = 'obstacle source lidar on /polygons '
+LIDAR_SAYS = 'obstacle source lidar on /polygons '
+REFUSED = LIDAR_SAYS + 'sent what was refused: '
+KEYED = pytest.mark.parametrize('settings', [INSTANCES, ACCUMULATED],
+                                ids=['instances', 'accumulate'])
+
+
+def known_stage(*sources):
+    """Return a stage with a robot at 0 and a known source, without any obstacle."""
+    stage = with_robot(*sources)
+    stage.end(stamp=-2.0)
+    stage.end()
+    return stage
+
+
+def clear_stage(settings):
+    """Return one on which the robot is clear."""
+    stage = known_stage(settings)
+    assert findings(stage) == ('clear', ())
+    return stage
 
 
 def test_instances_are_known_by_their_id():
-    """A tracker numbers what it follows; stamps and order do not matter."""
+    """A tracker numbers what it follows, in any order; two tracks may have one shape."""
     stage = Stage(INSTANCES)
     stage.see(10, instance=7)
-    stage.see(20, instance=-3)
+    stage.see(10, instance=-3)
+    assert stage.held == {7: 10, -3: 10}
     stage.wait_until(0.5)
     stage.see(11, stamp=0.1, instance=7)
-    assert stage.held == {7: 11, -3: 20}
+    assert stage.held == {7: 11, -3: 10}
 
 
-def test_instances_with_equal_shapes_are_different_obstacles():
-    """Two tracks of one body are two obstacles."""
-    stage = Stage(INSTANCES)
+def test_older_polygon_of_an_id_changes_nothing():
+    """Two messages overtake each other on the way: where the obstacle is now is known already."""
+    stage = clear_stage(INSTANCES)
+    stage.see(0.5, instance=1)
+    assert stage.see(10, stamp=-0.1, instance=1) is None
+    stage.refuse(stamp=-0.1, instance=1)
+    assert findings(stage) == ('collision', ())
     stage.see(10, instance=1)
-    stage.see(10, instance=2)
-    assert stage.held == {1: 10, 2: 10}
+    assert stage.status() == 'clear'
 
 
 def test_instance_that_returns_to_a_former_place():
     """A door opens and closes: the same two shapes in turn under one id."""
-    stage = with_robot(INSTANCES)
+    stage = clear_stage(INSTANCES)
     for time, x, status in ((0.1, 0.5, 'collision'), (0.2, 9, 'clear'), (0.3, 0.5, 'collision')):
         stage.wait_until(time)
         stage.see(x, instance=1)
         assert stage.status() == status
 
 
-@EVERY_KIND
-def test_obstacle_not_refreshed_is_forgotten_while_its_source_lives(settings):
-    """Heartbeats say that the source lives, not that what it saw is still there."""
-    stage = with_robot(settings)
-    stage.see(0.5, instance=1)
-    stage.wait_until(1.5)
-    stage.heartbeat(stamp='none')
+@KEYED
+def test_key_is_forgotten_by_its_publisher_not_by_time(settings):
+    """It lives and has not refreshed it; or it has ended, and the obstacle may still be there."""
+    for is_alive, expected in ((True, 'clear'), (False, 'unknown')):
+        stage = clear_stage(settings)
+        stage.see(0.5, instance=1)
+        stage.wait_until(1.4)
+        stage.end()
+        stage.wait_until(2.001)
+        assert stage.status() == 'collision', 'no message has come that is too much later'
+        if is_alive:
+            stage.end()
+        else:
+            stage.wait_until(3.4)
+            assert stage.status() == 'collision'
+            stage.wait_until(3.401)
+        assert stage.status() == expected
+
+
+def test_last_whole_set_stays_until_the_source_is_unknown():
+    """Sets cease in the middle of the second one."""
+    stage = with_robot(LIDAR)
+    stage.send(0.5, 10)
+    stage.wait_until(1.0)
+    stage.see(20)
     stage.wait_until(2.0)
-    assert stage.status() == 'collision'
+    assert findings(stage) == ('collision', ())
     stage.wait_until(2.001)
-    assert stage.held == {}
-    assert findings(stage) == ('clear', ())
+    assert findings(stage) == ('unknown', (LIDAR_SAYS + 'has not sent a whole set for longer '
+                                           'than its timeout of 2 s',))
+    assert stage.held == {0: 20}
+
+
+def test_set_that_is_whole_too_late_is_forgotten_at_once():
+    """It was held for the set before it, which was young."""
+    stage = clear_stage(LIDAR)
+    stage.see(0.5, stamp=-1.9)
+    stage.wait_until(0.2)
+    assert stage.status() == 'collision'
+    stage.see(10)
+    assert (stage.status(), stage.held) == ('unknown', {0: 10})
+
+
+def test_obstacle_is_forgotten_where_no_reason_changes_with_it():
+    """The source is met in its middle, and dies."""
+    stage = with_robot(LIDAR)
+    stage.lose(4)
+    stage.end()
+    stage.wait_until(0.5)
+    stage.see(0.5, stamp=0.4)
+    stage.wait_until(2.4)
+    assert stage.status() == 'collision'
+    stage.wait_until(2.401)
+    assert findings(stage) == (
+        'unknown', (LIDAR_SAYS + 'has been silent for longer than its timeout of 2 s',))
 
 
 @EVERY_KIND
 def test_obstacle_lives_from_its_stamp_not_from_its_arrival(settings):
-    """A message that took 1 s to arrive is 1 s old."""
-    stage = Stage(settings)
-    stage.wait_until(1.0)
-    stage.see(10, stamp=0.0, instance=1)
-    stage.wait_until(2.001)
-    assert stage.held == {}
-
-
-@EVERY_KIND
-def test_stamp_in_the_future_does_not_prolong_a_life(settings):
-    """The publisher's clock is a little ahead: its obstacles still last for the timeout."""
-    stage = Stage(settings)
-    stage.see(10, stamp=1.0, instance=1)
-    stage.wait_until(2.0)
-    assert len(stage.held) == 1
-    stage.wait_until(2.001)
-    assert stage.held == {}
+    """A message that took 1 s to arrive is 1 s old; one stamped ahead counts from its arrival."""
+    for arrival, stamp, end in ((1.0, 0.0, 2.0), (0.0, 1.0, 2.0)):
+        stage = Stage(settings)
+        stage.wait_until(arrival)
+        stage.see(10, stamp, instance=1)
+        stage.wait_until(end)
+        assert len(stage.held) == 1
+        stage.wait_until(end + 0.001)
+        assert stage.held == {}
 
 
 @EVERY_KIND
 def test_stamp_further_ahead_than_the_tolerance_is_refused(settings):
     """The publisher's clock is an hour ahead: nobody knows how long a message was on the way."""
-    stage = with_robot(settings)
-    stage.heartbeat()
-    assert stage.status() == 'clear'
+    stage = clear_stage(settings)
     assert stage.see(10, stamp=3600.0, instance=1) == 'from the future'
-    assert findings(stage) == ('unknown', (DOUBT + 'sent what was refused: from the future',))
-    for time in (0.1, 0.2):
+    assert stage.status() == 'unknown'
+    for time in (2.1, 4.1):
         stage.wait_until(time)
         stage.see(10, instance=1)
-        stage.whole()
+        stage.end()
     assert stage.status() == 'clear'
-
-
-def test_older_polygon_of_an_id_expires_by_its_own_stamp():
-    """The latest arrival counts, even with an older stamp: so it is also forgotten earlier."""
-    stage = Stage(INSTANCES)
-    stage.wait_until(1.5)
-    stage.see(10, instance=1)
-    stage.see(11, stamp=0.0, instance=1)
-    assert stage.held == {1: 11}
-    stage.wait_until(2.001)
-    assert stage.held == {}
 
 
 @EVERY_KIND
-def test_timeout_0_keeps_what_was_heard(settings):
-    """A latched map is sent once."""
+def test_timeout_0_keeps_what_was_received(settings):
+    """A latched map is sent once, and settles."""
     stage = with_robot(replace(settings, timeout=0.0))
     stage.see(10, instance=1)
+    stage.wait_until(1.0)
+    assert findings(stage) == ('unknown', (
+        LIDAR_SAYS + 'sends its map: known once it ends with an empty polygon, or pauses for '
+        'settle_time, 1 s',))
     stage.wait_until(1e6)
     assert list(stage.held.values()) == [10]
     assert findings(stage) == ('clear', ())
+    stage.wait_until(-10.0)
+    stage.robot()
+    assert findings(stage) == ('clear', ()), 'it has no time that could be set back'
+
+
+def test_map_does_not_settle_while_messages_wait_to_be_taken():
+    """The node was held up: what it has not looked at is no pause."""
+    stage = with_robot(PATIENT_LIDAR)
+    stage.see(10)
+    stage.time = 3.0
+    stage.scene.pass_time(stage.now, is_all_taken=False)
+    assert stage.status() == 'unknown'
+    stage.scene.note_waiting('lidar', True)
+    stage.wait_until(6.0)
+    assert stage.status() == 'unknown'
+    stage.scene.note_waiting('lidar', False)
+    stage.wait_until(7.001)
+    assert stage.status() == 'clear'
 
 
 @EVERY_KIND
-def test_source_never_heard_is_in_trouble(settings):
+def test_source_of_which_nothing_came_is_unknown(settings):
     """Nobody has said that there is no obstacle, whether the source may fall silent or not."""
-    for timeout in (2.0, 0.0):
+    for timeout, reason in ((2.0, NOTHING_SENT),
+                            (0.0, LIDAR_SAYS + 'has not sent a whole map yet')):
         stage = with_robot(replace(settings, timeout=timeout))
         stage.wait_until(10.0)
-        assert findings(stage) == ('unknown', (DOUBT + 'has not been heard yet',))
+        assert findings(stage) == ('unknown', (reason,))
 
 
 @EVERY_KIND
-def test_silent_source_is_in_trouble_until_heard_again(settings):
+def test_silent_source_is_unknown_until_it_is_known_again(settings):
     """The sensor is unplugged and plugged in again."""
-    stage = with_robot(settings)
+    stage = clear_stage(settings)
     stage.see(10, instance=1)
+    stage.end()
     stage.wait_until(2.0)
     assert stage.status() == 'clear'
     stage.wait_until(2.001)
     assert findings(stage) == (
-        'unknown', (DOUBT + 'has been silent for longer than its timeout of 2 s',))
+        'unknown', (LIDAR_SAYS + 'has been silent for longer than its timeout of 2 s',))
+    stage.wait_until(3.0)
     stage.see(10, instance=1)
-    stage.whole()
+    stage.end()
+    if settings is not LIDAR:
+        assert stage.status() == 'unknown', 'of another obstacle nothing may have come yet'
+        stage.wait_until(5.0)
+        stage.see(10, instance=1)
     assert findings(stage) == ('clear', ())
-    stage.wait_until(4.1)
-    assert stage.status() == 'unknown'
 
 
 def test_messages_past_their_timeout_are_no_sign_of_life():
     """The publisher's clock is behind by more than the timeout: nothing it says is current."""
     stage = with_robot(LIDAR)
-    assert stage.see(10, stamp=-2.001) == 'too old'
-    assert findings(stage) == ('unknown', (DOUBT + 'has not been heard yet',))
+    assert stage.see(10, stamp=-2.001) == TOO_OLD
+    stage.end(stamp=-2.001)
+    assert findings(stage) == (
+        'unknown', (LIDAR_SAYS + 'has been silent for longer than its timeout of 2 s',))
 
 
-def test_heartbeat_alone_is_enough():
-    """A sensor that has never seen anything is heard all the same."""
-    stage = with_robot(LIDAR)
-    stage.heartbeat()
-    assert findings(stage) == ('clear', ())
-
-
-def test_source_that_sends_more_than_can_be_checked_is_in_trouble():
-    """Until all that it sent has been looked at."""
-    stage = with_robot(LIDAR)
-    stage.see(10)
-    stage.whole()
-    stage.scene.overwhelm('lidar', True)
-    assert findings(stage) == ('unknown', (
-        DOUBT + 'sends more than can be checked: messages come too late or are lost',))
-    stage.scene.overwhelm('lidar', False)
-    assert findings(stage) == ('clear', ())
-
-
-def test_timeout_given_to_a_source_that_had_none():
-    """The source was trusted for ever; from now on its silence counts."""
-    stage = with_robot(replace(LIDAR, timeout=0.0))
-    stage.heartbeat()
-    stage.scene.update(replace(stage.settings, obstacles=(LIDAR,)))
-    stage.wait_until(2.0)
-    assert stage.status() == 'clear'
-    stage.wait_until(2.001)
+@KEYED
+def test_messages_that_come_late_at_once_are_no_listing(settings):
+    """The node was held up: what was stamped meanwhile is refused, and may come again later."""
+    stage = with_robot(settings)
+    stage.wait_until(10.0)
+    for stamp in (2.0, 4.0, 6.0):
+        stage.end(stamp)
+    assert stage.see(0.5, stamp=7.9, instance=1) == TOO_OLD
+    stage.end(stamp=8.0)
     assert stage.status() == 'unknown'
+
+
+@KEYED
+def test_message_of_any_key_is_missing_at_the_beginning_too(settings):
+    """What cannot be read came first; what follows was stamped before it."""
+    stage = with_robot(settings)
+    stage.send_garbage()
+    stage.see(10, stamp=-0.5, instance=1)
+    stage.wait_until(1.5)
+    stage.see(10, instance=1)
+    assert stage.status() == 'unknown', 'what was told at 0 is told again until 2'
+    stage.wait_until(2.0)
+    stage.see(10, instance=1)
+    assert findings(stage) == ('clear', ())
+
+
+def test_refused_instance_of_a_silent_source_is_forgotten():
+    """It came in the silence, without a stamp that could end it."""
+    stage = clear_stage(INSTANCES)
+    stage.wait_until(3.0)
+    stage.see(10, stamp=100.0, instance=1)
+    silent = LIDAR_SAYS + 'has been silent for longer than its timeout of 2 s'
+    assert findings(stage) == ('unknown', (silent, REFUSED + FROM_FUTURE))
+    stage.wait_until(5.001)
+    assert findings(stage) == ('unknown', (silent,))
+
+
+@EVERY_KIND
+def test_stamps_of_another_clock_are_told_from_silence(settings):
+    """A recording of an hour ago is played, then one tells the time by /clock."""
+    stage = Stage(settings, start=1e5)
+    stage.robot()
+    assert stage.see(5, stamp=-3600.0, instance=1) == TOO_OLD
+    assert 'stamps' not in stage.state().reasons[0]
+    assert stage.see(5, stamp=-3600.1, instance=1) == TOO_OLD
+    reason, = stage.state().reasons
+    assert 'lidar on /polygons has stamps' in reason and 'use_sim_time: true' in reason
+    stage.see(5, instance=1)
+    stage.end()
+    assert 'stamps' not in ''.join(stage.state().reasons)
 
 
 def test_disabled_source_is_ignored_and_troubles_nobody():
     """A sensor is switched off on purpose, while another one serves."""
     stage = with_robot(LIDAR, ObstacleSettings('radar', '/radar'))
-    stage.see(0.5)
-    stage.see(50, name='radar')
-    stage.whole('lidar')
-    stage.whole('radar')
+    stage.send(0.5)
+    stage.send(50, name='radar')
     assert stage.status() == 'collision'
     settings = stage.settings
     lidar, radar = settings.obstacles
@@ -198,10 +297,11 @@ def test_disabled_source_is_ignored_and_troubles_nobody():
     assert findings(stage) == ('clear', ())
     assert stage.see(0.5) is None
     stage.refuse()
+    stage.lose()
     assert findings(stage) == ('clear', ())
     assert [name.source for name, _ in stage.scene.obstacles] == ['radar']
     stage.scene.update(settings)
-    assert findings(stage) == ('unknown', (DOUBT + 'has not been heard yet',))
+    assert findings(stage) == ('unknown', (NOTHING_SENT,))
     stage.see(0.5)
     assert stage.status() == 'collision'
 
@@ -215,7 +315,7 @@ def test_no_enabled_source_leaves_nothing_known():
 def test_timeout_changed_while_running():
     """Shorter forgets at once; longer brings nothing back, neither obstacles nor trust."""
     stage = with_robot(LIDAR)
-    stage.see(0.5)
+    stage.send(0.5)
     stage.wait_until(1.5)
 
     def set_timeout(seconds):
@@ -223,31 +323,358 @@ def test_timeout_changed_while_running():
 
     set_timeout(10.0)
     stage.wait_until(9.0)
-    assert stage.status() == 'collision'
+    assert findings(stage) == ('collision', ())
     set_timeout(5.0)
     assert findings(stage) == (
-        'unknown', (DOUBT + 'has been silent for longer than its timeout of 5 s',))
+        'unknown', (LIDAR_SAYS + 'has been silent for longer than its timeout of 5 s',))
     set_timeout(0.0)
-    assert findings(stage) == ('unknown', (DOUBT + 'has not been heard yet',))
+    assert findings(stage) == ('unknown', (LIDAR_SAYS + 'has not sent a whole map yet',))
     assert stage.held == {}
-    stage.heartbeat()
+    for _ in range(2):
+        stage.end()
+    assert findings(stage) == ('clear', ())
+    set_timeout(2.0)
+    assert stage.status() == 'unknown', 'what is a map need not be a set'
+
+
+def test_loss_in_a_set_leaves_the_last_whole_set():
+    """What is missing may be of the set that comes in, or of the next; a later one is whole."""
+    stage = with_robot(LIDAR)
+    stage.send(0.5, 10)
+    stage.wait_until(0.1)
+    stage.lose()
+    stage.send(20)
+    assert stage.held == {0: (0.5, 20), 1: 10}
+    assert findings(stage) == ('collision', ())
+    stage.wait_until(0.2)
+    stage.send(20)
+    assert stage.held == {0: 20}
+    assert findings(stage) == ('clear', ())
+    assert stage.scene.lost() == {'lidar': 1}
+
+
+def test_lossy_source_is_unknown_when_its_last_whole_set_is_too_old():
+    """It sends all the time, and no set is whole any more."""
+    stage = with_robot(LIDAR)
+    stage.send(10)
+    for time in (0.5, 1.0, 1.5, 2.0):
+        assert stage.status() == 'clear'
+        stage.wait_until(time)
+        stage.see(10)
+        stage.lose()
+    stage.wait_until(2.001)
+    stage.see(10)
+    assert findings(stage) == (
+        'unknown', (LIDAR_SAYS + 'has not sent a whole set since messages were lost',))
+
+
+@KEYED
+def test_loss_of_keys_counts_for_the_timeout(settings):
+    """By then all that is there has been received anew."""
+    stage = clear_stage(settings)
+    stage.lose()
+    stage.see(10, instance=1)
+    reason = LIDAR_SAYS + ('has not been received for its timeout of 2 s without a gap since '
+                           'messages were lost')
+    for time in (0.5, 1.999):
+        assert findings(stage) == ('unknown', (reason,))
+        stage.wait_until(time)
+        stage.see(10, instance=1)
+    stage.wait_until(2.0)
+    stage.see(10, instance=1)
+    assert findings(stage) == ('clear', ())
+
+
+def test_loss_before_an_empty_polygon_of_stamp_0_is_one_in_the_set():
+    """It ends no set, but its number shows that one of this set was lost."""
+    stage = clear_stage(LIDAR)
+    stage.wait_until(1.0)
+    stage.see(10)
+    stage.lose()
+    stage.end(stamp='none')
+    stage.end()
+    stage.wait_until(2.001)
+    assert findings(stage) == (
+        'unknown', (LIDAR_SAYS + 'has not sent a whole set since messages were lost',))
+
+
+def test_loss_before_an_id_without_a_usable_stamp_is_one_of_any_key():
+    """What was lost may have been of another id than that which is refused, and mended."""
+    stage = clear_stage(INSTANCES)
+    stage.lose()
+    assert stage.see(10, stamp=100.0, instance=1) == FROM_FUTURE
+    stage.see(10, instance=1)
+    assert findings(stage) == ('unknown', (
+        LIDAR_SAYS + 'has not been received for its timeout of 2 s without a gap since messages '
+        'were lost',))
+
+
+def test_lossy_map_is_asked_for_again():
+    """Its publisher keeps what it has sent: number 1 comes again."""
+    stage = with_robot(PATIENT_LIDAR)
+    stage.publish_by('a')
+    assert stage.scene.wants_history('lidar'), 'it may have sent its map already'
+    stage.see(10)
+    assert not stage.scene.wants_history('lidar')
+    stage.lose()
+    stage.see(20)
+    assert stage.scene.wants_history('lidar')
+    stage.publish_by('a', 'b')
+    assert not stage.scene.wants_history('lidar'), 'of two'
+    stage.publish_by('a')
+    stage.restart()
+    stage.scene.renew('lidar')
+    stage.send(10, 20, 30)
+    assert findings(stage) == ('clear', ())
+    assert sorted(stage.held.values()) == [10, 20, 30]
+    assert not stage.scene.wants_history('lidar')
+
+
+def test_lost_footprint_is_made_up_for_by_the_next():
+    """A loss of footprints is only counted."""
+    stage = clear_stage(LIDAR)
+    stage.lose(name='robot')
+    stage.robot()
+    assert findings(stage) == ('clear', ())
+    assert stage.scene.lost() == {'robot': 1}
+
+
+@pytest.mark.parametrize('timeout', [2.0, 0.0])
+@EVERY_KIND
+def test_enabled_source_begins_anew(settings, timeout):
+    """What came while it was disabled is missing; its publisher goes on."""
+    settings = replace(settings, timeout=timeout)
+    stage = with_robot(settings)
+    stage.see(0.5, instance=1)
+    for enabled in (False, True):
+        stage.scene.update(replace(stage.settings, obstacles=(
+            replace(settings, enabled=enabled),)))
+    assert stage.held == {}
+    for time, status in ((0.1, 'unknown'), (2.1, 'clear')):
+        stage.wait_until(time)
+        stage.see(10, instance=1)
+        stage.end()
+        assert stage.status() == status
+
+
+@EVERY_KIND
+def test_restarted_publisher_is_known_by_its_own_listing(settings):
+    """What the one before has told stays until its timeout."""
+    stage = clear_stage(settings)
+    stage.publish_by('a')
+    stage.restart()
+    stage.see(0.5, instance=1)
+    stage.wait_until(1.0)
+    stage.publish_by('b')
+    stage.restart()
+    stage.see(10, instance=1)
+    stage.end()
+    assert stage.status() == 'collision'
+    stage.wait_until(2.001)
+    stage.see(10, instance=1)
+    stage.end()
+    assert stage.status() == ('clear' if settings is LIDAR else 'unknown')
+    stage.wait_until(3.0)
+    stage.end()
+    assert findings(stage) == ('clear', ())
+
+
+def test_restarted_map_stays_until_it_is_replaced():
+    """Its publisher has gone and another one has sent all of its map."""
+    stage = with_robot(PATIENT_LIDAR)
+    stage.publish_by('a')
+    stage.send(0.5)
+    stage.publish_by()
+    stage.wait_until(100.0)
+    assert findings(stage) == ('collision', (LIDAR_SAYS + 'has no publisher',))
+    stage.publish_by('b')
+    stage.restart()
+    stage.see(10)
+    assert stage.status() == 'collision'
+    stage.end()
+    assert findings(stage) == ('clear', ())
+    assert list(stage.held.values()) == [10]
+
+
+def test_map_of_a_killed_publisher_stays_until_its_lease_is_over():
+    """Another one of its node name has sent all of its map; the former one may live after all."""
+    stage = with_robot(PATIENT_LIDAR)
+    killed, respawned = Endpoint('a', '/map'), Endpoint('b', '/map')
+    stage.scene.update_publishers('lidar', [killed])
+    stage.send(0.5)
+    stage.scene.update_publishers('lidar', [killed, respawned])
+    stage.restart()
+    stage.send(10)
+    assert findings(stage) == ('collision', ())
+    stage.scene.update_publishers('lidar', [respawned])
+    assert findings(stage) == ('clear', ())
+    assert list(stage.held.values()) == [10]
+
+
+@EVERY_KIND
+def test_listing_of_another_publisher_that_leaves_proves_nothing(settings):
+    """It sends an empty set and goes; the next number of the one that stays happens to fit."""
+    stage = with_robot(settings)
+    stage.publish_by('a')
+    stage.see(0.5, instance=1)
+    stage.publish_by('a', 'b')
+    assert stage.state().reasons == (
+        LIDAR_SAYS + 'has 2 publishers, /a and /b, which cannot be told apart: give each a topic '
+        'and a name here of its own',)
+    stage.restart()
+    stage.end()
+    stage.publish_by('a')
+    assert stage.status() == 'collision'
+    stage.wait_until(2.001)
+    stage.end()
+    stage.see(10, instance=1)
+    assert stage.status() == 'unknown'
+    stage.wait_until(4.001)
+    stage.end()
+    stage.see(10, instance=1)
+    stage.end()
+    assert stage.status() == 'clear'
+
+
+def test_stamps_of_0_among_others_begin_anew():
+    """Sets go by their stamps; what has none goes by its shape, and for the timeout."""
+    stage = with_robot(LIDAR)
+    stage.send(0.5)
+    stage.see(10, stamp='none')
+    assert stage.state().reasons == (
+        LIDAR_SAYS + 'has not been received for its timeout of 2 s without a gap',)
+    assert stage.held == {0: 0.5, -1: 10}
+    stage.wait_until(2.0)
+    stage.see(10, stamp='none')
+    assert findings(stage) == ('collision', ())
+    stage.wait_until(2.001)
+    assert findings(stage) == ('clear', ())
+
+
+def test_refused_obstacle_of_a_set_counts_until_the_next_is_whole():
+    """A polygon with a NaN stands for an obstacle somewhere; other sources are untouched."""
+    stage = with_robot(LIDAR, ObstacleSettings('radar', '/radar'))
+    stage.send(9, name='radar')
+    stage.see(10)
+    stage.refuse()
+    stage.see(30)
+    stage.end()
+    assert stage.held == {0: (9, 10), 2: 30}
+    assert findings(stage) == ('unknown', (REFUSED + 'not finite',))
+    stage.see(0.5, name='radar')
+    assert findings(stage) == ('collision', (REFUSED + 'not finite',))
+    stage.send(name='radar', stamp=0.0)
+    stage.wait_until(0.1)
+    stage.see(11)
+    assert findings(stage) == ('collision', (REFUSED + 'not finite',))
+    stage.end()
+    assert findings(stage) == ('collision', ())
+
+
+def test_refused_instance_counts_until_it_is_good_or_forgotten():
+    """A good message of another one heals nothing."""
+    for is_mended in (True, False):
+        stage = clear_stage(INSTANCES)
+        stage.refuse(instance=1)
+        stage.wait_until(0.5)
+        stage.see(10, instance=2)
+        assert findings(stage) == ('unknown', (REFUSED + 'not finite',))
+        if is_mended:
+            stage.see(10, instance=1)
+        else:
+            stage.wait_until(2.0)
+            stage.see(10, instance=2)
+            assert stage.status() == 'unknown'
+            stage.wait_until(2.001)
+            stage.see(10, instance=2)
+        assert findings(stage) == ('clear', ())
+
+
+@EVERY_KIND
+def test_message_that_tells_neither_stamp_nor_id_is_a_gap(settings):
+    """It may have been of this set, or of any key."""
+    stage = clear_stage(settings)
+    stage.send_garbage()
+    stage.wait_until(0.1)
+    stage.see(10, instance=1)
+    stage.end()
+    stage.wait_until(2.001)
+    assert stage.status() == 'unknown'
+    stage.see(10, instance=1)
+    stage.end()
+    assert findings(stage) == ('clear', ())
+
+
+def test_refused_shape_is_a_gap():
+    """Of what accumulates, a refused polygon has no key."""
+    stage = clear_stage(ACCUMULATED)
+    stage.refuse('self-intersecting')
+    assert findings(stage) == ('unknown', (
+        LIDAR_SAYS + 'has not been received for its timeout of 2 s without a gap since a message '
+        'was refused: self-intersecting',))
+    stage.wait_until(2.0)
+    stage.end()
+    assert findings(stage) == ('clear', ())
+
+
+def test_reasons_for_refusal_are_named_once_each():
+    """Two bad polygons of one kind and one of another make two sentences."""
+    stage = with_robot(LIDAR)
+    for reason in ('not finite', 'self-intersecting', 'not finite'):
+        stage.refuse(reason)
+    stage.end()
+    assert stage.state().reasons == (REFUSED + 'not finite', REFUSED + 'self-intersecting')
+    stage.wait_until(0.1)
+    stage.refuse('not finite')
+    assert len(stage.state().reasons) == 2
+    stage.end()
+    assert stage.state().reasons == (REFUSED + 'not finite',)
+
+
+def test_set_beyond_max_count_is_unknown_until_a_set_fits():
+    """The scan has more obstacles than the limit: what was cut off may be anywhere."""
+    stage = with_robot(replace(LIDAR, max_count=2))
+    stage.send(10, 20)
+    assert stage.status() == 'clear'
+    for time in (0.1, 0.2):
+        stage.wait_until(time)
+        for x in (11, 21):
+            stage.see(x)
+        assert stage.status() == ('clear' if time == 0.1 else 'unknown')
+        assert stage.see(30) == stage.see(40) == 'too many obstacles'
+        assert findings(stage) == ('unknown', (REFUSED + 'too many obstacles',))
+    stage.wait_until(0.3)
+    stage.send(12, 22)
+    assert findings(stage) == ('clear', ())
+
+
+@KEYED
+def test_more_keys_than_max_count_are_a_gap(settings):
+    """What did not fit may be there for the timeout, whatever else comes and goes."""
+    stage = known_stage(replace(settings, max_count=2))
+    stage.see(10, instance=1)
+    stage.see(20, instance=2)
+    assert stage.see(30, instance=3) == 'too many obstacles'
+    assert sorted(stage.held.values()) == [10, 20]
+    stage.wait_until(1.999)
+    stage.see(20, instance=2)
+    assert findings(stage) == ('unknown', (
+        LIDAR_SAYS + 'has not been received for its timeout of 2 s without a gap since there '
+        'were too many obstacles',))
+    stage.wait_until(2.001)
+    stage.end()
+    assert stage.see(40, instance=4) is None
     assert findings(stage) == ('clear', ())
 
 
 @EVERY_KIND
-def test_stamps_of_another_clock_are_told_from_silence(settings):
-    """A recording of an hour ago is played, then one tells the time by /clock."""
-    stage = Stage(settings, start=1e5)
-    stage.robot()
-    assert stage.see(5, stamp=-3600.0, instance=1) == TOO_OLD
-    assert 'lidar on /polygons has not been heard yet' in stage.state().reasons[0]
-    assert stage.see(5, stamp=-3600.1, instance=1) == TOO_OLD
-    reason, = stage.state().reasons
-    assert 'lidar on /polygons has stamps' in reason and 'use_sim_time: true' in reason
-    stage.see(5, instance=1)
-    stage.whole()
-    assert stage.status() == 'clear'
-    stage.wait_until(2.5)
-    stage.robot()
-    reason, = stage.state().reasons
-    assert 'has been silent' in reason
+def test_flood_takes_no_more_room_than_max_count(settings):
+    """A publisher gone wild sends thousands of obstacles, good and bad, in one instant."""
+    source = Source(replace(settings, max_count=5), Contacts())
+    now = nanoseconds(START)
+    for number in range(1000):
+        source.place(square(number).packed, 'map', now, now, number, 2 * number + 1)
+        source.refuse('not finite', now, now, -1 - number, 2 * number + 2)
+    obstacles = [body for body in source.store if body.polygon is not None]
+    assert 2 < len(obstacles) <= 5
+    assert len(list(source.store)) <= 7

@@ -16,7 +16,7 @@
 
 import random
 
-from sat_collision.scene.deadlines import NEVER
+from sat_collision.scene.times import NEVER
 from sat_collision.scene.waiting import WAIT, Waiting
 
 

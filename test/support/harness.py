@@ -29,12 +29,14 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sat_collision.node.footprint_monitor import FootprintMonitor
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Bool, Float64
 from visualization_msgs.msg import MarkerArray
 
 PATIENCE = 10.0
 SECOND = 10**9
 
+_KINDS_BY_END = {'separation': Float64, 'contacts': PointCloud2}
 _KINDS = {'~/state': DiagnosticArray, '/diagnostics': DiagnosticArray, '~/markers': MarkerArray,
           '/rosout': Log}
 
@@ -55,10 +57,10 @@ def to_parameters(values):
 class Peer:
     """A node that publishes to the monitor and keeps what it hears from it."""
 
-    def __init__(self, domain, name='footprint_monitor'):
+    def __init__(self, domain, name='footprint_monitor', own_name='peer'):
         self.context = rclpy.Context()
         self.context.init(domain_id=domain)
-        self.node = rclpy.create_node('peer', context=self.context)
+        self.node = rclpy.create_node(own_name, context=self.context)
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
         self.name = name
@@ -96,19 +98,25 @@ class Peer:
         return self._publishers[topic]
 
     def send(self, topic, points, stamp=None, frame_id='map', instance=None):
-        """Publish a polygon; unless told otherwise stamped about now, in a set of its own."""
+        """Publish a polygon, stamped about now unless told otherwise; it ends no set."""
         if stamp is None:
             stamp = max(self.now(), self._last_stamps.get(topic, 0) + SECOND // 40)
             self._last_stamps[topic] = stamp
         message = polygon_message(points, stamp, frame_id, instance)
         self.publisher(topic, type(message)).publish(message)
 
+    def send_set(self, topic, *polygons, stamp=None, **options):
+        """Publish a whole set: polygons of one stamp, and an empty one that ends it."""
+        for points in (*polygons, []):
+            self.send(topic, points, stamp, **options)
+            stamp = self._last_stamps[topic] if stamp is None else stamp
+
     def now(self):
         return self.node.get_clock().now().nanoseconds
 
     def listen(self, topic, qos=100):
         """Return the list that messages on a topic are added to from now on, oldest first."""
-        kind = _KINDS.get(topic, Float64 if topic.endswith('/separation') else Bool)
+        kind = _KINDS.get(topic) or _KINDS_BY_END.get(topic.rpartition('/')[2], Bool)
         topic = topic.replace('~', f'/{self.name}')
         if topic not in self._heard:
             heard = self._heard[topic] = []
@@ -148,6 +156,15 @@ class Peer:
         listed = values(self.status(footprint))['obstacles in contact']
         return listed.split(', ') if listed else []
 
+    def reason(self, footprint='footprint'):
+        """Return why a footprint's state is what it is; empty before the first."""
+        status = self.status(footprint)
+        return values(status)['reason'] if status else ''
+
+    def states(self):
+        """Return all states of the first footprint that were received, in order."""
+        return [values(array.status[0])['state'] for array in self.listen('~/state')]
+
     def health(self):
         """Return the health that /diagnostics reported last, None before the first."""
         heard = self.listen('/diagnostics')
@@ -174,8 +191,15 @@ class Peer:
 
     def send_until(self, state, topic, points, **options):
         """Publish a polygon again and again until the footprint is in a state."""
+        self._repeat_until(state, lambda: self.send(topic, points, **options))
+
+    def send_set_until(self, state, topic, *polygons, **options):
+        """Publish a whole set again and again until the footprint is in a state."""
+        self._repeat_until(state, lambda: self.send_set(topic, *polygons, **options))
+
+    def _repeat_until(self, state, send):
         def sent():
-            self.send(topic, points, **options)
+            send()
             self.spin(0.03)
             return self.state() == state
         self._until_in_state(sent, state, 'footprint', PATIENCE)
@@ -251,6 +275,14 @@ class RunningMonitor(MonitorPeer):
             self.spin()
             return self.monitor.get_clock().now().nanoseconds == stamp
         self.until(reads_it, 'a clock')
+
+    def _is_heard(self, topic):
+        """Tell whether the monitor's scene, too, knows of our publisher, if it is to know."""
+        topic = self.node.resolve_topic_name(topic)
+        told = self.monitor._inputs.publishers.told
+        return super()._is_heard(topic) and all(
+            told.get(one.name) for one in self.monitor._inputs.inputs
+            if one.subscription.topic_name == topic)
 
     @property
     def received(self):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A monitor that has heard of a footprint and of obstacles."""
+"""A monitor that has received a footprint and obstacles."""
 
 import math
 
@@ -31,15 +31,15 @@ CIRCLE = [(math.cos(k / 500), math.sin(k / 500)) for k in range(2000)]
 
 
 def clear_monitor(settings=SETTINGS):
-    """Return a monitor that has heard a footprint at 0 and of obstacles far from it."""
+    """Return a monitor with a footprint at 0, one message, and obstacles far from it, two each."""
     monitor = Monitor(settings)
-    for seconds in (2, 1):
-        monitor.scene.advance(NOW - seconds * SECOND)
-    assert monitor.receive('robot', serialised(box(0)), NOW) is None
-    assert monitor.receive('lidar', serialised(box(10)), NOW) is None
-    assert monitor.receive('lidar', serialised([]), NOW) is None
+    assert monitor.receive('robot', serialised(box(0)), NOW, 1) is None
+    for number, points in ((1, box(10)), (2, ())):
+        assert monitor.receive('lidar', serialised(points), NOW, number) is None
     if len(settings.obstacles) > 1:
-        assert monitor.receive('tracks', serialised(box(20), instance=1), NOW) is None
+        for number, points, stamp in ((1, (), NOW - 2 * SECOND), (2, box(20), NOW)):
+            assert monitor.receive(
+                'tracks', serialised(points, stamp, instance=1), NOW, number) is None
     assert status(monitor) == 'clear'
     return monitor
 

@@ -34,7 +34,7 @@ def exact_distance(a, b):
 
 
 def exact_depth(a, b):
-    """Return the depth of convex bodies: the least reach beyond an edge, by rationals."""
+    """Return the depth of convex bodies: the least reach beyond an edge, < 0 if there is none."""
     reaches = []
     for p, q in ((a, b), (b, a)):
         for start, end in _edges(p):
@@ -43,11 +43,14 @@ def exact_depth(a, b):
                 continue
             reach = max(ex * (v[1] - start[1]) - ey * (v[0] - start[0]) for v, _ in _edges(q))
             reaches.append(reach * abs(reach) / (ex * ex + ey * ey))
-    return square_root(min(reaches)) if reaches else Fraction(0)
+    least = min(reaches, default=Fraction(0))
+    return square_root(least) if least >= 0 else -square_root(-least)
 
 
 def _edges(polygon):
-    vertices = [(Fraction(x), Fraction(y)) for x, y in polygon.vertices.tolist()]
+    """Return the edges of a Polygon, or of a ring of any numbers."""
+    ring = polygon if isinstance(polygon, list) else polygon.vertices.tolist()
+    vertices = [(Fraction(x), Fraction(y)) for x, y in ring]
     return list(zip(vertices, vertices[1:] + vertices[:1]))
 
 

@@ -25,7 +25,7 @@ from rosbags.interfaces import (  # noqa: E402
     Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime)
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer  # noqa: E402
 from sat_collision.messages.rosbags_interfaces import STORE  # noqa: E402
-from sat_collision.replay.configuration import settings_of  # noqa: E402
+from sat_collision.replay.model.configuration import settings_of  # noqa: E402
 
 SHARED = Path(__file__).resolve().parents[3] / 'shared' / 'data' / 'bags'
 NAMES = ('autoware_ego_trajectory_boxes', 'commonroad_USA_Lanker-1_1_ego1247',

@@ -21,168 +21,129 @@ a tuple of its corners. Times are in ns.
 
 from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
 from builders import SECOND
-from sat_collision.scene.holders import OTHER_FRAME
+from sat_collision.scene.obstacle_store import OTHER_FRAME
 from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
 import shapely
-from source_model import is_past, nanoseconds, Place, SourceModel
+from source_model import is_past, Message, nanoseconds, SourceModel
+
+
+class Place(NamedTuple):
+    """Where a footprint is and since when, or what is wrong with it."""
+
+    ring: tuple | None = None
+    time: int | None = None
+    fault: str = 'has not been received yet'
 
 
 class SceneModel:
     """
-    All footprints and sources, told of the same events as a Scene whose frame_id is configured.
+    All footprints and sources, with the same events as a Scene whose frame_id is configured.
 
     What takes a message returns why it is refused, None if it is not.
     """
 
-    def __init__(self, settings, now):
+    def __init__(self, settings):
         self.settings = settings
-        self.forget_all(now)
+        self._footprints = {one.name: Place() for one in settings.footprints}
+        self._sources = {one.name: SourceModel(one) for one in settings.obstacles}
 
-    def forget_all(self, now):
-        """Begin anew, as after a step back in time."""
-        self._footprints = {settings.name: Place() for settings in self.settings.footprints}
-        self._sources = {settings.name: SourceModel(settings, now)
-                         for settings in self.settings.obstacles}
-
-    def advance(self, now):
-        """Let time pass when all that was sent until now has been told."""
+    def step_back(self, now):
+        """Step back in time."""
+        self._footprints = dict.fromkeys(self._footprints, Place())
         for source in self._sources.values():
-            source.advance(now)
+            source.step_back(now)
 
-    def use(self, settings, now):
+    def pass_time(self, now, is_all_taken=True):
+        """Let time pass."""
+        for source in self._sources.values():
+            source.pass_time(now, is_all_taken)
+
+    def use(self, settings):
         """Apply other settings of the same names; what is disabled, or was, forgets all."""
-        for settings_before, footprint in zip(self.settings.footprints, settings.footprints):
-            if settings_before.enabled != footprint.enabled:
+        for before, footprint in zip(self.settings.footprints, settings.footprints):
+            if before.enabled != footprint.enabled:
                 self._footprints[footprint.name] = Place()
         for source in settings.obstacles:
             before = self._sources[source.name]
-            if source.enabled and before.settings.enabled:
-                before.settings = source
-            elif source.enabled or before.settings.enabled:
-                self._sources[source.name] = SourceModel(source, now, before.publishers)
+            if source.enabled != before.settings.enabled:
+                before.switch(source)
+            before.settings = source
         self.settings = settings
 
     def settings_of(self, name):
         both = (*self.settings.footprints, *self.settings.obstacles)
         return next(settings for settings in both if settings.name == name)
 
-    def place(self, name, ring, stamp, now, instance=None):
-        """Take a body of a footprint or source."""
-        if not self.settings_of(name).enabled:
-            return None
-        if self._is_from_future(stamp, now):
-            return self.refuse(name, FROM_FUTURE, None, now, instance)
-        if name in self._sources:
-            return self._sources[name].place(ring, stamp, now, instance)
+    def receive(self, name, ring, refusal, stamp, now, instance, number):
+        """Take a message: a ring, an empty polygon, or what is refused already."""
         settings = self.settings_of(name)
-        last = self._footprints[name]
+        if not settings.enabled:
+            return None
+        if stamp is not None and stamp > now + nanoseconds(self.settings.future_tolerance):
+            # With such a stamp it can be of no set; an empty polygon is of no instance.
+            if ring is None and refusal is None:
+                instance = None
+            ring, stamp = None, None
+            refusal = FROM_FUTURE if refusal in (None, OTHER_FRAME) else refusal
+        if name in self._sources:
+            return self._sources[name].receive(
+                Message(ring, refusal, stamp, now, instance, number))
+        if refusal:
+            self._footprints[name] = Place(fault=(
+                f"is not in the frame '{self.settings.frame_id}'" if refusal == OTHER_FRAME
+                else f'was refused: {refusal}'))
+            return refusal
+        last, time = self._footprints[name], min(stamp or now, now)
         if not last.fault and settings.timeout and not is_past(settings, last.time, now) and (
-                0 < stamp < last.stamp):
+                time < last.time):
             return OVERTAKEN
-        self._footprints[name] = Place(ring, min(stamp or now, now), '', stamp or now)
+        self._footprints[name] = Place(ring, time, '')
         return None
-
-    def refuse(self, name, reason, stamp, now, instance=None):
-        """Take a message without a usable body; stamp and instance are None where unknown."""
-        if not self.settings_of(name).enabled:
-            return None
-        if stamp is not None and self._is_from_future(stamp, now):
-            stamp = None
-            reason = FROM_FUTURE if reason == OTHER_FRAME else reason
-        if name in self._sources:
-            return self._sources[name].refuse(reason, stamp, now, instance)
-        self._footprints[name] = Place(fault=(
-            f"is not in the frame '{self.settings.frame_id}'" if reason == OTHER_FRAME
-            else f'was refused: {reason}'))
-        return reason
-
-    def heartbeat(self, name, stamp, now):
-        """Take the message of a source that it lives and sees nothing."""
-        if not self.settings_of(name).enabled:
-            return None
-        if self._is_from_future(stamp, now):
-            return self.refuse(name, FROM_FUTURE, None, now)
-        return self._sources[name].heartbeat(stamp, now)
-
-    def _is_from_future(self, stamp, now):
-        return stamp > now + nanoseconds(self.settings.future_tolerance)
-
-    def note_waiting(self, name, are_waiting):
-        """Take note of whether messages of a source wait to be told."""
-        if name in self._sources:
-            self._sources[name].are_waiting = are_waiting
-
-    def overwhelm(self, name, overwhelmed):
-        """Take note of whether a source sends more than can be checked."""
-        self._sources[name].overwhelmed = overwhelmed
-
-    def lose(self, name, now):
-        """Take note that messages were lost; of a footprint that means nothing."""
-        if name in self._sources and self.settings_of(name).enabled:
-            self._sources[name].lose(now)
-
-    def miss_body(self, name, ring, now):
-        """Take note that a body was sent just before the last message, and never came."""
-        if self.settings_of(name).enabled:
-            self._sources[name].miss_body(ring, now)
-
-    def meet_publisher(self, name, from_beginning):
-        """Take note that the next message is the first heard of a publisher, or sent by it."""
-        self._sources[name].meet_publisher(from_beginning)
-
-    def count_publishers(self, name, count, now):
-        """Take note of how many publishers there are for a source."""
-        self._sources[name].count_publishers(count, now)
 
     def obstacles(self, now):
         """Return source, key and ring of every obstacle; the key is the ring if no number."""
-        return [(name, key, place.ring) for name, source in self._sources.items()
-                for key, place in source.held(now) if place.ring]
-
-    def must_not_be_clear(self, name, now):
-        """Tell if a footprint meets a body of the last whole set, or of what is newer."""
-        return any(separation(self._footprints[name].ring, ring) <= self.settings.margin
-                   for source in self._minded(name) if source.settings.enabled
-                   for ring in source.last_whole_and_newer(now))
+        return [(name, one.key, one.ring) for name, source in self._sources.items()
+                for one in source.held(now) if one.ring]
 
     def state(self, name, now):
         """Return a footprint's status in a word, source and key of its contacts, and reasons."""
         settings = self.settings_of(name)
         if not settings.enabled:
             return 'unknown', set(), [f'footprint {name} is disabled']
-        doubts = self._doubts(name, now)
-        minded = {source.settings.name for source in self._minded(name)}
-        ring, time, fault, _ = self._footprints[name]
+        own = settings.obstacles or self._sources
+        monitored = [source for key, source in self._sources.items() if key in own]
+        faults = self._faults(settings, monitored, now)
+        ring, time, fault = self._footprints[name]
         if not fault and is_past(settings, time, now):
             fault = f'is older than its timeout of {settings.timeout:g} s'
         if fault:
-            return 'unknown', set(), [f'footprint {name} on {settings.topic} {fault}', *doubts]
+            return 'unknown', set(), [f'footprint {name} on {settings.topic} {fault}', *faults]
         contacts = {(source, key) for source, key, other in self.obstacles(now)
-                    if source in minded and separation(ring, other) <= self.settings.margin}
+                    if source in own and separation(ring, other) <= self.settings.margin}
         if contacts:
-            return 'collision', contacts, doubts
-        return 'unknown' if doubts else 'clear', set(), doubts
+            return 'collision', contacts, faults
+        return 'unknown' if faults else 'clear', set(), faults
 
     def age(self, name, now):
         """Return a footprint's age in seconds, None if there is no good one."""
         time = self._footprints[name].time
         return None if time is None else (now - time) / SECOND
 
-    def _minded(self, name):
-        """Return the sources that concern a footprint: its own, all if it has none."""
-        own = self.settings_of(name).obstacles or self._sources
-        return [source for key, source in self._sources.items() if key in own]
-
-    def _doubts(self, name, now):
-        """Return why there may be obstacles that nobody told of, in sentences."""
-        enabled = [source for source in self._minded(name) if source.settings.enabled]
+    def _faults(self, settings, monitored, now):
+        """Return why there may be obstacles that were not received, in sentences."""
+        enabled = [source for source in monitored if source.settings.enabled]
         if not enabled:
-            return ['none of its obstacle sources is enabled' if self.settings_of(name).obstacles
+            return ['none of its obstacle sources is enabled' if settings.obstacles
                     else 'no obstacle source is enabled']
-        return [f'obstacle source {source.settings.name} on {source.settings.topic} {doubt}'
-                for source in enabled for doubt in source.doubts(now)]
+        return [
+            f'obstacle source {source.settings.name} on {source.settings.topic} {words}'
+            for source in enabled for words in (
+                *([] if source.is_known(now) else ['']),
+                *sorted({f'sent what was refused: {one.refusal}'
+                         for one in source.held(now) if one.refusal}))]
 
 
 def with_one(settings, name, **changes):

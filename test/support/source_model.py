@@ -13,321 +13,288 @@
 # limitations under the License.
 
 """
-A source of obstacles as a model, see scene_model: which messages make sets, and what is held.
+A source of obstacles as a model, see scene_model: what is held, and whether it is known.
 
-It keeps what it was told and recomputes the rest. Times are in ns.
+It follows the rules of docs/knowing.md to the letter. A listing is a log of all its messages,
+which is read from the first on whenever something is asked. Nobody tells of publishers: a stream
+begins with number 1, or with a number that has been already. Times are in ns.
 """
 
+from dataclasses import dataclass, field
+from itertools import dropwhile, filterfalse
+from math import inf
 from typing import NamedTuple
 
 from builders import SECOND
-from sat_collision.scene.holders import TOO_MANY
+from sat_collision.scene.obstacle_store import TOO_MANY
 from sat_collision.scene.settings import POLYGON_INSTANCE
 from sat_collision.scene.sources import TOO_OLD
 
-UNHEARD = 'has not been heard yet'
 
-# Keys of what was refused and has no place of its own, and of what came to a full source.
-_UNPLACED = 'unplaced'
-_EXCESS = 'excess'
+class Message(NamedTuple):
+    """What came: a ring, or None for an empty polygon, or why it was refused."""
+
+    ring: tuple | None
+    refusal: str | None
+    stamp: int | None
+    now: int
+    instance: int | None
+    number: int
+    is_first: bool = False
+    is_after_gap: bool = False
+
+    @property
+    def time(self):
+        return min(self.stamp or self.now, self.now)
+
+    @property
+    def is_end(self):
+        return self.ring is None and self.refusal is None
+
+    @property
+    def key(self):
+        """Return the id, else the ring; None where that could not be read."""
+        return self.ring if self.instance is None else self.instance
 
 
-class Place(NamedTuple):
-    """Where a body is and since when, or what is wrong with it."""
+class Obstacle(NamedTuple):
+    """An obstacle, or what stands for a refused one."""
 
-    ring: tuple | None = None
-    time: int | None = None
-    fault: str = UNHEARD
-    stamp: int | None = None
+    key: object
+    ring: tuple | None
+    refusal: str | None
+    time: int
+    listing: int = 0
+
+
+@dataclass
+class Set:
+    """A run of messages that is taken for a set."""
+
+    start: int
+    last: int
+    is_sound: bool
+    count: int = 0
+    is_ended: bool = False
+    is_whole: bool = False
+    times: list = field(default_factory=list)
+    members: list = field(default_factory=list)
+
+
+def read_sets(settings, log, now):
+    """Return the obstacles of the last whole set and all newer, and whether they are known."""
+    window, most = nanoseconds(settings.set_window), settings.max_count
+    sets = []
+    is_missing = is_doubtful = is_cut = is_too_large = False
+
+    def prove(one):
+        nonlocal is_doubtful, is_cut, is_too_large
+        if one.is_sound and not one.is_whole:
+            sets[:] = [one]
+            one.is_whole, is_too_large = True, one.count > most
+            is_doubtful = is_cut = False
+
+    for message in log:
+        last = sets[-1] if sets else None
+        is_unreadable = not message.stamp and not message.is_end
+        is_missing |= message.is_after_gap or is_unreadable
+        if is_missing and last and not last.is_whole:
+            last.is_sound = False
+        is_doubtful |= is_unreadable
+        if not message.stamp:
+            continue
+        is_next, is_missing = last is not None and not is_missing, False
+        is_near = last and not last.is_ended and abs(message.stamp - last.start) <= window
+        if not (is_near and (last.count < most or is_next and message.is_end)
+                or is_next and message.stamp == last.last):
+            cuts = bool(last) and not last.is_ended and abs(message.stamp - last.last) <= window
+            if is_next and not cuts:
+                prove(last)
+            is_cut |= cuts
+            last = Set(message.stamp, message.stamp, message.is_first or is_next and not cuts)
+            sets.append(last)
+        elif not message.is_end:
+            last.last = max(last.last, message.stamp)
+        last.times.append(message.time)
+        if message.is_end:
+            last.is_ended = True
+            prove(last)
+            continue
+        last.count += 1
+        if not is_past(settings, message.time, message.now):
+            place = min(len(last.members), most)
+            refusal = message.refusal or (TOO_MANY if place == most else None)
+            last.members[place:] = [
+                Obstacle(place, None if refusal else message.ring, refusal, message.time)]
+        if last.count == most and not is_cut and not is_too_large:
+            prove(last)
+        is_too_large |= last.count > most
+    is_known = bool(sets) and sets[0].is_whole and not is_doubtful and not is_cut and (
+        not is_past(settings, min(sets[0].times), now))
+    return [member for one in sets for member in one.members
+            if is_known or not is_past(settings, member.time, now)], is_known
+
+
+def read_keys(settings, log, now):
+    """Return the obstacles by id or ring, and whether they are all of one timeout."""
+    held, since, last = {}, None, -inf
+
+    def forget(time):
+        while held and is_past(settings, next(iter(held.values())).time, time):
+            del held[next(iter(held))]
+
+    def fall_silent(time):
+        nonlocal since
+        if is_past(settings, last, time):
+            since = None
+            forget(time)
+
+    def miss(time):
+        nonlocal since, last
+        since = last = max(time, last)
+
+    for message in log:
+        fall_silent(message.now)
+        is_lost = message.is_first or message.is_after_gap
+        is_refused = message.refusal and (message.stamp is None or message.key is None)
+        if not is_refused:
+            if since is None or is_lost:
+                since = max(message.time, last)
+            last = max(message.time, last)
+            forget(last)
+        elif is_lost or message.key is None:
+            miss(message.now)
+        if not place(settings, held, message):
+            miss(message.now)
+    fall_silent(now)
+    return [*held.values()], since is not None and since + nanoseconds(settings.timeout) <= last
+
+
+def read_map(settings, log, now):
+    """Return the obstacles of a map, and whether it is known; a time in the log is no pause."""
+    held, listing, is_begun, is_known = {}, 0, False, False
+    quiet_since = None
+
+    def has_settled(time):
+        return quiet_since is not None and (
+            quiet_since + nanoseconds(settings.settle_time) < time)
+
+    for message in log:
+        if not isinstance(message, Message):
+            quiet_since = None if quiet_since is None else message
+            continue
+        if has_settled(message.now):
+            quiet_since, is_known = None, True
+        if message.is_first:
+            is_begun, quiet_since = True, message.now
+        elif quiet_since is not None:
+            quiet_since = message.now
+        has_room = place(settings, held, message, listing)
+        if message.is_after_gap or message.refusal or not has_room:
+            is_begun, is_known, quiet_since = False, False, None
+        if message.is_end:
+            if is_begun:
+                is_known = True
+                held = {key: one for key, one in held.items() if one.listing == listing}
+            listing, is_begun, quiet_since = listing + 1, True, None
+    return [*held.values()], is_known or has_settled(now)
+
+
+def place(settings, held, message, listing=0):
+    """Let an obstacle be where its newest stamp says; return whether there is room for it."""
+    key = message.key
+    if key is None or message.is_end or is_past(settings, message.time, message.now):
+        return True
+    before = held.pop(key, None)
+    if before is None and len(held) >= settings.max_count:
+        return False
+    held[key] = before if before and message.time < before.time else Obstacle(
+        key, None if message.refusal else message.ring, message.refusal, message.time, listing)
+    return True
 
 
 class SourceModel:
-    """
-    One source of obstacles: what it holds, as of the last look.
+    """One source of obstacles: the log of its listing, and what is left of former ones."""
 
-    `sent` has every body of a set, those that never came included: which set, the ring and the
-    time.
-    """
-
-    def __init__(self, settings, now, publishers=None):
+    def __init__(self, settings):
         self.settings = settings
-        self.publishers = publishers
-        self.overwhelmed = False
-        self.are_waiting = False
-        self.sent = []
-        self._was_left = False
-        self._keyed = {}
-        self._last, self._newest = {}, {}
-        self._heard = None
-        self._silent = False
-        self._lost_at = None
-        self._doubts_window = False
-        self._set = 0
-        self._turn = 0
-        self._begin_anew()
-        self._listens_since = None
-        self.listen(now)
+        self._read = (read_map if not settings.timeout else
+                      read_sets if self._has_sets else read_keys)
+        # By what a former listing is filtered where it grows old, and its obstacles.
+        self._former = []
+        self._log = []
+        self._next = None
+        self._question = self._answer = None
 
-    def _begin_anew(self):
-        """Count nothing that may have begun before now."""
-        self._known = False
-        self._whole = True
-        self._is_cut = False
-        self._set_start = None
-        self._taken = 0
-        self._place_of = {}
-        self._miss()
+    def switch(self, settings):
+        """Forget all that came, where it is disabled or enabled."""
+        self.settings = settings
+        self._forget()
 
-    def _miss(self):
-        self._before = None
-        self._first_to_count = None
+    def step_back(self, now):
+        """Drop what has a time."""
+        if self.settings.timeout:
+            self._forget()
+        else:
+            self._log.append(now)
 
-    def _settle(self):
-        self._before = None
-        self._first_to_count = self._turn + 1
+    def pass_time(self, now, is_all_taken=True):
+        """Let time pass; where messages may wait to be taken, it is no pause."""
+        if not is_all_taken and self._read is read_map:
+            self._log.append(now)
+        if self._read is read_map and self.is_known(now):
+            self._former.clear()
 
-    def listen(self, now):
-        """Hear all that is sent from now on."""
-        if self._has_sets and self.settings.enabled and self.publishers != 0:
-            self._listens_since = now
-
-    def look(self, now):
-        """Let time pass."""
-        settings = self.settings
-        if not self._silent and self._heard is not None and is_past(settings, self._heard, now):
-            self._silent = True
-            self._drop_last()
-            self._begin_anew()
-            if self._listens_since is None:
-                self._settle()
-        if self._lost_at is not None and is_past(settings, self._lost_at, now):
-            self._lost_at = None
-        for held in (self._keyed, self._last, self._newest):
-            for key in [key for key, place in held.items() if is_past(settings, place.time, now)]:
-                del held[key]
-
-    def advance(self, now):
-        """Let time pass when all that was sent until now has been told."""
-        since = self._listens_since
-        quiet = nanoseconds(self.settings.set_quiet)
-        if since is not None and since + quiet < now and self.are_waiting:
-            self._listens_since = since + quiet
-        elif since is not None and since + quiet < now:
-            self._listens_since = None
-            self._finish()
-            self._settle()
-        self.look(now)
+    def receive(self, message):
+        """Take a message; return why it is refused, None if it is not."""
+        self.pass_time(message.now)
+        expected, self._next = self._next, message.number + 1
+        if expected is None or message.number < expected:
+            self._begin_anew(self._read, message.now)
+        if self._has_sets and self.settings.timeout and message.stamp is not None and (
+                message.stamp or not message.is_end):
+            manner = read_sets if message.stamp else read_keys
+            if manner is not self._read:
+                self._begin_anew(manner, message.now)
+        self._log.append(message._replace(
+            is_first=message.number == 1,
+            is_after_gap=message.number not in (1, expected)))
+        self.pass_time(message.now)
+        if is_past(self.settings, message.time, message.now):
+            return TOO_OLD
+        if message.refusal or message.is_end:
+            return message.refusal
+        held, _ = self._listed(message.now)
+        if self._read is read_sets:
+            return held[-1].refusal
+        return None if message.key in {one.key for one in held} else TOO_MANY
 
     def held(self, now):
-        """Return key and Place of all that is not past its timeout."""
-        self.look(now)
-        return [item for held in (self._keyed, self._last, self._newest) for item in held.items()]
+        """Return all obstacles, those that stand for a refused message included."""
+        return self._listed(now)[0] + [one for only, former in self._former for one in only(
+            lambda one: is_past(self.settings, one.time, now), former)]
 
-    def last_whole_and_newer(self, now):
-        """Return the rings of the last whole set and of all that was sent after it."""
-        last = self._set - (not self._whole)
-        return [ring for number, ring, time in self.sent
-                if number >= last and not is_past(self.settings, time, now)]
-
-    def doubts(self, now):
-        """Return why the source cannot be trusted."""
-        self.look(now)
-        doubts = []
-        if self._was_left:
-            doubts.append('has no publisher any more')
-        elif self._heard is None:
-            doubts.append(UNHEARD)
-        elif self._silent:
-            doubts.append(
-                f'has been silent for longer than its timeout of {self.settings.timeout:g} s')
-        elif self._has_sets and not self._known:
-            doubts.append('has not sent a whole set yet')
-        if self._has_sets and (self.publishers or 0) > 1:
-            doubts.append(f'has {self.publishers} publishers')
-        if self._lost_at is not None:
-            doubts.append('lost messages')
-        if self._has_sets and self._doubts_window:
-            doubts.append('sends sets that set_window cuts in two')
-        if self.overwhelmed:
-            doubts.append('sends more than can be checked')
-        faults = {place.fault for _, place in self.held(now) if place.fault}
-        return doubts + [f'sent what was refused: {fault}' for fault in sorted(faults)]
-
-    def lose(self, now):
-        """Take note that messages were lost before the next one."""
-        self.look(now)
-        self._lost_at = now
-        self._miss()
-
-    def miss_body(self, ring, now):
-        """Take note of a body of the set that the last message is of, which never came."""
-        self.sent.append((self._set, ring, now))
-
-    def meet_publisher(self, from_beginning):
-        if self._heard is not None and not (from_beginning and self._whole):
-            self._drop_last()
-            self._begin_anew()
-        if from_beginning:
-            self._settle()
-
-    def count_publishers(self, count, now):
-        before, self.publishers = self.publishers, count
-        if count == before and (count or self._heard is None):
-            return
-        self._was_left = count == 0 and bool(before or self._heard is not None)
-        if self._was_left:
-            self._heard = None
-            self._silent = False
-        if self._was_left or (count == 1 and (before or 0) > 1):
-            self._drop_last()
-            self._begin_anew()
-        if count == 0:
-            self._listens_since = None
-        elif count == 1:
-            self.listen(now)
-
-    def heartbeat(self, stamp, now):
-        if self._hear(stamp, now) is None:
-            return TOO_OLD
-        if self._has_sets:
-            self._follow(stamp, now)
-            if stamp and abs(self._set_start - stamp) <= nanoseconds(self.settings.set_window):
-                self._finish()
-        return None
-
-    def place(self, ring, stamp, now, instance):
-        time = self._hear(stamp, now)
-        if time is None:
-            return TOO_OLD
-        if self._in_sets(stamp):
-            self._follow(stamp, now)
-            key = self._next_in_set(ring)
-            held = self._newest
-            full = key == self.settings.max_count
-            if not full:
-                self.sent.append((self._set, ring, time))
-        else:
-            held = self._keyed
-            key = instance if self._by_id else ring
-            if not self._has_sets:
-                held.pop(_UNPLACED, None)
-            elif key not in held or self._lost_at is not None or _UNPLACED in held:
-                self._follow(0, now)
-            key = self._admitted(key)
-            full = key == _EXCESS
-        if full:
-            self._hold_refused(held, key, TOO_MANY, time)
-            return TOO_MANY
-        last = held.get(key)
-        if last and last.ring == ring:
-            time = max(time, last.time)
-        held[key] = Place(ring, time, '')
-        return None
-
-    def refuse(self, reason, stamp, now, instance):
-        time = self._hear(stamp or 0, now)
-        if time is None:
-            return TOO_OLD
-        key, held = _UNPLACED, self._keyed
-        if self._in_sets(stamp or 0):
-            self._follow(stamp, now)
-            key = self._next_in_set(None)
-            held = self._newest
-        elif self._has_sets:
-            self._follow(0, now)
-            self._miss()
-        elif self._by_id and instance is not None:
-            key = self._admitted(instance)
-        if key == _EXCESS:
-            reason = TOO_MANY
-        self._hold_refused(held, key, reason, time)
-        return reason
-
-    @property
-    def _by_id(self):
-        return self.settings.type == POLYGON_INSTANCE
+    def is_known(self, now):
+        return self._listed(now)[1]
 
     @property
     def _has_sets(self):
-        return not self._by_id and not self.settings.accumulate
+        return self.settings.type != POLYGON_INSTANCE and not self.settings.accumulate
 
-    def _in_sets(self, stamp):
-        return stamp != 0 and self._has_sets
+    def _listed(self, now):
+        """Read the log, unless that was the last question, too."""
+        question = self._read, self._log, len(self._log), now
+        if question != self._question:
+            self._question, self._answer = question, self._read(self.settings, self._log, now)
+        return self._answer
 
-    def _hear(self, stamp, now):
-        """Return the time that a message counts from, None if that is too long ago."""
-        time = min(stamp or now, now)
-        self.look(now)
-        if is_past(self.settings, time, now):
-            return None
-        if self._heard is None or time > self._heard:
-            self._heard = time
-            self._silent = False
-        return time
+    def _begin_anew(self, manner, now):
+        self._former.append((filterfalse if self._read is read_sets else dropwhile,
+                             [one for one in self._listed(now)[0] if not one.refusal]))
+        self._read, self._log = manner, []
 
-    def _hold_refused(self, held, key, reason, time):
-        last = held.get(key)
-        held[key] = Place(None, max(time, last.time) if last else time, reason)
-
-    def _admitted(self, key):
-        """Return a key, or that of the excess if there is no room for another one."""
-        known = self._keyed.keys() - {_UNPLACED, _EXCESS}
-        return key if key in known or len(known) < self.settings.max_count else _EXCESS
-
-    def _next_in_set(self, ring):
-        """Return the place of an equal body of this set, else the next; beyond all is one more."""
-        if ring in self._place_of:
-            return self._place_of[ring]
-        place = min(self._taken, self.settings.max_count)
-        self._taken = place + 1
-        if ring and place < self.settings.max_count:
-            self._place_of[ring] = place
-        return place
-
-    def _follow(self, stamp, now):
-        """Let a message join what is coming in, or begin the next set."""
-        if stamp and not self._continues(stamp):
-            if not self._whole:
-                self._finish()
-            self._set += 1
-            self._turn += 1
-            self._is_cut = self._set_start is not None and (
-                0 < stamp - self._latest < nanoseconds(self.settings.set_window))
-            self._doubts_window |= self._is_cut
-            self._set_start = self._latest = stamp
-            self._taken, self._place_of = 0, {}
-            self._last, self._newest = self._newest, {}
-            self._whole = False
-        elif stamp:
-            self._latest = max(stamp, self._latest)
-        elif self._before is None:
-            self._turn += 1
-        if self._first_to_count is None:
-            self._first_to_count = self._turn + 1
-        self._before = stamp
-        self._listens_since = now
-
-    def _continues(self, stamp):
-        if self._set_start is None:
-            return False
-        late = self._set_start - stamp
-        return (abs(late) <= nanoseconds(self.settings.set_window)
-                or 0 < late < nanoseconds(self.settings.timeout))
-
-    def _finish(self):
-        """Take what came in last for whole."""
-        self._drop_last()
-        if self._first_to_count is not None and self._turn >= self._first_to_count:
-            self._lost_at = None
-            if self._has_sets:
-                self._keyed.pop(_UNPLACED, None)
-            self._known = True
-            self._doubts_window = self._is_cut
-
-    def _drop_last(self):
-        if not self._whole:
-            self._whole = True
-            self._last = {}
+    def _forget(self):
+        self._log, self._former = [], []
 
 
 def nanoseconds(seconds):

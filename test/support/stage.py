@@ -14,12 +14,14 @@
 
 """A scene in which bodies are unit squares on a line and times are seconds, for short tests."""
 
+from collections import Counter
 from dataclasses import replace
 
 import pytest
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from sat_collision.scene.streams import Endpoint
 
 START = 1000.0
 ROBOT = FootprintSettings('robot', '/footprint')
@@ -32,8 +34,8 @@ ACCUMULATED = replace(LIDAR, accumulate=True)
 EVERY_KIND = pytest.mark.parametrize('settings', [LIDAR, INSTANCES, ACCUMULATED],
                                      ids=['sets', 'instances', 'accumulate'])
 TOO_OLD = 'footprint robot on /footprint is older than its timeout of 1 s'
-UNHEARD = 'footprint robot on /footprint has not been heard yet'
-UNHEARD_LIDAR = 'obstacle source lidar on /polygons has not been heard yet'
+NOT_RECEIVED = 'footprint robot on /footprint has not been received yet'
+NOTHING_SENT = 'obstacle source lidar on /polygons has not sent anything yet'
 
 
 def nanoseconds(seconds):
@@ -50,18 +52,17 @@ class Stage:
     One scene and its clock, which begins at START; all times are seconds since then.
 
     Without other settings: a footprint 'robot', stale after 1 s, and a source 'lidar' of sets,
-    silent after 2 s. It has listened for a while, so that what comes is seen from its beginning.
+    silent after 2 s. The messages of each are numbered from 1 on, as by one publisher.
     """
 
-    def __init__(self, *sources, footprints=(ROBOT,), start=START, listens=True, **settings):
+    def __init__(self, *sources, footprints=(ROBOT,), start=START, **settings):
         sources = sources or (LIDAR,)
         self.settings = Settings(tuple(footprints), sources, **settings)
         self.scene = Scene(self.settings)
         self.start = start
         self.time = 0.0
-        if listens:
-            self.scene.advance(self.now - nanoseconds(1.0))
-        self.scene.advance(self.now)
+        self.numbers = Counter()
+        self.scene.pass_time(self.now)
 
     @property
     def now(self):
@@ -73,31 +74,53 @@ class Stage:
             return 0
         return self.now if time is None else nanoseconds(self.start + time)
 
+    def number(self, name):
+        """Return the number of the next message."""
+        self.numbers[name] += 1
+        return self.numbers[name]
+
+    def lose(self, count=1, name='lidar'):
+        """Let messages be sent that never come."""
+        self.numbers[name] += count
+
+    def restart(self, name='lidar'):
+        """Let another publisher begin."""
+        self.numbers[name] = 0
+
+    def publish_by(self, *gids, name='lidar'):
+        """Let these publishers be there from now on, each of a node of its own."""
+        self.scene.update_publishers(name, [Endpoint(gid, f'/{gid}') for gid in gids])
+
     def wait_until(self, time):
         self.time = time
-        self.scene.advance(self.now)
+        self.scene.pass_time(self.now)
 
     def robot(self, x=0.0, stamp=None, frame='map', name='robot'):
-        return self.scene.footprint(name, square(x).packed, frame, self.stamp(stamp), self.now)
+        return self.scene.footprint(name, square(x).packed, frame, self.stamp(stamp), self.now,
+                                    number=self.number(name))
 
     def see(self, x, stamp=None, frame='map', name='lidar', instance=None):
         return self.scene.obstacle(name, square(x).packed, frame, self.stamp(stamp), self.now,
-                                   instance)
+                                   instance, self.number(name))
 
-    def burst(self, *places, stamp=None, name='lidar'):
-        """Let a source send several obstacles with one stamp."""
+    def end(self, stamp=None, name='lidar'):
+        """Send an empty polygon, which ends the set of its stamp."""
+        return self.scene.obstacle(name, None, 'map', self.stamp(stamp), self.now,
+                                   number=self.number(name))
+
+    def send(self, *places, stamp=None, name='lidar'):
+        """Send a whole set."""
         for x in places:
             self.see(x, stamp, name=name)
-
-    def heartbeat(self, stamp=None, name='lidar'):
-        return self.scene.obstacle(name, None, 'map', self.stamp(stamp), self.now)
-
-    def whole(self, name='lidar'):
-        """Let a source say that the set of just now is whole."""
-        return self.heartbeat(name=name)
+        self.end(stamp, name)
 
     def refuse(self, reason='not finite', stamp=None, name='lidar', instance=None):
-        self.scene.refuse(name, reason, self.now, self.stamp(stamp), instance)
+        """Send a message that is of no use."""
+        self.scene.refuse(name, reason, self.now, self.stamp(stamp), instance, self.number(name))
+
+    def send_garbage(self, name='lidar'):
+        """Send what cannot be decoded."""
+        self.scene.refuse(name, 'undecodable', self.now, number=self.number(name))
 
     def state(self, name='robot'):
         return self.scene.state(name)
@@ -120,8 +143,7 @@ def clear_stage(*sources, **settings):
     """Return a stage with a footprint at 0 and an obstacle far from it."""
     stage = Stage(*sources, **settings)
     stage.robot()
-    stage.see(10)
-    stage.whole()
+    stage.send(10)
     assert stage.status() == 'clear'
     return stage
 

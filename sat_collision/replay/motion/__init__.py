@@ -11,5 +11,14 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+"""
+Recorded motion: where everything was between two messages, and what touched on the way.
 
-"""Recorded motion: where everything was between two messages, and what touched on the way."""
+order         messages in the order of their own stamps
+trajectories  bodies at a moment, between two moments, and the trajectory of a footprint
+tracker       who is who from one message to the next
+contacts      where and when a footprint touches obstacles on the way
+kernels       rings by the thousand: bounds, neighbours, motions
+walk          all of this over a recording
+tape          what is kept to draw it
+"""

@@ -1,0 +1,381 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+How two bodies touch, or would touch: the normal, the points of contact, and the way out.
+
+The normal is that of `distance.measure_with_normal`: of two convex bodies the direction from the
+origin to the nearest point of the boundary of their Minkowski difference, outside or inside. It
+is that of an edge, or between two vertices, so that it has a length however near the bodies are.
+Where an edge of each faces the other, both are clipped to what lies before the other, as physics
+engines do (E. Catto, Box2D); the two ends are the points of contact.
+
+Bodies that are not convex touch where the pair of convex parts does that is nearest, or deepest.
+For the way out all pairs count: along a direction each pair overlaps for an interval of lengths,
+and the first length in none of them ends every overlap.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from sat_collision.geometry.arithmetic import require_nearest
+from sat_collision.geometry.distance import goes_first, measure_with_normal
+from sat_collision.geometry.jit import inner, kernel, scratch
+from sat_collision.geometry.layout import convex_part, first_vertex, Packed
+from sat_collision.geometry.nearest_features import reach_of
+from sat_collision.geometry.part_boxes import open_pairs
+from sat_collision.geometry.plane import unit
+from sat_collision.geometry.polygon import as_polygon, BodyLike
+from sat_collision.geometry.separating_axis import support
+
+# The sine of the angle up to which edges count as level: 1 cm for each metre.
+FACING = 0.01
+# What rounding may do to a length, in parts of the largest coordinate.
+_ROUNDING = 2.0 ** -48
+_LEAST = 5e-324
+# Up to this growth a move along an edge counts as level with it.
+_LEVEL = 1e-9
+# Of how many pairs of parts, the deepest, the normals are tried as ways out, and how many pushes
+# of pairs make one more.
+_WAYS = 16
+_PUSHES = 16
+
+
+class Contact(NamedTuple):
+    """
+    How two bodies a and b touch, or would.
+
+    Attributes
+    ----------
+    separation : float
+        As `separation` has it, metres: negative where they overlap.
+    normal : (2,) ndarray
+        Unit vector from b to a, also of bodies that touch.
+    depth : float
+        Metres, 0 unless they overlap: moved by depth * normal, a only touches b, but for rounding
+        (2^-46 of the largest coordinate). Of convex bodies this is minus the separation, and no
+        shorter move does. Of others it is the shortest move in the directions tried; none is
+        shorter than minus the separation, the depth of the deepest pair of convex parts. A body
+        that fits into another exactly has depth 0, one that is a little larger may have much.
+    points_a, points_b : (k, 2) ndarray
+        One or two points of a, and of b, of the pair of convex parts that is nearest or deepest.
+        Two where an edge of each is across the normal, within 0.01 rad: the ends of what these
+        share, in the order of the normal turned left. From a point of b to that of a it is along
+        the normal of the two parts, for one of them as far as the separation.
+
+    Examples
+    --------
+    >>> contact([(0, 0), (2, 0)], [(1, 1), (3, 1)]).points_a
+    array([[1., 0.],
+           [2., 0.]])
+
+    """
+
+    separation: float
+    normal: NDArray[np.float64]
+    depth: float
+    points_a: NDArray[np.float64]
+    points_b: NDArray[np.float64]
+
+
+def contact(a: BodyLike, b: BodyLike) -> Contact:
+    """
+    Return how two bodies touch, or would if they came nearer: normal, points and depth.
+
+    All but the number of points changes little where the bodies do, but where it cannot: where two
+    ways out are equally short, or two features equally near, the normal is one of both.
+
+    Parameters
+    ----------
+    a, b : Polygon, (n, 2) array_like or geometry
+        Polygons, segments or points, convex or not, in one frame; metres, below 8e307.
+
+    Returns
+    -------
+    Contact
+        Of two points at the same place the normal is (-1, 0).
+
+    Raises
+    ------
+    PolygonError
+        Points that do not make a polygon.
+
+    Examples
+    --------
+    >>> contact([(0, 0), (2, 0), (2, 2), (0, 2)], [(1, 1.75), (4, 1.75), (4, 5)]).depth
+    0.25
+
+    """
+    p, n = as_polygon(a).packed
+    q, m = as_polygon(b).packed
+    separation, depth, nx, ny, count, pairs = contact_of_arrays(p, n, q, m)
+    points = np.array(pairs).reshape(2, 2, 2)[:count]
+    return Contact(separation, np.array([nx, ny]) + 0.0, depth, points[:, 0], points[:, 1])
+
+
+@kernel
+def contact_of_arrays(p, n, q, m):
+    """
+    Return the contact of two bodies that an array each holds, with counts n and m.
+
+    Returns
+    -------
+    separation, depth, nx, ny : float
+        As `Contact` has them.
+    count : int
+        1 or 2.
+    pairs : tuple of two tuples of float
+        So many points of contact, each as x, y on P and x, y on Q.
+
+    """
+    require_nearest(n)
+    p = Packed(p, 0, n)
+    q = Packed(q, 0, m)
+    # Of what is equally good the same is taken, whichever body is named first.
+    if not goes_first(q, p):
+        return _contact(p, q)
+    least, depth, nx, ny, count, (one, other) = _contact(q, p)
+    return least, depth, -nx, -ny, count, (_exchanged(other), _exchanged(one))
+
+
+@inner
+def _contact(p, q):
+    """Return the contact of two bodies in that order."""
+    least, a, b, found = _deciding_parts(p, q)
+    nx = -found[4]
+    ny = -found[5]
+    count, pairs = _points_of_contact(a, b, found)
+    depth = -least if least < 0.0 else 0.0
+    if least <= 0.0 and (p.n < 0 or q.n < 0):
+        depth, nx, ny = _way_out(p, q, depth)
+    return least, depth, nx, ny, count, pairs
+
+
+@inner
+def _deciding_parts(p, q):
+    """Return the separation of two bodies, the convex parts that realise it, and how."""
+    least, found = measure_with_normal(p, q)
+    if p.n > 0 and q.n > 0:
+        return least, p, q, found
+    parts = max(1, -q.n)
+    best = math.inf
+    a = convex_part(p, 0)
+    b = convex_part(q, 0)
+    # Those with boxes so far apart are open, too.
+    for pair in open_pairs(p, q, np.nextafter(least, math.inf)):
+        one = convex_part(p, pair // parts)
+        other = convex_part(q, pair % parts)
+        value, points = measure_with_normal(one, other)
+        if value < best:
+            best = value
+            found = points
+            a = one
+            b = other
+    return least, a, b, found
+
+
+@inner
+def _points_of_contact(p, q, found):
+    """
+    Return how many points of contact two convex polygons have, and two, the first maybe twice.
+
+    They are what their edges that face each other share across the normal, if both are level with
+    it, else the closest points.
+    """
+    x, y, qx, qy, ux, uy = found
+    closest = (x, y, qx, qy)
+    a, b = _level_edge(p, ux, uy)
+    c, d = _level_edge(q, -ux, -uy)
+    if a < 0 or c < 0:
+        return 1, (closest, closest)
+    # Where they are along u turned left, from the closest point of P on; that of Q is beside it.
+    v = p.array
+    w = q.array
+    start = (v[a] - x) * -uy + (v[a + 1] - y) * ux
+    end = (v[b] - x) * -uy + (v[b + 1] - y) * ux
+    other_start = (w[c] - x) * -uy + (w[c + 1] - y) * ux
+    other_end = (w[d] - x) * -uy + (w[d + 1] - y) * ux
+    if not max(start, other_end) < min(end, other_start):
+        return 1, (closest, closest)
+    if start > other_end:
+        low = _opposite(v, a, w, c, d, (start - other_start) / (other_end - other_start))
+    else:
+        low = _exchanged(_opposite(w, d, v, a, b, (other_end - start) / (end - start)))
+    if end < other_start:
+        high = _opposite(v, b, w, c, d, (end - other_start) / (other_end - other_start))
+    else:
+        high = _exchanged(_opposite(w, c, v, a, b, (other_start - start) / (end - start)))
+    # Turned left the normal, from Q to P, points the other way.
+    return 2, (high, low)
+
+
+@inner
+def _level_edge(p, ux, uy):
+    """Return start and end of the edge of P that faces a direction most; -1, -1 if it slants."""
+    v = p.array
+    first = first_vertex(p)
+    last = first + 2 * p.n - 2
+    least = FACING
+    start = end = -1
+    for a in range(first, last + 2 if p.n > 1 else first, 2):
+        b = a + 2 if a < last else first
+        ex, ey = unit(v[b] - v[a], v[b + 1] - v[a + 1])
+        slant = abs(ex * ux + ey * uy)
+        if ey * ux - ex * uy > 0.0 and slant <= least:
+            least = slant
+            start = a
+            end = b
+    return start, end
+
+
+@inner
+def _opposite(v, k, w, start, end, share):
+    """Return a vertex of one body and the point at a share of an edge of the other."""
+    return (v[k], v[k + 1], w[start] + share * (w[end] - w[start]),
+            w[start + 1] + share * (w[end + 1] - w[start + 1]))
+
+
+@inner
+def _exchanged(pair):
+    """Return a pair of points with that of the other body first."""
+    return pair[2], pair[3], pair[0], pair[1]
+
+
+@inner
+def _way_out(p, q, depth):
+    """
+    Return a length and a direction x, y, by which P is moved out of Q: the shortest that is found.
+
+    Tried are the normals of the pairs of parts that overlap deepest, and the direction in which
+    they push together. The depth is that of the deepest pair.
+    """
+    pairs = open_pairs(p, q, _LEAST)
+    parts = max(1, -q.n)
+    pushes = scratch(3 * len(pairs))
+    count = 0
+    for pair in pairs:
+        a = convex_part(p, pair // parts)
+        b = convex_part(q, pair % parts)
+        value, found = measure_with_normal(a, b)
+        if value <= 0.0:
+            pushes[count] = -value
+            pushes[count + 1] = -found[4]
+            pushes[count + 2] = -found[5]
+            count += 3
+    rounding = _ROUNDING * reach_of(p, q)
+    best = math.inf
+    ux, uy = unit(*_pushed(pushes, count))
+    if ux != 0.0 or uy != 0.0:
+        best = _length_out(p, q, ux, uy, rounding)
+    for _ in range(min(_WAYS, count // 3)):
+        deepest = 0
+        for k in range(3, count, 3):
+            if pushes[k] > pushes[deepest]:
+                deepest = k
+        pushes[deepest] = -1.0
+        x = pushes[deepest + 1]
+        y = pushes[deepest + 2]
+        out = _length_out(p, q, x, y, rounding)
+        if out < best:
+            best, ux, uy = out, x, y
+    return (depth if best <= depth + rounding else best), ux, uy
+
+
+@inner
+def _pushed(pushes, count):
+    """Return the move made by letting, again and again, the pair push that overlaps most."""
+    x = 0.0
+    y = 0.0
+    for _ in range(_PUSHES):
+        most = 0.0
+        strongest = 0
+        for k in range(0, count, 3):
+            left = pushes[k] - (x * pushes[k + 1] + y * pushes[k + 2])
+            if left > most:
+                most = left
+                strongest = k
+        x += most * pushes[strongest + 1]
+        y += most * pushes[strongest + 2]
+    return x, y
+
+
+@inner
+def _length_out(p, q, ux, uy, rounding):
+    """Return how far P has to be moved along a direction until no part overlaps one of Q."""
+    rows = max(1, -p.n)
+    columns = max(1, -q.n)
+    intervals = scratch(2 * rows * columns)
+    count = 0
+    for i in range(rows):
+        a = convex_part(p, i)
+        for j in range(columns):
+            enter, leave = _overlap_along(a, convex_part(q, j), ux, uy, rounding)
+            if max(enter, 0.0) < leave:
+                intervals[count] = enter
+                intervals[count + 1] = leave
+                count += 2
+    out = 0.0
+    moved = True
+    while moved:
+        moved = False
+        for k in range(0, count, 2):
+            # An interval that begins where another ends continues it: parts side by side.
+            if intervals[k] <= out + rounding and intervals[k + 1] > out:
+                out = intervals[k + 1]
+                moved = True
+    return out
+
+
+@inner
+def _overlap_along(a, b, ux, uy, rounding):
+    """Return from where to where A overlaps B as it moves along a direction; the same if never."""
+    enter = -math.inf
+    leave = math.inf
+    if a.n == 1 and b.n == 1:
+        return enter, enter
+    for side, p, q in ((1.0, a, b), (-1.0, b, a)):
+        v = p.array
+        w = q.array
+        first = first_vertex(p)
+        for k in range(first, first + 2 * p.n if p.n > 1 else first, 2):
+            end = k + 2 if k < first + 2 * p.n - 2 else first
+            ex, ey = unit(v[end] - v[k], v[end + 1] - v[k + 1])
+            j = _furthest(q, -ey, ex)
+            # So far Q reaches behind this edge, and so much more with each metre.
+            reach = ex * (w[j + 1] - v[k + 1]) - ey * (w[j] - v[k])
+            growth = side * (ux * ey - uy * ex)
+            if reach <= rounding and growth <= _LEVEL:
+                return enter, enter
+            if growth > 0.0:
+                enter = max(enter, -reach / growth)
+            elif growth < 0.0:
+                leave = min(leave, -reach / growth)
+    return enter, leave
+
+
+@inner
+def _furthest(p, ux, uy):
+    """Return where the vertex of P furthest along u stands, to rounding."""
+    summit = support(p, ux, uy)
+    if summit < 0:
+        v = p.array
+        summit = first_vertex(p)
+        for k in range(summit, summit + 2 * p.n, 2):
+            if (v[k] - v[summit]) * ux + (v[k + 1] - v[summit + 1]) * uy > 0.0:
+                summit = k
+    return summit

@@ -1,0 +1,251 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+The nearest features, a vertex and an edge or two vertices, of two convex polygons apart.
+
+The point of their Minkowski difference Q - P nearest to the origin is sought with its support
+vertices (E. G. Gilbert, D. W. Johnson, S. S. Keerthi, "A fast procedure for computing the distance
+between complex objects in three-dimensional space", 1988), first in plain doubles. Then, in twice
+their precision, no vertex may be beyond the line through what was found, across the way between
+the bodies; where one is, the search goes on from there. Where it does not come to an end all pairs
+of features are tried. See docs/exactness.md, lemma 17.
+
+Coordinates are below 2^301 in magnitude, and the largest is above 2^-301, see `distance`.
+"""
+
+from typing import Any, NamedTuple
+
+from sat_collision.geometry.double_double import (
+    cross, difference, dot, negative, plus, quotient, scaled, square_root, times)
+from sat_collision.geometry.furthest_vertex import along, furthest
+from sat_collision.geometry.jit import inner, kernel
+from sat_collision.geometry.layout import first_vertex
+from sat_collision.geometry.plane import nearest_of_segment, scale_to_one
+from sat_collision.geometry.separating_axis import support
+
+# How far, in parts of the largest coordinate, the rough distance may be from its lower bound: 4 u.
+_TOLERANCE = 2.0 ** -51
+# How much less, in parts of itself, the distance may be than the one found: u / 2.
+_NEGLIGIBLE = 2.0 ** -54
+
+
+class Features(NamedTuple):
+    """
+    Two segments between vertices, at least one of which is a single vertex, and their distance.
+
+    Attributes
+    ----------
+    distance : float
+    pa, pb, qa, qb : int
+        Where the ends of that of P stand in its array, and of that of Q.
+    nx, ny : pair of float
+        The way from P to Q: an axis of any length, in twice the precision.
+
+    """
+
+    distance: float
+    pa: int
+    pb: int
+    qa: int
+    qb: int
+    nx: Any
+    ny: Any
+
+
+@kernel
+def nearest_features(p, q):
+    """Return the nearest features of two convex polygons without a common point."""
+    v = p.array
+    w = q.array
+    pa, pb, qa, qb = _roughly_nearest(p, q)
+    best = _of_segments(v, w, pa, pb, qa, qb)
+    for _ in range(p.n + q.n):
+        i = furthest(p, best.pa, best.nx, best.ny)
+        j = furthest(q, best.qa, negative(best.nx), negative(best.ny))
+        beyond = plus(along(w, best.qa, j, best.nx, best.ny),
+                      negative(along(v, best.pa, i, best.nx, best.ny)))
+        height = dot(*_way(v, w, best.pa, best.qa), best.nx, best.ny)
+        if beyond[0] >= -_NEGLIGIBLE * height[0]:
+            return best
+        on_a = _of_segments(v, w, best.pa, i, best.qa, j)
+        on_b = _of_segments(v, w, best.pb, i, best.qb, j)
+        best = on_a if on_a.distance <= on_b.distance else on_b
+    return of_all_features(p, q)
+
+
+@kernel
+def of_all_features(p, q):
+    """Return the nearest features of two convex polygons by trying all pairs."""
+    v = p.array
+    w = q.array
+    first = first_vertex(p)
+    other_first = first_vertex(q)
+    best = _of_segment(v, w, first, first, other_first, other_first)
+    for i in range(p.n):
+        a = first + 2 * i
+        b = first + 2 * (i + 1 if i + 1 < p.n else 0)
+        for j in range(q.n):
+            c = other_first + 2 * j
+            d = other_first + 2 * (j + 1 if j + 1 < q.n else 0)
+            found = _of_segments(v, w, a, b, c, d)
+            if found.distance < best.distance:
+                best = found
+    return best
+
+
+@kernel
+def closest_of(p, q, features):
+    """
+    Return the points of P and Q that are nearest, x, y, x, y, and the unit vector between them.
+
+    Each coordinate of a point is rounded once.
+    """
+    v = p.array
+    w = q.array
+    _, pa, pb, qa, qb, nx, ny = features
+    size = square_root(dot(nx, ny, nx, ny))
+    if size[0] == 0.0:
+        return v[pa], v[pa + 1], w[qa], w[qa + 1], 1.0, 0.0
+    ux = quotient(nx, size)[0]
+    uy = quotient(ny, size)[0]
+    if pa == pb and qa == qb:
+        return v[pa], v[pa + 1], w[qa], w[qa + 1], ux, uy
+    ex, ey = _edge(v, w, pa, pb, qa, qb)
+    along = negative(dot(*_way(v, w, pa, qa), ex, ey))
+    share = quotient(along, plus(along, dot(*_way(v, w, pb, qb), ex, ey)))
+    return (_between(v[pa], v[pb], share), _between(v[pa + 1], v[pb + 1], share),
+            _between(w[qa], w[qb], share), _between(w[qa + 1], w[qb + 1], share), ux, uy)
+
+
+@inner
+def _way(v, w, i, j):
+    """Return the way from the vertex at i of P to that at j of Q, exactly."""
+    return difference(w[j], v[i]), difference(w[j + 1], v[i + 1])
+
+
+@inner
+def _edge(v, w, pa, pb, qa, qb):
+    """Return how the way from P to Q changes along their features, of which one is a vertex."""
+    if pa == pb:
+        ex = difference(w[qb], w[qa])
+        ey = difference(w[qb + 1], w[qa + 1])
+    else:
+        ex = difference(v[pa], v[pb])
+        ey = difference(v[pa + 1], v[pb + 1])
+    return scaled(ex, ey, scale_to_one(max(abs(ex[0]), abs(ey[0]))))
+
+
+@inner
+def _between(a, b, share):
+    """Return a + share (b - a), rounded once."""
+    return plus((a, 0.0), times(share, difference(b, a)))[0]
+
+
+@inner
+def _roughly_nearest(p, q):
+    """Return vertices pa, pb, qa, qb between which the nearest points are, in plain doubles."""
+    v = p.array
+    w = q.array
+    pa = pb = first_vertex(p)
+    qa = qb = first_vertex(q)
+    ux = w[q.start] - v[p.start]
+    uy = w[q.start + 1] - v[p.start + 1]
+    pw = support(p, ux, uy)
+    qw = support(q, -ux, -uy)
+    if pw < 0 or qw < 0:
+        return pa, pb, qa, qb
+    pa = pb = pw
+    qa = qb = qw
+    near, ux, uy = _near_segment(v, w, pa, qa, pb, qb)
+    enough = _TOLERANCE * reach_of(p, q)
+    for _ in range(p.n + q.n):
+        pw = support(p, ux, uy)
+        qw = support(q, -ux, -uy)
+        if pw < 0 or qw < 0:
+            break
+        if (w[qw] - v[pw]) * ux + (w[qw + 1] - v[pw + 1]) * uy >= near - enough:
+            break
+        to_a, ax, ay = _near_segment(v, w, pa, qa, pw, qw)
+        to_b, bx, by = _near_segment(v, w, pw, qw, pb, qb)
+        if to_a <= to_b:
+            near, ux, uy = to_a, ax, ay
+            pb = pw
+            qb = qw
+        else:
+            near, ux, uy = to_b, bx, by
+            pa = pw
+            qa = qw
+    return pa, pb, qa, qb
+
+
+@inner
+def _near_segment(p, q, pa, qa, pb, qb):
+    """Return `nearest_of_segment` of the one from q[qa] - p[pa] to q[qb] - p[pb]."""
+    return nearest_of_segment(q[qa] - p[pa], q[qa + 1] - p[pa + 1],
+                              q[qb] - p[pb], q[qb + 1] - p[pb + 1])
+
+
+@kernel
+def reach_of(p, q):
+    """Return the greatest magnitude of a coordinate of two packed polygons."""
+    a = p.array
+    b = q.array
+    i = p.start
+    j = q.start
+    return max(max(max(-a[i + 2], a[i + 4]), max(-a[i + 3], a[i + 5])),
+               max(max(-b[j + 2], b[j + 4]), max(-b[j + 3], b[j + 5])))
+
+
+@inner
+def _of_segments(v, w, pa, pb, qa, qb):
+    """Return the nearest features of a segment of P and one of Q, apart, given by vertices."""
+    best = _of_segment(v, w, pa, pb, qa, qa)
+    if qa != qb:
+        found = _of_segment(v, w, pa, pa, qa, qb)
+        best = found if found.distance < best.distance else best
+        if pa != pb:
+            found = _of_segment(v, w, pa, pb, qb, qb)
+            best = found if found.distance < best.distance else best
+            found = _of_segment(v, w, pb, pb, qa, qb)
+            best = found if found.distance < best.distance else best
+    return best
+
+
+@inner
+def _of_segment(v, w, pa, pb, qa, qb):
+    """Return the nearest features of two segments one of which is a vertex."""
+    ax, ay = _way(v, w, pa, qa)
+    if pa == pb and qa == qb:
+        return _of_vertices(pa, qa, ax, ay)
+    ex, ey = _edge(v, w, pa, pb, qa, qb)
+    if not dot(ax, ay, ex, ey)[0] < 0.0:
+        return _of_vertices(pa, qa, ax, ay)
+    bx, by = _way(v, w, pb, qb)
+    if not dot(bx, by, ex, ey)[0] > 0.0:
+        return _of_vertices(pb, qb, bx, by)
+    height = cross(ax, ay, ex, ey)
+    if height[0] < 0.0:
+        height = negative(height)
+        ex = negative(ex)
+        ey = negative(ey)
+    distance = quotient(height, square_root(dot(ex, ey, ex, ey)))[0]
+    return Features(distance, pa, pb, qa, qb, ey, negative(ex))
+
+
+@inner
+def _of_vertices(i, j, x, y):
+    """Return two vertices as features, given the way between them."""
+    scale = scale_to_one(max(abs(x[0]), abs(y[0])))
+    x, y = scaled(x, y, scale)
+    return Features(square_root(dot(x, y, x, y))[0] / scale, i, i, j, j, x, y)

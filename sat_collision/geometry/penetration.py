@@ -1,0 +1,158 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+How deep two convex polygons overlap: the shortest move after which they only touch.
+
+That is along the normal of an edge of one of them, and as far as the other body reaches beyond it.
+All edges are looked at in plain doubles, and those that might have the least depth again in twice
+the precision: see docs/exactness.md, lemma 18.
+"""
+
+import math
+
+from sat_collision.geometry.double_double import (
+    cross, difference, dot, negative, plus, quotient, scaled, square_root, times)
+from sat_collision.geometry.furthest_vertex import furthest, SHORT
+from sat_collision.geometry.jit import inner, kernel, scratch
+from sat_collision.geometry.layout import first_vertex
+from sat_collision.geometry.nearest_features import reach_of
+from sat_collision.geometry.part_axes import ROUNDING
+from sat_collision.geometry.plane import scale_to_one, unit
+from sat_collision.geometry.separating_axis import support
+
+
+@kernel
+def penetration(p, q):
+    """
+    Return how deep two convex polygons that meet overlap, and what realises it.
+
+    Returns
+    -------
+    depth : float
+        Rounded, and infinite if both are points, or like points by underflow.
+    ax, ay, bx, by : float
+        A point of P and one of Q: the move from the first to the second takes P out of Q.
+    ux, uy : float
+        The unit vector along which Q leaves P.
+
+    """
+    slack = 2.0 * ROUNDING * reach_of(p, q)
+    depth, edge, vertex = _least_reach(p, q, slack)
+    other_depth, other_edge, other_vertex = _least_reach(q, p, slack)
+    if other_depth < depth:
+        bx, by, ax, ay, ux, uy = _move(q, p, other_edge, other_vertex)
+        return other_depth, ax, ay, bx, by, -ux, -uy
+    if depth == math.inf:
+        v = p.array
+        i = first_vertex(p)
+        return depth, v[i], v[i + 1], v[i], v[i + 1], 1.0, 0.0
+    ax, ay, bx, by, ux, uy = _move(p, q, edge, vertex)
+    return depth, ax, ay, bx, by, ux, uy
+
+
+@inner
+def _least_reach(p, q, slack):
+    """
+    Return how far Q reaches beyond the edge of P behind which it reaches least.
+
+    Returned are this depth (infinite if P is a point, or like one by underflow), where the edge
+    starts in P's array, and where the vertex of Q that reaches so far stands.
+    """
+    v = p.array
+    w = q.array
+    first = first_vertex(p)
+    count = p.n if p.n > 1 else 0
+    rough = scratch(count)
+    least = math.inf
+    for i in range(count):
+        a = first + 2 * i
+        b = _after(p, a)
+        ex = v[b] - v[a]
+        ey = v[b + 1] - v[a + 1]
+        long = max(abs(ex), abs(ey)) > SHORT
+        ex, ey = unit(ex, ey)
+        j = support(q, -ey, ex)
+        rough[i] = -math.inf
+        if long and j >= 0:
+            rough[i] = ex * (w[j + 1] - v[a + 1]) - ey * (w[j] - v[a])
+            least = min(least, rough[i])
+    depth = math.inf
+    edge = first
+    vertex = first_vertex(q)
+    for i in range(count):
+        if rough[i] > least + slack:
+            continue
+        a = first + 2 * i
+        ex, ey = _edge(p, a)
+        if ex[0] == 0.0 and ey[0] == 0.0:
+            continue
+        # No vertex of P is beyond its edge, but for one so short that underflow turns it.
+        k = furthest(p, a, ey, negative(ex))
+        j = furthest(q, first_vertex(q), negative(ey), ex)
+        reach = cross(ex, ey, difference(w[j], v[k]), difference(w[j + 1], v[k + 1]))
+        found = quotient(reach, square_root(dot(ex, ey, ex, ey)))[0]
+        if found < depth:
+            depth = found
+            edge = a
+            vertex = j
+    return depth, edge, vertex
+
+
+@inner
+def _after(p, a):
+    """Return where the vertex after that at a stands."""
+    first = first_vertex(p)
+    return a + 2 if a < first + 2 * p.n - 2 else first
+
+
+@inner
+def _edge(p, a):
+    """Return the edge of P that leaves the vertex at a, times a power of two."""
+    v = p.array
+    b = _after(p, a)
+    ex = difference(v[b], v[a])
+    ey = difference(v[b + 1], v[a + 1])
+    return scaled(ex, ey, scale_to_one(max(abs(ex[0]), abs(ey[0]))))
+
+
+@inner
+def _move(p, q, a, j):
+    """
+    Return a point of P's edge at a, one of Q as far beyond it as its vertex at j, and the normal.
+
+    The point of Q is that vertex if it stands over the edge. Otherwise an edge of Q is parallel,
+    and its point over the nearer end is taken. Each coordinate is rounded once.
+    """
+    v = p.array
+    w = q.array
+    b = _after(p, a)
+    ex, ey = _edge(p, a)
+    dx = difference(w[j], v[a])
+    dy = difference(w[j + 1], v[a + 1])
+    square = dot(ex, ey, ex, ey)
+    share = quotient(cross(ex, ey, dx, dy), square)
+    # From Q's point to P's.
+    mx = times(share, ey)
+    my = negative(times(share, ex))
+    size = square_root(square)
+    ux = quotient(ey, size)[0]
+    uy = -quotient(ex, size)[0]
+    if dot(ex, ey, dx, dy)[0] < 0.0:
+        end = a
+    elif dot(ex, ey, difference(w[j], v[b]), difference(w[j + 1], v[b + 1]))[0] > 0.0:
+        end = b
+    else:
+        return (plus((w[j], 0.0), mx)[0], plus((w[j + 1], 0.0), my)[0], w[j], w[j + 1], ux, uy)
+    return (v[end], v[end + 1], plus((v[end], 0.0), negative(mx))[0],
+            plus((v[end + 1], 0.0), negative(my))[0], ux, uy)

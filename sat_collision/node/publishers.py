@@ -1,0 +1,209 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Who publishes what the node subscribes to, and whether all of it can be received."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+
+from rclpy.event_handler import QoSSubscriptionMatchedInfo
+from rclpy.node import Node
+from rclpy.qos import (
+    qos_check_compatible, QoSCompatibility, QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy)
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+from sat_collision.node.loop import Input
+from sat_collision.scene.streams import Endpoint
+
+_UNKNOWN = '_NODE_NAME_UNKNOWN_'
+_PASSED = 'one that has gone'
+# Looked at anew after so many looks, whatever the middleware has told.
+_LOOKS = 10
+
+
+class Publishers:
+    """
+    Looks at the publishers of each input.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    inputs : sequence of Input
+
+    Attributes
+    ----------
+    dead : dict
+        How many publishers of an input have lost their liveliness, by its name: the middleware
+        still counts them.
+    changed : set of str
+        Names of the inputs whose publishers may have changed.
+    told : dict
+        The publishers of each input that `news` told last, by its name.
+
+    """
+
+    def __init__(self, node: Node, inputs: Sequence[Input]) -> None:
+        self.dead: dict[str, int] = {}
+        self.changed = {one.name for one in inputs}
+        self.told: dict[str, list[Endpoint]] = {}
+        self._node = node
+        self._inputs = inputs
+        self._looks = 0
+        # By name of an input: how many are matched with it, how many more there were since its
+        # subscription was made than were seen, and who was seen since then.
+        self._matched: dict[str, int] = {}
+        self._unseen: Counter[str] = Counter()
+        self._receivable: dict[str, set[str]] = {}
+        self._met: dict[str, set[str]] = {one.name: set() for one in inputs}
+        self._counts: dict[str, int] = {}
+        self._seen: dict[str, list[Endpoint]] = {}
+        # The gids of all, those that have died among them, as they came.
+        self._order: dict[str, list[str]] = {}
+
+    def note_matched(self, name: str, event: QoSSubscriptionMatchedInfo) -> None:
+        """Take how many publishers are matched with the subscription of an input."""
+        self.changed.add(name)
+        self._matched[name] = event.current_count
+        self._unseen[name] += event.total_count_change
+
+    def forget_matched(self, name: str) -> None:
+        """Count anew who is matched: an input has another subscription."""
+        self.changed.add(name)
+        self._matched.pop(name, None)
+        self._unseen[name] = 0
+        self._met[name] = set()
+
+    def news(self, behind: Iterable[str]) -> Iterator[tuple[str, list[Endpoint]]]:
+        """
+        Yield the inputs whose publishers have changed since the last call, and who they are.
+
+        That one has ended is told when all that it has sent is taken: not before the next call.
+
+        Parameters
+        ----------
+        behind : iterable of str
+            Names of the inputs of which messages wait to be taken.
+
+        """
+        self._looks += 1
+        for one in self._inputs:
+            publishers = self._news_of(one, one.name in behind)
+            if publishers is not None:
+                yield one.name, publishers
+
+    def at_beginning(self, name: str) -> list[Endpoint] | None:
+        """Return the publishers of an input of which a stream begins, None if nothing is new."""
+        for one in self._inputs:
+            if one.name == name:
+                self.changed.add(name)
+                return self._news_of(one, True)
+        return None
+
+    def _news_of(self, one: Input, is_behind: bool) -> list[Endpoint] | None:
+        """Return the publishers of an input, None if they are those that were told last."""
+        name = one.name
+        count = self._node.count_publishers(one.subscription.topic_name)
+        if name in self.changed or count != self._counts.get(name) or self._looks % _LOOKS == 0:
+            self._counts[name] = count
+            self.changed.discard(name)
+            seen = self._look(one)
+            if any(not endpoint.node for endpoint in seen):
+                self.changed.add(name)
+        else:
+            seen = self._seen[name]
+        before, self._seen[name] = self._seen.get(name, []), seen
+        told = self.told.get(name)
+        if self._have_passed(name):
+            # One came and has gone again, between two looks: what it sent is told of.
+            seen = [*(told or ()), Endpoint(f'look {self._looks}', _PASSED)]
+        elif is_behind:
+            # One that has come counts at once.
+            gids = {endpoint.gid for endpoint in seen}
+            seen = [*(gone for gone in told or () if gone.gid not in gids), *seen]
+        elif {endpoint.gid for endpoint in before} - {endpoint.gid for endpoint in seen}:
+            return None
+        if seen == told:
+            return None
+        self.told[name] = seen
+        return seen
+
+    def _have_passed(self, name: str) -> bool:
+        """Return whether publishers were matched that never were seen, and are not any more."""
+        if len(self._receivable[name]) != self._matched.get(name):
+            return False
+        met = self._met[name]
+        self._unseen[name] -= len(self._receivable[name] - met)
+        met |= self._receivable[name]
+        have_passed = self._unseen[name] > 0
+        if have_passed:
+            self._unseen[name] = 0
+            self.changed.add(name)
+        return have_passed
+
+    def _look(self, one: Input) -> list[Endpoint]:
+        """Return the publishers that live, in an order that does not change."""
+        subscription = one.subscription
+        infos = self._node.get_publishers_info_by_topic(subscription.topic_name)
+        known = self._order.get(one.name, [])
+        endpoints = [self._endpoint(info, one) for info in infos]
+        endpoints.sort(key=lambda endpoint: (
+            known.index(endpoint.gid) if endpoint.gid in known else len(known)))
+        self._order[one.name] = [endpoint.gid for endpoint in endpoints]
+        # Which of them have died is not told: those that have been there the longest.
+        dead = self.dead.get(one.name, 0)
+        self._receivable[one.name] = {
+            endpoint.gid for endpoint in endpoints if not endpoint.problem}
+        return [endpoint for endpoint in endpoints if endpoint.problem] + [
+            endpoint for endpoint in endpoints if not endpoint.problem][dead:]
+
+    def _endpoint(self, info: TopicEndpointInfo, one: Input) -> Endpoint:
+        topic, qos = one.subscription.topic_name, one.subscription.qos_profile
+        name = '' if info.node_name == _UNKNOWN else (
+            f'{info.node_namespace.rstrip("/")}/{info.node_name}')
+        problem = hint = ''
+        expected = _type_name(one.subscription.msg_type)
+        if info.topic_type != expected:
+            problem = f'of another type, {info.topic_type}, where {expected} is expected'
+        elif wrong := _incompatible(info.qos_profile, qos, topic):
+            problem = f'which cannot be received: {wrong}'
+        elif (info.qos_profile.durability is QoSDurabilityPolicy.TRANSIENT_LOCAL
+              and qos.durability is not QoSDurabilityPolicy.TRANSIENT_LOCAL):
+            hint = ('its publisher keeps what it has sent, of which nothing comes here: set '
+                    f'qos_overrides.{topic}.subscription.durability: transient_local')
+        return Endpoint(bytes(info.endpoint_gid).hex(), name, problem, hint)
+
+
+def _incompatible(offered: QoSProfile, requested: QoSProfile, topic: str) -> str:
+    """Return why a subscription gets nothing of a publisher, and what to do; empty if it does."""
+    compatibility, reason = qos_check_compatible(offered, requested)
+    if compatibility != QoSCompatibility.ERROR:  # of pybind11, whose values have no identity
+        return ''
+    override = f'set qos_overrides.{topic}.subscription'
+    if (offered.reliability is QoSReliabilityPolicy.BEST_EFFORT
+            and requested.reliability is QoSReliabilityPolicy.RELIABLE):
+        return (f'it is best effort, the subscription reliable; make it reliable, or {override}'
+                '.reliability: best_effort')
+    if (offered.durability is QoSDurabilityPolicy.VOLATILE
+            and requested.durability is QoSDurabilityPolicy.TRANSIENT_LOCAL):
+        return (f'it is volatile, the subscription transient local; make it transient local, or '
+                f'{override}.durability: volatile')
+    reason = reason.removeprefix('ERROR: ').strip(' ;')
+    return f'{reason}; change what it offers, or {override}.*'
+
+
+def _type_name(kind: type) -> str:
+    """Return the name of a message type as the graph has it."""
+    package, *_, name = f'{kind.__module__}.{kind.__name__}'.split('.')
+    return f'{package}/msg/{name}'

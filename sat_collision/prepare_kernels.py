@@ -1,0 +1,49 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The command prepare_kernels: compiles all kernels that are installed with what they need."""
+
+from __future__ import annotations
+
+import sys
+
+
+def main() -> int:
+    """Prepare the kernels of all, or of the library alone where replay_check cannot run."""
+    try:
+        from sat_collision.replay.kernels import main as prepare_all
+    except ModuleNotFoundError as error:
+        if str(error.name).startswith('sat_collision'):
+            raise
+        print(f'preparing the library only: replay_check needs {error.name}', flush=True)
+        return prepare_library()
+    return prepare_all()
+
+
+def prepare_library() -> int:
+    """Prepare the kernels of the library."""
+    from sat_collision.geometry import warm_up
+    from sat_collision.geometry.preparation import Preparation
+
+    def say(words: str) -> None:
+        print(words, flush=True)
+
+    preparation = Preparation(say, say)
+    warm_up.prepare_pairs()
+    preparation.complete()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,247 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Recordings: what is read of a bag, and of a damaged one what is left."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterator
+import hashlib
+from pathlib import Path
+import re
+from types import TracebackType
+import zlib
+
+from sat_collision.replay.bag.mcap import McapFile
+from sat_collision.replay.bag.metadata import Metadata, read_metadata
+from sat_collision.replay.bag.rosbag2 import is_there, Rosbag2Storage
+from sat_collision.replay.bag.sqlite import SqliteFile
+from sat_collision.replay.bag.storage import Faults, Message, Storage
+from sat_collision.replay.bag.unpacking import (
+    Damage, in_words, Limits, Scratch, unpacked, why_not_unpacked, ZSTD_MAGIC)
+
+_STORAGE = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
+_ROS_1 = b'#ROSBAG V'
+_LOW = 2**32 - 1
+
+
+class Recording:
+    """
+    A rosbag2 recording: a directory with metadata.yaml, or one storage file.
+
+    Every file is read for as far as that goes, and every fault is noted, so that a damaged
+    recording still tells what it can. What metadata.yaml announces is compared with what is
+    there. To be used as a context manager.
+
+    Parameters
+    ----------
+    path : str or Path
+    limits : Limits
+
+    Attributes
+    ----------
+    topics, counts : dict
+        Type and number of messages of each topic.
+    latched : set of str
+        Topics whose publishers had what they sent last delivered to who came later.
+    start, end : int
+        Times of the first and the last message in ns, None if there is none.
+
+    """
+
+    def __init__(self, path: str | Path, limits: Limits = Limits()) -> None:
+        self.path = Path(path)
+        self.topics: dict[str, str] = {}
+        self.counts: Counter[str] = Counter()
+        self.latched: set[str] = set()
+        self.start: int | None = None
+        self.end: int | None = None
+        self._limits = limits
+        self._scratch = Scratch(limits.disk)
+        self._faults: list[Faults] = []
+        self._own = self._faults_of(self.path)
+        self._metadata: Metadata | None = None
+        self._parts: list[Storage] = []
+        self._sums: Counter[str] = Counter()
+        self._compressions: set[str] = set()
+
+    def __enter__(self) -> Recording:
+        try:
+            if not self.path.exists():
+                self._own.damaged('no such file or directory')
+            files = self._files()
+            known = list(self._faults)
+            for file in files:
+                self._open(file)
+            if missing := why_not_unpacked(self._compressions):
+                self._faults[:] = known
+                self._open_by_rosbag2(missing)
+        except OSError as error:
+            self._own.damaged(in_words(error))
+        self._compare(self.counts)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 traceback: TracebackType | None) -> None:
+        for part in self._parts:
+            part.close()
+        self._scratch.close()
+
+    @property
+    def problems(self) -> list[str]:
+        """The faults found so far, in one line for each file."""
+        return [str(faults) for faults in self._faults if faults]
+
+    @property
+    def content(self) -> str | None:
+        """What the messages that were read are known by, whatever they are stored in."""
+        if not self._sums:
+            return None
+        return hashlib.sha256(repr(sorted(self._sums.items())).encode()).hexdigest()[:16]
+
+    def messages(self, topics: Collection[str], start: int | None = None,
+                 stop: int | None = None) -> Iterator[Message]:
+        """Yield (topic, time in ns, data) of some topics, from start on and before stop (ns)."""
+        sums, crc32 = self._sums, zlib.crc32
+        read: Counter[str] = Counter()
+        unfit = 0
+        for part in self._parts:
+            for topic, time, data in part.messages(topics, start, stop):
+                # A message in CDR begins otherwise.
+                if data.startswith(ZSTD_MAGIC):
+                    try:
+                        data = unpacked(data, 'zstd', self._limits.chunk)
+                    except Damage:
+                        unfit += 1
+                        data = b''
+                read[topic] += 1
+                sums[topic] += crc32(data, (time ^ time >> 32) & _LOW)
+                yield topic, time, data
+        if unfit:
+            self._own.differs('unfit', f'{unfit} messages are compressed and damaged')
+        if start is None and stop is None:
+            self._compare(Counter({**self.counts, **{topic: read[topic] for topic in topics}}))
+
+    def _faults_of(self, file: Path) -> Faults:
+        self._faults.append(Faults(file))
+        return self._faults[-1]
+
+    def _files(self) -> list[Path]:
+        """Return the storage files, in the order in which they were written."""
+        if not self.path.is_dir():
+            return [self.path] if self.path.exists() else []
+        present = sorted(
+            (file for file in self.path.iterdir() if file.name.endswith(_STORAGE)),
+            key=lambda file: [int(part) if part.isdigit() else part
+                              for part in re.split(r'(\d+)', file.name)])
+        metadata = self.path / 'metadata.yaml'
+        faults = self._faults_of(metadata)
+        if not present and (bags := self._bags_within()):
+            self._own.damaged(f'a folder of recordings; name each of them, such as {bags[0]}')
+            return []
+        try:
+            self._metadata = read_metadata(metadata, self._limits.memory // 100)
+        except FileNotFoundError:
+            faults.damaged("is missing; 'ros2 bag reindex' restores it")
+        except (Damage, OSError) as error:
+            faults.damaged(in_words(error))
+        if not self._metadata:
+            if not present:
+                self._own.damaged('no .mcap or .db3 file in this directory')
+            return present
+        self.latched = self._metadata.latched
+        if self._metadata.packed:
+            self._compressions.add('zstd')
+        total = sum(self._metadata.counts.values())
+        if total != self._metadata.total:
+            faults.differs('total', f'announces {self._metadata.total} messages in all, but '
+                                    f'{total} by topic')
+        listed = [self.path / name for name in self._metadata.files]
+        missing = [file.name for file in listed if not file.exists()]
+        if missing:
+            self._own.differs('missing', f'{", ".join(missing)} is missing')
+        more = [file.name for file in present if file not in listed]
+        if more:
+            self._own.differs('more', f'metadata.yaml does not list {", ".join(more)}')
+        return [file for file in listed if file.exists()]
+
+    def _bags_within(self) -> list[Path]:
+        """Return the folders in this one that are recordings, if it is none itself."""
+        if (self.path / 'metadata.yaml').exists():
+            return []
+        return sorted({file.parent for pattern in ('*/metadata.yaml', '*/*.mcap', '*/*.db3')
+                       for file in self.path.glob(pattern)})
+
+    def _open(self, file: Path) -> None:
+        """Open a storage file or, compressed as a whole, what it holds."""
+        faults = self._faults_of(file)
+        plain = file
+        try:
+            if file.suffix == '.zstd':
+                self._compressions.add('zstd')
+                plain, damage = self._scratch.unpack(file)
+                if damage:
+                    faults.damaged(in_words(damage))
+            with plain.open('rb') as opened:
+                ros_1 = opened.read(len(_ROS_1)) == _ROS_1
+        except (Damage, OSError) as error:
+            faults.damaged(in_words(error))
+            return
+        if ros_1:
+            faults.damaged(f'a ROS 1 bag; convert it first: rosbags-convert --src {file} '
+                           f'--dst {file.with_suffix("")}')
+        elif plain.suffix == '.db3':
+            self._add(SqliteFile(plain, faults, self._scratch, self._limits))
+        elif plain.suffix == '.mcap':
+            part = McapFile(plain, faults, self._limits)
+            self._compressions |= part.compressions
+            self._add(part)
+        else:
+            faults.damaged('neither a .mcap nor a .db3 file')
+
+    def _open_by_rosbag2(self, missing: str) -> None:
+        """Begin anew, now that there is something that nothing but rosbag2_py unpacks here."""
+        for part in self._parts:
+            part.close()
+        self._parts.clear()
+        self.topics, self.counts, self.start, self.end = {}, Counter(), None, None
+        by_one = bool(self._metadata and self._metadata.packed)
+        if not is_there():
+            self._own.damaged(missing)
+            self._metadata = None
+            return
+        self._add(Rosbag2Storage(self.path, self._own, by_one, self._scratch))
+
+    def _add(self, part: Storage) -> None:
+        self._parts.append(part)
+        for topic, kind in part.topics.items():
+            if self.topics.setdefault(topic, kind) != kind:
+                self._own.differs(('type', topic),
+                                  f'{topic} has the types {self.topics[topic]} and {kind}')
+        self.counts.update(part.counts)
+        times = [time for time in (self.start, self.end, part.start, part.end) if time is not None]
+        if times:
+            self.start, self.end = min(times), max(times)
+
+    def _compare(self, found: Counter[str]) -> None:
+        """Compare numbers of messages with what metadata.yaml announces."""
+        if not self._metadata:
+            return
+        announced = self._metadata.counts
+        for topic in sorted(found.keys() | announced.keys()):
+            if found[topic] != announced.get(topic, 0):
+                self._own.differs(('count', topic), (
+                    f'metadata.yaml announces {announced.get(topic, 0)} messages of {topic}, '
+                    f'but {found[topic]} are there'))

@@ -1,0 +1,108 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Recordings read through rosbag2_py, which ROS has, where no library is there to unpack them.
+
+It reads what is whole only: what is damaged ends where rosbag2 gives up.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Any
+
+from sat_collision.replay.bag.storage import Faults, is_installed, Message
+from sat_collision.replay.bag.unpacking import in_words, Scratch
+
+
+def is_there() -> bool:
+    """Tell whether rosbag2_py can be imported."""
+    return is_installed('rosbag2_py')
+
+
+class Rosbag2Storage:
+    """
+    A recording as rosbag2_py reads it. The attributes are those of Storage.
+
+    Parameters
+    ----------
+    path : Path
+        A directory with metadata.yaml, or a storage file.
+    faults : Faults
+        Takes what is wrong with it.
+    packed : bool
+        Files or messages are compressed one by one, which metadata.yaml says.
+    scratch : Scratch
+        Takes a copy of the recording where rosbag2 would unpack files beside the packed ones.
+
+    """
+
+    def __init__(self, path: Path, faults: Faults, packed: bool, scratch: Scratch) -> None:
+        self._faults = faults
+        self._packed = packed
+        self._path = path
+        self.topics: dict[str, str] = {}
+        self.counts: Counter[str] = Counter()
+        self.start: int | None = None
+        self.end: int | None = None
+        if any(file.suffix == '.zstd' for file in _files_of(path)):
+            self._path = max(map(scratch.copy, _files_of(path))).parent
+        try:
+            metadata = self._opened().get_metadata()
+        except RuntimeError as error:  # whatever rosbag2 raises
+            faults.damaged(in_words(error))
+            return
+        for topic in metadata.topics_with_message_count:
+            self.topics[topic.topic_metadata.name] = topic.topic_metadata.type
+            self.counts[topic.topic_metadata.name] = topic.message_count
+        if metadata.message_count:
+            self.start = metadata.starting_time.nanoseconds
+            self.end = self.start + metadata.duration.nanoseconds
+
+    def close(self) -> None:
+        """Nothing is open between two readings."""
+
+    def messages(self, topics: Collection[str], start: int | None,
+                 stop: int | None) -> Iterator[Message]:
+        """Yield (topic, time in ns, data) of some topics, from start on and before stop (ns)."""
+        import rosbag2_py
+        there = [topic for topic in topics if topic in self.topics]
+        if not there:
+            return
+        try:
+            reader = self._opened()
+            reader.set_filter(rosbag2_py.StorageFilter(topics=there))
+            while reader.has_next():
+                topic, data, time = reader.read_next()
+                if (start is None or time >= start) and (stop is None or time < stop):
+                    yield topic, time, data
+        except RuntimeError as error:
+            self._faults.damaged(in_words(error))
+
+    def _opened(self) -> Any:
+        import rosbag2_py
+        reader = (rosbag2_py.SequentialCompressionReader() if self._packed
+                  else rosbag2_py.SequentialReader())
+        storage = '' if self._path.is_dir() else (
+            'mcap' if self._path.suffix == '.mcap' else 'sqlite3')
+        reader.open(rosbag2_py.StorageOptions(uri=str(self._path), storage_id=storage),
+                    rosbag2_py.ConverterOptions('', ''))
+        return reader
+
+
+def _files_of(path: Path) -> list[Path]:
+    return [file for file in path.iterdir() if file.is_file()] if path.is_dir() else [path]

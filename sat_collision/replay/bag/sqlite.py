@@ -1,0 +1,210 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""SQLite storage files (.db3), whole or not, with what a recorder left in a log beside them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterator
+import os
+from pathlib import Path
+import sqlite3
+
+from sat_collision.replay.bag.storage import Faults, Message
+from sat_collision.replay.bag.unpacking import Damage, in_words, Limits, Scratch
+
+_LOGS = ('-wal', '-journal')
+_COLUMNS = {'topics': {'id', 'name', 'type'},
+            'messages': {'id', 'topic_id', 'timestamp', 'data'}}
+_SURVEY = """
+SELECT topic_id, timestamp, CASE typeof(data) WHEN 'blob' THEN length(data) ELSE -1 END
+FROM messages NOT INDEXED"""
+_READ = 'SELECT topic_id, timestamp, {} FROM messages {} WHERE topic_id IN ({}) ORDER BY {}'
+# What is damaged may have values of any type and size.
+_GUARDED = "CASE WHEN typeof(data) = 'blob' AND length(data) <= {} THEN data END"
+# So often SQLite calls back, and an interrupt is noticed.
+_STEPS = 100_000
+
+
+class SqliteFile:
+    """
+    A .db3 file, read through SQLite in the order of time.
+
+    Where SQLite finds the file damaged it is read in the order of writing, up to the damage. Rows
+    with a value of another type are counted: data that is none is handed on as b'', to be refused
+    as any message that cannot be decoded; without a time a row cannot be handed on.
+
+    Parameters
+    ----------
+    path : Path
+    faults : Faults
+        Takes what is wrong with it.
+    scratch : Scratch
+        Takes copies, where the file cannot be read in its place.
+    limits : Limits
+
+    """
+
+    def __init__(self, path: Path, faults: Faults, scratch: Scratch, limits: Limits) -> None:
+        size = sum(_size(Path(f'{path}{end}')) for end in ('', *_LOGS))
+        self._most = min(size, limits.chunk)
+        self._faults = faults
+        self._whole = self._plain = False
+        self._names: dict[object, str] = {}
+        self._connection: sqlite3.Connection | None = None
+        self.topics: dict[str, str] = {}
+        self.counts: Counter[str] = Counter()
+        self.start: int | None = None
+        self.end: int | None = None
+        try:
+            self._connection = _connected(path, scratch)
+            self._read_topics(self._connection)
+            self._survey(self._connection, size)
+        except (sqlite3.Error, OSError, Damage) as error:
+            faults.damaged(f'damaged after {self.counts.total()} messages: {_told(error)}')
+
+    def close(self) -> None:
+        if self._connection:
+            self._connection.close()
+
+    def messages(self, topics: Collection[str], start: int | None,
+                 stop: int | None) -> Iterator[Message]:
+        """Yield (topic, time in ns, data) of some topics, from start on and before stop."""
+        if not self._connection:
+            return
+        read: Counter[str] = Counter()
+        untimed = unfit = 0
+        keys = [key for key, name in self._names.items() if name in topics]
+        query = _READ.format('data' if self._plain else _GUARDED.format(self._most),
+                             '' if self._whole else 'NOT INDEXED', ', '.join('?' * len(keys)),
+                             'timestamp' if self._whole else 'rowid')
+        try:
+            for key, time, data in self._connection.execute(query, keys):
+                topic = self._names[key]
+                read[topic] += 1
+                if type(time) is not int:
+                    untimed += 1
+                elif (start is None or time >= start) and (stop is None or time < stop):
+                    if data is None:
+                        unfit += 1
+                        data = b''
+                    yield topic, time, data
+        except sqlite3.Error as error:
+            self._faults.damaged(f'damaged after {read.total()} messages: {_told(error)}')
+        if untimed or unfit:
+            self._faults.differs('types', f'{untimed + unfit} messages have values of wrong types')
+        for topic, count in read.items():
+            if count != self.counts[topic]:
+                self._faults.differs(topic, f'{count} messages of {topic} can be read, but it '
+                                            f'has {self.counts[topic]}')
+
+    def _read_topics(self, connection: sqlite3.Connection) -> None:
+        for table, columns in _COLUMNS.items():
+            # A view or a column that is computed may have no end; a virtual table has no page.
+            found = connection.execute('SELECT type, rootpage FROM sqlite_master WHERE name = ?',
+                                       (table,)).fetchall()
+            plain = {name for _, name, _, _, _, _, hidden in connection.execute(
+                f'PRAGMA table_xinfo({table})') if not hidden} if found else set()
+            if len(found) != 1 or found[0][0] != 'table' or not found[0][1] or columns - plain:
+                raise Damage(f"'{table}' is not a table of a recording")
+        for key, name, kind in connection.execute('SELECT id, name, type FROM topics'):
+            if not isinstance(name, str) or not isinstance(kind, str):
+                self._faults.damaged('a topic whose name or type is no text')
+                continue
+            self._names[key] = name
+            if self.topics.setdefault(name, kind) != kind:
+                self._faults.differs(('type', name),
+                                     f'{name} has the types {self.topics[name]} and {kind}')
+
+    def _survey(self, connection: sqlite3.Connection, size: int) -> None:
+        """Count the messages, and find the first and the last time."""
+        counts: dict[object, int] = dict.fromkeys(self._names, 0)
+        announced, longest, shortest = 0, 0, 0
+        start, end = 2**63, -2**63 - 1
+        try:
+            for key, time, length in connection.execute(_SURVEY):
+                counts[key] = counts.get(key, 0) + 1
+                announced += length
+                if length > longest:
+                    longest = length
+                elif length < shortest:
+                    shortest = length
+                if type(time) is int:
+                    if time < start:
+                        start = time
+                    if time > end:
+                        end = time
+            self._whole = True
+        finally:
+            if start <= end:
+                self.start, self.end = start, end
+            for key, name in self._names.items():
+                self.counts[name] += counts.pop(key)
+            if counts:
+                listed = ', '.join(str(key)[:20] for key in sorted(counts, key=str)[:3])
+                self._faults.differs('unknown', f'{sum(counts.values())} messages of unknown '
+                                                f'topics ({listed})')
+        self._plain = shortest >= 0 and longest <= self._most
+        # Pages that many rows share would make much of a small file.
+        if announced > size:
+            self.close()
+            self._connection = None
+            raise Damage(f'its rows announce {announced} bytes, it has {size}')
+
+
+def _connected(path: Path, scratch: Scratch) -> sqlite3.Connection:
+    logs = [Path(f'{path}{end}') for end in _LOGS if _size(Path(f'{path}{end}'))]
+    with path.open('rb') as file:
+        page_size = int.from_bytes(file.read(18)[16:], 'big')
+    page_size = 65536 if page_size == 1 else page_size
+    beyond = path.stat().st_size % page_size if page_size >= 512 else 0
+    if not beyond:
+        if not logs:
+            return _opened(f'{path.resolve().as_uri()}?immutable=1')
+        try:
+            return _opened(f'{path.resolve().as_uri()}?mode=ro')
+        except sqlite3.Error:
+            pass  # as in a folder that cannot be written to, where SQLite cannot read a log
+    copy = scratch.copy(path)
+    for log in logs:
+        scratch.copy(log)
+    # SQLite would read zeros where the last page is cut off, and so make up coordinates.
+    os.truncate(copy, copy.stat().st_size - beyond)
+    return _opened(copy.as_uri())
+
+
+def _opened(uri: str) -> sqlite3.Connection:
+    connection = sqlite3.connect(uri, uri=True)
+    try:
+        connection.set_progress_handler(lambda: 0, _STEPS)
+        # Without this SQLite refuses a file shorter than its header says.
+        connection.execute('PRAGMA writable_schema = ON')
+        connection.execute('BEGIN')
+        connection.execute('SELECT count(*) FROM sqlite_master').fetchone()
+    except BaseException:
+        connection.close()
+        raise
+    return connection
+
+
+def _size(path: Path) -> int:
+    return path.stat().st_size if path.exists() else 0
+
+
+def _told(error: Exception) -> str:
+    """Return what an error says; but an interrupt, which SQLite tells as an error, is raised."""
+    if isinstance(error, sqlite3.OperationalError) and str(error) == 'interrupted':
+        raise KeyboardInterrupt from error
+    return in_words(error)

@@ -1,0 +1,122 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""New bags, written by rosbags or, where only ROS is there, by its rosbag2_py."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Protocol
+
+from sat_collision.replay.bag.storage import is_installed
+
+
+class OutputError(ValueError):
+    """Something cannot be written where it should be."""
+
+
+class BagWriter(Protocol):
+    """Writes a bag of MCAP storage."""
+
+    def add_topic(self, topic: str, kind: str) -> None:
+        """Add a topic of a type such as std_msgs/msg/Bool."""
+
+    def write(self, topic: str, time: int, data: bytes) -> None:
+        """Write a serialised message at a time in ns."""
+
+    def close(self) -> None:
+        """Finish the bag."""
+
+
+def new_bag(path: Path) -> BagWriter:
+    """
+    Return what writes a new bag.
+
+    Parameters
+    ----------
+    path : Path
+        Its directory, which must not exist.
+
+    Raises
+    ------
+    OutputError
+        If it exists, or cannot be made, or nothing is there that writes bags.
+
+    """
+    check_bag_writer()
+    if path.exists():
+        raise OutputError(f'{path} already exists')
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return _ByRosbags(path) if is_installed('rosbags.rosbag2') else _ByRosbag2(path)
+
+
+def check_bag_writer() -> None:
+    """
+    Raise that nothing is there that writes bags, if so.
+
+    Raises
+    ------
+    OutputError
+
+    """
+    if not (is_installed('rosbags.rosbag2') or is_installed('rosbag2_py')):
+        raise OutputError("writing a bag needs rosbags (pip install 'sat_collision[replay]') or "
+                          'rosbag2_py of ROS')
+
+
+class _ByRosbags:
+    """The writer of rosbags."""
+
+    def __init__(self, path: Path) -> None:
+        from rosbags.rosbag2 import StoragePlugin, Writer
+        from sat_collision.messages.rosbags_interfaces import STORE
+        self._store = STORE
+        self._writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
+        self._writer.open()
+        self._connections: dict[str, Any] = {}
+
+    def add_topic(self, topic: str, kind: str) -> None:
+        self._connections[topic] = self._writer.add_connection(topic, kind, typestore=self._store)
+
+    def write(self, topic: str, time: int, data: bytes) -> None:
+        self._writer.write(self._connections[topic], time, data)
+
+    def close(self) -> None:
+        self._writer.close()
+
+
+class _ByRosbag2:
+    """The writer of ROS."""
+
+    def __init__(self, path: Path) -> None:
+        import rosbag2_py
+        self._writer = rosbag2_py.SequentialWriter()
+        try:
+            self._writer.open(rosbag2_py.StorageOptions(uri=str(path), storage_id='mcap'),
+                              rosbag2_py.ConverterOptions('', ''))
+        except RuntimeError as error:  # whatever rosbag2 raises
+            raise OutputError(f'{path}: {error}') from error
+        self._count = 0
+
+    def add_topic(self, topic: str, kind: str) -> None:
+        import rosbag2_py
+        self._writer.create_topic(rosbag2_py.TopicMetadata(
+            id=self._count, name=topic, type=kind, serialization_format='cdr'))
+        self._count += 1
+
+    def write(self, topic: str, time: int, data: bytes) -> None:
+        self._writer.write(topic, data, time)
+
+    def close(self) -> None:
+        self._writer.close()

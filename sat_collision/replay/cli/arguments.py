@@ -1,0 +1,178 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What the command line of replay_check means.
+
+Nothing is imported here that takes long, so that help, mistakes and completion come at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from difflib import get_close_matches
+import os
+import sys
+from typing import NoReturn
+
+from sat_collision import __version__
+from sat_collision.replay.bag.unpacking import Limits
+from sat_collision.replay.model.options import HEADER, NODE, RECEIVE
+from sat_collision.replay.model.result import Verdict
+
+_UNRECOGNIZED = 'unrecognized arguments: '
+_DESCRIPTION = """\
+Check recordings for collisions with the scene of the live node.
+
+Exit status: 0 clear; 1 collision; 2 unknown (for longer than --max-unknown, or no data); 3 bad
+input. Where several apply, a collision comes before bad input, and bad input before unknown.
+With --expect: 0 as expected; 1 different; 3 bad input. An unexpected error is bad input too.
+"""
+
+
+def parse(args: Sequence[str] | None = None) -> argparse.Namespace:
+    """
+    Return what the command line says; for a shell that asks, complete it instead.
+
+    A mistake, help and completion end the process.
+    """
+    parser = _parser()
+    if '_ARGCOMPLETE' in os.environ:
+        import argcomplete
+        argcomplete.autocomplete(parser)
+    options = parser.parse_args(args)
+    if not (options.bags or options.write_example):
+        parser.error('name at least one recording (BAG)')
+    if options.write_bag and not options.as_live:
+        parser.error('--write-bag writes what the node would have published: it needs --as-live')
+    return options
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser that ends with the exit status of bad input where it finds an error."""
+
+    def error(self, message: str) -> NoReturn:
+        if message.startswith(_UNRECOGNIZED):
+            message += self._advice(message[len(_UNRECOGNIZED):].split()[0])
+        self.exit(int(Verdict.BAD_INPUT),
+                  f'{self.prog}: {message} (--help lists the options)\n')
+
+    def _advice(self, text: str) -> str:
+        if not text.startswith('-'):
+            return '; each topic needs an option of its own: --obstacles A --obstacles B'
+        nearest = get_close_matches(text.partition('=')[0], self._option_string_actions, 1)
+        return f'; did you mean {nearest[0]}?' if nearest else ''
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        'replay_check', allow_abbrev=False, description=_DESCRIPTION,
+        formatter_class=argparse.RawDescriptionHelpFormatter)
+    add = parser.add_argument
+    add('--version', action='version', version=f'sat_collision {__version__}')
+    add('bags', nargs='*', metavar='BAG', help='rosbag2 directory or storage file')
+    scene = parser.add_argument_group('what to check')
+    add = scene.add_argument
+    add('--params-file', action='append', default=[], metavar='FILE',
+        help="the node's ROS 2 parameter file; later files override earlier ones")
+    add('-p', '--param', action='append', default=[], metavar='NAME:=VALUE',
+        help='one parameter of the node; overrides the files')
+    add('--footprint', type=_topic, action='append', default=[], metavar='[NAME:=]TOPIC',
+        help='a footprint and its topic')
+    add('--obstacles', type=_topic, action='append', default=[], metavar='[NAME:=]TOPIC',
+        help='a source of obstacles and its topic')
+    add('--node', type=_node, default=NODE,
+        help='full name of the node, for parameter files and topics (%(default)s)')
+    add('--as-live', action='store_true',
+        help='tell what the monitor would have said; without, what touched by recorded motion')
+    add('--clock', choices=(RECEIVE, HEADER), default=RECEIVE,
+        help='time of a message: when it was received, or its header stamp (%(default)s)')
+    add('--start', type=_seconds, default=0.0, metavar='S',
+        help='start S seconds into the recording')
+    add('--duration', type=_seconds, metavar='S', help='check S seconds of it')
+    add('--sample', type=_period, default=0.1, metavar='S',
+        help='with --as-live, measure separations every S seconds (%(default)s)')
+    verdict = parser.add_argument_group('verdict')
+    add = verdict.add_argument
+    add('--max-unknown', type=_seconds, default=1.0, metavar='S',
+        help='how many seconds in all a footprint may be unknown (%(default)s)')
+    add('--max-undetermined', type=_seconds, metavar='S',
+        help='for how many seconds in all it may be undetermined how something moved (any)')
+    add('--expect', metavar='FILE', help='compare with a result that --json wrote before')
+    output = parser.add_argument_group('output')
+    add = output.add_argument
+    add('--json', metavar='FILE', help='write the result; docs/replay.md has the schema')
+    add('--csv', metavar='FILE', help='write a row for each contact and each unknown interval')
+    add('--junit', metavar='FILE', help='write a test suite for each recording')
+    add('--plot', metavar='FILE',
+        help='draw a picture (.png, .svg, .pdf) or a page (.html); for several recordings, one '
+        'page or a directory of pictures')
+    add('--write-bag', metavar='DIR',
+        help='with --as-live, write what the node would publish; for several recordings, a '
+        'directory of bags')
+    add('--write-example', metavar='DIR',
+        help='only write an example recording, of the demo scene')
+    many = parser.add_argument_group('many recordings')
+    add = many.add_argument
+    add('--jobs', type=_count, default=1, metavar='N', help='check N recordings at a time')
+    add('--dask', metavar='ADDRESS', help='check on the Dask cluster with this scheduler')
+    limits = parser.add_argument_group('limits, for each recording')
+    add = limits.add_argument
+    add('--max-memory', type=_bytes, default=Limits.memory, metavar='GB',
+        help=f'memory for what is unpacked ({Limits.memory / 1e9:g})')
+    add('--max-disk', type=_bytes, default=Limits.disk, metavar='GB',
+        help=f'disk for temporary files ({Limits.disk / 1e9:g})')
+    add('--debug', action='store_true', help='show where an unexpected error is raised')
+    return parser
+
+
+def _node(text: str) -> str:
+    return '/' + text.strip('/')
+
+
+def _topic(text: str) -> str:
+    name, given, topic = text.partition('=')
+    if given and not name.endswith(':'):
+        raise argparse.ArgumentTypeError(f"'{text}' names a topic as {name}:={topic}")
+    return text
+
+
+def _seconds(text: str) -> float:
+    return _number(text, 0.0, sys.float_info.max, 'a number of seconds, 0 or more')
+
+
+def _period(text: str) -> float:
+    return _number(text, 1e-3, 1e6, 'a number of seconds between 0.001 and 1000000')
+
+
+def _count(text: str) -> int:
+    value = _number(text, 1, 1000, 'a whole number from 1 to 1000')
+    if value != int(value):
+        raise argparse.ArgumentTypeError(f'{text} is not a whole number')
+    return int(value)
+
+
+def _bytes(text: str) -> int:
+    return int(1e9 * _number(text, 1e-3, 1e6, 'a number of GB between 0.001 and 1000000'))
+
+
+def _number(text: str, least: float, most: float, words: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = float('nan')
+    if not least <= value <= most:
+        raise argparse.ArgumentTypeError(f"'{text}' is not {words}")
+    return value

@@ -1,0 +1,203 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The command replay_check."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Iterator, Sequence
+import os
+from pathlib import Path
+import sys
+import traceback
+
+from sat_collision.replay.bag.unpacking import in_words, Limits
+from sat_collision.replay.bag.writer import check_bag_writer, OutputError
+from sat_collision.replay.cli.arguments import parse
+from sat_collision.replay.cli.parallel import (
+    check_here, check_on_cluster, check_one, failed, unexpected)
+from sat_collision.replay.cli.terminal import Progress, with_colour
+from sat_collision.replay.model.configuration import (
+    parameter_of_text, parameters_of_file, settings_of)
+from sat_collision.replay.model.options import missing, Options
+from sat_collision.replay.model.result import overall, Result, Verdict
+from sat_collision.replay.output import files
+from sat_collision.replay.output.baseline import Baseline, BaselineError
+from sat_collision.replay.output.formats import (
+    write_csv, write_json, write_junit, write_junit_of_differences)
+from sat_collision.replay.output.text import report, report_all
+from sat_collision.replay.run import check
+from sat_collision.scene.parameters import ParameterError
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the command and return the exit status."""
+    return run(parse(args))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Do what the command line says, and return the exit status."""
+    try:
+        return _run(arguments)
+    except (ParameterError, BaselineError, OutputError, OSError) as error:
+        print(f'replay_check: {in_words(error)}', file=sys.stderr)
+    except ModuleNotFoundError as error:
+        print(f'replay_check: {missing(error)}', file=sys.stderr)
+    except Exception as error:
+        if arguments.debug:
+            traceback.print_exc()
+        print(f'replay_check: {unexpected(error)}', file=sys.stderr)
+    return int(Verdict.BAD_INPUT)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    if arguments.write_example:
+        return _write_example(arguments.write_example)
+    options = _options(arguments)
+    _check_destinations(arguments)
+    baseline = Baseline(arguments.expect) if arguments.expect else None
+    results = _check_all(arguments, options)
+    differences = baseline.differences(results) if baseline else []
+    for path, write in ((arguments.json, write_json), (arguments.csv, write_csv)):
+        if path:
+            write(results, path)
+    if arguments.junit and baseline:
+        write_junit_of_differences(differences, baseline.path, arguments.junit)
+    elif arguments.junit:
+        write_junit(results, arguments.junit)
+    if baseline:
+        lines = [f'{name}: {line}' for name, found in differences for line in found]
+        _say(lines or [f'as expected by {baseline.path}'])
+        return int(Verdict.COLLISION if lines else Verdict.CLEAR)
+    return int(overall(results))
+
+
+def _write_example(path: str) -> int:
+    check_bag_writer()
+    from sat_collision.replay.cli.example import write_example
+    write_example(path)
+    print(f'wrote {path}; check it with\n  replay_check {path} --params-file {path}/params.yaml')
+    return int(Verdict.CLEAR)
+
+
+def _check_all(arguments: argparse.Namespace, options: Options) -> list[Result]:
+    """Check, report and draw each recording; return the results in the order of the command."""
+    several, plot = len(arguments.bags) > 1, arguments.plot
+    strays = [bag for bag in arguments.bags if not Path(bag).exists()]
+    if strays and (arguments.footprint or arguments.obstacles):
+        print(f'replay_check: {strays[0]} is taken for a recording; each topic needs an option '
+              'of its own, --obstacles A --obstacles B', file=sys.stderr)
+    one_page = several and plot and files.is_page(plot)
+    results: list[Result] = []
+    for result in _results(arguments, options):
+        if plot and not one_page:
+            _draw([result], _of_bag(plot, result.bag) if several else plot, arguments.debug)
+        _say(with_colour(report(result), result.verdict, sys.stdout))
+        results.append(result)
+    if several:
+        order = {bag: place for place, bag in enumerate(arguments.bags)}
+        results.sort(key=lambda result: order[result.bag])
+        _say(with_colour(report_all(results), overall(results), sys.stdout))
+    if one_page:
+        _draw(results, plot, arguments.debug)
+    return results
+
+
+def _results(arguments: argparse.Namespace, options: Options) -> Iterator[Result]:
+    """Yield results as they come."""
+    bags = arguments.bags
+    if arguments.dask:
+        print(f'replay_check: connecting to {arguments.dask}', file=sys.stderr)
+        return _counted(check_on_cluster(bags, options, arguments.dask), len(bags))
+    if len(bags) > 1 and arguments.jobs > 1:
+        return _counted(check_here(bags, options, arguments.jobs), len(bags))
+    return _one_by_one(bags, options)
+
+
+def _counted(results: Iterator[Result], total: int) -> Iterator[Result]:
+    """Yield results, and show meanwhile how many there are."""
+    progress = Progress(f'{total} recordings')
+    for count, result in enumerate(results, 1):
+        progress.clear()
+        yield result
+        if count < total:
+            progress.show(count / total)
+
+
+def _one_by_one(bags: Sequence[str], options: Options) -> Iterator[Result]:
+    several = len(bags) > 1
+    for number, bag in enumerate(bags, 1):
+        progress = Progress(f'{number} of {len(bags)}: {Path(bag).name}' if several else '')
+        try:
+            result = (check_one if several else check)(bag, options, progress.show)
+        except Exception as error:
+            result = failed(bag, options, error)
+        finally:
+            progress.clear()
+        yield result
+
+
+def _options(arguments: argparse.Namespace) -> Options:
+    """Return what the command line says as Options; parameters that are wrong are found here."""
+    parameters = {}
+    for path in arguments.params_file:
+        parameters.update(parameters_of_file(path, arguments.node))
+    parameters.update(parameter_of_text(text) for text in arguments.param)
+    settings_of(parameters, arguments.node, False)
+    return Options(
+        parameters=parameters, footprints=tuple(arguments.footprint),
+        obstacles=tuple(arguments.obstacles), node=arguments.node, as_live=arguments.as_live,
+        clock=arguments.clock, start=arguments.start, duration=arguments.duration,
+        max_unknown=arguments.max_unknown, max_undetermined=arguments.max_undetermined,
+        sample=arguments.sample, keyframes=bool(arguments.plot), write_bag=arguments.write_bag,
+        limits=Limits(arguments.max_memory, arguments.max_disk), debug=arguments.debug)
+
+
+def _check_destinations(arguments: argparse.Namespace) -> None:
+    several, plot = len(arguments.bags) > 1, arguments.plot
+    if arguments.write_bag:
+        if not several and Path(arguments.write_bag).exists():
+            raise OutputError(f'--write-bag: {arguments.write_bag} already exists')
+        check_bag_writer()
+    in_folder = several and plot and not files.is_page(plot)
+    if plot:
+        files.check_picture('a.png' if in_folder else plot)
+    outputs = {'--json': arguments.json, '--csv': arguments.csv, '--junit': arguments.junit,
+               '--plot': None if in_folder else plot}
+    folders = {'--write-bag': arguments.write_bag, '--plot': plot if in_folder else None}
+    files.check_outputs(outputs, folders, [
+        *arguments.bags, *arguments.params_file, *filter(None, [arguments.expect])])
+
+
+def _say(lines: Iterable[str]) -> None:
+    """Print lines; once nobody reads them any more, as behind `head`, go on without."""
+    try:
+        print('\n'.join(lines), flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _draw(results: list[Result], path: str, debug: bool) -> None:
+    """Draw; what cannot be drawn is a problem of its recording only."""
+    try:
+        files.draw(results, path)
+    except Exception as error:
+        if debug:
+            traceback.print_exc()
+        results[0].problems.append(f'{results[0].bag}: no picture: {unexpected(error)}')
+
+
+def _of_bag(folder: str, bag: str) -> str:
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    return str(Path(folder, f'{Path(bag).stem}.png'))

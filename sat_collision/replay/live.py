@@ -1,0 +1,207 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The states of a scene over time, joined to intervals: what the monitor would have said."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import Counter
+from collections.abc import Iterable
+from typing import TypeAlias
+
+import numpy as np
+from sat_collision.geometry.polygon import Polygon
+from sat_collision.geometry.query import separation
+from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
+from sat_collision.replay.model.result import (
+    Contact, FootprintResult, Least, middle_of_overlap, Series, Unknown, Unknowns)
+from sat_collision.scene.footprints import Status
+from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.scene import Scene
+
+
+# Name of a body, whether it is a footprint, and which one of this name; then where it is.
+_Key: TypeAlias = tuple[str, bool, int]
+_Place: TypeAlias = tuple[_Key, Floats]
+
+
+class SceneKeyframes:
+    """
+    Fills keyframes with a scene at their moments.
+
+    Parameters
+    ----------
+    keyframes : Keyframes
+        To be filled.
+    scene : Scene
+
+    """
+
+    def __init__(self, keyframes: Keyframes, scene: Scene) -> None:
+        self.keyframes = keyframes
+        self._scene = scene
+        self._held: dict[_Key, ShownBody] = {}
+        self._taken = 0
+        self._kept: tuple[int, float, list[_Place]] | None = None
+
+    def keep(self, now: int, depth: float) -> None:
+        """Keep a scene in a contact, whatever else comes at the same time; the deepest counts."""
+        if self._kept is None or self._kept[0] != now or depth > self._kept[1]:
+            self._kept = now, depth, self._places()
+
+    def take(self, now: int) -> None:
+        """Take the scene as it is, for all moments until now that are left."""
+        number = bisect_right(self.keyframes.moments, now)
+        kept = self._kept
+        for key, ring in kept[2] if kept and kept[0] == now else self._places():
+            if key not in self._held:
+                self._held[key] = self.keyframes.add(key[1])
+            self._held[key].show(self._taken, number, key[0], ring)
+        self._taken = number
+
+    def _places(self) -> list[_Place]:
+        """Return where all is; while a set comes in, two obstacles may have the same name."""
+        places: list[_Place] = []
+        found: Counter[tuple[str, bool]] = Counter()
+        for is_footprint, bodies in ((True, self._scene.footprints),
+                                     (False, self._scene.obstacles)):
+            for name, polygon in bodies:
+                key = str(name), is_footprint
+                places.append(((*key, found[key]), np.array(polygon.vertices)))
+                found[key] += 1
+        return places
+
+
+class Timeline:
+    """
+    Follows a scene: told of every change, it notes contacts, unknown times and separations.
+
+    Parameters
+    ----------
+    scene : Scene
+    footprints : list of FootprintResult
+        To be filled in.
+    keyframes : SceneKeyframes, optional
+        To keep the scene where a contact is deepest.
+
+    Attributes
+    ----------
+    contacts : list of Contact
+        In the order of their beginning.
+    footprints : list of FootprintResult
+    notes : list of str
+        What a reader should know.
+    touching : dict
+        The open Contacts by footprint and ObstacleId, only of footprints that have any.
+
+    """
+
+    def __init__(self, scene: Scene, footprints: list[FootprintResult],
+                 keyframes: SceneKeyframes | None = None) -> None:
+        self._scene = scene
+        self._keyframes = keyframes
+        self.contacts: list[Contact] = []
+        self.touching: dict[str, dict[ObstacleId, Contact]] = {}
+        self.footprints = footprints
+        self.notes: list[str] = []
+        self._results = {result.name: result for result in self.footprints}
+        self._series = {result.name: Series(result.separation) for result in self.footprints}
+        self._since: dict[str, tuple[int, Status]] = {}
+        self._unknowns = Unknowns()
+        self._measured: dict[tuple[str, ObstacleId], list[Polygon]] = {}
+
+    @property
+    def unknown(self) -> list[Unknown]:
+        """The Unknown intervals, in the order of their beginning."""
+        return self._unknowns.intervals
+
+    def change(self, names: Iterable[str], now: int) -> None:
+        """Take the new states of footprints."""
+        for name in names:
+            state = self._scene.state(name)
+            self._count_time(name, now)
+            self._since[name] = now, state.status
+            if state.status is not Status.UNKNOWN:
+                self._results[name].ever_known = True
+            self._unknowns.follow(
+                name, state.reasons if state.status is Status.UNKNOWN else (), now)
+            self._follow_contacts(name, state.contacts, now)
+
+    def deepen(self, now: int) -> None:
+        """Measure the open contacts of bodies that have moved."""
+        for name, contacts in self.touching.items():
+            for obstacle, *bodies in self._scene.contacts(name):
+                contact = contacts.get(obstacle)
+                if contact is None or self._measured.get((name, obstacle)) == bodies:
+                    continue
+                self._measured[name, obstacle] = bodies
+                # Taken from 0.0 rather than negated, which would make -0.0 of touching.
+                depth = 0.0 - separation(*bodies)
+                if contact.deepest == 0 or depth > contact.depth:
+                    contact.depth = depth
+                    contact.deepest = now
+                    contact.x, contact.y = middle_of_overlap(*bodies)
+                    self._note_least(name, Least(0.0 - depth, now, contact.obstacle,
+                                                 contact.x, contact.y))
+                    if self._keyframes:
+                        self._keyframes.keep(now, depth)
+
+    def sample(self, now: int) -> None:
+        """Note how far each footprint is from what is nearest to it."""
+        for name, series in self._series.items():
+            found = None
+            if self._since[name][1] is not Status.UNKNOWN:
+                found = self._scene.nearest(name)
+            series.add(now, found and found[1])
+            if found:
+                obstacle, distance, (ax, ay), (bx, by) = found
+                self._note_least(name, Least(distance + 0.0, now, str(obstacle),
+                                             (ax + bx) / 2, (ay + by) / 2))
+
+    def finish(self, now: int) -> None:
+        """End all that is open."""
+        for name in self._results:
+            self._count_time(name, now)
+        for contacts in self.touching.values():
+            for contact in contacts.values():
+                contact.last = now
+                contact.at_end = True
+        self._unknowns.finish(now)
+
+    def _count_time(self, name: str, now: int) -> None:
+        if name in self._since:
+            since, status = self._since[name]
+            result = self._results[name]
+            setattr(result, status.value, getattr(result, status.value) + now - since)
+            self._since[name] = now, status
+
+    def _follow_contacts(self, name: str, obstacles: Iterable[ObstacleId], now: int) -> None:
+        contacts = self.touching.get(name, {})
+        for obstacle in [obstacle for obstacle in contacts if obstacle not in obstacles]:
+            contacts.pop(obstacle).last = now
+            self._measured.pop((name, obstacle), None)
+        for obstacle in obstacles:
+            if obstacle not in contacts:
+                contacts[obstacle] = Contact(name, str(obstacle), now, now)
+                self.contacts.append(contacts[obstacle])
+        if contacts:
+            self.touching[name] = contacts
+        else:
+            self.touching.pop(name, None)
+
+    def _note_least(self, name: str, found: Least) -> None:
+        result = self._results[name]
+        if result.least is None or found.separation < result.least.separation:
+            result.least = found

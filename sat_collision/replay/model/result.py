@@ -1,0 +1,371 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a check of a recording finds, and the verdict on it. All times are ints in ns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+import enum
+from heapq import merge
+from typing import TYPE_CHECKING, TypeAlias
+
+if TYPE_CHECKING:
+    from sat_collision.geometry.polygon import Polygon
+    from sat_collision.replay.model.keyframes import Keyframes, ShownBody
+
+
+class Verdict(enum.IntEnum):
+    """The verdict, whose value is the exit status."""
+
+    CLEAR = 0
+    COLLISION = 1
+    UNKNOWN = 2
+    BAD_INPUT = 3
+
+    @property
+    def words(self) -> str:
+        return self.name.lower().replace('_', ' ')
+
+
+# How a contact or a separation was found.
+AT_A_SAMPLE = 'at a sample'
+BETWEEN_SAMPLES = 'between samples'
+AT_A_MESSAGE = 'at a message'
+
+
+_SECOND = 10**9
+# How many moments there are in all, around a contact, and of how many contacts, the deepest.
+_MOMENTS = 400
+_AROUND = 40
+_MOST_AROUND = 20
+MOST_CONTACTS = 200
+
+# From the least grave verdict to the gravest.
+GRAVITY = (Verdict.CLEAR, Verdict.UNKNOWN, Verdict.BAD_INPUT, Verdict.COLLISION)
+
+
+@dataclass
+class Contact:
+    """
+    A footprint and an obstacle share a point, from `first` until just before `last`.
+
+    `found` says how: AT_A_MESSAGE as the monitor, of recorded motion AT_A_SAMPLE or only
+    BETWEEN_SAMPLES. `between` has the last time before and the first time after at which recorded
+    motion has them apart, each None where it is not known. `depth` is the deepest penetration in
+    m, at the time `deepest`: 0 if they only touch, negative if they were apart within the margin;
+    (x, y) is the middle of where their bounds overlapped then. `at_end` says that they were still
+    in contact at the end. `deepest_as` is what the obstacle was called when it was deepest, for
+    another body may have its place in another set.
+    """
+
+    footprint: str
+    obstacle: str
+    first: int
+    last: int
+    depth: float = 0.0
+    deepest: int = 0
+    x: float = 0.0
+    y: float = 0.0
+    at_end: bool = False
+    found: str = AT_A_MESSAGE
+    between: list[int | None] = field(default_factory=lambda: [None, None])
+    deepest_as: str = ''
+
+    def __post_init__(self) -> None:
+        self.deepest_as = self.deepest_as or self.obstacle
+
+
+@dataclass
+class Unknown:
+    """The state of a footprint is unknown from `first` until just before `last`."""
+
+    footprint: str
+    first: int
+    last: int
+    reasons: list[str]
+
+
+@dataclass
+class Least:
+    """The least separation in m of a footprint, at a time, from an obstacle, at (x, y)."""
+
+    separation: float
+    time: int
+    obstacle: str
+    x: float
+    y: float
+    found: str = AT_A_MESSAGE
+
+
+@dataclass
+class FootprintResult:
+    """
+    How long (ns) a footprint was in each state, and how near the nearest obstacle was.
+
+    `separation` has samples (time, separation in m or None), thinned out to their least where
+    there are very many.
+    """
+
+    name: str
+    topic: str
+    enabled: bool
+    clear: int = 0
+    collision: int = 0
+    unknown: int = 0
+    ever_known: bool = False
+    least: Least | None = None
+    separation: list[tuple[int, float | None]] = field(default_factory=list)
+
+    @property
+    def coverage(self) -> float | None:
+        """The share of the time in which the state was known, None if no time passed."""
+        known = self.clear + self.collision
+        return known / (known + self.unknown) if known + self.unknown else None
+
+
+@dataclass
+class SourceResult:
+    """
+    How many messages a footprint or source of obstacles had, and why some were rejected.
+
+    `undetermined` is for how long (ns) recorded motion does not know how something of it moved,
+    because it was not known to be the same at both ends: only the ends were decided. `refused` is
+    how many messages tell of no body because of what they contain, such as NaN or a crossing.
+    """
+
+    name: str
+    topic: str
+    received: int
+    rejected: dict[str, int]
+    examples: dict[str, str]
+    undetermined: int = 0
+    refused: int = 0
+
+
+@dataclass
+class Result:
+    """
+    What was found in one recording.
+
+    `as_live` tells which question is answered: what the monitor would have said, or what touched.
+    `origin` is when the recording begins, `start` what part of it was checked. `problems` say
+    what is wrong with the recording, `notes` what else a reader should know.
+    `keyframes` has the bodies at moments worth drawing, if asked for. `content` is what the
+    messages are known by, wherever they lie. `max_undetermined` is for how long (s) the motion of
+    each footprint and source may be undetermined, None for any time.
+    """
+
+    bag: str
+    clock: str
+    max_unknown: float
+    as_live: bool = False
+    origin: int | None = None
+    start: int | None = None
+    end: int | None = None
+    content: str | None = None
+    footprints: list[FootprintResult] = field(default_factory=list)
+    sources: list[SourceResult] = field(default_factory=list)
+    contacts: list[Contact] = field(default_factory=list)
+    unknown: list[Unknown] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    keyframes: Keyframes | None = None
+    max_undetermined: float | None = None
+
+    @property
+    def duration(self) -> float:
+        """The time checked, in s."""
+        if self.start is None or self.end is None:
+            return 0.0
+        return (self.end - self.start) / 1e9
+
+    def obstacle_of(self, contact: Contact) -> ShownBody | None:
+        """Return the obstacle of a contact, None if it was not kept."""
+        return None if self.keyframes is None else self.keyframes.obstacle(
+            contact.deepest_as, contact.deepest, contact.x, contact.y)
+
+    def since(self, time: int) -> float:
+        """Return a time in s since the recording begins."""
+        return 0.0 if self.origin is None else (time - self.origin) / 1e9
+
+    @property
+    def messages(self) -> int:
+        return sum(source.received for source in self.sources)
+
+    @property
+    def least(self) -> Least | None:
+        """The least separation of any footprint, None if none was found."""
+        found = [footprint.least for footprint in self.footprints if footprint.least]
+        return min(found, key=lambda least: least.separation, default=None)
+
+    @property
+    def too_undetermined(self) -> list[SourceResult]:
+        """Those of which it is not known for too long how something moved."""
+        if self.max_undetermined is None:
+            return []
+        most = 1e9 * self.max_undetermined
+        return [source for source in self.sources if source.undetermined > most]
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict: a proved contact counts whatever else is wrong."""
+        if self.contacts:
+            return Verdict.COLLISION
+        if self.problems:
+            return Verdict.BAD_INPUT
+        watched = [footprint for footprint in self.footprints if footprint.enabled]
+        if not watched or not all(footprint.ever_known for footprint in watched) or any(
+                footprint.unknown > 1e9 * self.max_unknown for footprint in watched) or (
+                    self.too_undetermined) or any(source.refused for source in self.sources):
+            return Verdict.UNKNOWN
+        return Verdict.CLEAR
+
+
+def middle_of_overlap(body: Polygon, other: Polygon) -> tuple[float, float]:
+    """Return the middle of where the bounds of two bodies in contact overlap."""
+    a, b = body.bounds, other.bounds
+    return ((max(a[0], b[0]) + min(a[2], b[2])) / 2, (max(a[1], b[1]) + min(a[3], b[3])) / 2)
+
+
+def overall(results: Iterable[Result]) -> Verdict:
+    """Return the verdict on several recordings: the gravest one."""
+    return max((result.verdict for result in results), key=GRAVITY.index,
+               default=Verdict.BAD_INPUT)
+
+
+Sample: TypeAlias = tuple[int, 'float | None']
+
+_MOST_SAMPLES = 4096
+
+
+class Series:
+    """
+    Separations (time in ns, metres or None) in a list that never grows beyond a fixed length.
+
+    Where it would, neighbours are merged to their least.
+
+    Parameters
+    ----------
+    samples : list
+        An empty one, to be filled.
+
+    """
+
+    def __init__(self, samples: list[Sample]) -> None:
+        self.samples = samples
+        self._merged = 1
+        self._pending = 0
+
+    def add(self, time: int, value: float | None) -> None:
+        """Add a sample."""
+        samples = self.samples
+        if self._pending:
+            last, least = samples[-1]
+            samples[-1] = last, _least(least, value)
+        else:
+            if len(samples) == _MOST_SAMPLES:
+                samples[:] = [(time_a, _least(a, b)) for (time_a, a), (_, b)
+                              in zip(samples[::2], samples[1::2])]
+                self._merged *= 2
+            samples.append((time, value))
+        self._pending = (self._pending + 1) % self._merged
+
+
+def least_of(series: Iterable[list[Sample]]) -> Iterable[Sample]:
+    """Yield the least of what several series, each in the order of time, have said last."""
+    latest: dict[int, float | None] = {}
+    before: Sample | None = None
+    for time, number, value in merge(*(
+            [(time, number, value) for time, value in samples]
+            for number, samples in enumerate(series)), key=lambda sample: sample[0]):
+        latest[number] = value
+        if before is not None and time > before[0]:
+            yield before
+        found = None
+        for one in latest.values():
+            found = _least(found, one)
+        before = time, found
+    if before is not None:
+        yield before
+
+
+def _least(a: float | None, b: float | None) -> float | None:
+    return min((value for value in (a, b) if value is not None), default=None)
+
+
+class Unknowns:
+    """
+    Joins what is told of footprints to intervals.
+
+    Attributes
+    ----------
+    intervals : list of Unknown
+        In the order of their beginning.
+
+    """
+
+    def __init__(self) -> None:
+        self.intervals: list[Unknown] = []
+        self._open: dict[str, Unknown] = {}
+
+    def follow(self, name: str, reasons: Iterable[str], now: int) -> None:
+        """Take note of why a footprint is unknown from now on; for no reason if it is not."""
+        reasons = list(reasons)
+        unknown = self._open.get(name)
+        if unknown and unknown.reasons != reasons:
+            unknown.last = now
+            del self._open[name]
+        if reasons and name not in self._open:
+            self._open[name] = Unknown(name, now, now, reasons)
+            self.intervals.append(self._open[name])
+
+    def finish(self, now: int) -> None:
+        """End what is open; what came and went between two messages of one time never was."""
+        for unknown in self._open.values():
+            unknown.last = now
+        self.intervals = [one for one in self.intervals if one.last > one.first]
+
+
+def moments_of(result: Result) -> list[int]:
+    """
+    Return the moments of a result that are worth drawing, in ns.
+
+    They are spread over the recording, denser around the deepest contacts, and have the beginning
+    and the deepest moment of each of the deepest contacts and every least separation.
+    """
+    if result.start is None or result.end is None:
+        return []
+    known = [time for footprint in result.footprints for time, value in footprint.separation
+             if value is not None]
+    start, end = min(known, default=result.start), max(known, default=result.end)
+    moments = _spread(start, end, _MOMENTS)
+    contacts = deepest_contacts(result)
+    for contact in contacts[:_MOST_AROUND]:
+        first, last = max(contact.first - _SECOND, start), min(contact.last + _SECOND, end)
+        if last - first < _AROUND * (end - start) / _MOMENTS:
+            moments |= _spread(first, last, _AROUND)
+    moments.update(time for contact in contacts for time in (contact.first, contact.deepest))
+    moments.update(footprint.least.time for footprint in result.footprints if footprint.least)
+    return sorted(moments)
+
+
+def deepest_contacts(result: Result) -> list[Contact]:
+    """Return the contacts of a result, the deepest first; not more than are drawn."""
+    return sorted(result.contacts, key=lambda contact: -contact.depth)[:MOST_CONTACTS]
+
+
+def _spread(first: int, last: int, count: int) -> set[int]:
+    return {first + (last - first) * k // (count - 1) for k in range(count)}

@@ -1,0 +1,362 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Where and when a footprint on its way touches what a source of obstacles tells of."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Container, Iterable
+from operator import itemgetter
+from typing import NamedTuple
+
+import numpy as np
+from sat_collision.geometry.polygon import Polygon, PolygonError
+from sat_collision.geometry.query import closest_points, separation
+from sat_collision.geometry.sweep import time_of_contact
+from sat_collision.replay.model.result import (
+    AT_A_SAMPLE, BETWEEN_SAMPLES, Contact, FootprintResult, Least, least_of, middle_of_overlap,
+    Series, Unknown)
+from sat_collision.replay.motion.kernels import box_gaps
+from sat_collision.replay.motion.tracker import Step
+from sat_collision.replay.motion.trajectories import Bodies, Floats, LinearMotion, Trajectory
+from sat_collision.scene.obstacles import ObstacleId
+
+# What rounding may take from a separation or add to a way, in parts of the largest coordinate.
+_SLACK = 1e-12
+
+
+class ContactTracker:
+    """
+    Follows the contacts of one footprint with the obstacles of one source.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Of the footprint.
+    contacts : Contacts
+        What is found goes there.
+    margin : float
+        Metres up to which bodies apart count as in contact.
+
+    Attributes
+    ----------
+    decided : bool
+        Whether footprint and source were ever known at the same time.
+    undetermined : int
+        For how long a body had no outline on its way, ns.
+
+    """
+
+    def __init__(self, trajectory: Trajectory, contacts: Contacts, margin: float) -> None:
+        self.decided = False
+        self.undetermined = 0
+        self._trajectory = trajectory
+        self._series = contacts.series()
+        self._contacts = contacts
+        self._margin = margin
+        self._touching: dict[ObstacleId, Contact] = {}
+
+    def decide(self, step: Step) -> None:
+        """Decide a step; the footprint's way through it must be known, as far as it ever is."""
+        stamps = step.seen.stamps if step.seen is not None else ()
+        followed: dict[ObstacleId, Contact] = {}
+        for motion in step.motions:
+            self._follow(motion, followed, stamps)
+        if step.gone is None:
+            before, self._touching = self._touching, followed
+        else:
+            before = self._touching
+            before.update(followed)
+        if step.seen is not None:
+            touching = self._look(step.seen, before)
+            if step.gone is None:
+                self._touching = touching
+            else:
+                for name in step.seen.names:
+                    self._touching.pop(name, None)
+                self._touching.update(touching)
+        for name in step.gone or ():
+            self._touching.pop(name, None)
+
+    def finish(self) -> None:
+        """Take note of the contacts that last to the end."""
+        for contact in self._touching.values():
+            contact.at_end = True
+
+    def _look(self, seen: Bodies, before: dict[ObstacleId, Contact]) -> dict[ObstacleId, Contact]:
+        """Decide a moment: return what touches, and note how deep, and what is nearest."""
+        touching: dict[ObstacleId, Contact] = {}
+        box = self._trajectory.bounds(min(seen.stamps), max(seen.stamps)) if len(seen) else None
+        if box is None:
+            return touching
+        self.decided = True
+        least: tuple[float, int] | None = None
+        for row, gap in _by_gap(box, seen.boxes):
+            if gap > self._margin and least is not None and gap > least[0]:
+                break
+            time, name = seen.stamps[row], seen.names[row]
+            outline = self._trajectory.outline(time)
+            if outline is None:
+                continue
+            value = separation(outline, seen.polygon(row))
+            if value <= self._margin:
+                contact = self._touching.get(name) or before.get(name) or (
+                    self._contacts.begin(name, time))
+                touching[name] = contact
+                contact.last = time
+                contact.found = AT_A_SAMPLE
+                self._contacts.deepen(contact, name, 0.0 - value, time,
+                                      (outline, seen.polygon(row)))
+            if least is None or value < least[0]:
+                least = value, row
+        if least:
+            value, row = least
+            self._series.add(seen.stamps[row], value)
+            self._contacts.measure(seen.names[row], seen.stamps[row], value, seen.polygon(row))
+        return touching
+
+    def _follow(self, motion: LinearMotion, followed: dict[ObstacleId, Contact],
+                seen: Container[int]) -> None:
+        """Decide a motion of known bodies; put what touches at its end to the rest."""
+        start, finish = min(motion.starts), max(motion.finishes)
+        box = self._trajectory.bounds(start, finish)
+        names = motion.before.names
+        near = set() if box is None else set(np.flatnonzero(
+            box_gaps(box, motion.boxes) <= self._margin).tolist())
+        if self._touching:
+            for i, row in enumerate(motion.rows):
+                if names[row] in self._touching and i not in near:
+                    del self._touching[names[row]]
+        if box is None:
+            return
+        self.decided = True
+        for i in sorted(near):
+            contact = self._touching.pop(names[motion.rows[i]], None)
+            for begin, end, piece in self._trajectory.pieces(motion.starts[i], motion.finishes[i]):
+                if contact is not None and contact.last != begin:
+                    contact = None
+                try:
+                    contact = self._cross(_Pair(piece, motion, i, begin, end), contact)
+                except PolygonError:
+                    contact = None
+                    self.undetermined += end - begin
+            if contact is not None:
+                followed[motion.after.names[motion.next_rows[i]]] = contact
+        self._look_at_still(motion, start, finish, seen)
+
+    def _look_at_still(self, motion: LinearMotion, start: int, finish: int,
+                       seen: Container[int]) -> None:
+        """Find what is nearest of all that does not move, at the frames of the footprint."""
+        times = [time for time in self._trajectory.frames(start, finish) if time not in seen]
+        if not times:
+            return
+        still = np.flatnonzero(np.array(motion.moved) == 0.0)
+        boxes = motion.boxes[still]
+        rows = still.tolist()
+        for time in times:
+            outline = self._trajectory.outline(time)
+            if outline is None:
+                continue
+            least = None
+            for k, gap in _by_gap(np.array(outline.bounds), boxes):
+                if least is not None and gap > least[0]:
+                    break
+                i = rows[k]
+                if motion.starts[i] <= time <= motion.finishes[i]:
+                    value = separation(outline, motion.polygon(i, time))
+                    if least is None or value < least[0]:
+                        least = value, motion.rows[i]
+            if least:
+                value, row = least
+                self._contacts.measure(motion.before.names[row], time, value,
+                                       motion.before.polygon(row))
+                if len(rows) == len(motion.before):
+                    self._series.add(time, value)
+
+    def _cross(self, pair: _Pair, contact: Contact | None) -> Contact | None:
+        """Decide a piece of the way of a pair; return the contact in which it ends, if in one."""
+        own, other = pair.at(pair.end)
+        value = separation(own, other)
+        touches = value <= self._margin
+        if contact is None:
+            if pair.begin == pair.end:
+                first: int | None = pair.begin if touches else None
+            else:
+                first = self._first(pair)
+            if first is None:
+                if not touches:
+                    return None
+                first = pair.end
+            contact = self._contacts.begin(pair.name, first)
+            contact.between[0] = pair.begin if first > pair.begin else None
+        if touches:
+            contact.last = pair.end
+            if pair.ends_at_a_sample:
+                contact.found = AT_A_SAMPLE
+            self._contacts.deepen(contact, pair.end_name, 0.0 - value, pair.end, (own, other))
+            return contact
+        last = self._first(pair.backwards())
+        begun = max(contact.first, pair.begin)
+        contact.last = begun if last is None else max(begun, last)
+        contact.between[1] = pair.end
+        depth, time, bodies = max(
+            ((0.0 - separation(*bodies), time, bodies) for time, bodies in (
+                (time, pair.at(time)) for time in _between(begun, contact.last))),
+            key=itemgetter(0))
+        # Nearer than the sweep can tell from contact is no depth.
+        self._contacts.deepen(contact, pair.name, max(depth, 0.0 - self._margin), time, bodies)
+        return None
+
+    def _first(self, pair: _Pair) -> int | None:
+        """Return when a pair first touches on a piece of its way."""
+        own, other = pair.at(pair.begin)
+        value = separation(own, other)
+        if value <= self._margin:
+            return pair.begin
+        if value - self._margin > pair.most_motion():
+            return None
+        share = time_of_contact(*pair.rings(), margin=self._margin)
+        return None if share is None else pair.begin + round(share * (pair.end - pair.begin))
+
+
+class _Pair(NamedTuple):
+    """A footprint and an obstacle from one time to another, both on straight motion; or back."""
+
+    piece: LinearMotion
+    motion: LinearMotion
+    i: int
+    begin: int
+    end: int
+
+    @property
+    def name(self) -> ObstacleId:
+        return self.motion.before.names[self.motion.rows[self.i]]
+
+    @property
+    def end_name(self) -> ObstacleId:
+        """What the obstacle is called at the end."""
+        if self.end < self.motion.finishes[self.i]:
+            return self.name
+        return self.motion.after.names[self.motion.next_rows[self.i]]
+
+    @property
+    def ends_at_a_sample(self) -> bool:
+        """Whether the footprint has a frame at the end, and the other does not move."""
+        return (self.end == self.piece.finishes[0] and not self.piece.after.is_between
+                and not self.motion.moved[self.i])
+
+    def backwards(self) -> _Pair:
+        return self._replace(begin=self.end, end=self.begin)
+
+    def at(self, time: int) -> tuple[Polygon, Polygon]:
+        return self.piece.polygon(0, time), self.motion.polygon(self.i, time)
+
+    def rings(self) -> tuple[Floats, Floats, Floats, Floats]:
+        return (self.piece.ring(0, self.begin), self.piece.ring(0, self.end),
+                self.motion.ring(self.i, self.begin), self.motion.ring(self.i, self.end))
+
+    def most_motion(self) -> float:
+        """Return how far the two can come towards each other, metres."""
+        both = (self.piece, 0), (self.motion, self.i)
+        passed = abs(self.end - self.begin)
+        moved: float = sum(motion.moved[i] * passed / max(motion.finishes[i] - motion.starts[i], 1)
+                           for motion, i in both)
+        largest: float = max(np.abs(motion.boxes[i]).max() for motion, i in both)
+        return moved * (1.0 + _SLACK) + _SLACK * largest
+
+
+def _between(first: int, last: int) -> list[int]:
+    """Return times in a contact at which to measure how deep it is, the middle before others."""
+    return [first + (last - first) * part // 8 for part in (4, 2, 6, 1, 3, 5, 7)]
+
+
+def _by_gap(box: Floats, boxes: Floats) -> list[tuple[int, float]]:
+    """Return which boxes are how far from one, the nearest first."""
+    gaps = box_gaps(box, boxes)
+    order = np.argsort(gaps, kind='stable')
+    return list(zip(order.tolist(), gaps[order].tolist()))
+
+
+class Contacts:
+    """
+    Collects what is found of a footprint.
+
+    Parameters
+    ----------
+    result : FootprintResult
+        Least separation and curve go there.
+    contacts : list of Contact
+        Of all footprints.
+    trajectory : Trajectory
+        Of the footprint.
+
+    """
+
+    def __init__(self, result: FootprintResult, contacts: list[Contact],
+                 trajectory: Trajectory) -> None:
+        self._result = result
+        self._contacts = contacts
+        self._trajectory = trajectory
+        self._series: list[Series] = []
+
+    def begin(self, obstacle: ObstacleId, time: int) -> Contact:
+        """Note a contact that begins, and return it."""
+        contact = Contact(self._result.name, str(obstacle), time, time, found=BETWEEN_SAMPLES)
+        self._contacts.append(contact)
+        return contact
+
+    def deepen(self, contact: Contact, name: ObstacleId, depth: float, time: int,
+               bodies: tuple[Polygon, Polygon]) -> None:
+        """Note how deep a contact is at a time, and where; and what the obstacle is called."""
+        if contact.deepest == 0 or depth > contact.depth:
+            contact.deepest_as = str(name)
+            contact.depth = depth
+            contact.deepest = time
+            contact.x, contact.y = middle_of_overlap(*bodies)
+            self._note_least(Least(0.0 - depth, time, contact.obstacle, contact.x, contact.y,
+                                   contact.found))
+
+    def series(self) -> Series:
+        """Return where the separations from the nearest obstacles of one kind are to go."""
+        self._series.append(Series([]))
+        return self._series[-1]
+
+    def measure(self, obstacle: ObstacleId, time: int, value: float, other: Polygon) -> None:
+        """Note how far an obstacle is."""
+        least = self._result.least
+        own = self._trajectory.outline(time)
+        if own is not None and (least is None or value < least.separation):
+            (ax, ay), (bx, by) = (point.tolist() for point in closest_points(own, other))
+            self._note_least(Least(value + 0.0, time, str(obstacle), (ax + bx) / 2, (ay + by) / 2,
+                                   AT_A_SAMPLE))
+
+    def draw_curve(self, unknown: Iterable[Unknown]) -> None:
+        """Make the curve of all sources, interrupted where nothing was known."""
+        samples = list(least_of(series.samples for series in self._series))
+        times = [time for time, _ in samples]
+        for one in unknown:
+            k = bisect_left(times, one.first)
+            # Shorter than half of the time between two moments, it is within what is known.
+            if one.footprint == self._result.name and 0 < k == bisect_left(times, one.last) and (
+                    k == len(times) or 2 * (one.last - one.first) > times[k] - times[k - 1]):
+                samples.append((one.first, None))
+        curve = Series(self._result.separation)
+        for time, value in sorted(samples, key=itemgetter(0)):
+            curve.add(time, value)
+
+    def _note_least(self, found: Least) -> None:
+        least = self._result.least
+        if least is None or found.separation < least.separation:
+            self._result.least = found

@@ -1,0 +1,254 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Rings of points by the thousand: their bounds, who follows whom, and the ways between them."""
+
+import math
+
+import numpy as np
+from sat_collision.geometry.jit import kernel
+from sat_collision.geometry.moving import STRIDE
+
+
+@kernel
+def describe(points, ends):
+    """
+    Return counts, bounding boxes and centres of rings.
+
+    Parameters
+    ----------
+    points : (v, 2) array of float64
+        The points of all rings.
+    ends : (n,) array of int64
+        Where each ring ends.
+
+    Returns
+    -------
+    counts : (n,) array of int64
+        The points of each ring, without one that closes it.
+    boxes : (n, 4) array of float64
+        min x, min y, max x, max y.
+    centres : (n, 2) array of float64
+        The middle of the box: what a ring is known by from one set to the next.
+
+    """
+    counts = np.empty(len(ends), np.int64)
+    boxes = np.empty((len(ends), 4))
+    centres = np.empty((len(ends), 2))
+    start = 0
+    for i in range(len(ends)):
+        end = ends[i]
+        last = end - 1
+        closed = (last > start and points[start, 0] == points[last, 0]
+                  and points[start, 1] == points[last, 1])
+        counts[i] = end - start - (1 if closed else 0)
+        for axis in range(2):
+            least = points[start, axis]
+            most = least
+            for k in range(start + 1, end):
+                least = min(least, points[k, axis])
+                most = max(most, points[k, axis])
+            boxes[i, axis] = least
+            boxes[i, 2 + axis] = most
+            centres[i, axis] = 0.5 * least + 0.5 * most
+        start = end
+    return counts, boxes, centres
+
+
+@kernel
+def nearest_each(centres, others, order):
+    """
+    Return for each centre which of the others is nearest to it; -1 if there are none.
+
+    `order` sorts the others by x, so that few of them have to be looked at.
+    """
+    found = np.full(len(centres), -1, np.int64)
+    for i in range(len(centres)):
+        x = centres[i, 0]
+        y = centres[i, 1]
+        above = 0
+        size = len(order)
+        while size > 0:
+            half = size // 2
+            if others[order[above + half], 0] < x:
+                above += half + 1
+                size -= half + 1
+            else:
+                size = half
+        below = above - 1
+        best = math.inf
+        while True:
+            down = x - others[order[below], 0] if below >= 0 else math.inf
+            up = others[order[above], 0] - x if above < len(order) else math.inf
+            if down == math.inf and up == math.inf or min(down, up) ** 2 > best:
+                break
+            if down <= up:
+                j = order[below]
+                below -= 1
+            else:
+                j = order[above]
+                above += 1
+            distance = (others[j, 0] - x) ** 2 + (others[j, 1] - y) ** 2
+            if distance < best or (distance == best and j < found[i]):
+                best = distance
+                found[i] = j
+    return found
+
+
+@kernel
+def mutual_nearest(centres, counts, others, other_counts):
+    """
+    Return which rings of two sets are nearest to each other and have as many points.
+
+    Parameters
+    ----------
+    centres, others : (n, 2) and (m, 2) array of float64
+        The centres of the rings of the two sets.
+    counts, other_counts : (n,) and (m,) array of int64
+        How many points they have.
+
+    Returns
+    -------
+    (k,) array of int64, (k,) array of int64
+        The rings of one set, and those of the other.
+
+    """
+    there = nearest_each(centres, others, np.argsort(others[:, 0]))
+    back = nearest_each(others, centres, np.argsort(centres[:, 0]))
+    rows = np.empty(len(centres), np.int64)
+    other_rows = np.empty(len(centres), np.int64)
+    found = 0
+    for i in range(len(centres)):
+        j = there[i]
+        if j >= 0 and back[j] == i and counts[i] == other_counts[j]:
+            rows[found] = i
+            other_rows[found] = j
+            found += 1
+    return rows[:found], other_rows[:found]
+
+
+@kernel
+def motions_between(points, firsts, counts, rows, next_points, next_firsts, next_rows):
+    """
+    Return the ways of rings from one set to the next, vertex by vertex.
+
+    Which vertex becomes which is not said by a ring that may begin anywhere: of all starts the
+    one is taken with the least motion, and of equal ones that of the rings as received. A ring
+    that has changed its sense is read backwards.
+
+    Parameters
+    ----------
+    points, next_points : (v, 2) array of float64
+        The points of all rings of a set, and of the next one.
+    firsts, next_firsts : (n,) array of int64
+        Where each ring starts.
+    counts : (n,) array of int64
+        How many points those of the first set have; the partners have as many.
+    rows, next_rows : (m,) array of int64
+        Which ring becomes which.
+
+    Returns
+    -------
+    array : flat array of float64
+        x, y before and x, y after of each vertex, ring after ring, as `moving.MovingBody` has it.
+    ends : (m,) array of int64
+        Where in it each ring ends.
+    boxes : (m, 4) array of float64
+        What bounds all of the way.
+    moved : (m,) array of float64
+        The way of the vertex that moves furthest, metres.
+
+    """
+    total = 0
+    for r in range(len(rows)):
+        total += counts[rows[r]]
+    array = np.empty(STRIDE * total)
+    ends = np.empty(len(rows), np.int64)
+    boxes = np.empty((len(rows), 4))
+    moved = np.empty(len(rows))
+    at = 0
+    for r in range(len(rows)):
+        n = counts[rows[r]]
+        p = firsts[rows[r]]
+        q = next_firsts[next_rows[r]]
+        step = 1
+        if _twice_area(points, p, n) * _twice_area(next_points, q, n) < 0.0:
+            step = -1
+        shift = _least_motion(points, p, next_points, q, n, step)
+        boxes[r] = (math.inf, math.inf, -math.inf, -math.inf)
+        most = 0.0
+        for k in range(n):
+            j = q + (shift + step * k) % n
+            x0 = points[p + k, 0]
+            y0 = points[p + k, 1]
+            x1 = next_points[j, 0]
+            y1 = next_points[j, 1]
+            array[at] = x0
+            array[at + 1] = y0
+            array[at + 2] = x1
+            array[at + 3] = y1
+            at += STRIDE
+            most = max(most, (x1 - x0) ** 2 + (y1 - y0) ** 2)
+            boxes[r, 0] = min(boxes[r, 0], min(x0, x1))
+            boxes[r, 1] = min(boxes[r, 1], min(y0, y1))
+            boxes[r, 2] = max(boxes[r, 2], max(x0, x1))
+            boxes[r, 3] = max(boxes[r, 3], max(y0, y1))
+        moved[r] = math.sqrt(most)
+        ends[r] = at
+    return array, ends, boxes, moved
+
+
+@kernel
+def _twice_area(points, first, count):
+    area = 0.0
+    x = points[first, 0]
+    y = points[first, 1]
+    for k in range(first + 1, first + count - 1):
+        area += ((points[k, 0] - x) * (points[k + 1, 1] - y)
+                 - (points[k, 1] - y) * (points[k + 1, 0] - x))
+    return area
+
+
+@kernel
+def _least_motion(points, first, next_points, next_first, count, step):
+    """Return the start in the next ring with the least sum of squared ways."""
+    best = math.inf
+    found = 0
+    for shift in range(count):
+        total = 0.0
+        for k in range(count):
+            j = next_first + (shift + step * k) % count
+            total += ((next_points[j, 0] - points[first + k, 0]) ** 2
+                      + (next_points[j, 1] - points[first + k, 1]) ** 2)
+            if total >= best:
+                break
+        if total < best:
+            best = total
+            found = shift
+    return found
+
+
+@kernel
+def box_gaps(box, boxes):
+    """
+    Return how far a box is from others, a lower bound of how far what they hold is; (n,) array.
+
+    It is 0 just when they share a point.
+    """
+    gaps = np.empty(len(boxes))
+    for i in range(len(boxes)):
+        x = max(max(boxes[i, 0] - box[2], box[0] - boxes[i, 2]), 0.0)
+        y = max(max(boxes[i, 1] - box[3], box[1] - boxes[i, 3]), 0.0)
+        gaps[i] = math.sqrt(x * x + y * y)
+    return gaps

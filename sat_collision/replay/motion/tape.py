@@ -1,0 +1,207 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Recorded motion on a tape, developed to keyframes once it is known what is worth drawing."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+import pickle
+import tempfile
+from typing import Any, NamedTuple
+
+from sat_collision.replay.model.keyframes import Keyframes, ShownBody
+from sat_collision.replay.motion.tracker import LONGEST, Step, Tracker
+from sat_collision.replay.motion.trajectories import Bodies, Floats, LinearMotion, Trajectory
+from sat_collision.scene.obstacles import ObstacleId
+
+
+class Tape:
+    """
+    A temporary file of the ways by which recorded motion decides.
+
+    Parameters
+    ----------
+    most : int
+        How many bytes it may have.
+
+    Attributes
+    ----------
+    is_full : bool
+        Whether there was more than that: then nothing is kept.
+
+    """
+
+    def __init__(self, most: int) -> None:
+        self.is_full = False
+        self._most = most
+        self._file = tempfile.TemporaryFile(prefix='replay_check_')
+        self._numbers: dict[Tracker, int] = {}
+        self._timeouts: dict[str, float] = {}
+
+    def name(self, footprint: str, timeout: float) -> None:
+        """Name a footprint, and its timeout in ns."""
+        self._timeouts[footprint] = timeout
+
+    def follow(self, tracker: Tracker, step: Step) -> None:
+        """Keep what a source tells of the time from one moment to the next."""
+        number = self._numbers.setdefault(tracker, len(self._numbers))
+        self._write((number, step))
+
+    def place(self, footprint: str, frame: Bodies | None) -> None:
+        """Keep where a footprint was; None if that is not known until its next frame."""
+        self._write((footprint, frame))
+
+    def develop(self, keyframes: Keyframes, end: int) -> None:
+        """Fill keyframes with what was kept; the recording ends at a time in ns."""
+        trajectories = {name: Trajectory(timeout, LONGEST)
+                        for name, timeout in self._timeouts.items()}
+        motion = _Developer(keyframes)
+        self._file.seek(0)
+        for key, event in self._events():
+            if isinstance(event, Step):
+                motion.follow(key, event)
+                for trajectory in trajectories.values():
+                    trajectory.stand(event.finish)
+            elif event is None:
+                trajectories[key].lose()
+            else:
+                trajectories[key].add(event)
+                motion.walk(key, trajectories[key])
+                trajectories[key].drop_before(event.stamps[0] - LONGEST)
+        for name, trajectory in trajectories.items():
+            trajectory.stand(end)
+            motion.walk(name, trajectory)
+        motion.finish(end)
+        self._file.close()
+
+    def _events(self) -> Any:
+        while True:
+            try:
+                yield pickle.load(self._file)
+            except EOFError:
+                return
+
+    def _write(self, event: tuple[int | str, Step | Bodies | None]) -> None:
+        if self.is_full:
+            return
+        pickle.dump(event, self._file, pickle.HIGHEST_PROTOCOL)
+        if self._file.tell() > self._most:
+            self.is_full = True
+            self._file.truncate(0)
+
+
+class _Sight(NamedTuple):
+    """Where and when an obstacle was seen last, and as what."""
+
+    time: int
+    name: str
+    ring: Floats
+    body: ShownBody
+
+
+class _Developer:
+    """
+    Fills keyframes with what recorded motion goes by, the same by which it decides.
+
+    A body whose way is not known is shown where it was last, and marked so.
+
+    Parameters
+    ----------
+    keyframes : Keyframes
+        To be filled.
+
+    """
+
+    def __init__(self, keyframes: Keyframes) -> None:
+        self._keyframes = keyframes
+        self._sights: dict[int, dict[ObstacleId, _Sight]] = {}
+        self._footprints: dict[str, ShownBody] = {}
+        self._next: dict[str, int] = {}
+
+    def follow(self, tracker: int, step: Step) -> None:
+        """Keyframes what a source tells of the time from one moment to the next."""
+        sights = self._sights.setdefault(tracker, {})
+        arrived: dict[ObstacleId, ShownBody] = {}
+        for motion in step.motions:
+            for i, row in enumerate(motion.rows):
+                name = motion.before.names[row]
+                sight = sights.get(name)
+                if sight is None:
+                    continue
+                self._move(sight, motion, i)
+                if motion.after is step.seen:
+                    arrived[motion.after.names[motion.next_rows[i]]] = sight.body
+                    del sights[name]
+                else:
+                    sights[name] = sight._replace(time=motion.finishes[i])
+        seen = step.seen
+        end = min(seen.stamps) if seen is not None and len(seen) else step.finish
+        for name in list(sights) if step.gone is None else step.gone:
+            if name in sights:
+                self._hold(sights.pop(name), end if step.gone is None else step.finish)
+        if seen is None:
+            return
+        for row, (name, stamp) in enumerate(zip(seen.names, seen.stamps)):
+            body = arrived.get(name)
+            if body is None and name in sights:
+                self._hold(sights[name], stamp)
+                body = sights[name].body
+            sights[name] = _Sight(stamp, str(name), seen.ring(row), body or self._keyframes.add())
+
+    def walk(self, name: str, trajectory: Trajectory) -> None:
+        """Keyframes a footprint on its way, as far as that is known now."""
+        if trajectory.latest is None:
+            return
+        until = bisect_right(self._keyframes.moments, trajectory.latest)
+        for number in range(self._next.get(name, 0), until):
+            outline = trajectory.outline(self._keyframes.moments[number])
+            if outline is not None:
+                if name not in self._footprints:
+                    self._footprints[name] = self._keyframes.add(is_footprint=True)
+                self._footprints[name].show(number, number + 1, name, outline.vertices)
+            else:
+                self._lose(name, number + 1)
+        self._next[name] = max(until, self._next.get(name, 0))
+
+    def finish(self, end: int) -> None:
+        """Let what is left be where it was last until the end."""
+        for sights in self._sights.values():
+            for sight in sights.values():
+                self._hold(sight, end + 1)
+        for name in self._footprints:
+            self._lose(name, len(self._keyframes.moments))
+
+    def _move(self, sight: _Sight, motion: LinearMotion, i: int) -> None:
+        start, finish = motion.starts[i], motion.finishes[i]
+        first, end = self._keyframes.number(start), self._keyframes.number(finish)
+        if not motion.moved[i]:
+            sight.body.show(first, end, sight.name, motion.ring(i, start))
+            return
+        for number in range(first, end):
+            ring = motion.ring(i, self._keyframes.moments[number])
+            sight.body.show(number, number + 1, sight.name, ring)
+
+    def _hold(self, sight: _Sight, end: int) -> None:
+        """Show an obstacle where it was last, until before a time."""
+        first, until = self._keyframes.number(sight.time), self._keyframes.number(end)
+        if first < until and self._keyframes.moments[first] == sight.time:
+            sight.body.show(first, first + 1, sight.name, sight.ring)
+        sight.body.show(first, until, sight.name, sight.ring, known=False)
+
+    def _lose(self, name: str, end: int) -> None:
+        """Show a footprint where it was last, until before a moment."""
+        body = self._footprints.get(name)
+        if body is not None and body.spans:
+            body.show(0, end, name, body.spans[-1].ring, known=False)

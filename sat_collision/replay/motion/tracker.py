@@ -1,0 +1,338 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Who is who from one message to the next: bodies of a source, by id, by shape, or set after set.
+
+A tracker turns the placements of a source into steps, each from one moment at which bodies were
+seen to the next. A body that is not seen again stands where it was until it is forgotten, unless
+it is known to move.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from sat_collision.messages.placement import Placement
+from sat_collision.replay.motion.kernels import mutual_nearest
+from sat_collision.replay.motion.trajectories import Bodies, LinearMotion, stay
+from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.settings import ObstacleSettings, POLYGON_INSTANCE
+from sat_collision.scene.times import NEVER
+
+# No motion is made up over more than this, whatever the timeout, ns.
+LONGEST = 10 * 10**9
+# Messages of ids stamped so near each other, ns, are looked at together.
+_TOGETHER = 10**8
+
+
+class Step(NamedTuple):
+    """
+    What a source tells of the time from one moment to the next.
+
+    Attributes
+    ----------
+    motions : list of LinearMotion
+        The bodies that are known to be the same at both.
+    seen : Bodies or None
+        All that was seen at the later one, None if nothing was.
+    gone : sequence of ObstacleId or None
+        Names of those that are there no longer; None for all that was not seen.
+    finish : int
+        The last time that it tells of, ns.
+
+    """
+
+    motions: list[LinearMotion]
+    seen: Bodies | None
+    gone: Sequence[ObstacleId] | None
+    finish: int
+
+
+Emit: TypeAlias = 'Callable[[Tracker, Step], None]'
+
+
+class Tracker(ABC):
+    """
+    Follows the bodies of a source.
+
+    Parameters
+    ----------
+    settings : ObstacleSettings
+    max_vertices : int
+    emit : callable
+        Takes the tracker and each Step.
+
+    Attributes
+    ----------
+    undetermined : int
+        For how long it was not known how something moved, ns.
+
+    """
+
+    def __init__(self, settings: ObstacleSettings, max_vertices: int, emit: Emit) -> None:
+        self.undetermined = 0
+        self._source = settings.name
+        self._timeout = round(settings.timeout * 1e9) or NEVER
+        self._longest = round(min(self._timeout, LONGEST))
+        self._max_vertices = max_vertices
+        self._emit = emit
+        self._frame_id = ''
+        # What comes in, until it is seen together, by name; of equal names the last counts.
+        self._pending: dict[ObstacleId, Placement] = {}
+
+    @abstractmethod
+    def place(self, placement: Placement) -> None:
+        """Take where a body was; no points say that the publisher has told all."""
+
+    @abstractmethod
+    def rest(self, now: int, is_over: bool = False) -> None:
+        """Let what has not been seen for long, or all if that is all there is, have stood."""
+
+    def use_frame(self, frame_id: str) -> None:
+        """Drop what is in another frame than this."""
+        self._frame_id = frame_id
+
+    def _take_pending(self) -> Bodies:
+        """Return what has come in, in the frame that counts."""
+        found, self._pending = self._pending, {}
+        frames = {placement.frame_id for placement in found.values()}
+        if self._frame_id and frames - {self._frame_id}:
+            found = {name: placement for name, placement in found.items()
+                     if placement.frame_id == self._frame_id}
+            frames = {self._frame_id}
+        return Bodies(list(found), [placement.stamp for placement in found.values()],
+                      [(placement.points, placement.plane) for placement in found.values()],
+                      self._max_vertices, frames.pop() if len(frames) == 1 else '')
+
+
+class SetTracker(Tracker):
+    """
+    Follows a source that publishes sets.
+
+    A set is a run of messages whose stamps lie within `set_window` of its first. A place in a set
+    may be taken by another body each time, so bodies of two sets are the same where they are
+    nearest to each other and have as many vertices.
+    """
+
+    def __init__(self, settings: ObstacleSettings, max_vertices: int, emit: Emit) -> None:
+        super().__init__(settings, max_vertices, emit)
+        self._window = round(settings.set_window * 1e9)
+        self._stamp: int | None = None
+        self._shapes: dict[tuple[bytes, object], ObstacleId] = {}
+        # The last set, when each of it was seen, and which rows may be seen again.
+        self._last: Bodies | None = None
+        self._last_stamp = 0
+        self._seen_at: Sequence[int] = ()
+        self._alive: set[int] = set()
+
+    def place(self, placement: Placement) -> None:
+        stamp = placement.stamp
+        if self._stamp is None or abs(stamp - self._stamp) > self._window:
+            self._close()
+            self._stamp = stamp
+        data, start, count = placement.points
+        if count:
+            # A body that is there already is the same.
+            shape = data[start:start + 12 * count], placement.plane
+            name = self._shapes.get(shape)
+            if name is None:
+                name = self._shapes[shape] = ObstacleId(self._source, len(self._shapes))
+            self._pending[name] = placement
+        else:
+            self._close()
+
+    def use_frame(self, frame_id: str) -> None:
+        super().use_frame(frame_id)
+        if self._last is not None and self._last.frame_id != frame_id:
+            self._last = None
+
+    def rest(self, now: int, is_over: bool = False) -> None:
+        if self._stamp is not None and (is_over or now > self._stamp + self._longest):
+            self._close()
+        last = self._last
+        if last is None or not self._alive or not (
+                is_over or now > self._last_stamp + self._longest):
+            return
+        ends = {row: min(now, self._seen_at[row] + self._timeout) for row in self._alive}
+        until = {row: round(end) for row, end in ends.items()
+                 if row not in last.moving and end > last.stamps[row]}
+        self.undetermined += max([0, *(round(ends[row]) - self._last_stamp
+                                       for row in self._alive - until.keys())])
+        left = {row for row in until if self._seen_at[row] + self._timeout > now}
+        self._emit(self, Step([stay(last, until)] if until else [], None,
+                              [last.names[row] for row in self._alive - left],
+                              max(until.values(), default=self._last_stamp)))
+        self._last = last.at([now if row in left else stamp
+                              for row, stamp in enumerate(last.stamps)])
+        self._last_stamp = now
+        self._alive = left
+
+    def _close(self) -> None:
+        """Take the set that came in for whole, and follow the bodies of the one before to it."""
+        stamp, self._stamp = self._stamp, None
+        if stamp is None:
+            return
+        self._shapes = {}
+        seen = self._take_pending()
+        last = self._last
+        motions: list[LinearMotion] = []
+        until: dict[int, int] = {}
+        if last is not None:
+            rows, next_rows = mutual_nearest(last.centres, last.counts, seen.centres, seen.counts)
+            passed = (np.array(seen.stamps, np.int64)[next_rows]
+                      - np.array(last.stamps, np.int64)[rows])
+            known = (passed > 0) & (passed <= self._longest)
+            followed: set[int] = set()
+            if known.any():
+                motions.append(LinearMotion(last, seen, rows[known], next_rows[known]))
+                seen.moving = {row for row, moved in zip(motions[0].next_rows, motions[0].moved)
+                               if moved}
+                followed.update(motions[0].rows)
+            # What was forgotten before this set was there until then.
+            for row in self._alive - followed - last.moving:
+                end = self._seen_at[row] + self._timeout
+                if last.stamps[row] < end < stamp:
+                    until[row] = round(end)
+            if until:
+                motions.append(stay(last, until))
+            if len(followed) < len(seen) or self._alive - followed - until.keys():
+                self.undetermined += min(max(stamp - self._last_stamp, 0), self._longest)
+        self._emit(self, Step(motions, seen, None, max([stamp, *seen.stamps, *until.values()])))
+        self._last, self._last_stamp, self._seen_at = seen, stamp, seen.stamps
+        self._alive = set(range(len(seen)))
+
+
+class _Sighting(NamedTuple):
+    """A body among those that were seen together, and when it was seen itself."""
+
+    bodies: Bodies
+    row: int
+    seen_at: int
+
+    @property
+    def stamp(self) -> int:
+        return self.bodies.stamps[self.row]
+
+
+class KeyTracker(Tracker):
+    """Follows bodies with ids, or that stand still because they are known by shape."""
+
+    def __init__(self, settings: ObstacleSettings, max_vertices: int, emit: Emit) -> None:
+        super().__init__(settings, max_vertices, emit)
+        self._by_id = settings.type == POLYGON_INSTANCE
+        self._seen: dict[ObstacleId, _Sighting] = {}
+        self._shapes: dict[tuple[bytes, object], ObstacleId] = {}
+        self._first_stamp = self._rested = 0
+
+    def place(self, placement: Placement) -> None:
+        name = self._name(placement)
+        if name is None:
+            return
+        if self._pending and (name in self._pending
+                              or abs(placement.stamp - self._first_stamp) > _TOGETHER):
+            self._close()
+        if not self._pending:
+            self._first_stamp = placement.stamp
+        self._pending[name] = placement
+
+    def use_frame(self, frame_id: str) -> None:
+        super().use_frame(frame_id)
+        self._seen = {name: sighting for name, sighting in self._seen.items()
+                      if sighting.bodies.frame_id == frame_id}
+
+    def rest(self, now: int, is_over: bool = False) -> None:
+        if self._pending and (is_over or now > self._first_stamp + self._longest):
+            self._close()
+        if is_over or now > self._rested + self._longest:
+            self._rested = now
+            self._stand(now, 0 if is_over else self._longest, is_over)
+
+    def _name(self, placement: Placement) -> ObstacleId | None:
+        """Return the name of a body, None if there is no body."""
+        data, start, count = placement.points
+        if not count:
+            return None
+        if self._by_id:
+            return ObstacleId(self._source, placement.instance or 0)
+        shape = data[start:start + 12 * count], placement.plane
+        return self._shapes.setdefault(
+            shape, ObstacleId(self._source, -1 - len(self._shapes)))
+
+    def _stand(self, now: int, least: int, is_over: bool = False) -> None:
+        """Let what was seen at least so long ago have stood until now, or until forgotten."""
+        standing: defaultdict[int, dict[int, int]] = defaultdict(dict)
+        found: dict[int, Bodies] = {}
+        gone = []
+        for name, sighting in list(self._seen.items()):
+            bodies, row, seen_at = sighting
+            if sighting.stamp >= now - least:
+                continue
+            end = round(min(now, seen_at + self._timeout))
+            is_forgotten = seen_at + self._timeout < now
+            if row not in bodies.moving:
+                if end > sighting.stamp:
+                    found[id(bodies)] = bodies
+                    standing[id(bodies)][row] = end
+            elif is_over or is_forgotten:
+                self.undetermined += max(end - sighting.stamp, 0)
+            if is_forgotten:
+                gone.append(name)
+                del self._seen[name]
+        if gone or standing:
+            motions = [stay(found[key], until) for key, until in standing.items()]
+            self._emit(self, Step(motions, None, gone, max(
+                (end for until in standing.values() for end in until.values()), default=now)))
+        for key, until in standing.items():
+            rested = found[key].at([until.get(row, stamp)
+                                    for row, stamp in enumerate(found[key].stamps)])
+            for row in until:
+                name = rested.names[row]
+                if name in self._seen:
+                    self._seen[name] = self._seen[name]._replace(bodies=rested)
+
+    def _close(self) -> None:
+        """Follow the bodies that were seen together from where they were seen last."""
+        seen = self._take_pending()
+        if len(seen):
+            self._stand(min(seen.stamps), self._longest)
+        followed: defaultdict[int, list[tuple[int, int]]] = defaultdict(list)
+        found: dict[int, Bodies] = {}
+        undetermined = 0
+        for row, name in enumerate(seen.names):
+            last = self._seen.get(name)
+            if last is not None:
+                passed = seen.stamps[row] - last.stamp
+                if 0 < passed <= self._longest and (
+                        last.bodies.counts[last.row] == seen.counts[row]):
+                    found[id(last.bodies)] = last.bodies
+                    followed[id(last.bodies)].append((last.row, row))
+                else:
+                    undetermined = max(undetermined, min(passed, self._longest))
+            self._seen[name] = _Sighting(seen, row, seen.stamps[row])
+        self.undetermined += undetermined
+        motions = []
+        for key, pairs in followed.items():
+            rows, next_rows = np.array(pairs, np.int64).T
+            motion = LinearMotion(found[key], seen, np.ascontiguousarray(rows),
+                                  np.ascontiguousarray(next_rows))
+            seen.moving.update(row for row, moved in zip(motion.next_rows, motion.moved)
+                               if moved)
+            motions.append(motion)
+        if len(seen):
+            self._emit(self, Step(motions, seen, (), max(seen.stamps)))

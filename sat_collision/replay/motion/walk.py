@@ -1,0 +1,353 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+What touched as it was recorded: everything where it was at each time, by its own stamps.
+
+Placements come in, in the order of stamps. A tracker for each source makes steps of them, each
+footprint's sweep decides the steps once the footprint's way through them is known, and nothing is
+kept for long after that.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from operator import attrgetter
+
+from sat_collision.messages.placement import Placement
+from sat_collision.messages.transform_listener import TransformListener
+from sat_collision.replay.model.result import Contact, FootprintResult, Unknown, Unknowns
+from sat_collision.replay.motion.contacts import Contacts, ContactTracker
+from sat_collision.replay.motion.tape import Tape
+from sat_collision.replay.motion.tracker import (
+    Emit, KeyTracker, LONGEST, SetTracker, Step, Tracker)
+from sat_collision.replay.motion.trajectories import Bodies, Poses, Trajectory
+from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.scene import Scene
+from sat_collision.scene.settings import (
+    FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
+from sat_collision.scene.times import NEVER
+
+
+class Sweep:
+    """
+    A footprint on its way through what all sources of obstacles tell.
+
+    Parameters
+    ----------
+    settings : FootprintSettings
+    result : FootprintResult
+        Of the footprint.
+    contacts : list of Contact
+        Of all footprints.
+    margin : float
+        Metres up to which bodies apart count as in contact.
+    keep : int
+        For how long its way is of interest, ns.
+
+    Attributes
+    ----------
+    settings : FootprintSettings
+    timeout : int or float
+        In ns, or NEVER.
+    trajectory : Trajectory
+    contacts : Contacts
+    is_decided : bool
+        Whether there was a decision against all sources that had bodies.
+
+    """
+
+    def __init__(self, settings: FootprintSettings, result: FootprintResult,
+                 contacts: list[Contact], margin: float, keep: int) -> None:
+        self.settings = settings
+        self.timeout = round(settings.timeout * 1e9) or NEVER
+        self._margin = margin
+        self._keep = keep
+        self.trajectory = Trajectory(self.timeout, LONGEST)
+        self.contacts = Contacts(result, contacts, self.trajectory)
+        self._waiting: dict[Tracker, deque[Step]] = {}
+        self._contact_trackers: dict[Tracker, ContactTracker] = {}
+
+    @property
+    def is_decided(self) -> bool:
+        return all(one.decided for one in self._contact_trackers.values())
+
+    @property
+    def undetermined(self) -> int:
+        """For how long the way was not known though the footprint was there, ns."""
+        return self.trajectory.undetermined + sum(
+            one.undetermined for one in self._contact_trackers.values())
+
+    def queue(self, tracker: Tracker, step: Step, now: int) -> None:
+        """Take a step, to be decided when the way is known."""
+        if tracker not in self._contact_trackers:
+            if step.seen is not None and not len(step.seen):
+                return
+            self._contact_trackers[tracker] = ContactTracker(
+                self.trajectory, self.contacts, self._margin)
+            self._waiting[tracker] = deque()
+        self._waiting[tracker].append(step)
+        if self._is_due(self._waiting[tracker][0], now):
+            self.advance(now)
+
+    def advance(self, now: int) -> None:
+        """Decide what can be decided."""
+        for tracker, waiting in self._waiting.items():
+            while waiting and self._is_due(waiting[0], now):
+                self.trajectory.stand(waiting[0].finish)
+                self._contact_trackers[tracker].decide(waiting.popleft())
+        if self.trajectory.latest is not None:
+            self.trajectory.drop_before(self.trajectory.latest - self._keep)
+
+    def skip(self) -> None:
+        """Drop all that is to be decided: it is in another frame."""
+        for waiting in self._waiting.values():
+            waiting.clear()
+
+    def finish(self, end: int) -> None:
+        """Decide all that is left."""
+        self.trajectory.stand(end)
+        for tracker, waiting in self._waiting.items():
+            for step in waiting:
+                self._contact_trackers[tracker].decide(step)
+            self._contact_trackers[tracker].finish()
+
+    def _is_due(self, step: Step, now: int) -> bool:
+        """Tell whether the way through a step is known, or no frame of it will come any more."""
+        latest = self.trajectory.latest
+        if latest is not None and step.finish <= latest:
+            return True
+        return now > step.finish + 2 * min(self.timeout, LONGEST)
+
+
+class Motion:
+    """
+    Answers whether footprints touched obstacles, from where messages say that they were.
+
+    Parameters
+    ----------
+    settings : Settings
+    transforms : TransformListener
+        What is known of frames, for footprints that have an outline.
+    results : list of FootprintResult
+        To be filled in.
+    tape : Tape, optional
+        To be filled, for a drawing.
+
+    Attributes
+    ----------
+    contacts : list of Contact
+        In the order in which they were found.
+
+    """
+
+    def __init__(self, settings: Settings, transforms: TransformListener,
+                 results: list[FootprintResult], tape: Tape | None = None) -> None:
+        self.contacts: list[Contact] = []
+        self._now = 0
+        self._transforms = transforms
+        self._tape = tape
+        self._max_vertices = settings.max_vertices
+        self._frame_id = settings.frame_id
+        self._sources = {source.name: source for source in settings.obstacles}
+        # A source of sets has bodies with stamps and without.
+        self._trackers: dict[tuple[str, bool], Tracker] = {}
+        keep = 3 * max(map(_longest, settings.obstacles), default=0)
+        footprints = {one.name: one for one in settings.footprints}
+        self._sweeps = {result.name: Sweep(
+            footprints[result.name], result, self.contacts, settings.margin, keep)
+            for result in results}
+        if tape:
+            for name, sweep in self._sweeps.items():
+                tape.name(name, sweep.timeout)
+
+    def place(self, placement: Placement) -> None:
+        """Take where a body was, in the order of stamps."""
+        self._now = max(self._now, placement.stamp)
+        if placement.name in self._sweeps:
+            self._place_footprint(placement)
+            return
+        source = self._sources[placement.name]
+        in_sets = placement.is_stamped and not source.accumulate and (
+            source.type != POLYGON_INSTANCE)
+        tracker = self._trackers.get((source.name, in_sets))
+        if tracker is None:
+            kind = SetTracker if in_sets else KeyTracker
+            tracker = self._trackers[source.name, in_sets] = kind(
+                source, self._max_vertices, self._emit_of(source.name))
+            tracker.use_frame(self._frame_id)
+        tracker.place(placement)
+
+    def lose(self, name: str) -> None:
+        """Update that it is not known where a footprint is, until its next message."""
+        if name in self._sweeps:
+            self._sweeps[name].trajectory.lose()
+            if self._tape:
+                self._tape.place(name, None)
+
+    def finish(self, end: int) -> None:
+        """Decide all that is left, now that the recording is over."""
+        self._now = end
+        latest = [sweep.trajectory.latest for sweep in self._sweeps.values()]
+        # What is told after the last footprint is of no interest.
+        last = max((time for time in latest if time is not None), default=end)
+        for tracker in self._trackers.values():
+            tracker.rest(last, is_over=True)
+        for sweep in self._sweeps.values():
+            sweep.finish(end)
+
+    def draw_curves(self, unknown: Iterable[Unknown]) -> None:
+        """Fill in the separations over time, given when nothing was known."""
+        for sweep in self._sweeps.values():
+            sweep.contacts.draw_curve(unknown)
+
+    def undetermined(self, name: str) -> int:
+        """Return for how long (ns) it was not known how a footprint or obstacles moved."""
+        if name in self._sweeps:
+            return self._sweeps[name].undetermined
+        return sum(tracker.undetermined for (source, _), tracker in self._trackers.items()
+                   if source == name)
+
+    def is_decided(self, name: str) -> bool:
+        """Tell whether a footprint was ever decided against all obstacles that there were."""
+        return self._sweeps[name].is_decided
+
+    def _place_footprint(self, placement: Placement) -> None:
+        if placement.frame_id != self._frame_id:
+            self._frame_id = placement.frame_id
+            for tracker in self._trackers.values():
+                tracker.use_frame(self._frame_id)
+            for sweep in self._sweeps.values():
+                sweep.skip()
+        sweep = self._sweeps[placement.name]
+        trajectory, stamp = sweep.trajectory, placement.stamp
+        begin = trajectory.begin_of_way(stamp) if sweep.settings.has_outline else None
+        if begin is not None:
+            poses = Poses(self._transforms, sweep.settings.frame_id,
+                          placement.points).between(begin, stamp)
+            if poses is None:
+                trajectory.lose_way(stamp)
+                if self._tape:
+                    self._tape.place(placement.name, None)
+            for time, plane in poses or ():
+                self._add(sweep, placement._replace(stamp=time, plane=plane), is_between=True)
+        self._add(sweep, placement)
+        for tracker in self._trackers.values():
+            tracker.rest(self._now)
+        sweep.advance(self._now)
+
+    def _add(self, sweep: Sweep, placement: Placement, is_between: bool = False) -> None:
+        """Add a frame to the trajectory of a footprint."""
+        frame = Bodies([ObstacleId(placement.name, 0)], [placement.stamp],
+                       [(placement.points, placement.plane)], self._max_vertices,
+                       is_between=is_between)
+        sweep.trajectory.add(frame)
+        if self._tape:
+            self._tape.place(placement.name, frame)
+
+    def _emit_of(self, source: str) -> Emit:
+        """Return what takes a step of a source, to be decided when the ways are known."""
+        concerned = [sweep for sweep in self._sweeps.values() if sweep.settings.monitors(source)]
+
+        def emit(tracker: Tracker, step: Step) -> None:
+            if self._tape:
+                self._tape.follow(tracker, step)
+            for sweep in concerned:
+                sweep.queue(tracker, step, self._now)
+        return emit
+
+
+class MotionTimeline:
+    """
+    Joins what recorded motion finds with the times at which the scene does not know.
+
+    Parameters
+    ----------
+    scene : Scene
+    motion : Motion
+    footprints : list of FootprintResult
+
+    Attributes
+    ----------
+    contacts : list of Contact
+        In the order of their beginning.
+    footprints : list of FootprintResult
+    notes : list of str
+        What a reader should know.
+
+    """
+
+    def __init__(self, scene: Scene, motion: Motion, footprints: list[FootprintResult]) -> None:
+        self._scene = scene
+        self._motion = motion
+        self.contacts: list[Contact] = motion.contacts
+        self.footprints = footprints
+        self.notes: list[str] = []
+        self._results = {result.name: result for result in footprints}
+        self._unknowns = Unknowns()
+        self._start: int | None = None
+
+    @property
+    def unknown(self) -> list[Unknown]:
+        """The Unknown intervals, in the order of their beginning."""
+        return self._unknowns.intervals
+
+    def change(self, names: Iterable[str], now: int) -> None:
+        """Update what is not known of footprints."""
+        if self._start is None:
+            self._start = now
+        for name in names:
+            reasons = list(self._scene.doubts(name))
+            self._unknowns.follow(name, reasons, now)
+            if not reasons:
+                self._results[name].ever_known = True
+
+    def finish(self, now: int) -> None:
+        """Decide what is left, and end all that is open."""
+        self._unknowns.finish(now)
+        self._motion.finish(now)
+        self._motion.draw_curves(self.unknown)
+        self.contacts.sort(key=attrgetter('first'))
+        start = now if self._start is None else self._start
+        for name, result in self._results.items():
+            if result.ever_known and not self._motion.is_decided(name):
+                result.ever_known = False
+                self.notes.append(f'{name}: at no time is it known where it and the obstacles '
+                                  'are; --as-live tells what the monitor would have said')
+            touching = [*_times(self.contacts, name)]
+            unknown = [*_times(self.unknown, name)]
+            result.collision = _length(touching, start, now)
+            both = _length(touching + unknown, start, now)
+            result.unknown = both - result.collision
+            result.clear = now - start - both
+
+
+def _longest(source: ObstacleSettings) -> int:
+    """Return over how long a motion of a source's obstacles is made up at most, ns."""
+    return min(round(source.timeout * 1e9) or LONGEST, LONGEST)
+
+
+def _times(intervals: Iterable[Contact | Unknown], name: str) -> Iterator[tuple[int, int]]:
+    return ((one.first, one.last) for one in intervals if one.footprint == name)
+
+
+def _length(intervals: Iterable[tuple[int, int]], start: int, end: int) -> int:
+    """Return how much of a time is in any of some intervals."""
+    total, reached = 0, start
+    for first, last in sorted(intervals):
+        first, last = max(first, reached), min(last, end)
+        if last > first:
+            total += last - first
+            reached = last
+    return total

@@ -1,0 +1,27 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Results for people, machines and other nodes.
+
+text       tables on a terminal
+formats    JSON, CSV and JUnit XML
+baseline   what differs from a result stored before
+rows       contacts and unknown times as rows of a Gantt chart
+figure     a picture
+page       a page for a browser
+bag        a bag of what the node would have published
+files      where results may be written
+style      colours and words of drawings
+"""

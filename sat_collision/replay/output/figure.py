@@ -1,0 +1,369 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A result as a picture: separations and rows over time, and the scene of each contact."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+from itertools import product
+from typing import NamedTuple, TYPE_CHECKING
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.patches import Rectangle
+from matplotlib.transforms import Bbox
+import numpy as np
+from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody, Span
+from sat_collision.replay.model.result import deepest_contacts, Result
+from sat_collision.replay.output.rows import Band, Rows, rows_of
+from sat_collision.replay.output.style import (
+    colours, CONTACT, distance, INK, name_of, OBSTACLE, touching, UNKNOWN)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.text import Text
+
+_DPI = 110
+# How many scenes are drawn, and how many beside each other.
+_MOST_SCENES = 6
+_COLUMNS = 3
+# Of a row in inches, of a band in rows, and how much of all time a band takes at least to be seen.
+_ROW = 0.24
+_HEIGHT = 0.72
+_LEAST = 1 / 250
+# How wide a name is at most, in widths of the axes.
+_NAME = 0.25
+_SIDES = ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, 1), (1, -1), (-1, -1))
+_ALIGNED = {-1: ('right', 'top'), 0: ('center', 'center'), 1: ('left', 'bottom')}
+_SMALLEST = 6.0
+_GAP = 3.0
+
+
+class _View(NamedTuple):
+    """What one scene shows: a footprint and an obstacle at a time, near to (x, y)."""
+
+    footprint: str
+    obstacle: str
+    time: int
+    separation: float
+    x: float
+    y: float
+
+
+def draw_picture(result: Result) -> Figure:
+    """Return a result as a figure; of a check with `keyframes`."""
+    rows, views = rows_of(result), _views(result)
+    below = _ROW * _height(rows)
+    lines = -(-len(views) // _COLUMNS) if len(views) > 1 else 0
+    figure = Figure(figsize=(12, 5.2 + below + 4.0 * lines), dpi=_DPI,
+                    layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.1))
+    FigureCanvasAgg(figure)
+    if lines:
+        grid = figure.add_gridspec(2 + lines, _COLUMNS,
+                                   height_ratios=(4.2, below, *[4.0] * lines))
+        curves, row_axes = figure.add_subplot(grid[0, :]), figure.add_subplot(grid[1, :])
+        scenes = [figure.add_subplot(grid[2 + k // _COLUMNS, k % _COLUMNS])
+                  for k in range(len(views))]
+    else:
+        grid = figure.add_gridspec(2, 2, width_ratios=(1.4, 1), height_ratios=(4.2, below))
+        curves, row_axes = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
+        scenes = [figure.add_subplot(grid[:, 1])]
+    row_axes.sharex(curves)
+    _draw_curves(result, rows, curves)
+    curves.tick_params(labelbottom=False)
+    curves.set_title('Separation from the nearest obstacle; below, contacts over time',
+                     fontsize=10)
+    _draw_rows(result, rows, row_axes)
+    title = figure.suptitle(f'{name_of(result)}: {result.verdict.words}', fontsize=14,
+                            fontweight='bold', color=INK)
+    _fit(title, 0.96 * figure.bbox.width)
+    words = [axes.set_title(text, fontsize=10) for axes, text in zip(
+        scenes, [_words(view, result) for view in views] or ['no separation could be measured'])]
+    for axes, text in zip(scenes, words):
+        axes.set(xlabel='x [m]', ylabel='y [m]')
+        text.set_in_layout(False)
+    keyframes = result.keyframes or Keyframes([result.start or 0])
+    # How large axes are depends on their labels, and these on what is shown.
+    for _ in range(2):
+        figure.draw_without_rendering()
+        for axes, view in zip(scenes, views):
+            _look_at_view(axes, view, keyframes.footprint(view.footprint))
+        if not views:
+            _look_at_all(scenes[0], keyframes)
+    figure.set_layout_engine('none')
+    for axes, text in zip(scenes, words):
+        _fit(text, axes.bbox.width)
+    _label_rows(result, rows, row_axes)
+    for axes, view in zip(scenes, views):
+        _draw_scene(result, keyframes, keyframes.number(view.time), axes, [view.obstacle])
+    if not views:
+        _draw_scene(result, keyframes, 0, scenes[0])
+    return figure
+
+
+def _views(result: Result) -> list[_View]:
+    """Return the scenes to show: of each contact, or where the separation is least."""
+    found = sorted(deepest_contacts(result)[:_MOST_SCENES], key=lambda contact: contact.deepest)
+    if found:
+        return [_View(one.footprint, one.obstacle, one.deepest, 0.0 - one.depth, one.x, one.y)
+                for one in found]
+    least = result.least
+    return [_View(one.name, least.obstacle, least.time, least.separation, least.x, least.y)
+            for one in result.footprints if least and one.least is least]
+
+
+def _words(view: _View, result: Result) -> str:
+    return (f'{result.since(view.time):.3f} s: {view.footprint} and {view.obstacle}, '
+            f'{distance(view.separation)}')
+
+
+def _draw_curves(result: Result, rows: list[Rows], axes: Axes) -> None:
+    """Draw separations over time, with contacts and unknown times as shades behind them."""
+    axes.set_ylabel('separation [m]')
+    bands = [band for row in rows for band in row.bands]
+    for is_contact, colour in ((False, UNKNOWN), (True, CONTACT)):
+        for first, last in _joined(_bounds(band, result) for band in bands
+                                   if (band.contact is not None) is is_contact):
+            axes.axvspan(first, last, color=colour, alpha=0.15, linewidth=0)
+    of_footprint = colours(result)
+    for footprint in result.footprints:
+        if footprint.separation:
+            times, values = zip(*footprint.separation)
+            # Sampled values last until the next one; those of moments are joined.
+            axes.plot([result.since(time) for time in times],
+                      [np.nan if value is None else value for value in values],
+                      drawstyle='steps-post' if result.as_live else 'default',
+                      color=of_footprint[footprint.name], linewidth=1.4)
+    for contact in result.contacts:
+        axes.plot(result.since(contact.deepest), -contact.depth, 'o', color=CONTACT,
+                  markersize=4)
+    axes.axhline(0.0, color=INK, linewidth=0.8)
+    axes.grid(alpha=0.25)
+    _use_times(result, axes)
+
+
+def _draw_rows(result: Result, rows: list[Rows], axes: Axes) -> None:
+    """Draw the rows, without words but for the names of footprints."""
+    axes.set_xlabel('time since the recording begins [s]')
+    axes.set_ylim(_height(rows) - 0.5, -0.5)
+    axes.set_yticks([(row.first + row.end - 1) / 2 for row in rows],
+                    [row.name for row in rows], fontweight='bold')
+    for label, colour in zip(axes.get_yticklabels(), colours(result).values()):
+        label.set_color(colour)
+        _fit(label, _NAME * axes.bbox.width)
+    axes.tick_params(axis='y', length=0)
+    axes.spines[['left', 'right', 'top']].set_visible(False)
+    for row in rows:
+        if row.first:
+            axes.axhline(row.first - 0.5, color=UNKNOWN, linewidth=0.4)
+        for band in row.bands:
+            first, last = _bounds(band, result)
+            axes.add_patch(Rectangle(
+                (first, band.row - _HEIGHT / 2), last - first, _HEIGHT, linewidth=0,
+                color=CONTACT if band.contact else UNKNOWN))
+    _use_times(result, axes)
+
+
+def _label_rows(result: Result, rows: list[Rows], axes: Axes) -> None:
+    """Write what each band is; the deepest contacts come first where room is short."""
+    for row in rows:
+        labels = _Labels(axes)
+        boxes = []
+        for band in row.bands:
+            first, last = _bounds(band, result)
+            boxes.append(Bbox(axes.transData.transform([
+                (first, band.row + _HEIGHT / 2), (last, band.row - _HEIGHT / 2)])))
+            labels.avoid(boxes[-1])
+        for band, box in zip(row.bands, boxes):
+            labels.place(band.text, box, INK, sides=((0, 0), (1, 0), (-1, 0)))
+
+
+def _height(rows: list[Rows]) -> int:
+    """Return how many rows there are in all, at least one."""
+    return rows[-1].end if rows else 1
+
+
+def _bounds(band: Band, result: Result) -> tuple[float, float]:
+    """Return from when to when a band is drawn, in s; a short one longer than it is."""
+    missing = max(_LEAST * result.duration - (band.last - band.first), 0.0) / 2
+    return band.first - missing, band.last + missing
+
+
+def _joined(bounds: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return what is in any of some intervals, as intervals that do not meet."""
+    joined: list[tuple[float, float]] = []
+    for first, last in sorted(bounds):
+        if joined and first <= joined[-1][1]:
+            first, last = joined[-1][0], max(last, joined.pop()[1])
+        joined.append((first, last))
+    return joined
+
+
+def _use_times(result: Result, axes: Axes) -> None:
+    first = result.since(result.start or 0)
+    axes.set_xlim(first, first + max(result.duration, 1e-9))
+
+
+def _draw_scene(result: Result, keyframes: Keyframes, number: int, axes: Axes,
+                named: Collection[str] = ()) -> None:
+    """
+    Draw bodies, with their outlines broken where it is not known that they are there.
+
+    Parameters
+    ----------
+    result : Result
+    keyframes : Keyframes
+        Of the result.
+    number : int
+        Of the moment.
+    axes : matplotlib.axes.Axes
+        Its limits are final.
+    named : collection of str, optional
+        Obstacles to name beside footprints and what is in contact.
+
+    """
+    of_footprint = colours(result)
+    in_contact = touching(result, keyframes, keyframes.moments[number])
+    labels = _Labels(axes)
+    texts = []
+    for body, span in keyframes.at(number):
+        colour = of_footprint[span.name] if body.is_footprint else OBSTACLE
+        face = CONTACT if body in in_contact else colour
+        _draw_body(axes, span, colour if body.is_footprint else face, face)
+        box = Bbox.null()
+        box.update_from_data_xy(axes.transData.transform(span.ring))
+        seen = Bbox.intersection(box, axes.bbox)
+        if seen is None:
+            continue
+        if body.is_footprint or body in in_contact or span.name in named:
+            labels.avoid(seen)
+            texts.append((span.name, seen, colour if body.is_footprint else INK))
+        else:
+            labels.spare(seen)
+    for name, box, colour in texts:
+        labels.place(name, box, colour)
+
+
+def _look_at_view(axes: Axes, view: _View, footprint: ShownBody | None) -> None:
+    """Show where a footprint is nearest to an obstacle, and what is around it."""
+    size = float(np.max(np.ptp(footprint.spans[0].ring, axis=0))) if footprint else 0.0
+    reach = max(view.separation + 1.5 * size, 1.5 * size, 1.0)
+    _look_at(axes, np.array([view.x, view.y]), np.array([reach, reach]))
+
+
+def _look_at_all(axes: Axes, keyframes: Keyframes) -> None:
+    """Show wherever a footprint comes, and some of what is around it."""
+    rings = [span.ring for body in keyframes.bodies if body.is_footprint for span in body.spans]
+    points = np.concatenate(rings or [np.zeros((1, 2))])
+    low, high = points.min(axis=0), points.max(axis=0)
+    reach = (high - low) / 2
+    _look_at(axes, (low + high) / 2, reach + max(0.08 * float(np.max(reach)), 1.0))
+
+
+def _look_at(axes: Axes, middle: Floats, reach: Floats) -> None:
+    """Show what is this far from a point, and more where the axes have another shape."""
+    scale = max(reach[0] / axes.bbox.width, reach[1] / axes.bbox.height)
+    axes.set_xlim(middle[0] - scale * axes.bbox.width, middle[0] + scale * axes.bbox.width)
+    axes.set_ylim(middle[1] - scale * axes.bbox.height, middle[1] + scale * axes.bbox.height)
+
+
+def _draw_body(axes: Axes, span: Span, edge: str, face: str) -> None:
+    ring = np.concatenate([span.ring, span.ring[:1]])
+    if span.known and len(span.ring) > 2:
+        axes.fill(*span.ring.T, color=face, alpha=0.35, linewidth=0)
+    axes.plot(*ring.T, color=edge, linewidth=1.4, linestyle='-' if span.known else ':',
+              marker='o' if len(span.ring) == 1 else None, markersize=4)
+
+
+class _Labels:
+    """
+    Places texts in axes whose limits are final.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+
+    """
+
+    def __init__(self, axes: Axes) -> None:
+        self._axes = axes
+        self._taken: list[Bbox] = []
+        self._spared: list[Bbox] = []
+
+    def avoid(self, bounds: Bbox) -> None:
+        """Let no text be placed over a part of the axes, given in pixels."""
+        self._taken.append(bounds)
+
+    def spare(self, bounds: Bbox) -> None:
+        """Let a text be placed over a part of the axes only where there is no better place."""
+        self._spared.append(bounds)
+
+    def place(self, text: str, bounds: Bbox, colour: str,
+              sides: Sequence[tuple[int, int]] = _SIDES) -> bool:
+        """
+        Write a text beside a body or a band, where it fits.
+
+        Parameters
+        ----------
+        text : str
+        bounds : Bbox
+            Of the body or band, in pixels.
+        colour : str
+        sides : sequence of tuple, optional
+            Where to try: -1 is left or below, 1 right or above; (0, 0) is inside, in white.
+
+        Returns
+        -------
+        bool
+            Whether it fits somewhere.
+
+        """
+        inverse = self._axes.transData.inverted()
+        for taken, (x, y) in product(([*self._taken, *self._spared], [*self._taken]), sides):
+            place = ((bounds.x0 + bounds.x1 + x * (bounds.width + 2 * _GAP)) / 2,
+                     (bounds.y0 + bounds.y1 + y * (bounds.height + 2 * _GAP)) / 2)
+            is_inside = x == y == 0
+            spot_x, spot_y = inverse.transform(place)
+            found = self._axes.text(
+                spot_x, spot_y, text, fontsize=8, zorder=5,
+                color='white' if is_inside else colour, ha=_ALIGNED[x][0], va=_ALIGNED[y][1])
+            covered = found.get_window_extent()
+            others = [other for other in taken if not (is_inside and other is bounds)]
+            room = bounds if is_inside else self._axes.bbox
+            if _holds(room, covered) and not any(covered.overlaps(one) for one in others):
+                self._taken.append(covered)
+                return True
+            found.remove()
+        return False
+
+
+def _fit(text: Text, width: float) -> None:
+    """Make a text smaller, then shorter, until it is no wider than some pixels."""
+    while text.get_window_extent().width > width:
+        size = float(text.get_fontsize())
+        words = text.get_text()
+        if size > _SMALLEST:
+            text.set_fontsize(size - 0.5)
+        elif len(words) > 3:
+            half = (len(words) - 2) // 2
+            text.set_text(f'{words[:half]}…{words[-half:]}')
+        else:
+            break
+
+
+def _holds(bounds: Bbox, other: Bbox) -> bool:
+    return bool(bounds.x0 <= other.x0 and other.x1 <= bounds.x1
+                and bounds.y0 <= other.y0 and other.y1 <= bounds.y1)

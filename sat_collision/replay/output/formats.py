@@ -1,0 +1,142 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Results for machines: JSON, CSV and JUnit XML; docs/replay.md has the JSON schema."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import csv
+import dataclasses
+import json
+from typing import Any
+from xml.etree import ElementTree
+
+from sat_collision.replay.model.result import FootprintResult, overall, Result
+from sat_collision.replay.output.text import how_found, how_undetermined, report, summary, when
+
+SCHEMA = 'sat_collision.replay/3'
+
+
+def as_dict(results: list[Result]) -> dict[str, Any]:
+    """Return results as what --json writes."""
+    verdict = overall(results)
+    return {'schema': SCHEMA, 'verdict': verdict.words, 'exit_status': int(verdict),
+            'summary': summary(results), 'bags': [_bag(result) for result in results]}
+
+
+def write_json(results: list[Result], path: str) -> None:
+    """Write results as JSON."""
+    with open(path, 'w', encoding='utf-8') as file:
+        json.dump(as_dict(results), file, indent=1, allow_nan=False)
+        file.write('\n')
+
+
+def write_csv(results: list[Result], path: str) -> None:
+    """Write one row for each contact and each unknown interval."""
+    with open(path, 'w', encoding='utf-8', newline='') as file:
+        writer = csv.writer(file)
+        writer.writerow(('bag', 'kind', 'footprint', 'obstacle', 'first_ns', 'last_ns',
+                         'duration_s', 'depth_m', 'deepest_ns', 'x_m', 'y_m', 'reason', 'found'))
+        for result in results:
+            for contact in result.contacts:
+                writer.writerow((
+                    result.bag, 'contact', contact.footprint, contact.obstacle, contact.first,
+                    contact.last, (contact.last - contact.first) / 1e9, contact.depth,
+                    contact.deepest, contact.x, contact.y, '', contact.found))
+            for unknown in result.unknown:
+                writer.writerow((
+                    result.bag, 'unknown', unknown.footprint, '', unknown.first, unknown.last,
+                    (unknown.last - unknown.first) / 1e9, '', '', '', '',
+                    '; '.join(unknown.reasons), ''))
+
+
+def write_junit(results: list[Result], path: str) -> None:
+    """Write a test suite for each recording: one case for it and one for each footprint."""
+    suites = ElementTree.Element('testsuites', name='replay_check')
+    for result in results:
+        suite = ElementTree.SubElement(suites, 'testsuite', name=result.bag,
+                                       time=f'{result.duration:.3f}')
+        outcomes = [_case(suite, result.bag, 'recording', 'error', result.problems)]
+        if not result.problems and not result.footprints:
+            outcomes = [_case(suite, result.bag, 'recording', 'error', ['nothing to check'])]
+        for source in result.too_undetermined:
+            outcomes.append(_case(suite, result.bag, f'motion of {source.name}', 'failure',
+                                  [how_undetermined(source)]))
+        for source in result.sources:
+            if source.refused:
+                outcomes.append(_case(suite, result.bag, f'messages of {source.name}', 'failure',
+                                      list(source.examples.values())))
+        for footprint in result.footprints:
+            if footprint.enabled:
+                outcomes.append(_case(suite, result.bag, footprint.name, 'failure',
+                                      list(_failures(footprint, result))))
+        ElementTree.SubElement(suite, 'system-out').text = '\n'.join(report(result))
+        _count(suite, outcomes)
+    _write_xml(suites, path)
+
+
+def write_junit_of_differences(differences: list[tuple[str, list[str]]], baseline: str,
+                               path: str) -> None:
+    """Write a test case for each recording that was compared with a baseline."""
+    suites = ElementTree.Element('testsuites', name='replay_check')
+    suite = ElementTree.SubElement(suites, 'testsuite', name=f'as expected by {baseline}')
+    outcomes = [_case(suite, name, 'as expected', 'failure', lines)
+                for name, lines in differences]
+    _count(suite, outcomes)
+    _write_xml(suites, path)
+
+
+def _write_xml(root: ElementTree.Element, path: str) -> None:
+    ElementTree.indent(root)
+    ElementTree.ElementTree(root).write(path, encoding='utf-8', xml_declaration=True)
+
+
+def _count(suite: ElementTree.Element, outcomes: list[str | None]) -> None:
+    suite.set('tests', str(len(outcomes)))
+    suite.set('errors', str(outcomes.count('error')))
+    suite.set('failures', str(outcomes.count('failure')))
+
+
+def _case(suite: ElementTree.Element, bag: str, name: str, kind: str,
+          faults: list[str]) -> str | None:
+    """Add a test case and return how it failed, None if it did not."""
+    case = ElementTree.SubElement(suite, 'testcase', classname=bag, name=name)
+    if not faults:
+        return None
+    ElementTree.SubElement(case, kind, message=faults[0]).text = '\n'.join(faults)
+    return kind
+
+
+def _failures(footprint: FootprintResult, result: Result) -> Iterator[str]:
+    for contact in result.contacts:
+        if contact.footprint == footprint.name:
+            yield (f'in contact with {contact.obstacle} {when(contact, result)}, '
+                   f'{contact.depth:.4f} m deep, found {how_found(contact, result)}')
+    if footprint.unknown > 1e9 * result.max_unknown or not footprint.ever_known:
+        yield f'unknown for {footprint.unknown / 1e9:.3f} s'
+
+
+def _bag(result: Result) -> dict[str, Any]:
+    bag: dict[str, Any] = {
+        'bag': result.bag, 'question': 'as live' if result.as_live else 'recorded motion',
+        'verdict': result.verdict.words, 'duration': result.duration,
+        'messages': result.messages,
+        **dataclasses.asdict(dataclasses.replace(result, keyframes=None))}
+    del bag['keyframes'], bag['as_live']
+    for contact in bag['contacts']:
+        del contact['deepest_as']
+    for footprint, values in zip(result.footprints, bag['footprints']):
+        values['coverage'] = footprint.coverage
+    return bag

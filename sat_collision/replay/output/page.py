@@ -1,0 +1,310 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Results as one page to look at in a browser, with nothing to be loaded from elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from importlib.resources import files
+import json
+from typing import Any
+
+import numpy as np
+from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
+from sat_collision.replay.model.result import (
+    Contact, deepest_contacts, FootprintResult, GRAVITY, MOST_CONTACTS, overall, Result, Sample)
+from sat_collision.replay.output.rows import joined, rows_of
+from sat_collision.replay.output.style import colours, distance, name_of
+from sat_collision.replay.output.text import CLOCKS, how_found, lasting
+
+_SCRIPTS = ('page.js', 'timeline.js', 'scene.js')
+# How large the data of a page may be, in characters; the rest of it is small.
+_MOST_DATA = 7_500_000
+# What coordinates are rounded to, m.
+_UNIT = 1e-4
+# How many rows a table has at most, and how many samples all curves of a recording.
+_MOST_ROWS = 200
+_MOST_SAMPLES = 40_000
+_FEWEST_MOMENTS = 24
+# Characters: two numbers of two digits, and commas.
+_LEAST_OF_VERTEX = 6
+
+
+def write_page(results: list[Result], path: str) -> None:
+    """
+    Write a page of results, the worst first, of at most 8 MB.
+
+    Where the bodies would take more, they are shown at fewer moments, and at last only those that
+    come nearest to a footprint.
+
+    Parameters
+    ----------
+    results : list of Result
+        Of checks with `keyframes`.
+    path : str
+
+    """
+    ordered = _worst_first(results)
+    title = name_of(ordered[0]) if len(ordered) == 1 else (
+        f'{len(ordered)} recordings: {overall(ordered).words}')
+    index = _as_json(_index_of(ordered) if len(ordered) > 1 else None)
+    recordings = [_fitted(result, _MOST_DATA // len(ordered)) for result in ordered]
+    source = files(__package__)
+    parts = {
+        'title': escape(title),
+        'style': source.joinpath('page.css').read_text('utf-8'),
+        'data': f'{{"index":{index},"recordings":[{",".join(recordings)}]}}',
+        'script': '\n'.join(source.joinpath(name).read_text('utf-8') for name in _SCRIPTS)}
+    page = source.joinpath('page.html').read_text('utf-8')
+    pieces = page.split('@@')
+    with open(path, 'w', encoding='utf-8') as file:
+        file.writelines(parts[piece] if k % 2 else piece for k, piece in enumerate(pieces))
+
+
+def _as_json(value: Any) -> str:
+    # What would end the script that holds it is written in another way.
+    return json.dumps(value, separators=(',', ':'), allow_nan=False).replace('<', '\\u003c')
+
+
+def _fitted(result: Result, most: int) -> str:
+    """Return a recording as JSON of at most so many characters."""
+    keyframes = result.keyframes or Keyframes([])
+    needed = {keyframes.number(time) for contact in deepest_contacts(result)
+              for time in (contact.first, contact.deepest)}
+    numbers = list(range(len(keyframes.moments)))
+    bodies = keyframes.bodies
+    while True:
+        if _estimate(bodies, len(numbers)) <= most or not bodies:
+            text = _as_json(_recording(result, keyframes, numbers, bodies))
+            if len(text) <= most or not bodies:
+                return text
+        if len(numbers) > _FEWEST_MOMENTS:
+            kept = [k for place, k in enumerate(numbers) if k in needed or place % 2 == 0]
+            numbers = kept if len(kept) < 0.8 * len(numbers) else numbers[::2]
+        else:
+            bodies = _nearest_half(bodies)
+
+
+def _estimate(bodies: list[ShownBody], moments: int) -> int:
+    """Return about how many characters bodies take at least."""
+    return sum(_LEAST_OF_VERTEX * len(body.spans[0].ring) * min(len(body.spans), moments)
+               for body in bodies)
+
+
+def _nearest_half(bodies: list[ShownBody]) -> list[ShownBody]:
+    """Return the footprints, and that half of the others which comes nearest to their ways."""
+    own = [body for body in bodies if body.is_footprint]
+    ways = np.array([span.ring[0] for body in own for span in body.spans] or [(0.0, 0.0)])
+    ways = ways[::max(len(ways) // 200, 1)]
+
+    def nearness(body: ShownBody) -> float:
+        places = np.array([span.ring[0] for span in body.spans])
+        return float(np.min(np.hypot(*(places[:, None] - ways).T)))
+
+    others = sorted((body for body in bodies if not body.is_footprint), key=nearness)
+    kept = set(own) | set(others[:len(others) // 2]) if others else set()
+    return [body for body in bodies if body in kept]
+
+
+def _recording(result: Result, keyframes: Keyframes, numbers: list[int],
+               bodies: list[ShownBody]) -> dict[str, Any]:
+    rows = {body: row for row, body in enumerate(bodies)}
+    names = {footprint.name: k for k, footprint in enumerate(result.footprints)}
+    contacts = sorted(deepest_contacts(result), key=lambda contact: contact.first)
+    places = {id(contact): k for k, contact in enumerate(contacts)}
+    least = result.least
+    moments = [keyframes.moments[k] for k in numbers]
+    count = max(_MOST_SAMPLES // max(len(names), 1), 16)
+    return {
+        'name': name_of(result), 'verdict': result.verdict.words, 'asLive': result.as_live,
+        'problems': result.problems[:_MOST_ROWS], 'notes': result.notes[:_MOST_ROWS],
+        'facts': _facts_of(result, moments, len(keyframes.bodies) - len(bodies)),
+        'tables': _tables_of(result, contacts),
+        'start': result.since(result.start or 0), 'end': result.since(result.end or 0),
+        'footprints': [
+            {'name': footprint.name, 'colour': colour,
+             'times': [round(result.since(time), 6) for time, _ in samples],
+             'values': [value and float(f'{value:.6g}') for _, value in samples],
+             'unknown': _unknown_of(result, footprint.name)}
+            for footprint, colour in zip(result.footprints, colours(result).values())
+            for samples in [_thinned(footprint.separation, count)]],
+        'rows': [{'name': row.name, 'first': row.first, 'end': row.end, 'bands': [
+            {'row': band.row, 'first': band.first, 'last': band.last, 'text': band.text,
+             'contact': places.get(id(band.contact))} for band in row.bands]}
+            for row in rows_of(result)],
+        'contacts': [_contact(contact, result, rows, names) for contact in contacts],
+        'times': [round(result.since(time), 6) for time in moments], 'unit': _UNIT,
+        'bodies': [_body(body, names, numbers) for body in bodies],
+        'begin': result.since(least.time if least else result.start or 0),
+        'beginAt': next(([names[one.name], least.x, least.y] for one in result.footprints
+                         if least and one.least is least), None)}
+
+
+def _thinned(samples: list[Sample], most: int) -> list[Sample]:
+    """Return no more than so many samples, the least of each run of neighbours."""
+    step = -(-len(samples) // most)
+    if step <= 1:
+        return samples
+    runs = [samples[k:k + step] for k in range(0, len(samples), step)]
+    return [(run[0][0], min((value for _, value in run if value is not None), default=None))
+            for run in runs]
+
+
+def _unknown_of(result: Result, name: str) -> list[tuple[float, float, str]]:
+    """Return when a footprint is unknown, in s, and why; times too short to be seen are joined."""
+    found = [one for one in result.unknown if one.footprint == name]
+    if len(found) <= _MOST_ROWS:
+        return [(result.since(one.first), result.since(one.last), '; '.join(one.reasons))
+                for one in found]
+    return [(first, last, 'for several reasons, see the table')
+            for first, last in joined(result, found)]
+
+
+def _contact(contact: Contact, result: Result, rows: dict[ShownBody, int],
+             names: dict[str, int]) -> dict[str, Any]:
+    keyframes = result.keyframes or Keyframes([])
+    bodies = keyframes.footprint(contact.footprint), result.obstacle_of(contact)
+    return {
+        'footprint': names[contact.footprint], 'obstacle': contact.obstacle,
+        'words': distance(0.0 - contact.depth), 'value': 0.0 - contact.depth,
+        'x': contact.x, 'y': contact.y,
+        # The place of the points and the normal of a contact manifold.
+        'points': [(contact.x, contact.y)], 'normal': None,
+        'first': result.since(contact.first), 'last': result.since(contact.last),
+        'deepest': result.since(contact.deepest),
+        'bodies': [rows[body] for body in bodies if body in rows]}
+
+
+def _body(body: ShownBody, names: dict[str, int], numbers: Sequence[int]) -> dict[str, Any]:
+    """
+    Return where a body is, as spans [first, end, name, known, ring].
+
+    The name is null where it is that of the span before. A ring is 1 and x and y in turn, in
+    units; or 0 and how much they differ from the ring before, of as many vertices.
+    """
+    starts = np.searchsorted(numbers, [span.first for span in body.spans]).tolist()
+    ends = np.searchsorted(numbers, [span.end for span in body.spans]).tolist()
+    spans: list[list[Any]] = []
+    name: str | None = None
+    last: Any = None
+    for first, end, span in zip(starts, ends, body.spans):
+        if first == end:
+            continue
+        ring = _ring(span.ring)
+        differs = last is None or len(last) != len(ring)
+        spans.append([first, end, None if span.name == name else span.name, span.known,
+                      [int(differs), *(ring if differs else ring - last).tolist()]])
+        name, last = span.name, ring
+    return {'footprint': names[body.spans[0].name] if body.is_footprint else None,
+            'spans': spans}
+
+
+def _ring(ring: Floats) -> Any:
+    """Return x and y in turn, in units, anticlockwise."""
+    x, y = ring[:, 0] - ring[0, 0], ring[:, 1] - ring[0, 1]
+    area = float(x[:-1] @ y[1:] - y[:-1] @ x[1:])
+    return np.rint((ring if area >= 0 else ring[::-1]) / _UNIT).ravel().astype(np.int64)
+
+
+def _worst_first(results: list[Result]) -> list[Result]:
+    """Return results by gravity of the verdict, of equal ones the least separation first."""
+    def badness(result: Result) -> tuple[int, float]:
+        return (-GRAVITY.index(result.verdict),
+                result.least.separation if result.least else float('inf'))
+    return sorted(results, key=badness)
+
+
+def _index_of(results: list[Result]) -> dict[str, Any]:
+    """Return a table with a row for each result."""
+    return {'head': ['recording', 'verdict', 'contacts', 'least separation', 'unknown [s]',
+                     'duration [s]'],
+            'rows': [[name_of(result), result.verdict.words, str(len(result.contacts)),
+                      _least(result), f'{_unknown(result):.3f}', f'{result.duration:.3f}']
+                     for result in results]}
+
+
+def _facts_of(result: Result, moments: list[int], left_out: int) -> list[str]:
+    """Return what was checked, and how, in short phrases."""
+    if result.start is None:
+        return [result.bag]
+    facts = ['what the monitor would have said' if result.as_live else 'recorded motion',
+             f'{result.duration:.3f} s by {CLOCKS[result.clock]}', f'{result.messages} messages']
+    if moments:
+        most = max(later - time for time, later in zip(moments, [*moments[1:], moments[-1]]))
+        facts.append(f'drawn at {len(moments)} moments, at least every {most / 1e9:.2g} s, and '
+                     'between them on straight lines')
+    if left_out:
+        facts.append(f'{left_out} obstacles that come less near are not drawn')
+    return [*facts, result.bag]
+
+
+def _tables_of(result: Result, contacts: list[Contact]) -> list[dict[str, Any]]:
+    """Return the tables of a result; in that of contacts each row is one of those given."""
+    more = len(result.contacts) - len(contacts)
+    deepest = f'the {MOST_CONTACTS} deepest; {more} more are in what --csv and --json write'
+    longest = sorted(result.unknown, key=lambda one: one.first - one.last)[:_MOST_ROWS]
+    return [{
+        'title': 'Contacts', 'jumps': True, 'note': deepest if more else '',
+        'head': ['footprint', 'obstacle', 'first [s]', 'duration [s]', 'depth [m]', 'x [m]',
+                 'y [m]', 'found'],
+        'rows': [[contact.footprint, contact.obstacle, f'{result.since(contact.first):.3f}',
+                  lasting(contact.last - contact.first) + ('+' if contact.at_end else ''),
+                  f'{contact.depth:.4g}', f'{contact.x:.3f}', f'{contact.y:.3f}',
+                  how_found(contact, result)] for contact in contacts],
+    }, {
+        'title': 'Unknown', 'note': f'the {_MOST_ROWS} longest of {len(result.unknown)}'
+        if len(longest) < len(result.unknown) else '',
+        'head': ['footprint', 'first [s]', 'duration [s]', 'reason'],
+        'rows': [[one.footprint, f'{result.since(one.first):.3f}', lasting(one.last - one.first),
+                  reason] for one in sorted(longest, key=lambda one: one.first)
+                 for reason in one.reasons],
+    }, {
+        'title': 'Footprints', 'note': '',
+        'head': ['footprint', 'topic', 'known', 'clear [s]', 'collision [s]', 'unknown [s]',
+                 'least separation'],
+        'rows': [_footprint(footprint, result) for footprint in result.footprints],
+    }, {
+        'title': 'Messages', 'note': '',
+        'head': ['source', 'topic', 'received', 'motion undetermined [s]'],
+        'rows': [[source.name, source.topic, str(source.received),
+                  f'{source.undetermined / 1e9:.3f}'] for source in result.sources],
+    }, {
+        'title': 'Rejections', 'note': '',
+        'head': ['source', 'messages', 'reason', 'the first one'],
+        'rows': [[source.name, str(count), reason, source.examples.get(reason, '')]
+                 for source in result.sources for reason, count in source.rejected.items()],
+    }]
+
+
+def _footprint(footprint: FootprintResult, result: Result) -> list[str]:
+    coverage, least = footprint.coverage, footprint.least
+    return [footprint.name, footprint.topic, '-' if coverage is None else f'{coverage:.2%}',
+            *(f'{time / 1e9:.3f}'
+              for time in (footprint.clear, footprint.collision, footprint.unknown)),
+            f'{distance(least.separation)}, {least.obstacle}, at {result.since(least.time):.3f} s'
+            if least else '-']
+
+
+def _least(result: Result) -> str:
+    least = result.least
+    if least is None:
+        return '-'
+    whose = next(one.name for one in result.footprints if one.least is least)
+    return f'{distance(least.separation)}: {whose} and {least.obstacle}'
+
+
+def _unknown(result: Result) -> float:
+    return sum(footprint.unknown for footprint in result.footprints) / 1e9

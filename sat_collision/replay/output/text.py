@@ -1,0 +1,162 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Results for people: tables on a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from sat_collision.replay.model.result import (
+    BETWEEN_SAMPLES, Contact, FootprintResult, overall, Result, SourceResult, Verdict)
+
+_MOST_ROWS = 20
+_MOMENT = 500_000
+CLOCKS = {'receive': 'receive time', 'header': 'header stamps'}
+
+
+def report(result: Result) -> list[str]:
+    """Return the lines that tell what was found in one recording."""
+    lines = [f'{result.bag}: {result.verdict.words.upper()}']
+    lines += [f'  problem: {problem}' for problem in result.problems]
+    lines += [f'  note: {note}' for note in result.notes]
+    if result.start is None:
+        return lines
+    question = 'as live' if result.as_live else 'recorded motion'
+    lines.append(f'  {question}, {result.duration:.3f} s by {CLOCKS[result.clock]}, '
+                 f'{_counts(result)}')
+    lines += _rejections(result)
+    lines += [f'  {source.name}: {how_undetermined(source)}' for source in result.sources
+              if source.undetermined]
+    lines += _table(
+        ('footprint', 'known', 'clear [s]', 'collision [s]', 'unknown [s]', 'least separation'),
+        [_footprint_row(footprint, result) for footprint in result.footprints], 'footprints')
+    lines += _table(
+        ('footprint', 'obstacle', 'first [s]', 'duration [s]', 'depth [m]', 'x [m]', 'y [m]',
+         'found'),
+        [(contact.footprint, contact.obstacle, f'{result.since(contact.first):.3f}',
+          lasting(contact.last - contact.first) + ('+' if contact.at_end else ''),
+          f'{contact.depth:.4g}', f'{contact.x:.3f}', f'{contact.y:.3f}',
+          how_found(contact, result)) for contact in result.contacts], 'contacts')
+    lines += _table(
+        ('footprint', 'first [s]', 'duration [s]', 'reason'),
+        [(unknown.footprint, f'{result.since(unknown.first):.3f}',
+          f'{(unknown.last - unknown.first) / 1e9:.3f}', '; '.join(unknown.reasons))
+         for unknown in result.unknown if unknown.last - unknown.first >= _MOMENT], 'unknown')
+    return lines
+
+
+def how_undetermined(source: SourceResult) -> str:
+    """Return for how long the motion of a footprint or source is undetermined."""
+    return (f'for {source.undetermined / 1e9:.3f} s it is not known how something moved; only its '
+            'frames were decided')
+
+
+def lasting(duration: int) -> str:
+    """Return in s what is in ns; what a table would say lasted 0 is a moment."""
+    return f'{duration / 1e9:.3f}' if duration >= _MOMENT else 'moment'
+
+
+def when(contact: Contact, result: Result) -> str:
+    """Return in words when there was a contact: at a moment, or from one on for some time."""
+    since = f'{result.since(contact.first):.3f} s'
+    duration = lasting(contact.last - contact.first)
+    return f'at {since}' if duration == 'moment' else f'from {since} on for {duration} s'
+
+
+def how_found(contact: Contact, result: Result) -> str:
+    """Return in words how a contact was found: at a sample, or between which times."""
+    before, after = contact.between
+    if contact.found != BETWEEN_SAMPLES or before is None or after is None:
+        return contact.found
+    return f'between {result.since(before):.3f} and {result.since(after):.3f} s'
+
+
+def report_all(results: list[Result]) -> list[str]:
+    """Return the lines that sum several recordings up."""
+    figures = summary(results)
+    counts = ', '.join(f'{count} {word}' for word, count in figures['verdicts'].items())
+    lines = [f'{figures["bags"]} recordings, {figures["duration"] / 3600:.4g} h: {counts}']
+    rate = figures['contacts_per_hour']
+    lines.append(f'  {figures["contacts"]} contacts'
+                 + ('' if rate is None else f', {rate:.4g} an hour'))
+    lines += _table(('recording', 'footprint', 'obstacle', 'separation [m]'),
+                    [(worst['bag'], worst['footprint'], worst['obstacle'],
+                      f'{worst["separation"]:.4g}') for worst in figures['worst']],
+                    'worst separations')
+    lines.append(f'  {overall(results).words.upper()}')
+    return lines
+
+
+def summary(results: list[Result], most: int = 5) -> dict[str, Any]:
+    """Return the figures over several recordings, the least separations among them."""
+    hours = sum(result.duration for result in results) / 3600
+    contacts = sum(len(result.contacts) for result in results)
+    verdicts = {verdict.words: sum(result.verdict is verdict for result in results)
+                for verdict in Verdict}
+    leasts = [(footprint.least.separation, result.bag, footprint.name, footprint.least.obstacle)
+              for result in results for footprint in result.footprints if footprint.least]
+    return {
+        'bags': len(results), 'duration': 3600 * hours, 'contacts': contacts,
+        'contacts_per_hour': contacts / hours if hours else None,
+        'verdicts': {word: count for word, count in verdicts.items() if count},
+        'worst': [{'separation': separation, 'bag': bag, 'footprint': footprint,
+                   'obstacle': obstacle}
+                  for separation, bag, footprint, obstacle in sorted(leasts)[:most]]}
+
+
+def _counts(result: Result) -> str:
+    sources = ', '.join(f'{source.name} {source.received}' for source in result.sources)
+    return f'{result.messages} messages ({sources})'
+
+
+def _rejections(result: Result) -> Iterator[str]:
+    for source in result.sources:
+        for reason, count in source.rejected.items():
+            yield f'  {source.name}: {count} messages rejected: {reason}'
+            yield f'    the first one: {source.examples[reason]}'
+
+
+def _footprint_row(footprint: FootprintResult, result: Result) -> tuple[str, ...]:
+    seconds = [f'{getattr(footprint, state) / 1e9:.3f}'
+               for state in ('clear', 'collision', 'unknown')]
+    share = '' if footprint.coverage is None else f'{100 * footprint.coverage:.2f} %'
+    least = footprint.least
+    nearest = 'none known' if least is None else (
+        f'{least.separation:.4g} m from {least.obstacle} at {result.since(least.time):.3f} s')
+    return footprint.name + ('' if footprint.enabled else ' (disabled)'), share, *seconds, nearest
+
+
+def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]], title: str) -> list[str]:
+    """Return the lines of a table, of which very many rows are cut off."""
+    if not rows:
+        return []
+    shown = [head, *rows[:_MOST_ROWS]]
+    widths = [max(map(len, column)) for column in zip(*shown)]
+    right = [all(_is_number(cell) for cell in column[1:]) for column in zip(*shown)]
+    lines = [f'  {title}'] + ['    ' + '  '.join(
+        f'{cell:>{width}}' if numeric else f'{cell:{width}}'
+        for cell, width, numeric in zip(row, widths, right)).rstrip() for row in shown]
+    if len(rows) > _MOST_ROWS:
+        lines.append(f'    and {len(rows) - _MOST_ROWS} more; --json and --csv have all')
+    return lines
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.rstrip('+ %') or 0)
+    except ValueError:
+        return cell.rstrip('+') == 'moment'
+    return True

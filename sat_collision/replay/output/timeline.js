@@ -1,0 +1,162 @@
+// Time from left to right: curves of separations, and rows of bands for each footprint.
+const timeline = at('timeline');
+const ROW = 22, MARGIN = {left: 96, right: 14, top: 8, bottom: 40}, GAP = 14;
+let shownTimes = [0, 1], cursor = null;
+
+const SVG = 'http://www.w3.org/2000/svg';
+
+function svg(kind, attributes = {}, text = '') {
+  const made = document.createElementNS(SVG, kind);
+  Object.entries(attributes).forEach(([key, value]) => made.setAttribute(key, value));
+  if (text) made.textContent = text;
+  return made;
+}
+
+// Round numbers between two, some `count` of them, and how many decimals they have.
+function ticks(low, high, count) {
+  const rough = (high - low) / Math.max(count, 1) || 1;
+  const power = 10 ** Math.floor(Math.log10(rough));
+  const step = power * [1, 2, 5, 10].find(factor => factor * power >= rough);
+  const found = [];
+  for (let k = Math.ceil(low / step); k * step <= high; k++) found.push(k * step);
+  return {found, decimals: Math.max(0, -Math.floor(Math.log10(step) + 1e-9))};
+}
+
+function timeScale() {
+  const width = timeline.clientWidth - MARGIN.left - MARGIN.right;
+  const [low, high] = shownTimes;
+  return {
+    x: time => MARGIN.left + width * (time - low) / (high - low),
+    time: x => low + (x - MARGIN.left) * (high - low) / width};
+}
+
+function showAllTimes() {
+  shownTimes = [recording.start, Math.max(recording.end, recording.start + 1e-6)];
+  drawTimeline();
+}
+
+function drawTimeline() {
+  const {rows, footprints, contacts} = recording;
+  const count = rows.length ? rows[rows.length - 1].end : 1;
+  timeline.style.minHeight = `${MARGIN.top + 230 + GAP + ROW * count + MARGIN.bottom}px`;
+  const {clientWidth: width, clientHeight: height} = timeline;
+  const bottom = height - MARGIN.bottom, top = bottom - ROW * count;
+  const {x} = timeScale();
+  const values = footprints.flatMap(one => one.values).filter(one => one !== null)
+    .concat(contacts.map(one => one.value), 0);
+  const low = Math.min(...values.slice(-contacts.length - 1), least(values));
+  const high = most(values) || 1;
+  const y = value => top - GAP - (top - GAP - MARGIN.top) * (value - low) / ((high - low) || 1);
+  const drawn = svg('svg', {'aria-hidden': 'true'});
+  const clip = svg('clipPath', {id: 'within'});
+  clip.append(svg('rect', {x: MARGIN.left, y: 0, width: width - MARGIN.left - MARGIN.right, height}));
+  const inner = svg('g', {'clip-path': 'url(#within)'});
+  drawn.append(clip);
+  const across = ticks(...shownTimes, width / 110), up = ticks(low, high, 5);
+  for (const time of across.found) {
+    drawn.append(svg('path', {class: 'grid', d: `M${x(time)},${MARGIN.top}V${bottom}`}),
+      svg('text', {x: x(time), y: bottom + 15, 'text-anchor': 'middle'},
+        time.toFixed(across.decimals)));
+  }
+  for (const value of up.found) {
+    drawn.append(svg('path', {class: 'grid', d: `M${MARGIN.left},${y(value)}H${width - MARGIN.right}`}),
+      svg('text', {x: MARGIN.left - 6, y: y(value) + 4, 'text-anchor': 'end'},
+        value.toFixed(up.decimals) + ' m'));
+  }
+  drawn.append(svg('text', {x: (MARGIN.left + width - MARGIN.right) / 2, y: height - 6,
+    'text-anchor': 'middle'}, 'time since the recording begins [s]'));
+  const bands = rows.flatMap(row => row.bands);
+  for (const band of bands) {
+    inner.append(svg('rect', {class: band.contact === null ? 'shade' : 'shade contact',
+      x: x(band.first), width: Math.max(x(band.last) - x(band.first), 0), y: MARGIN.top,
+      height: top - GAP - MARGIN.top}));
+  }
+  inner.append(svg('path', {class: 'zero', d: `M${MARGIN.left},${y(0)}H${width}`}));
+  for (const {colour, times, values: own} of footprints) {
+    let path = '';
+    times.forEach((time, k) => {
+      if (own[k] === null) return;
+      const joined = k && own[k - 1] !== null;
+      path += joined && recording.asLive ? `H${x(time).toFixed(1)}V${y(own[k]).toFixed(1)}` :
+        `${joined ? 'L' : 'M'}${x(time).toFixed(1)},${y(own[k]).toFixed(1)}`;
+    });
+    inner.append(svg('path', {class: 'curve', d: path, stroke: colour}));
+  }
+  rows.forEach((row, k) => {
+    const middle = top + ROW * (row.first + row.end) / 2;
+    const short = row.name.length > 10 ? `${row.name.slice(0, 3)}…${row.name.slice(-6)}` : row.name;
+    const name = svg('text', {class: 'name own', x: MARGIN.left - 8, y: middle + 4,
+      'text-anchor': 'end'}, short);
+    name.style.fill = footprints[k].colour;
+    name.append(svg('title', {}, row.name));
+    drawn.append(name);
+    if (k) drawn.append(svg('path', {class: 'grid', d: `M0,${top + ROW * row.first}H${width}`}));
+  });
+  bands.forEach(band => inner.append(...drawBand(band, bands, top)));
+  contacts.forEach((one, k) => {
+    const dot = svg('circle', {class: 'deepest', cx: x(one.deepest), cy: y(one.value), r: 3.5,
+      'data-contact': k});
+    dot.append(svg('title', {}, title(one)));
+    inner.append(dot);
+  });
+  cursor = svg('path', {class: 'cursor'});
+  inner.append(cursor);
+  drawn.append(inner);
+  timeline.replaceChildren(drawn);
+  moveCursor();
+}
+
+const least = values => values.reduce((a, b) => Math.min(a, b), Infinity);
+const most = values => values.reduce((a, b) => Math.max(a, b), -Infinity);
+
+function drawBand(band, bands, top) {
+  const {x} = timeScale();
+  const [first, last] = [x(band.first), x(band.last)];
+  const isContact = band.contact !== null;
+  const middle = top + ROW * (band.row + 0.5);
+  const box = svg('rect', {class: isContact ? 'band contact' : 'band', x: first,
+    width: Math.max(last - first, 0.1), y: middle - 7, height: 14,
+    ...isContact ? {'data-contact': band.contact} : {'data-time': band.first}});
+  box.append(svg('title', {}, isContact ? title(recording.contacts[band.contact]) :
+    `unknown from ${band.first.toFixed(3)} to ${band.last.toFixed(3)} s`));
+  const needed = 6.2 * band.text.length + 8;
+  const next = Math.min(timeline.clientWidth - MARGIN.right, ...bands.filter(other =>
+    other.row === band.row && other.first > band.first).map(other => x(other.first)));
+  if (needed <= last - first) {
+    return [box, svg('text', {class: 'inside', x: (first + last) / 2, y: middle + 4,
+      'text-anchor': 'middle'}, band.text)];
+  }
+  return needed <= next - last ?
+    [box, svg('text', {x: last + 5, y: middle + 4}, band.text)] : [box];
+}
+
+function title(contact) {
+  return `${recording.footprints[contact.footprint].name} and ${contact.obstacle}, ` +
+    contact.words;
+}
+
+function moveCursor() {
+  const x = timeScale().x(now);
+  if (cursor) cursor.setAttribute('d', `M${x},0V${timeline.clientHeight - MARGIN.bottom + 4}`);
+}
+
+// A click goes to a time, a drag shows a part, a double click all.
+let pressed = null;
+timeline.onpointerdown = event => { pressed = event.offsetX; };
+timeline.onpointerup = event => {
+  const begun = pressed;
+  pressed = null;
+  if (begun === null) return;
+  const {time} = timeScale();
+  if (Math.abs(event.offsetX - begun) > 12 && event.pointerType === 'mouse') {
+    shownTimes = [time(begun), time(event.offsetX)].sort((a, b) => a - b)
+      .map(one => Math.min(Math.max(one, recording.start), recording.end));
+    if (shownTimes[1] - shownTimes[0] < 1e-6) showAllTimes(); else drawTimeline();
+    return;
+  }
+  const {contact, time: first} = event.target.dataset;
+  stop();
+  if (contact !== undefined) jump(Number(contact));
+  else go(first === undefined ? time(event.offsetX) : Number(first));
+};
+timeline.ondblclick = showAllTimes;

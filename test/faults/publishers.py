@@ -1,0 +1,399 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Publishers as processes of their own, which can be killed and stopped at any moment.
+
+What a process does is one of the functions below, which gets a `Topic`. Each tells of an obstacle
+or a robot that is in contact for as long as `Topic.touching` says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+import contextlib
+import math
+import multiprocessing
+import os
+import signal
+import time
+from typing import Any, NamedTuple
+
+from builders import box, odometry, serialised, transforms
+from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
+import rclpy
+from rclpy.duration import Duration
+from rclpy.qos import (
+    DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy)
+from rclpy.serialization import serialize_message
+from rosgraph_msgs.msg import Clock
+
+SECOND = 10**9
+ROBOT = box(0, 0)
+TOUCHING = box(0.5, 0.5)
+APART = box(5, 5)
+LEASE = 0.5
+
+# Begun without threads of ROS, and with what takes long to import.
+_PROCESSES = multiprocessing.get_context('forkserver')
+_PROCESSES.set_forkserver_preload(['rclpy', 'nav_msgs.msg', 'numpy'])
+
+RELIABLE = {'depth': 10_000}
+BEST_EFFORT = {'depth': 10, 'reliability': ReliabilityPolicy.BEST_EFFORT}
+LATCHED = {'depth': 100, 'durability': DurabilityPolicy.TRANSIENT_LOCAL}
+ALIVE = {'depth': 10, 'liveliness': LivelinessPolicy.AUTOMATIC,
+         'liveliness_lease_duration': LEASE}
+IN_TIME = {'depth': 10, 'deadline': 0.05}
+
+
+def profile(qos: dict[str, Any]) -> QoSProfile:
+    """Return a profile of a dictionary, whose durations are in seconds."""
+    return QoSProfile(**{name: Duration(seconds=value) if isinstance(value, float) else value
+                         for name, value in qos.items()})
+
+
+class World:
+    """
+    What all processes see.
+
+    Attributes
+    ----------
+    touching : ctypes.c_bool
+        Whether the robot and the obstacle are in contact in truth.
+    offset : ctypes.c_int64
+        By how many ns the simulated clock is ahead of the machine's.
+
+    """
+
+    def __init__(self) -> None:
+        # Without locks: a process may be killed while it holds one.
+        self.touching = _PROCESSES.RawValue('b', 1)
+        self.offset = _PROCESSES.RawValue('q', 0)
+
+
+class Shared(NamedTuple):
+    """What a publisher's process and who started it tell each other."""
+
+    world: World
+    ended: Any
+    sent: Any
+
+
+class Topic:
+    """One publisher, in the process that does one of the functions below."""
+
+    def __init__(self, node: rclpy.node.Node, name: str, kind: type, qos: dict[str, Any],
+                 shared: Shared) -> None:
+        self.node = node
+        self._world, self._ended, self._sent = shared
+        self.publisher = node.create_publisher(kind, name, profile(qos))
+        self._with_ids = kind is PolygonInstanceStamped
+
+    @property
+    def touching(self) -> bool:
+        return bool(self._world.touching.value)
+
+    @property
+    def obstacle(self) -> list[tuple[float, float]]:
+        """The polygon of the obstacle that comes and goes."""
+        return TOUCHING if self.touching else APART
+
+    def now(self) -> int:
+        return time.time_ns() + self._world.offset.value
+
+    def is_over(self) -> bool:
+        """Tell whether the process has been asked to end."""
+        return bool(self._ended.value)
+
+    def send(self, points: Sequence[tuple[float, ...]], stamp: int | None = None,
+             instance: int = 0, frame_id: str = 'map', length: int | None = None) -> None:
+        """Publish a polygon, stamped now if nothing else is said, or some first bytes of it."""
+        data = serialised(points, self.now() if stamp is None else stamp, frame_id,
+                          instance if self._with_ids else None)
+        self.publish(data[:length])
+
+    def publish(self, data: bytes) -> None:
+        """Publish a message as it is."""
+        self.publisher.publish(data)
+        self._sent.value += 1
+
+    def end(self, stamp: int) -> None:
+        """End the set of a stamp."""
+        self.send((), stamp)
+
+    def every(self, period: float, seconds: float = math.inf) -> Iterator[int]:
+        """Give the time in ns once a period, for some seconds or until the end of the process."""
+        begun = time.monotonic()
+        k = 0
+        while not self.is_over() and k * period < seconds:
+            yield self.now()
+            # What was missed while the process was stopped is not made up for.
+            k = max(k + 1, math.floor((time.monotonic() - begun) / period))
+            time.sleep(max(begun + k * period - time.monotonic(), 0.0))
+
+    def until_subscribed(self) -> None:
+        """Wait until somebody hears."""
+        for _ in self.every(0.002):
+            if self.publisher.get_subscription_count():
+                return
+
+    def stay(self) -> None:
+        """Stay without a message, as the server of a map does."""
+        for _ in self.every(0.02):
+            pass
+
+
+class Publisher:
+    """
+    A process that publishes until it is ended, in one way or another.
+
+    Parameters
+    ----------
+    world : World
+    domain : int
+    script : callable
+        One of the functions below.
+    topic, node : str
+        Their names.
+    kind : type
+        Of the messages.
+    qos : dict
+        As QoSProfile has it.
+    options
+        For the function.
+
+    """
+
+    def __init__(self, world: World, domain: int, script: Callable[..., None], topic: str,
+                 node: str, kind: type = PolygonStamped, qos: dict[str, Any] = RELIABLE,
+                 **options: Any) -> None:
+        self._ended = _PROCESSES.RawValue('b', 0)
+        self._sent = _PROCESSES.RawValue('q', 0)
+        self.process = _PROCESSES.Process(target=_publish, args=(
+            Shared(world, self._ended, self._sent), domain, script, topic, node, kind, qos,
+            options))
+        self.process.start()
+
+    @property
+    def sent(self) -> int:
+        """How many messages it has published."""
+        return int(self._sent.value)
+
+    def end(self) -> None:
+        """Have it end in order."""
+        self._ended.value = 1
+        self.process.join()
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.join()
+
+    @contextlib.contextmanager
+    def stopped(self) -> Iterator[None]:
+        """Have it stand still."""
+        os.kill(self.process.pid, signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            self.go_on()
+
+    def go_on(self) -> None:
+        """Have it go on."""
+        os.kill(self.process.pid, signal.SIGCONT)
+
+
+def _publish(shared: Shared, domain: int, script: Callable[..., None], topic: str, node: str,
+             kind: type, qos: dict[str, Any], options: dict[str, Any]) -> None:
+    context = rclpy.Context()
+    context.init(domain_id=domain)
+    made = rclpy.create_node(node, context=context)
+    script(Topic(made, topic, kind, qos, shared), **options)
+    made.destroy_node()
+    context.shutdown()
+
+
+def robot(topic: Topic, x: float = 0.0) -> None:
+    """Stand still."""
+    topic.until_subscribed()
+    for stamp in topic.every(0.05):
+        topic.send(box(x, 0), stamp)
+
+
+def robot_ahead(topic: Topic) -> None:
+    """Come onto the obstacle right after a message from the future."""
+    _ahead(topic, lambda stamp, x: topic.send(box(x, 0), stamp))
+
+
+def odometry_ahead(topic: Topic) -> None:
+    """Do the same by odometry."""
+    _ahead(topic, lambda stamp, x: topic.publish(odometry('map', 'base', stamp, x, 0.0)))
+
+
+def _ahead(topic: Topic, tell: Callable[[int, float], None]) -> None:
+    topic.until_subscribed()
+    was_touching = False
+    for stamp in topic.every(0.05):
+        if topic.touching and not was_touching:
+            tell(stamp + 9 * SECOND // 10, 50.0)
+        else:
+            tell(stamp, 0.0 if topic.touching else 50.0)
+        was_touching = topic.touching
+
+
+def transform_ahead(topic: Topic) -> None:
+    """Have one transform come an hour ahead, before good ones."""
+    topic.until_subscribed()
+    for ahead in (0.0, 3600.0):
+        topic.publish(transforms(('map', 'base', topic.now() + round(ahead * SECOND), 0.0, 0.0)))
+    for stamp in topic.every(0.02):
+        topic.publish(transforms(('map', 'base', stamp, 0.0, 0.0)))
+
+
+def clock(topic: Topic) -> None:
+    """Publish the simulated time, which can be stepped."""
+    for stamp in topic.every(0.02):
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = divmod(stamp, SECOND)
+        topic.publish(serialize_message(message))
+
+
+def sets(topic: Topic, count: int = 200, period: float = 0.1, spread: float = 0.0,
+         late: float = 0.0, sees: bool = True, cut: int | None = None) -> None:
+    """
+    Publish sets of many, the last of which is the obstacle that comes and goes.
+
+    Parameters
+    ----------
+    count : int
+        Obstacles a set.
+    period, spread : float
+        Seconds from set to set, and from the first to the last of one.
+    late : float
+        Seconds that the last one comes after the others.
+    sees : bool
+        Whether it sees the contact.
+    cut : int, optional
+        The signal that the process sends itself in the middle of the tenth set.
+
+    """
+    topic.until_subscribed()
+    for number, stamp in enumerate(topic.every(period)):
+        for k in range(count - 1):
+            topic.send(box(10 + 2 * k, 50), stamp)
+            if spread and k % 20 == 19:
+                time.sleep(spread * 20 / count)
+            if cut and number == 10 and k == count // 2:
+                os.kill(os.getpid(), cut)
+        time.sleep(late)
+        topic.send(topic.obstacle if sees else APART, stamp)
+        topic.end(stamp)
+
+
+def nothing_seen(topic: Topic) -> None:
+    """Say once that nothing is seen, and leave."""
+    topic.until_subscribed()
+    topic.end(topic.now())
+    topic.publisher.wait_for_all_acked(Duration(seconds=2.0))
+
+
+def one_shot(topic: Topic) -> None:
+    """Publish one polygon without a stamp, and leave, as `ros2 topic pub --once` does."""
+    topic.until_subscribed()
+    topic.send(APART, 0)
+    topic.publisher.wait_for_all_acked(Duration(seconds=2.0))
+
+
+def unstamped(topic: Topic) -> None:
+    """Publish without stamps."""
+    topic.until_subscribed()
+    for _ in topic.every(0.1):
+        for k in range(5):
+            topic.send(box(5 + 2 * k, 5), 0)
+
+
+def latched(topic: Topic, ends: bool = True) -> None:
+    """Publish a map once, as the recipe does, with or without an empty polygon at its end."""
+    for k in range(5):
+        topic.send(box(5 + 2 * k, 5), 0)
+    if ends:
+        topic.end(0)
+    topic.stay()
+
+
+def tracks(topic: Topic, obstacles: dict[int, tuple[float, float]], awake: float = math.inf,
+           killed: float = math.inf) -> None:
+    """
+    Publish ids, of which 0 is the obstacle that comes and goes.
+
+    Parameters
+    ----------
+    obstacles : dict
+        The period in seconds by id, and when the first message comes.
+    awake, killed : float
+        Seconds from the first message until it is silent for 3 s, and until the process kills
+        itself.
+
+    """
+    topic.until_subscribed()
+    for seconds in (awake, math.inf):
+        due = {instance: first for instance, (_, first) in obstacles.items()}
+        begun = time.monotonic()
+        for stamp in topic.every(0.02, seconds):
+            elapsed = time.monotonic() - begun
+            if elapsed > killed:
+                os.kill(os.getpid(), signal.SIGKILL)
+            for instance, (period, _) in obstacles.items():
+                if elapsed >= due[instance]:
+                    due[instance] += period
+                    topic.send(topic.obstacle if instance == 0 else box(5 + 2 * instance, 5),
+                               stamp, instance)
+        for _ in topic.every(0.02, 3.0):
+            pass
+
+
+def track_apart(topic: Topic) -> None:
+    """Use the id of the obstacle that comes and goes for one that is elsewhere."""
+    topic.until_subscribed()
+    for stamp in topic.every(0.1):
+        topic.send(APART, stamp, 0)
+
+
+def track_out_of_order(topic: Topic) -> None:
+    """Send after each message an older one of the same id, from when it was apart."""
+    topic.until_subscribed()
+    for stamp in topic.every(0.1):
+        topic.send(topic.obstacle, stamp, 0)
+        topic.send(APART, stamp - SECOND // 2, 0)
+
+
+def refused(topic: Topic, points: Sequence[tuple[float, float]] = TOUCHING,
+            frame_id: str = 'map', length: int | None = None) -> None:
+    """Send what is refused while in contact, each time with a good obstacle after it."""
+    topic.until_subscribed()
+    for stamp in topic.every(0.1):
+        if topic.touching:
+            topic.send(points, stamp, 0, frame_id, length)
+        else:
+            topic.send(APART, stamp, 0)
+        topic.send(box(9, 5), stamp, 1)
+
+
+def late_for_deadlines(topic: Topic, count: int) -> None:
+    """Publish sets on many topics, too seldom for the deadline that is offered."""
+    node = topic.node
+    publishers = [node.create_publisher(PolygonStamped, f'late{k}', profile(IN_TIME))
+                  for k in range(count)]
+    for stamp in topic.every(0.5):
+        for publisher in publishers:
+            publisher.publish(serialised(APART, stamp))
+            publisher.publish(serialised((), stamp))

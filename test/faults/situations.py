@@ -1,0 +1,604 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Faults in what a monitor can know, done to real processes over DDS while a robot is in contact.
+
+In each situation an obstacle touches the robot in truth, and something keeps the monitor from
+knowing all: what comes is late, lost, refused, of the wrong publisher, or nothing. Counted are the
+seconds for which the README's rule would let the robot drive: the latest flag is false, and
+younger than 0.3 s. Then the fault is over and the contact, too, and the flag must fall in time.
+
+``make faults`` does each for long and writes a table of docs/reliability.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator, Sequence
+import contextlib
+import math
+import os
+from pathlib import Path
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from typing import Any, NamedTuple
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / 'test' / 'support'), str(ROOT / 'docs')]
+
+from discovery import discover_promptly  # noqa: E402
+from geometry_msgs.msg import PolygonInstanceStamped  # noqa: E402
+from nav_msgs.msg import Odometry  # noqa: E402
+from page_parts import replace_part  # noqa: E402
+import publishers  # noqa: E402
+from publishers import BEST_EFFORT, LATCHED, Publisher, SECOND, World  # noqa: E402
+import rclpy  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+from rclpy.parameter_client import AsyncParameterClient  # noqa: E402
+from rosgraph_msgs.msg import Clock  # noqa: E402
+from std_msgs.msg import Bool  # noqa: E402
+
+PATIENCE = 10.0
+# What a subscriber may count on, see the README: no flag for so long is a raised one.
+TOO_OLD = 0.3
+# How much later than it must a machine that has other things to do may be.
+SLACK = 1.0
+# For so long the flag must stay down.
+_STAYS = 1.5
+
+# The node where transforms can be received: pip has no tf2_msgs, and raw bytes need no type.
+_WITH_TF = """
+import sys, types
+from geometry_msgs.msg import PolygonStamped
+sys.modules['tf2_msgs'] = types.ModuleType('tf2_msgs')
+sys.modules['tf2_msgs.msg'] = types.ModuleType('tf2_msgs.msg')
+sys.modules['tf2_msgs.msg'].TFMessage = PolygonStamped
+from sat_collision.node.__main__ import main
+sys.exit(main(sys.argv))
+"""
+
+
+class Outcome(NamedTuple):
+    """
+    How a situation went.
+
+    Attributes
+    ----------
+    drivable : float
+        Seconds for which the robot might drive later than 0.3 s after it came into contact.
+    recovered : float
+        Seconds from the end of the fault and the contact until the flag fell; infinity if it did
+        not within `PATIENCE`.
+
+    """
+
+    drivable: float
+    recovered: float
+
+
+class Stage:
+    """
+    A monitor's process, the publishers it hears, and who listens to its flag.
+
+    Parameters
+    ----------
+    parameters : dict
+        Of the monitor.
+    domain : int
+    length : float
+        How often or how long a fault is done, 1 for the short form.
+
+    """
+
+    def __init__(self, parameters: dict[str, Any], domain: int, length: float = 1.0) -> None:
+        self.length = length
+        self.world = World()
+        self.random = random.Random(1)
+        self._domain = domain
+        self._parameters = parameters
+        self._flags: list[tuple[float, bool]] = []
+        self._context = rclpy.Context()
+        self._context.init(domain_id=domain)
+        self.node = rclpy.create_node('listener', context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self.node.create_subscription(Bool, '/footprint_monitor/collision', self._hear, 1000)
+        self._is_open = True
+        self._thread = threading.Thread(target=self._spin)
+        self._thread.start()
+        self.publishers: list[Publisher] = []
+        self._processes: list[subprocess.Popen[bytes]] = []
+        self.contact()
+
+    def start_monitor(self) -> None:
+        """Start the monitor's process."""
+        program = ['-c', _WITH_TF] if 'frame_id' in self._parameters else [
+            '-m', 'sat_collision.node']
+        arguments = [word for name, value in self._parameters.items()
+                     for word in ('-p', f'{name}:={value}')]
+        self.monitor = self.run([sys.executable, *program, '--ros-args', *arguments])
+
+    def run(self, command: Sequence[str]) -> subprocess.Popen[bytes]:
+        """Run a process until the end of the stage."""
+        self._processes.append(subprocess.Popen(
+            command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            env={**os.environ, 'ROS_DOMAIN_ID': str(self._domain)}))
+        return self._processes[-1]
+
+    def publish(self, script: Callable[..., None], topic: str = '/obstacles',
+                node: str = 'perception', **options: Any) -> Publisher:
+        """Start a process that publishes; see `Publisher`."""
+        self.publishers.append(
+            Publisher(self.world, self._domain, script, topic, node, **options))
+        return self.publishers[-1]
+
+    def respawn(self, script: Callable[..., None], **options: Any) -> None:
+        """Start a process in place of one that has ended, and wait for its first message."""
+        publisher = self.publish(script, **options)
+        self.until(lambda: publisher.sent)
+
+    def await_flag(self) -> None:
+        """Wait until the monitor is there."""
+        self.until(lambda: self._flags, 60.0)
+
+    def await_publishers(self, topic: str, count: int) -> None:
+        """Wait until all that runs should know of so many publishers."""
+        self.until(lambda: self.node.count_publishers(topic) == count)
+        self.wait(0.5)
+
+    def contact(self, after: float = 0.0) -> None:
+        """Let the robot touch the obstacle, which can be known from now on or some time after."""
+        self._begun = time.time() + after
+        self._ended = math.inf
+        self.world.touching.value = 1
+
+    def leave(self) -> None:
+        """Let it go."""
+        if self.world.touching.value:
+            self._ended = time.time()
+        self.world.touching.value = 0
+
+    def wait(self, seconds: float) -> None:
+        time.sleep(seconds)
+
+    def until(self, condition: Callable[[], object], patience: float = PATIENCE) -> None:
+        """Wait for a condition; fail if it never holds."""
+        end = time.monotonic() + patience
+        while not condition():
+            if time.monotonic() > end:
+                raise TimeoutError('what was awaited did not happen')
+            time.sleep(0.005)
+
+    def await_clear(self) -> None:
+        """Wait for the flag to fall."""
+        since = time.time()
+        self.until(lambda: self._falls(since) < math.inf)
+
+    def outcome(self, promise: float) -> Outcome:
+        """Wait until the flag has fallen and stays so, and judge."""
+        since = time.time()
+        with contextlib.suppress(TimeoutError):
+            self.until(lambda: time.time() - self._falls(since) > _STAYS,
+                       promise + SLACK + _STAYS + 1.0)
+        return Outcome(drivable(self._flags, self._begun + TOO_OLD, self._ended),
+                       self._falls(since) - since)
+
+    def set_enabled(self, enabled: bool) -> None:
+        """Enable or disable the source of obstacles."""
+        client = AsyncParameterClient(self.node, 'footprint_monitor')
+        self.until(client.services_are_ready)
+        future = client.set_parameters([Parameter('obstacle.enabled', value=enabled)])
+        self.until(future.done)
+
+    def stop_again_and_again(self, stopped: Callable[[], Any]) -> None:
+        """Have a process stand still for 60 to 300 ms at random moments."""
+        for _ in range(round(20 * self.length)):
+            self.wait(self.random.uniform(0.05, 0.35))
+            with stopped():
+                self.wait(self.random.uniform(0.06, 0.3))
+
+    @contextlib.contextmanager
+    def monitor_stopped(self) -> Iterator[None]:
+        self.monitor.send_signal(signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            self.monitor.send_signal(signal.SIGCONT)
+
+    @contextlib.contextmanager
+    def busy(self, pid: int, niceness: int = 0) -> Iterator[None]:
+        """Have four processes compute on the only core that a process may use."""
+        busy = [self.run([sys.executable, '-c', 'while True: pass']) for _ in range(4)]
+        threads = [int(name) for name in os.listdir(f'/proc/{pid}/task')]
+        for one in (*threads, *(process.pid for process in busy)):
+            os.sched_setaffinity(one, {0})
+        for thread in threads:
+            before = os.getpriority(os.PRIO_PROCESS, thread)
+            os.setpriority(os.PRIO_PROCESS, thread, before + niceness)
+        try:
+            yield
+        finally:
+            for process in busy:
+                process.kill()
+
+    def close(self) -> None:
+        """End all that was begun."""
+        for publisher in self.publishers:
+            publisher.kill()
+        for process in self._processes:
+            process.kill()
+            process.wait()
+        self._is_open = False
+        self._thread.join()
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self._context.shutdown()
+
+    def _spin(self) -> None:
+        while self._is_open:
+            self._executor.spin_once(timeout_sec=0.1)
+
+    def _hear(self, flag: Bool, info: dict[str, int]) -> None:
+        # When it was published: this process may be late.
+        self._flags.append((info['source_timestamp'] / SECOND, flag.data))
+
+    def _falls(self, since: float) -> float:
+        """Return when the flag fell for the last time, infinity if it is raised or old."""
+        flags = [(when, raised) for when, raised in list(self._flags) if when > since]
+        if not flags or flags[-1][1] or time.time() - flags[-1][0] > TOO_OLD:
+            return math.inf
+        raised = [k for k, (_, raised) in enumerate(flags) if raised]
+        return flags[raised[-1] + 1 if raised else 0][0]
+
+
+def judge(situation: Situation, domain: int, length: float = 1.0) -> Outcome:
+    """Do a fault to processes of its own."""
+    stage = Stage(situation.parameters, domain, length)
+    try:
+        stage.start_monitor()
+        stage.await_flag()
+        if situation.footprint:
+            stage.publish(publishers.robot, '/footprint', 'robot')
+        situation.act(stage)
+        stage.leave()
+        return stage.outcome(situation.promise)
+    finally:
+        stage.close()
+
+
+def drivable(flags: Sequence[tuple[float, bool]], begun: float, ended: float) -> float:
+    """Return for how long a robot might drive within a span of time, by flags and their times."""
+    nexts = [when for when, _ in flags[1:]] + [math.inf]
+    return sum(max(min(after, when + TOO_OLD, ended) - max(when, begun), 0.0)
+               for (when, raised), after in zip(list(flags), nexts) if not raised)
+
+
+class Situation(NamedTuple):
+    """
+    A fault, and what must follow from it.
+
+    Attributes
+    ----------
+    act : callable
+        Takes a stage with a monitor, and makes the contact and the fault.
+    promise : float
+        Seconds after it in which the source is known again: three periods, or the timeout.
+    parameters : dict
+        Of the monitor.
+    footprint : bool
+        Whether a robot publishes its footprint all the time.
+    is_short : bool
+        Whether `make test` does it, too.
+
+    """
+
+    act: Callable[[Stage], None]
+    promise: float = 0.3
+    parameters: dict[str, Any] = {}
+    footprint: bool = True
+    is_short: bool = False
+
+
+def _lasting(seconds: float, script: Callable[..., None], topic: str = '/obstacles',
+             **options: Any) -> Callable[[Stage], None]:
+    """Have one publisher do something for some seconds."""
+    def act(stage: Stage) -> None:
+        stage.publish(script, topic, **options)
+        stage.wait(seconds)
+    return act
+
+
+def _monitor_stopped(stage: Stage) -> None:
+    stage.publish(publishers.sets)
+    stage.wait(1.0)
+    stage.stop_again_and_again(stage.monitor_stopped)
+
+
+def _publisher_stopped(stage: Stage) -> None:
+    publisher = stage.publish(publishers.sets, spread=0.05)
+    stage.wait(1.0)
+    stage.stop_again_and_again(publisher.stopped)
+
+
+def _killed_in_a_set(stage: Stage) -> None:
+    stage.publish(publishers.sets, cut=signal.SIGKILL).process.join()
+    stage.wait(2.5)
+    stage.respawn(publishers.sets)
+
+
+def _stopped_in_a_set(stage: Stage) -> None:
+    publisher = stage.publish(publishers.sets, cut=signal.SIGSTOP)
+    stage.wait(4.0)
+    publisher.go_on()
+
+
+def _busy_publisher(stage: Stage) -> None:
+    publisher = stage.publish(publishers.sets, count=600, period=1.0)
+    stage.until(lambda: publisher.sent)
+    with stage.busy(publisher.process.pid, niceness=10):
+        stage.wait(8.0 * stage.length)
+
+
+def _busy_monitor(stage: Stage) -> None:
+    stage.publish(publishers.sets, count=1000, period=0.5)
+    with stage.busy(stage.monitor.pid):
+        stage.wait(8.0 * stage.length)
+
+
+def _beside(topic: str, right: dict[str, Any], wrong: dict[str, Any],
+            other: dict[str, Any] | None = None) -> Callable[[Stage], None]:
+    """
+    Have two publishers on a topic, of which one tells of the contact and one does not.
+
+    The one that does not goes in the end, unless it is the only one that is heard.
+    """
+    def act(stage: Stage) -> None:
+        if other:
+            stage.publish(**other)
+        one = stage.publish(topic=topic, node='one', **right)
+        two = stage.publish(topic=topic, node='two', **wrong)
+        stage.await_publishers(topic, 2)
+        stage.contact()
+        stage.wait(3.0)
+        (one if right.get('qos') is BEST_EFFORT else two).end()
+    return act
+
+
+def _second_leaves(stage: Stage) -> None:
+    """Have a second publisher say that nothing is seen, and go."""
+    first = stage.publish(publishers.sets, period=2.0)
+    stage.until(lambda: first.sent > 200)
+    for _ in range(6):
+        stage.publish(publishers.nothing_seen, node='other').process.join()
+        stage.wait(0.7)
+
+
+def _tracker_killed_beside(stage: Stage) -> None:
+    """Of two trackers the one that sees the contact is killed."""
+    one = stage.publish(publishers.tracks, node='one', obstacles={0: (0.1, 0.0)}, **_IDS)
+    stage.publish(publishers.tracks, node='two', obstacles={1: (0.1, 0.0)}, **_IDS)
+    stage.await_publishers('/obstacles', 2)
+    one.kill()
+    stage.wait(5.0)
+
+
+def _tracker_killed(stage: Stage) -> None:
+    # It is told of after 0.0, 1.6 and 3.2 s.
+    stage.publish(publishers.tracks, obstacles={0: (1.6, 0.0), 1: (0.1, 0.0)}, killed=4.6,
+                  **_IDS).process.join()
+    stage.wait(2.5)
+    stage.respawn(publishers.tracks, obstacles={0: (0.1, 0.0), 1: (0.1, 0.0)}, **_IDS)
+
+
+def _ahead(script: Callable[..., None], topic: str, **options: Any) -> Callable[[Stage], None]:
+    def act(stage: Stage) -> None:
+        stage.leave()
+        robot = stage.publish(script, topic, 'robot', **options)
+        stage.publish(publishers.sets)
+        stage.await_clear()
+        sent = robot.sent
+        stage.contact()
+        # The one from the future may be on its way, then it is followed by these.
+        stage.until(lambda: robot.sent > sent + 4)
+        stage.contact()
+        stage.wait(1.5)
+    return act
+
+
+def _transform_ahead(stage: Stage) -> None:
+    stage.leave()
+    stage.publish(publishers.sets)
+    robot = stage.publish(publishers.transform_ahead, '/tf', 'robot')
+    stage.until(lambda: robot.sent > 2)
+
+
+def _lost_among_deadlines(stage: Stage) -> None:
+    """End a publisher's lease while many others miss deadlines."""
+    stage.leave()
+    stage.publish(publishers.late_for_deadlines, 'unused', 'late', count=_LATE)
+    publisher = stage.publish(publishers.sets, qos=publishers.ALIVE, count=10)
+    stage.await_clear()
+    stage.wait(2.0)
+    publisher.kill()
+    stage.contact(after=publishers.LEASE + 0.2 - TOO_OLD)
+    stage.wait(4.0)
+    stage.respawn(publishers.sets, qos=publishers.ALIVE, count=10)
+
+
+def _respawned(script: Callable[..., None], end: Callable[[Publisher], None] = Publisher.end,
+               **options: Any) -> Callable[[Stage], None]:
+    """Have a publisher end and start again, with nothing in contact."""
+    def act(stage: Stage) -> None:
+        stage.leave()
+        publisher = stage.publish(script, **options)
+        stage.await_clear()
+        end(publisher)
+        stage.respawn(script, **options)
+    return act
+
+
+def _one_shot_beside(stage: Stage) -> None:
+    stage.leave()
+    stage.publish(publishers.unstamped)
+    stage.await_clear()
+    stage.publish(publishers.one_shot, node='other').process.join()
+
+
+def _clock_stepped(stage: Stage) -> None:
+    stage.leave()
+    stage.publish(publishers.clock, '/clock', 'clock', kind=Clock)
+    stage.publish(publishers.latched, qos=LATCHED)
+    stage.await_clear()
+    stage.world.offset.value -= SECOND // 20
+    stage.wait(0.2)
+
+
+def _enabled_again(stage: Stage) -> None:
+    stage.leave()
+    stage.publish(publishers.latched, qos=LATCHED)
+    stage.await_clear()
+    for enabled in (False, True):
+        stage.set_enabled(enabled)
+        stage.wait(0.3)
+
+
+_LATE = 20
+_IDS = {'kind': PolygonInstanceStamped}
+_BY_ID = {'obstacle.type': 'polygon_instance'}
+_BY_SHAPE = {'obstacle.accumulate': True}
+_SHORT = {'obstacle.timeout': 1.0}
+_MAP = {'obstacle.timeout': 0.0,
+        'qos_overrides./obstacles.subscription.durability': 'transient_local'}
+_OUTLINE = {'frame_id': 'map', 'footprint.frame_id': 'base',
+            'footprint.points': [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0]}
+_DEADLINES = {
+    'obstacles': ['obstacle', *(f'late{k}' for k in range(_LATE))],
+    **{f'qos_overrides./late{k}.subscription.deadline': 50_000_000 for k in range(_LATE)},
+    **{f'late{k}.timeout': 60.0 for k in range(_LATE)}, 'obstacle.timeout': 60.0,
+    'obstacle.topic': 'obstacles',
+    'qos_overrides./obstacles.subscription.liveliness': 'automatic',
+    'qos_overrides./obstacles.subscription.liveliness_lease_duration':
+        round(publishers.LEASE * SECOND)}
+_REFUSED = {
+    'a self-crossing ring': {'points': [(0.5, 0.5), (1.5, 1.5), (1.5, 0.5), (0.5, 1.5)]},
+    '2,000 vertices': {'points': [
+        (math.cos(k * math.pi / 1000), math.sin(k * math.pi / 1000)) for k in range(2000)]},
+    'a message that is cut off': {'length': -5},
+    'a frame nobody tells of': {'frame_id': 'nowhere'}}
+
+SITUATIONS = {
+    'the monitor is stopped for 60 to 300 ms again and again': Situation(
+        _monitor_stopped, is_short=True),
+    'the publisher is stopped for 60 to 300 ms again and again': Situation(_publisher_stopped),
+    'the publisher is killed in the middle of a set, and respawned': Situation(
+        _killed_in_a_set, is_short=True),
+    'the publisher is stopped in the middle of a set, and goes on': Situation(_stopped_in_a_set),
+    'the last of a set comes 90 ms after the others': Situation(
+        _lasting(4.0, publishers.sets, period=0.2, late=0.09), promise=0.6),
+    '600 obstacles at 1 Hz, the publisher shares its core with four busy processes': Situation(
+        _busy_publisher, promise=3.0),
+    '1,000 obstacles at 2 Hz, the monitor shares its core with four busy processes': Situation(
+        _busy_monitor, promise=1.5),
+    **{f'{what}, then a good obstacle far away, by {keys}': Situation(
+        _lasting(3.0, publishers.refused, **kind, **options), 1.0, {**parameters, **_SHORT})
+       for keys, parameters, kind in (('id', _BY_ID, _IDS), ('shape', _BY_SHAPE, {}))
+       for what, options in _REFUSED.items()},
+    'the obstacles of a best-effort publisher are not heard, those of another are': Situation(
+        _beside('/obstacles', {'script': publishers.sets, 'count': 1, 'qos': BEST_EFFORT},
+                {'script': publishers.sets, 'sees': False}), is_short=True),
+    'the footprints of a best-effort publisher are not heard, those of another are': Situation(
+        _beside('/footprint', {'script': publishers.robot, 'qos': BEST_EFFORT},
+                {'script': publishers.robot, 'x': 50.0}, {'script': publishers.sets}),
+        footprint=False),
+    'two robots on one topic': Situation(
+        _beside('/footprint', {'script': publishers.robot},
+                {'script': publishers.robot, 'x': 50.0}, {'script': publishers.sets}),
+        footprint=False),
+    'two ids 0.8 s apart, at the start and after silence': Situation(
+        _lasting(9.0, publishers.tracks, obstacles={1: (1.0, 0.0), 0: (1.0, 0.8)}, awake=3.0,
+                 **_IDS), 2.0, _BY_ID),
+    'two publishers use the same id': Situation(
+        _beside('/obstacles', {'script': publishers.tracks, 'obstacles': {0: (0.1, 0.0)}, **_IDS},
+                {'script': publishers.track_apart, **_IDS}), 1.0, {**_BY_ID, **_SHORT}),
+    'one of two publishers of ids is killed': Situation(
+        _tracker_killed_beside, 22.0, _BY_ID),
+    'an id with an older stamp after a newer one': Situation(
+        _lasting(3.0, publishers.track_out_of_order, **_IDS), 1.0, {**_BY_ID, **_SHORT}),
+    'a tracker is killed 1.4 s after it told of the contact': Situation(
+        _tracker_killed, 2.0, _BY_ID, is_short=True),
+    'a footprint stamped 0.9 s ahead': Situation(
+        _ahead(publishers.robot_ahead, '/footprint'), footprint=False, is_short=True),
+    'odometry stamped 0.9 s ahead': Situation(
+        _ahead(publishers.odometry_ahead, '/odom', kind=Odometry),
+        parameters={**_OUTLINE, 'footprint.odometry': '/odom'}, footprint=False),
+    'a transform stamped an hour ahead': Situation(
+        _transform_ahead, 0.5, _OUTLINE, footprint=False),
+    'a second publisher says once that nothing is seen, and leaves': Situation(
+        _second_leaves, 6.0, {'obstacle.timeout': 5.0}),
+    'liveliness is lost while 20 topics miss deadlines': Situation(
+        _lost_among_deadlines, parameters=_DEADLINES),
+    # The middleware may tell the node name of one that is started again at once only after some
+    # seconds; at the latest the lease of the one that was killed is over.
+    'the publisher is killed and respawned': Situation(
+        _respawned(publishers.sets, Publisher.kill), 21.0),
+    'a publisher without stamps restarts': Situation(
+        _respawned(publishers.unstamped), 1.0, _SHORT),
+    'one message without a stamp comes from another, beside those of a publisher': Situation(
+        _one_shot_beside, 1.0, _SHORT),
+    **{f'the server of a latched map {how} an empty polygon at its end restarts': Situation(
+        _respawned(publishers.latched, qos=LATCHED, ends=ends), 1.0, _MAP)
+       for how, ends in (('with', True), ('without', False))},
+    'the server of a latched map is killed and respawned': Situation(
+        _respawned(publishers.latched, Publisher.kill, qos=LATCHED), 21.0, _MAP),
+    'the clock steps back by 50 ms, with a latched map': Situation(
+        _clock_stepped, 1.0, {**_MAP, 'use_sim_time': True}, is_short=True),
+    'a latched source is disabled and enabled': Situation(_enabled_again, 1.0, _MAP),
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser.add_argument('--length', type=float, default=5.0,
+                        help='how often or how long a fault is done, compared with the tests')
+    parser.add_argument('--only', default='', help='words of the situations to be done')
+    parser.add_argument('--write', metavar='FILE', type=Path,
+                        help='a page whose table is to be replaced')
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory(prefix='sat_collision_faults_') as folder:
+        discover_promptly(folder)
+        rows = table(arguments.only, arguments.length)
+    if arguments.write:
+        replace_part(arguments.write, 'situations', '\n'.join(rows))
+
+
+def table(words: str, length: float) -> list[str]:
+    """Do all whose names have some words, and return the rows of a table."""
+    rows = ['| fault | drivable in contact | clear again after |', '|---|---|---|']
+    for name, situation in SITUATIONS.items():
+        if words in name:
+            outcome = judge(situation, int(os.environ.get('ROS_DOMAIN_ID', 0)), length)
+            again = (f'{outcome.recovered:.2f} s' if outcome.recovered < math.inf else 'never')
+            rows.append(f'| {name} | {outcome.drivable:.2f} s | {again} |')
+            print(rows[-1], flush=True)
+    return rows
+
+
+if __name__ == '__main__':
+    main()

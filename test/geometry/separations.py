@@ -1,0 +1,216 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Pairs of polygons changed in steps of ulps to where separation, way or axis err most.
+
+Errors are computed in twice the precision of doubles, of all pairs of vertices and edges without
+any search, and the largest are confirmed in rationals.
+"""
+
+from fractions import Fraction
+
+import numpy as np
+from rationals import exact_depth, exact_distance, square_root
+from sat_collision import Polygon
+from sat_collision.geometry.distance import measure_with_normal
+from sat_collision.geometry.double_double import (
+    cross, difference, dot, negative, plus, quotient, scaled, square_root as root)
+from sat_collision.geometry.jit import kernel
+from sat_collision.geometry.layout import first_vertex, Packed, packed_size
+from sat_collision.geometry.nearest_features import reach_of
+from sat_collision.geometry.plane import scale_to_one
+import steering
+
+DISTANCE, DEPTH, WAY, AXIS = range(4)
+NAMES = 'distance', 'depth', 'way', 'axis'
+UNIT = 2.0 ** -53
+BOUNDS = '2 u d + 2⁻⁹⁶ R', '2 u d + 2⁻⁹⁶ R', '6 u R', '6 u R'
+COUNTS = (1, 2), (2, 2), (1, 4), (3, 3), (4, 6), (4, 20)
+STEPS = 5000
+CONFIRMED = 20
+
+
+@kernel
+def _to_edges(p, q, least):
+    """Return the distance of the nearest vertex of Q and edge of P, if that is less."""
+    v = p.array
+    w = q.array
+    first = first_vertex(p)
+    other = first_vertex(q)
+    for i in range(p.n):
+        a = first + 2 * i
+        b = first + 2 * ((i + 1) % p.n)
+        ex = difference(v[b], v[a])
+        ey = difference(v[b + 1], v[a + 1])
+        ex, ey = scaled(ex, ey, scale_to_one(max(abs(ex[0]), abs(ey[0]))))
+        for j in range(other, other + 2 * q.n, 2):
+            ax = difference(w[j], v[a])
+            ay = difference(w[j + 1], v[a + 1])
+            bx = difference(w[j], v[b])
+            by = difference(w[j + 1], v[b + 1])
+            found = root(dot(ax, ay, ax, ay))
+            if dot(ax, ay, ex, ey)[0] > 0.0:
+                found = root(dot(bx, by, bx, by))
+                if dot(bx, by, ex, ey)[0] < 0.0:
+                    found = quotient(cross(ex, ey, ax, ay), root(dot(ex, ey, ex, ey)))
+                    if found[0] < 0.0:
+                        found = negative(found)
+            if plus(found, negative(least))[0] < 0.0:
+                least = found
+    return least
+
+
+@kernel
+def _reach_beyond_edges(p, q, least):
+    """Return how far Q reaches beyond the edge of P where that is least, if that is less."""
+    v = p.array
+    w = q.array
+    first = first_vertex(p)
+    other = first_vertex(q)
+    for i in range(p.n if p.n > 1 else 0):
+        a = first + 2 * i
+        b = first + 2 * ((i + 1) % p.n)
+        ex = difference(v[b], v[a])
+        ey = difference(v[b + 1], v[a + 1])
+        ex, ey = scaled(ex, ey, scale_to_one(max(abs(ex[0]), abs(ey[0]))))
+        most = (-np.inf, 0.0)
+        for j in range(other, other + 2 * q.n, 2):
+            found = cross(ex, ey, difference(w[j], v[a]), difference(w[j + 1], v[a + 1]))
+            if most[0] == -np.inf or plus(found, negative(most))[0] > 0.0:
+                most = found
+        most = quotient(most, root(dot(ex, ey, ex, ey)))
+        if plus(most, negative(least))[0] < 0.0:
+            least = most
+    return least
+
+
+@kernel
+def _gap_along(p, q, ux, uy):
+    """Return how far apart P and Q are along an axis, less than 0 if their shadows overlap."""
+    v = p.array
+    w = q.array
+    first = first_vertex(p)
+    other = first_vertex(q)
+    least = (np.inf, 0.0)
+    for i in range(first, first + 2 * p.n, 2):
+        for j in range(other, other + 2 * q.n, 2):
+            found = dot(difference(w[j], v[i]), difference(w[j + 1], v[i + 1]),
+                        (ux, 0.0), (uy, 0.0))
+            if least[0] == np.inf or plus(found, negative(least))[0] < 0.0:
+                least = found
+    return least
+
+
+@kernel
+def error(which, p, q):
+    """Return the error of what is measured of two convex polygons, and its bound; 0 if none."""
+    value, points = measure_with_normal(p, q)
+    ax, ay, bx, by, ux, uy = points
+    reach = reach_of(p, q)
+    if which == WAY:
+        mx = difference(bx, ax)
+        my = difference(by, ay)
+        found = root(dot(mx, my, mx, my))
+        return abs(plus(found, (-abs(value), 0.0))[0]), 6.0 * UNIT * reach
+    if which == AXIS:
+        if value == 0.0:
+            return 0.0, 0.0
+        return abs(plus(_gap_along(p, q, ux, uy), (-value, 0.0))[0]), 6.0 * UNIT * reach
+    if (value > 0.0) != (which == DISTANCE) or value == 0.0:
+        return 0.0, 0.0
+    far = (1e300, 0.0)
+    if which == DISTANCE:
+        true = _to_edges(q, p, _to_edges(p, q, far))
+    else:
+        true = _reach_beyond_edges(q, p, _reach_beyond_edges(p, q, far))
+    return (abs(plus(true, (-abs(value), 0.0))[0]),
+            2.0 * UNIT * true[0] + 2.0 ** -96 * reach)
+
+
+@kernel
+def climb(which, x, n, steps, random):
+    """Change two bodies in place, n vertices and the others, to a larger error; return it."""
+    m = len(x) // 2 - n
+    a = np.empty(packed_size(n))
+    b = np.empty(packed_size(m))
+    bits = x.view(np.int64)
+    best = 0.0
+    kept = x.copy()
+    for step in range(steps):
+        if step > 0:
+            for _ in range(random.integers(1, 3)):
+                k = random.integers(0, len(x))
+                move = 1 << random.integers(0, 50)
+                bits[k] += move if random.random() < 0.5 else -move
+        found = -1.0
+        usual = True
+        for k in range(len(x)):
+            usual = usual and abs(x[k]) < 1e60
+        if usual and steering.pack_both(x, n, a, b):
+            wrong_by, bound = error(which, Packed(a, 0, n), Packed(b, 0, m))
+            found = wrong_by / bound if bound > 0.0 else 0.0
+        if found >= best:
+            best = found
+            kept[:] = x
+        else:
+            x[:] = kept
+    return best
+
+
+def exact(which, x, n):
+    """Return in rationals the error in parts of its bound."""
+    p, q = Polygon(x[:2 * n].reshape(-1, 2)), Polygon(x[2 * n:].reshape(-1, 2))
+    value, points = measure_with_normal(*(Packed(body.packed[0], 0, body.packed[1])
+                                          for body in (p, q)))
+    ax, ay, bx, by, ux, uy = map(Fraction, points)
+    value = Fraction(value)
+    reach = Fraction(float(abs(x).max()))
+    bound = 6 * Fraction(UNIT) * reach
+    if which == WAY:
+        wrong_by = square_root((bx - ax) ** 2 + (by - ay) ** 2) - abs(value)
+    elif which == AXIS:
+        heights, others = ([Fraction(s) * ux + Fraction(t) * uy for s, t in body.vertices.tolist()]
+                           for body in (p, q))
+        wrong_by = min(others) - max(heights) - value if value else 0
+    else:
+        true = exact_distance(p, q) if value > 0 else -exact_depth(p, q)
+        wrong_by = true - value
+        bound = 2 * Fraction(UNIT) * abs(true) + reach / 2 ** 96
+    return float(abs(wrong_by) / bound)
+
+
+def starts_of(rng, count, n, m):
+    """Return near pairs of n and m vertices, some of them far from the origin."""
+    x = steering.starts_of(rng, count, max(n, 3), max(m, 3)).reshape(count, -1, 2)
+    first = max(n, 3)
+    return np.concatenate([x[:, :n], x[:, first:first + m]], axis=1).reshape(count, -1)
+
+
+def largest(which, n, m, evaluations, seed=1):
+    """Return the largest error in parts of its bound that so many evaluations find, confirmed."""
+    rng = np.random.default_rng(seed)
+    starts = starts_of(rng, max(evaluations // STEPS, CONFIRMED), n, m)
+    found = [climb(which, x, n, evaluations // len(starts), rng) for x in starts]
+    return max(exact(which, starts[k], n) for k in np.argsort(found)[-CONFIRMED:])
+
+
+def report(evaluations, seed):
+    """Print a row for each of what is measured; return how many exceed their bound."""
+    print('\n| of a separation | bound | largest error / bound | evaluations |\n|---|---|---|---|')
+    failures = 0
+    for which, name in enumerate(NAMES):
+        ratio = max(largest(which, n, m, evaluations // len(COUNTS), seed) for n, m in COUNTS)
+        failures += ratio > 1.0
+        print(f'| {name} | {BOUNDS[which]} | {ratio:.4f} | {evaluations:.0e} |', flush=True)
+    return failures

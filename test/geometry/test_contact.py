@@ -1,0 +1,271 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Normals, points of contact and ways out, against rational arithmetic and shapely."""
+
+from fractions import Fraction
+import math
+
+from bodies import as_shapely
+import families
+import numpy as np
+import pytest
+from rationals import exact_depth, square_root
+from sat_collision import closest_points, contact, intersects, Polygon, PolygonSet, separation
+
+ULP = 2.0 ** -52
+L_SHAPE = np.array([(0, 0), (4, 0), (4, 1), (1, 1), (1, 4), (0, 4)], float)
+NAMES = sorted({**families.CONVEX, **families.SIMPLE})
+
+
+def box(x, y, width=1.0, height=1.0):
+    return [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
+
+
+def rational(points):
+    return [tuple(map(Fraction, point)) for point in np.asarray(points, float).tolist()]
+
+
+def edges(ring):
+    return list(zip(ring, ring[1:] + ring[:1]))
+
+
+def left_of(start, end, point):
+    return ((end[0] - start[0]) * (point[1] - start[1])
+            - (end[1] - start[1]) * (point[0] - start[0]))
+
+
+def outside(polygon, point):
+    """Return how far a point is outside a polygon or its convex parts, exactly; 0 if inside."""
+    (point,) = rational([point])
+    return min(_outside(rational(part.vertices), point) for part in polygon.parts)
+
+
+def _outside(ring, point):
+    if len(ring) > 2 and all(left_of(*edge, point) >= 0 for edge in edges(ring)):
+        return 0.0
+    return float(min(_to_edge(point, *edge) for edge in edges(ring)))
+
+
+def _to_edge(point, start, end):
+    ex, ey = end[0] - start[0], end[1] - start[1]
+    wx, wy = point[0] - start[0], point[1] - start[1]
+    square = ex * ex + ey * ey
+    share = min(max((wx * ex + wy * ey) / square, 0), 1) if square else 0
+    return square_root((wx - share * ex) ** 2 + (wy - share * ey) ** 2)
+
+
+def overlap_once_moved(a, b, x, y):
+    """Tell whether the insides of convex bodies overlap once a is moved, exactly."""
+    p = [(px + x, py + y) for px, py in rational(a.vertices)]
+    q = rational(b.vertices)
+    if len(p) + len(q) == 2:
+        return False
+    return not any(all(left_of(*edge, point) <= 0 for point in other)
+                   for ring, other in ((p, q), (q, p)) if len(ring) > 1 for edge in edges(ring))
+
+
+def reach_of(*bodies):
+    return max(float(abs(body.vertices).max()) for body in bodies)
+
+
+def check(a, b):
+    """Check all that is promised of the contact of two bodies."""
+    found = contact(a, b)
+    ulp = math.ulp(reach_of(a, b))
+    assert found.separation == separation(a, b)
+    assert abs(np.hypot(*found.normal) - 1.0) <= 2 * ULP
+    assert 1 <= len(found.points_a) == len(found.points_b) <= 2
+    for body, points in ((a, found.points_a), (b, found.points_b)):
+        assert max(outside(body, point) for point in points) <= 4 * ulp
+    gaps = found.points_a - found.points_b
+    if a.is_convex and b.is_convex:
+        assert found.depth == max(-found.separation, 0.0)
+        along = gaps @ found.normal
+        across = gaps @ [-found.normal[1], found.normal[0]]
+        assert abs(along.min() - found.separation) <= 16 * ulp
+        assert abs(across).max() <= 16 * ulp + 1e-15 * abs(gaps).max()
+    else:
+        assert found.depth >= max(-found.separation, 0.0)
+    return found
+
+
+@pytest.mark.parametrize('turned', [False, True])
+def test_closest_points_of_overlapping_boxes_are_points_of_each(turned):
+    """Of boxes side by side a vertex of one may be beside the edge of the other that it is in."""
+    rng = np.random.default_rng(5)
+    for _ in range(300):
+        a = np.array(box(0, 0, *rng.uniform(1, 3, 2)))
+        b = np.array(box(*rng.uniform(-1, 1, 2), *rng.uniform(1, 3, 2)))
+        angle = rng.uniform(0, 7) if turned else 0.0
+        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        a, b = Polygon(a @ turn), Polygon(b @ turn)
+        row = PolygonSet([a]).nearest(b)
+        for p, q in (closest_points(a, b), row[2:]):
+            assert outside(a, p) <= 8 * ULP and outside(b, q) <= 8 * ULP
+            assert np.hypot(*np.subtract(q, p)) == pytest.approx(-separation(a, b), abs=8 * ULP)
+
+
+def test_closest_points_of_touching_bodies_are_common():
+    """Edge on edge, too, where the vertex that is looked at may be beside the other edge."""
+    a = Polygon(box(0, 0))
+    for b in (box(0.5, 1, 3, 3), box(-5, 1, 5.5, 1), box(1, 1), box(1, 0.25, 1, 0.5)):
+        p, q = closest_points(a, b)
+        assert p.tolist() == q.tolist()
+        assert outside(a, p) == outside(Polygon(b), q) == 0
+
+
+@pytest.mark.parametrize('a, b, normal, points', [
+    (box(0, 0), box(0.5, 1), (0, -1), [(0.5, 1), (1, 1)]),
+    (box(0, 0), box(-0.5, -1, 2), (0, 1), [(1, 0), (0, 0)]),
+    (box(0, 0), [(0.5, 1), (1, 2), (0, 2)], (0, -1), [(0.5, 1)]),
+    (box(0, 0), [(1, 0.5)], (-1, 0), [(1, 0.5)]),
+    ([(0, 0), (2, 0)], [(1, 0)], (0, 1), [(1, 0)]),
+    ([(0, 0), (2, 0)], [(1, 0), (1, 3)], (0, -1), [(1, 0)]),
+    (L_SHAPE, box(1, 2), (-1, 0), [(1, 3), (1, 2)]),
+    ([(3, 4)], [(3, 4)], (-1, 0), [(3, 4)]),
+], ids=['edge on edge', 'the other way', 'vertex on edge', 'point on edge', 'point on segment',
+        'T', 'in the notch of an L', 'same point'])
+def test_touching_bodies_have_a_normal(a, b, normal, points):
+    """Where the vector between the closest points is zero; the points are common to both."""
+    found = check(Polygon(a), Polygon(b))
+    assert found.normal.tolist() == list(normal)
+    assert found.depth == found.separation == 0.0
+    assert found.points_a.tolist() == found.points_b.tolist() == [list(p) for p in points]
+
+
+def test_corner_on_corner_has_a_normal_that_separates():
+    """There are many; it is one of them."""
+    found = check(Polygon(box(0, 0)), Polygon(box(1, 1)))
+    assert found.points_a.tolist() == found.points_b.tolist() == [[1, 1]]
+    assert not overlap_once_moved(Polygon(box(0, 0)), Polygon(box(1, 1)), *found.normal.tolist())
+
+
+def test_apart_and_overlapping_faces():
+    """Two points where edges face each other, one where a vertex is alone."""
+    apart = check(Polygon(box(0, 0)), Polygon(box(1.5, 0.25)))
+    assert apart.normal.tolist() == [-1, 0] and apart.separation == 0.5 and apart.depth == 0.0
+    assert apart.points_a.tolist() == [[1, 1], [1, 0.25]]
+    assert apart.points_b.tolist() == [[1.5, 1], [1.5, 0.25]]
+    deep = check(Polygon(box(0, 0)), Polygon(box(0.75, 0.25)))
+    assert deep.normal.tolist() == [-1, 0] and deep.depth == 0.25
+    assert deep.points_b.tolist() == [[0.75, 1], [0.75, 0.25]]
+    corner = check(Polygon(box(0, 0)), Polygon([(3, 4)]))
+    assert corner.points_a.tolist() == [[1, 1]] and corner.points_b.tolist() == [[3, 4]]
+    np.testing.assert_allclose(corner.normal, np.array([-2, -3]) / math.sqrt(13), rtol=4 * ULP)
+
+
+def differ(found, other, tolerance):
+    return (abs(found.normal - other.normal).max() > tolerance
+            or len(found.points_a) != len(other.points_a)
+            or abs(found.points_a - other.points_a).max() > tolerance
+            or abs(found.points_b - other.points_b).max() > tolerance
+            or abs(found.separation - other.separation) > tolerance
+            or abs(found.depth - other.depth) > tolerance)
+
+
+@pytest.mark.parametrize('gap', [0.0, 0.25, -0.25])
+@pytest.mark.parametrize('other', [
+    box(0.5, 1, 1.25, 2), [(0.75, 1), (2, 2), (0.25, 2)], [(0.5, 1)], [(0.25, 1), (0.5, 1)],
+], ids=['edge on edge', 'vertex on edge', 'point', 'segment'])
+def test_tiny_changes_change_little(other, gap):
+    """Of bodies that touch, are apart or overlap, by 1e-12, in any coordinate and at any angle."""
+    rng = np.random.default_rng(3)
+    for angle in (0.0, *rng.uniform(0, 7, 9)):
+        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        a, b = np.array(box(0, 0, 2)) @ turn, (np.array(other) + [0, gap]) @ turn
+        found = contact(a, b)
+        for _ in range(50):
+            moved = contact(a + rng.uniform(-1e-12, 1e-12, a.shape),
+                            b + rng.uniform(-1e-12, 1e-12, b.shape))
+            assert not differ(found, moved, 2e-11)
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_every_family_keeps_what_is_promised(name):
+    """Near, touching and deep, flat and thin, of points and segments, far away and tiny."""
+    family = {**families.CONVEX, **families.SIMPLE}[name]
+    for pair in family(np.random.default_rng(6), 40, 7):
+        a, b = map(Polygon, pair)
+        found, other = check(a, b), check(b, a)
+        assert (found.separation, found.depth) == (other.separation, other.depth)
+        if not np.array_equal(a.vertices, b.vertices):
+            assert found.normal.tolist() == (-other.normal + 0.0).tolist()
+            assert found.points_a.tolist() == other.points_b[::-1].tolist()
+            assert found.points_b.tolist() == other.points_a[::-1].tolist()
+
+
+@pytest.mark.parametrize('name', sorted(families.CONVEX))
+def test_the_way_out_of_convex_bodies_ends_the_overlap_and_none_is_shorter(name):
+    """In rationals: moved by the depth they touch, but for rounding, and before they overlap."""
+    overlaps = 0
+    for pair in families.CONVEX[name](np.random.default_rng(7), 60, 6):
+        a, b = map(Polygon, pair)
+        found = contact(a, b)
+        slack = 16 * math.ulp(reach_of(a, b))
+        x, y = map(Fraction, found.normal.tolist())
+        if found.depth == 0.0:
+            assert not overlap_once_moved(a, b, x * Fraction(slack), y * Fraction(slack))
+            continue
+        overlaps += found.depth > 100 * slack
+        out, short = Fraction(found.depth + slack), Fraction(found.depth - slack)
+        assert not overlap_once_moved(a, b, x * out, y * out)
+        assert short <= 0 or overlap_once_moved(a, b, x * short, y * short)
+        assert abs(found.depth - exact_depth(a, b)) <= slack
+    assert overlaps or name not in ('near', 'deep', 'containment', 'slivers', 'many_sided')
+
+
+def notched_pairs(rng, count):
+    """Return pairs of bodies of which one or both are not convex, turned and overlapping."""
+    shapes = [L_SHAPE, np.array([(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]),
+              np.array([(0, 0), (4, 0), (1, 1), (0, 4)]), np.array(box(0, 0, 2, 1)),
+              np.array([(0, 0), (1, 2)])]
+    for _ in range(count):
+        pair = []
+        for shape in (shapes[rng.integers(3)], shapes[rng.integers(5)]):
+            angle = rng.uniform(0, 7)
+            turn = [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
+            pair.append(Polygon(shape @ turn + rng.uniform(-2, 2, 2)))
+        yield pair
+
+
+def test_the_way_out_of_bodies_that_are_not_convex_ends_the_overlap():
+    """As shapely sees it, moved along the normal; the deepest parts alone need less."""
+    longer = overlaps = 0
+    for a, b in notched_pairs(np.random.default_rng(8), 400):
+        found = check(a, b)
+        overlaps += found.separation < 0.0
+        longer += found.depth > 1e-9 - found.separation
+        moved = Polygon(a.vertices + (found.depth + 1e-9) * found.normal)
+        assert not as_shapely(moved).intersects(as_shapely(b))
+        assert not intersects(moved, b)
+    assert overlaps > 150 and longer > 20
+
+
+def test_the_way_out_of_a_corner_is_out_of_both_walls():
+    """Each wall alone is left sooner, but its normal leads along the other."""
+    found = check(Polygon(box(0.75, 0.75)), Polygon(L_SHAPE))
+    assert found.separation == -0.25
+    np.testing.assert_allclose(found.normal, [math.sqrt(0.5)] * 2, rtol=1e-15)
+    assert found.depth == pytest.approx(math.sqrt(0.125), rel=1e-14)
+
+
+@pytest.mark.parametrize('exponent', [-1000, -300, 300, 1015])
+def test_scale_changes_nothing(exponent):
+    """Where products of coordinates underflow or overflow."""
+    for a, b in families.CONVEX['near'](np.random.default_rng(9), 20, 5):
+        found, scaled = contact(a, b), contact(np.ldexp(a, exponent), np.ldexp(b, exponent))
+        assert scaled.normal.tolist() == found.normal.tolist()
+        assert scaled.depth == math.ldexp(found.depth, exponent)
+        assert scaled.points_a.tolist() == np.ldexp(found.points_a, exponent).tolist()

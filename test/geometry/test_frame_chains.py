@@ -1,0 +1,73 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Points moved through chains of frames, against where integers say that they are."""
+
+from fractions import Fraction
+
+import frame_chains
+import numpy as np
+import pytest
+from sat_collision.scene.rotations import accepted, composed, fixed, plane_map, rounded
+
+EVALUATIONS = 2000
+
+
+@pytest.mark.parametrize('name', frame_chains.CHAINS)
+def test_no_point_is_further_off_than_lemma_22_says(name):
+    """For a short search; the long one is `make adversary`."""
+    assert 0.3 < frame_chains.largest(name, EVALUATIONS) <= 1.0
+
+
+@pytest.mark.parametrize('name', frame_chains.CHAINS)
+def test_the_search_would_find_a_bound_of_half_the_size_broken(name):
+    assert frame_chains.largest(name, EVALUATIONS, seed=2) > 0.5
+
+
+def test_a_robot_and_its_fixed_frame_under_utm_are_off_by_less_than_an_atom():
+    """Both 5,000 km from the origin of UTM, and a few metres from each other."""
+    robot = (448265.62, 5411930.91, 117.0, 0.0, 0.0, 0.6, 0.8)
+    fixed_frame = (448262.37, 5411932.68, 117.2, 0.0, 0.0, 0.28, 0.96)
+    ratio = frame_chains.evaluate('both under UTM',
+                                  np.array([*robot, *fixed_frame, 1.5, -0.25]))
+    (x, y, _), _, w = frame_chains.moved([robot], [fixed_frame], (1.5, -0.25))
+    assert 3.0 < abs(x / w) + abs(y / w) < 6.0 and ratio <= 1.0
+
+
+def test_the_oracle_turns_as_the_complex_numbers_do():
+    """A quarter to the left, by a quaternion of length 2, then 10 m ahead in x."""
+    (x, y, _), origin, w = frame_chains.moved(
+        [(10.0, 0.0, 0.0, 0.0, 0.0, 2.0, 2.0)], [(0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0)],
+        (3.0, 4.0))
+    assert (Fraction(x, w), Fraction(y, w)) == (-6, -2)
+    assert (Fraction(origin[0], w), Fraction(origin[1], w)) == (-10, 1)
+
+
+@pytest.mark.parametrize('length', (1e-300, 1e-9, 0.3, 0.99, 1.0, 1.5, 7.0, 1e200))
+def test_a_quaternion_of_any_length_means_its_direction(length):
+    """As in tf2, and as `static_transform_publisher --qz 0.7 --qw 0.7` sends it."""
+    found = accepted((1.0, 2.0, 3.0, 0.0, 0.0, 0.7 * length, 0.7 * length))
+    quarter = 0.0, -1.0, 1.0, 1.0, 0.0, 2.0
+    assert plane_map(fixed(found)) == pytest.approx(quarter, abs=2.0 ** -60)
+    assert rounded(fixed(found))[5:] == pytest.approx((0.5 ** 0.5, 0.5 ** 0.5))
+
+
+@pytest.mark.parametrize('length', (1 + 4e-10, 1.3, 0.8))
+def test_ten_thousand_frames_in_a_chain_neither_grow_nor_shrink(length):
+    """Their quaternions are of length 1, all but, or are made so."""
+    pose = step = fixed(accepted((0.0, 0.0, 0.0, 0.0, 0.0, 0.6 * length, 0.8 * length)))
+    for _ in range(9_999):
+        pose = composed(step, pose)
+    a, b, _, d, e, _ = plane_map(pose)
+    assert a * a + b * b == pytest.approx(1.0, abs=1e-15) and (a, b) == (e, -d)
+    assert max(part.bit_length() for part in pose) <= 130

@@ -1,0 +1,355 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Who publishes what a node subscribes to: one publisher a topic, or a fault with names."""
+
+import subprocess
+import sys
+import time
+
+from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
+from harness import box, health, polygon_message, SECOND
+import pytest
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+ROBOT = box(0, 0)
+APART = box(5, 5)
+TOUCHING = box(1, 1)
+LASTING = {'footprint__timeout': 0.0, 'obstacle__timeout': 60.0}
+BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def clear(monitor):
+    """Bring the monitor to a clear state."""
+    monitor.send('footprint', ROBOT)
+    monitor.send_set('obstacles', APART)
+    monitor.await_state('clear')
+
+
+def test_topics_without_a_publisher(start):
+    """Nobody publishes there: said of both, in the state and once on the console."""
+    monitor = start()
+    monitor.until(lambda: 'footprint footprint on /footprint has no publisher; obstacle source '
+                          'obstacle on /obstacles has no publisher' in monitor.reason())
+
+
+@pytest.mark.parametrize('topic', ['/obstacles', '/footprint'])
+@pytest.mark.parametrize('kind, qos, words', [
+    (PolygonStamped, 10, 'has 2 publishers, /peer and /second'),
+    (PolygonStamped, BEST_EFFORT, 'has a publisher, /second, which cannot be received: it is '
+                                  'best effort, the subscription reliable'),
+    (PolygonInstanceStamped, 10, 'has a publisher, /second, of another type, '
+                                 'geometry_msgs/msg/PolygonInstanceStamped'),
+], ids=['same', 'best effort', 'other type'])
+def test_second_publisher_is_named_until_it_leaves(start, join, topic, kind, qos, words):
+    """Whatever it would send: what the first one sends is not all that there is."""
+    monitor = start(**LASTING)
+    clear(monitor)
+    second = join('second').node.create_publisher(kind, topic, qos)
+    monitor.await_state('unknown')
+    monitor.until(lambda: f'{topic} {words}' in monitor.reason(), words)
+    monitor.until(monitor.flag)
+    for _ in range(3):
+        monitor.send('footprint', ROBOT)
+        monitor.send_set('obstacles', APART)
+        monitor.spin(0.05)
+    assert monitor.state() == 'unknown'
+    second.destroy()
+
+    def sent():
+        monitor.send('footprint', ROBOT)
+        monitor.send_set('obstacles', APART)
+        monitor.spin(0.03)
+        return monitor.state() == 'clear'
+    monitor.until(sent, 'clear again')
+
+
+def test_second_publisher_with_an_obstacle_on_the_robot(start, join):
+    """Its numbers may continue those of the first one by chance: never clear all the same."""
+    monitor = start(**LASTING)
+    clear(monitor)
+    second = join('second')
+    second.publisher('/obstacles')
+    monitor.await_state('unknown')
+    begun = len(monitor.states())
+    for _ in range(20):
+        second.send_set('/obstacles', TOUCHING)
+        monitor.send_set('obstacles', APART)
+        monitor.spin(0.03)
+    assert 'clear' not in monitor.states()[begun:] and 'collision' in monitor.states()[begun:]
+
+
+@pytest.mark.parametrize('overrides, qos, policy', [
+    ({}, BEST_EFFORT, 'reliability: best_effort'),
+    ({'qos_overrides./obstacles.subscription.durability': 'transient_local'}, QoSProfile(depth=5),
+     'durability: volatile'),
+])
+def test_incompatible_publisher_is_told_with_the_remedy(start, join, overrides, qos, policy):
+    """Nothing of it arrives: state, log and diagnostics name it, the policy and what to do."""
+    monitor = start(**overrides)
+    join('camera').node.create_publisher(PolygonStamped, '/obstacles', qos)
+    remedy = f'set qos_overrides./obstacles.subscription.{policy}'
+    monitor.until(lambda: 'publisher, /camera,' in monitor.reason()
+                  and remedy in monitor.reason(), remedy)
+    monitor.until(lambda: monitor.health() and remedy in monitor.health().message)
+    monitor.logged('/obstacles', policy.split(':')[0])
+
+
+def test_best_effort_publisher_is_received_with_an_override(start):
+    """What Nav2's sensors send, once the parameter says so."""
+    monitor = start(**{'qos_overrides./obstacles.subscription.reliability': 'best_effort'},
+                    **LASTING)
+    monitor.publisher('/obstacles', qos=BEST_EFFORT)
+    monitor.send('/footprint', ROBOT)
+    monitor.send_set_until('collision', '/obstacles', TOUCHING)
+
+
+def test_latched_messages_that_a_volatile_subscription_misses(start, join):
+    """The map was sent before the node began: the reason says what to set."""
+    mapper = join('mapper')
+    mapper.node.create_publisher(PolygonStamped, '/obstacles', LATCHED)
+    monitor = start(**LASTING)
+    monitor.until(lambda: 'its publisher keeps what it has sent, of which nothing comes here: '
+                          'set qos_overrides./obstacles.subscription.durability: transient_local'
+                          in monitor.reason())
+
+
+def test_restarted_publisher_recovers(start, join):
+    """Unknown while there is none; the first whole set of the next one makes known."""
+    monitor = start(**LASTING)
+    clear(monitor)
+    monitor.node.destroy_publisher(monitor._publishers.pop('obstacles'))
+    monitor.await_state('unknown')
+    monitor.until(lambda: '/obstacles has no publisher' in monitor.reason())
+    other = join('other')
+    other.publisher('/obstacles')
+    other.send_set('/obstacles', APART)
+    monitor.await_state('clear')
+
+
+PUBLISHER = """
+import sys, time
+from geometry_msgs.msg import Point32, PolygonStamped
+import rclpy
+from rclpy.duration import Duration
+from rclpy.qos import LivelinessPolicy, QoSProfile
+rclpy.init(domain_id=int(sys.argv[1]))
+node = rclpy.create_node('detector')
+publisher = node.create_publisher(PolygonStamped, '/obstacles', QoSProfile(
+    depth=10, liveliness=LivelinessPolicy.AUTOMATIC,
+    liveliness_lease_duration=Duration(seconds=0.5)))
+message = PolygonStamped()
+message.header.frame_id = 'map'
+while True:
+    message.header.stamp = node.get_clock().now().to_msg()
+    for points in ([Point32(x=x, y=5.0) for x in (5.0, 6.0)], []):
+        message.polygon.points = points
+        publisher.publish(message)
+    time.sleep(0.1)
+"""
+
+
+@pytest.fixture
+def detector(domain):
+    """Start a process that publishes sets ten times a second, with a lease of 0.5 s."""
+    started = []
+
+    def start():
+        started.append(subprocess.Popen([sys.executable, '-c', PUBLISHER, str(domain)]))
+        return started[-1]
+    yield start
+    for one in started:
+        one.kill()
+        one.wait()
+
+
+LIVELINESS = {'qos_overrides./obstacles.subscription.liveliness': 'automatic',
+              'qos_overrides./obstacles.subscription.liveliness_lease_duration': SECOND // 2}
+
+
+def test_killed_publisher_is_noticed_when_its_lease_is_over(start, detector):
+    """Nothing of it ever times out; another one takes its place while DDS still counts both."""
+    monitor = start(**LASTING, **LIVELINESS)
+    monitor.send('footprint', ROBOT)
+    first = detector()
+    monitor.await_state('clear', patience=60.0)
+    first.kill()
+    monitor.await_state('unknown')
+    monitor.until(lambda: '/obstacles has no publisher' in monitor.reason())
+    monitor.until(lambda: health(monitor).get('/obstacles: liveliness lost') == '1')
+    detector()
+    monitor.await_state('clear', patience=60.0)
+
+
+def test_killed_publisher_is_replaced_while_dds_counts_both(start, detector):
+    """One of the same name takes its place, as with respawn, long before the lease of 20 s."""
+    monitor = start(**LASTING)
+    monitor.send('footprint', ROBOT)
+    first = detector()
+    # It has sent more than the next one has when it is found.
+    monitor.until(lambda: monitor.received['obstacle'] > 40, patience=60.0)
+    begun, killed = len(monitor.states()), time.monotonic()
+    first.kill()
+    detector()
+    monitor.until(lambda: 'unknown' in monitor.states()[begun:], patience=60.0)
+    monitor.await_state('clear')
+    assert monitor.node.count_publishers('/obstacles') == 2 or time.monotonic() - killed > 20.0
+
+
+def test_lost_liveliness_is_noticed_beside_missed_deadlines(start, detector):
+    """Twenty topics miss a deadline every 20 ms, each of which is an event of the middleware."""
+    names = [f'late{k}' for k in range(20)]
+    period = SECOND // 50
+    monitor = start(obstacles=['obstacle', *names], obstacle__topic='obstacles',
+                    footprint__obstacles=['obstacle'], **LASTING, **LIVELINESS,
+                    **{f'qos_overrides./{name}.subscription.deadline': period for name in names})
+    for name in names:
+        monitor.publisher(name, qos=QoSProfile(depth=1, deadline=Duration(nanoseconds=period)))
+        monitor.send(name, APART)
+    monitor.send('footprint', ROBOT)
+    process = detector()
+    monitor.await_state('clear', patience=60.0)
+    monitor.until(lambda: all(int(health(monitor).get(f'/{name}: deadlines missed', 0)) > 50
+                              for name in names), 'deadlines missed')
+    process.kill()
+    # Of which the lease takes 0.5 s, and a busy machine the rest.
+    monitor.await_state('unknown', patience=3.0)
+    assert '/obstacles has no publisher' in monitor.reason()
+
+
+def test_missed_deadline_is_counted(start):
+    """The publisher promises a message every 50 ms and sends one."""
+    monitor = start(**{'qos_overrides./obstacles.subscription.deadline': 50_000_000}, **LASTING)
+    monitor.publisher('/obstacles', qos=QoSProfile(
+        depth=5, deadline=Duration(nanoseconds=50_000_000)))
+    monitor.send_set('/obstacles', APART)
+    monitor.until(lambda: '/obstacles: deadlines missed' in health(monitor), 'a count')
+
+
+def test_another_monitor_of_the_same_name_is_an_error(start):
+    """Both publish the same flags: neither can be trusted."""
+    monitor = start()
+    monitor.until(lambda: monitor.health() and monitor.health().level < b'\x02')
+    other = start()
+    monitor.until(lambda: monitor.health().level == b'\x02')
+    assert '1 more publish /footprint_monitor/collision' in monitor.health().message
+    del other
+
+
+def test_what_is_unknown_is_said_on_the_console_once(start, monkeypatch):
+    """Five seconds after the start, here half a second, whoever reads ~/state or not."""
+    monkeypatch.setattr('sat_collision.node.footprint_monitor._STARTED', 0.5)
+    monitor = start(obstacle__timeout=60.0)
+    monitor.send_set('obstacles', APART)
+    lines = monitor.logged('unknown since the start')
+    assert lines == ['unknown since the start: footprint footprint on /footprint has no publisher']
+    count = len(monitor.listen('~/state'))
+    monitor.until(lambda: len(monitor.listen('~/state')) > count + 10)
+    assert len(monitor.logged('unknown since the start')) == 1
+
+
+MAP = {'obstacles': ['map'], 'map__timeout': 0.0, 'map__settle_time': 0.2,
+       'footprint__timeout': 0.0, 'qos_overrides./map.subscription.durability': 'transient_local'}
+
+
+def publish_map(peer, *polygons):
+    """Publish a map, each polygon with the stamp 0, as a map server does that ends nothing."""
+    peer.publisher('/map', qos=LATCHED)
+    for points in polygons:
+        peer.send('/map', points, 0)
+
+
+def test_latched_map_sent_before_the_node_started(start, join):
+    """A late joiner gets what was published once."""
+    mapper = join('mapper')
+    publisher = mapper.node.create_publisher(PolygonStamped, '/map', LATCHED)
+    mapper._publishers['/map'] = publisher
+    publish_map(mapper, TOUCHING, APART)
+    monitor = start(**MAP)
+    monitor.send('footprint', ROBOT)
+    monitor.await_state('collision')
+
+
+@pytest.fixture
+def mapped(start, join):
+    """Return a monitor that knows a latched map, and who has published it."""
+    monitor, mapper = start(**MAP), join('mapper')
+    publish_map(mapper, APART, box(7, 7))
+    monitor.send('footprint', ROBOT)
+    monitor.await_state('clear')
+    return monitor, mapper
+
+
+def test_latched_map_of_a_publisher_that_restarts(mapped, join):
+    """What it tells anew replaces what was told, be it more or less."""
+    monitor, mapper = mapped
+    for points, state in ((TOUCHING, 'collision'), (APART, 'clear')):
+        mapper.node.destroy_publisher(mapper._publishers.pop('/map'))
+        monitor.until(lambda: '/map has no publisher' in monitor.reason())
+        publish_map(mapper, points)
+        monitor.await_state(state)
+
+
+def test_latched_map_of_a_source_that_is_disabled_and_enabled(mapped):
+    """All that it knew is forgotten; what its publisher keeps comes again."""
+    monitor, _ = mapped
+    assert monitor.set_parameters(map__enabled=False) == [None]
+    monitor.await_state('unknown')
+    assert monitor.set_parameters(map__enabled=True) == [None]
+    monitor.await_state('clear')
+    assert len(monitor.monitor._scene.obstacles) == 2
+
+
+def test_latched_map_beside_which_somebody_publishes_once(mapped, join):
+    """As `ros2 topic pub --once` does: what it told is forgotten once it has gone."""
+    monitor, _ = mapped
+    once = join('once')
+    publish_map(once, TOUCHING)
+    monitor.await_state('collision')
+    once.node.destroy_publisher(once._publishers.pop('/map'))
+    monitor.await_state('clear')
+    assert len(monitor.monitor._scene.obstacles) == 2
+
+
+def test_publisher_that_comes_and_goes_between_two_looks_at_the_graph(start, join):
+    """Its one empty polygon, and that alone, is all that shows of it: one set later it is past."""
+    monitor = start(**LASTING)
+    clear(monitor)
+    once = join('once').node
+    for _ in range(5):
+        publisher = once.create_publisher(PolygonStamped, '/obstacles', 1)
+        monitor.until(publisher.get_subscription_count)
+        publisher.publish(polygon_message([], monitor.now()))
+        once.destroy_publisher(publisher)
+        monitor.spin(0.1)
+    monitor.send_set_until('clear', 'obstacles', APART)
+    monitor.send_set_until('collision', 'obstacles', TOUCHING)
+    monitor.send_set_until('clear', 'obstacles', APART)
+
+
+def test_latched_map_over_a_clock_that_is_set_back(start, join):
+    """What has no time stays; the footprint is told anew."""
+    monitor, mapper = start(use_sim_time=True, **MAP), join('mapper')
+    monitor.set_clock(3600 * SECOND)
+    publish_map(mapper, APART)
+    monitor.until(lambda: monitor.received['map'] == 1)
+    monitor.set_clock(3601 * SECOND)
+    monitor.send('footprint', ROBOT, 3601 * SECOND)
+    monitor.await_state('clear')
+    back = 3601 * SECOND - SECOND // 20
+    monitor.set_clock(back)
+    monitor.send_until('clear', 'footprint', ROBOT, stamp=back)
+    assert len(monitor.monitor._scene.obstacles) == 1

@@ -1,0 +1,507 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Damage that must not pass as clear: what is announced and what is read, bombs, wrong values."""
+
+import contextlib
+import os
+from pathlib import Path
+import signal
+import sqlite3
+import struct
+import subprocess
+import sys
+import tempfile
+import textwrap
+import threading
+import time
+from xml.etree import ElementTree
+
+from builders import serialised
+import pytest
+from recordings import box, drive, POLYGON, SOURCE, START, write
+from sat_collision.replay.__main__ import main
+from sat_collision.replay.bag.sqlite import SqliteFile
+from sat_collision.replay.bag.storage import Faults
+from sat_collision.replay.bag.unpacking import Limits, Scratch
+from sat_collision.replay.bag.writer import check_bag_writer, OutputError
+from sat_collision.replay.model.options import Options
+from sat_collision.replay.model.result import Verdict
+from sat_collision.replay.run import check
+
+pytest.importorskip('mcap')
+
+from storages import (  # noqa: E402
+    CHANNEL, CHUNK, CHUNK_INDEX, create_db3, DATA_END, HEADER, killed_recorder, MAGIC, MESSAGE,
+    record, records, run_sql, text, write_mcap)
+
+ALL = 3 * 101
+CLEAR = drive(contact=(0, 0))
+MB = 10**6
+SECOND = 10**9
+
+
+def storage_file(bag):
+    file, = (path for path in bag.iterdir() if path.name != 'metadata.yaml')
+    return file
+
+
+def places(data, kind):
+    """Return where the records of a kind begin, and how large they are."""
+    return [(where, size) for where, found, size in records(data) if found == kind]
+
+
+@pytest.mark.parametrize('in_file', (0, 120))
+def test_write_ahead_log_of_a_killed_recorder_is_read(tmp_path, in_file):
+    """The collision is in messages that never reached the storage file itself."""
+    file = killed_recorder(tmp_path / 'bag' / 'a.db3', drive(contact=(7.0, 8.0)), in_file)
+    before = {path.name: path.read_bytes() for path in file.parent.iterdir()}
+    for recording in (file, file.parent):
+        result = check(recording)
+        assert result.messages == ALL
+        assert result.verdict is Verdict.COLLISION
+    assert all((file.parent / name).read_bytes() == data for name, data in before.items())
+
+
+def test_log_in_a_folder_that_cannot_be_written_to_is_read():
+    """Since SQLite needs a file of its own beside it: a copy is read, and nothing is left."""
+    with contextlib.ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        killed_recorder(folder / 'a.db3', drive(contact=(7.0, 8.0)), 120)
+        names = {path.name for path in folder.iterdir()}
+        folder.chmod(0o555)
+        stack.callback(folder.chmod, 0o755)
+        if not os.geteuid():
+            # Root may write anywhere.
+            os.seteuid(65534)
+            stack.callback(os.seteuid, 0)
+        result = check(folder / 'a.db3')
+        few = check(folder / 'a.db3', Options(limits=Limits(disk=1000)))
+        assert {path.name for path in folder.iterdir()} == names
+    assert (result.messages, result.verdict) == (ALL, Verdict.COLLISION)
+    assert any('--max-disk' in problem for problem in few.problems)
+
+
+@pytest.mark.parametrize('indexed', (True, False))
+@pytest.mark.parametrize('first, last', [(0, 1), (1, 9), (0, 9), (0, 60)])
+def test_zeroed_chunk_is_missed(tmp_path, first, last, indexed):
+    """Kind, size or head of a chunk's record are zero: it is read or named, never skipped."""
+    file = write_mcap(tmp_path / 'a.mcap', CLEAR, **{} if indexed else {
+        'use_statistics': False, 'repeat_channels': False, 'repeat_schemas': False})
+    data = bytearray(file.read_bytes())
+    where, _ = places(data, CHUNK)[5]
+    data[where + first:where + last] = bytes(last - first)
+    file.write_bytes(data)
+    result = check(file)
+    assert result.verdict is Verdict.BAD_INPUT
+    assert result.messages >= ALL - 30
+    assert len(result.problems) == 1 and str(file) in result.problems[0]
+    assert check(file, Options(start=1.0, duration=8.0)).verdict is Verdict.BAD_INPUT
+
+
+@pytest.mark.parametrize('start', (10**6, 2**63 - 1, 2**63, 2**64 - 1))
+def test_summary_said_to_begin_behind_the_file(tmp_path, start):
+    """Further than any file can be long, too: it is bad input, and the messages are read."""
+    file = write_mcap(tmp_path / 'a.mcap', CLEAR)
+    data = bytearray(file.read_bytes())
+    struct.pack_into('<Q', data, len(data) - len(MAGIC) - 20, start)
+    file.write_bytes(data)
+    result = check(file)
+    problem, = result.problems
+    assert (result.verdict, result.messages) == (Verdict.BAD_INPUT, ALL)
+    assert 'at its end' in problem and str(start) in problem
+
+
+def test_chunk_of_another_kind_is_missed_by_the_numbers(tmp_path):
+    """A record of a kind to come is to be skipped; but statistics announce its messages."""
+    file = write_mcap(tmp_path / 'a.mcap', CLEAR)
+    data = bytearray(file.read_bytes())
+    for where, _ in places(data, CHUNK_INDEX):
+        data[where] = 200
+    where, _ = places(data, CHUNK)[5]
+    data[where] = 200
+    file.write_bytes(data)
+    result = check(file)
+    problem, = result.problems
+    assert result.verdict is Verdict.BAD_INPUT
+    assert f'{2 * ALL // 3}' in problem and f'{result.sources[0].received}' in problem
+
+
+@pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
+def test_metadata_that_announces_more_is_bad_input(tmp_path, storage):
+    """The numbers of both are named, for the recording and a part of it."""
+    bag = write(tmp_path / 'bag', CLEAR, storage)
+    metadata = bag / 'metadata.yaml'
+    metadata.write_text(metadata.read_text().replace('message_count: 101', 'message_count: 113'))
+    for options in (Options(), Options(start=3.0, duration=2.0)):
+        result = check(bag, options)
+        assert result.verdict is Verdict.BAD_INPUT
+        own, whole = result.problems
+        assert '113 messages of /footprint, but 101' in own
+        assert '303 messages in all, but 315' in whole
+
+
+def test_file_that_metadata_does_not_list_is_said(tmp_path):
+    """What it holds would be missed."""
+    bag = write(tmp_path / 'bag', CLEAR)
+    write_mcap(bag / 'bag_1.mcap', drive())
+    result = check(bag)
+    assert result.verdict is Verdict.BAD_INPUT
+    assert any('bag_1.mcap' in problem for problem in result.problems)
+
+
+def test_messages_of_unknown_topics_are_said(tmp_path):
+    """The rows of a topic that is gone, and the messages of a channel that nothing announces."""
+    file = storage_file(write(tmp_path / 'bag', CLEAR, 'sqlite3'))
+    run_sql(file, 'UPDATE messages SET topic_id = 7 WHERE id > 150 AND topic_id = 2')
+    result = check(file)
+    assert result.verdict is Verdict.BAD_INPUT
+    assert any('102' in problem for problem in result.problems)
+    file = tmp_path / 'a.mcap'
+    file.write_bytes(MAGIC + record(HEADER, text(b'ros2') + text(b'')) + b''.join([
+        record(3, struct.pack('<H', 1) + text(POLYGON.encode()) + text(b'') + text(b'')),
+        channel(1, b'/footprint'), channel(2, b'/obstacles'),
+        *(message(2 + k % 5 // 4, k) for k in range(30)),
+        *(message(1, k) for k in range(30))]) + record(DATA_END, bytes(4))
+        + record(2, bytes(20)) + MAGIC)
+    result = check(file)
+    assert result.verdict is Verdict.BAD_INPUT
+    assert any('6 ' in problem for problem in result.problems)
+
+
+def channel(key, topic, schema=1):
+    return record(CHANNEL, struct.pack('<HH', key, schema) + text(topic) + text(b'cdr')
+                  + text(b''))
+
+
+def message(key, tick):
+    stamp = START + tick * 10**8
+    return record(MESSAGE, struct.pack('<HIQQ', key, 0, stamp, stamp)
+                  + serialised(box(3.0 * key), stamp))
+
+
+def test_channel_that_changes_is_said(tmp_path):
+    """Its second half would be taken for another topic's."""
+    file = tmp_path / 'a.mcap'
+    body = [record(3, struct.pack('<H', 1) + text(POLYGON.encode()) + text(b'') + text(b'')),
+            channel(1, b'/footprint'), channel(2, b'/obstacles')]
+    for k in range(30):
+        body += [message(1, k), message(2, k)]
+        if k == 15:
+            body.append(channel(2, b'/elsewhere'))
+    file.write_bytes(MAGIC + record(HEADER, text(b'ros2') + text(b'')) + b''.join(body)
+                     + record(DATA_END, bytes(4)) + record(2, bytes(20)) + MAGIC)
+    result = check(file)
+    assert result.verdict is Verdict.BAD_INPUT
+    assert any('/elsewhere' in problem for problem in result.problems)
+
+
+def test_topic_of_two_types_is_said(tmp_path):
+    """The messages of one of them would be missed or taken for the other's."""
+    rows = storage_file(write(tmp_path / 'bag', CLEAR, 'sqlite3'))
+    run_sql(rows, "INSERT INTO topics SELECT 9, name, 'std_msgs/msg/Bool', 'cdr', '', '' "
+            "FROM topics WHERE name = '/obstacles'",
+            'UPDATE messages SET topic_id = 9 WHERE topic_id = 2 AND id > 100')
+    chunks = tmp_path / 'a.mcap'
+    chunks.write_bytes(MAGIC + record(HEADER, text(b'ros2') + text(b'')) + b''.join([
+        record(3, struct.pack('<H', 1) + text(POLYGON.encode()) + text(b'') + text(b'')),
+        record(3, struct.pack('<H', 2) + text(b'std_msgs/msg/Bool') + text(b'') + text(b'')),
+        channel(1, b'/footprint'), channel(2, b'/obstacles'), channel(3, b'/obstacles', 2),
+        *(message(1 + k % 3, k) for k in range(30))]) + record(DATA_END, bytes(4))
+        + record(2, bytes(20)) + MAGIC)
+    for file in (rows, chunks):
+        result = check(file)
+        assert result.verdict is Verdict.BAD_INPUT
+        assert any('/obstacles has the types' in problem for problem in result.problems)
+
+
+def test_name_of_a_topic_forges_no_line(tmp_path):
+    """A line end in it is not printed."""
+    file = tmp_path / 'a.mcap'
+    file.write_bytes(MAGIC + record(HEADER, text(b'ros2') + text(b'')) + b''.join([
+        record(3, struct.pack('<H', 1) + text(POLYGON.encode()) + text(b'') + text(b'')),
+        channel(1, b'/a'), channel(1, b'/b\nall: CLEAR')]))
+    problem, = check(file).problems
+    assert problem.endswith('channel 1 is /a and /b?all: CLEAR')
+
+
+@pytest.mark.parametrize('change', [
+    "data = 'seven'", 'data = 7', 'data = NULL', "timestamp = 'soon'", "timestamp = x'00'"])
+def test_row_of_another_type_is_refused_and_counted(tmp_path, change):
+    """It alone: every other message is read, and the collision after it is found."""
+    connection = create_db3(tmp_path / 'a.db3', drive())
+    connection.executescript('PRAGMA writable_schema = ON; UPDATE sqlite_master SET sql = '
+                             "replace(sql, 'NOT NULL', '') WHERE name = 'messages'")
+    connection.close()
+    run_sql(tmp_path / 'a.db3', f'UPDATE messages SET {change} WHERE id IN (50, 60)')
+    result = check(tmp_path / 'a.db3')
+    assert result.verdict is Verdict.COLLISION
+    assert all('2 ' in problem for problem in result.problems)
+    assert len(result.problems) == (2 if change.startswith('data') else 1)
+    if change.startswith('data'):
+        source = next(source for source in result.sources if source.name == SOURCE)
+        assert (result.messages, source.rejected) == (ALL, {'undecodable': 2})
+    else:
+        assert result.messages == ALL - 2
+
+
+LOOP = '/**:\n  ros__parameters: &a\n    footprint: *a\n'
+LAUGHS = '/**:\n  ros__parameters:\n    a0: &a0 {x: 1, y: 2}\n' + ''.join(
+    f'    a{k}: &a{k} {{x: *a{k - 1}, y: *a{k - 1}}}\n' for k in range(1, 60))
+
+
+@pytest.mark.parametrize('content', (LOOP, LAUGHS, '[' * 5000), ids=('loop', 'laughs', 'deep'))
+def test_yaml_that_has_no_end_is_bad_input(tmp_path, capsys, content):
+    """A parameter file with an alias that contains itself, or grows without bounds."""
+    bag = write(tmp_path / 'bag', CLEAR)
+    path = tmp_path / 'params.yaml'
+    path.write_text(content)
+    assert main([str(bag), '--params-file', str(path)]) == 3
+    error = capsys.readouterr().err
+    assert 'params.yaml' in error and error.count('\n') == 1
+
+
+@pytest.mark.parametrize('content', [
+    'rosbag2_bagfile_information: &a\n  topics_with_message_count: [*a]\n',
+    'rosbag2_bagfile_information: &a [*a]\n', '[' * 5000, 'rosbag2_bagfile_information: 7',
+    'rosbag2_bagfile_information:\n  relative_file_paths: 7\n', '{}', '? [a]\n: 2001-99-99'])
+def test_metadata_that_makes_no_sense_is_bad_input(tmp_path, content):
+    """What the storage files have is read all the same."""
+    bag = write(tmp_path / 'bag', drive())
+    (bag / 'metadata.yaml').write_text(content)
+    result = check(bag)
+    assert result.messages == ALL
+    assert result.verdict is Verdict.COLLISION
+    assert len(result.problems) == 1 and 'metadata.yaml' in result.problems[0]
+
+
+def run_command(*arguments, **options):
+    """Run the command in a process of its own; return it with the most memory it took, in MB."""
+    program = textwrap.dedent("""
+        import resource, sys
+        from sat_collision.replay.__main__ import main
+        status = main(sys.argv[1:])
+        print('took', resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1000)
+        sys.exit(status)
+    """)
+    return subprocess.run([sys.executable, '-c', program, *map(str, arguments)],
+                          capture_output=True, text=True, timeout=60, **options)
+
+
+def bomb(path, compression, size, claim=None):
+    """Write a recording with one chunk of a few kB that holds very many zeros."""
+    from backports import zstd
+    import lz4.frame
+    if compression == 'zstd':
+        compressor = zstd.ZstdCompressor()
+        packed = b''.join([*(compressor.compress(bytes(MB)) for _ in range(size // MB)),
+                           compressor.flush()])
+    else:
+        lz4.frame.compress(b'')
+        compressor = lz4.frame.LZ4FrameCompressor()
+        packed = b''.join([compressor.begin(), *(compressor.compress(bytes(MB)) for _ in range(
+            size // MB)), compressor.flush()])
+    chunk = record(CHUNK, struct.pack('<QQQI', START, START, claim or size, 0)
+                   + text(compression.encode()) + struct.pack('<Q', len(packed)) + packed)
+    path.write_bytes(MAGIC + record(HEADER, text(b'ros2') + text(b'')) + chunk
+                     + record(DATA_END, bytes(4)) + record(2, bytes(20)) + MAGIC)
+    return path
+
+
+@pytest.mark.parametrize('compression, claim', [('zstd', None), ('lz4', None), ('zstd', 1000)])
+def test_chunk_that_would_fill_memory_is_refused(tmp_path, compression, claim):
+    """3 GB in a few kB, said or not: named, and little memory is taken."""
+    file = bomb(tmp_path / 'a.mcap', compression, 3000 * MB, claim)
+    done = run_command(file, '--max-memory', '0.5')
+    assert done.returncode == 3, done.stderr
+    assert int(done.stdout.split()[-1]) < 600
+    assert 'a.mcap' in done.stdout
+
+
+def test_chunks_that_overlap_are_held_within_limits(tmp_path):
+    """Every chunk goes on to the end of the recording, so that none could be let go."""
+    messages = [('/footprint', time, box(0)) for k in range(50)
+                for time in (k / 100, *[50.0 + k / 100] * 30)]
+    file = write_mcap(tmp_path / 'a.mcap', messages, chunk_size=2900)
+    assert check(file).problems == []
+    few, = check(file, Options(limits=Limits(memory=8 * 20_000))).problems
+    assert '--max-memory' in few
+
+
+def test_pages_that_many_rows_share_are_no_message(tmp_path):
+    """A row of 2 MB is made to announce 100 MB, its pages being linked to a circle."""
+    file = tmp_path / 'a.db3'
+    create_db3(file, CLEAR).close()
+    length, told = 2_200_000, 100_000_000
+    run_sql(file, ('INSERT INTO messages VALUES (999, 1, ?, ?)', (START, bytes(length))))
+    data = bytearray(file.read_bytes())
+    # The size of the row, which has 16 bytes besides, and the type of the value.
+    for old, new in ((length + 16, told + 16), (2 * length + 12, 2 * told + 12)):
+        at = data.index(varint(old))
+        data[at:at + 4] = varint(new)
+    size = int.from_bytes(data[16:18], 'big')
+    chain = [at for at in range(0, len(data), size)
+             if int.from_bytes(data[at:at + 4], 'big') == at // size + 2]
+    last = chain[-1] + size
+    data[last:last + 4] = (chain[1] // size + 1).to_bytes(4, 'big')
+    file.write_bytes(data)
+    result = check(file)
+    assert result.verdict is Verdict.BAD_INPUT
+    assert any('announce 100' in problem for problem in result.problems)
+
+
+def varint(value):
+    """Return a number as SQLite writes one of four bytes."""
+    return bytes((value >> shift & 127) | (128 if shift else 0) for shift in (21, 14, 7, 0))
+
+
+def test_file_that_would_fill_the_disk_is_refused(tmp_path):
+    """3 GB in a compressed storage file: unpacking ends at the limit."""
+    from backports import zstd
+    compressor = zstd.ZstdCompressor()
+    bag = tmp_path / 'a.mcap.zstd'
+    bag.write_bytes(b''.join([compressor.compress(MAGIC + record(HEADER, text(b'ros2') + text(
+        b'')))] + [compressor.compress(bytes(MB)) for _ in range(3000)] + [compressor.flush()]))
+    done = run_command(bag, '--max-disk', '0.1', env={**os.environ, 'TMPDIR': str(tmp_path)})
+    assert done.returncode == 3, done.stderr
+    assert '--max-disk' in done.stdout
+
+
+RECURSIVE = """
+    WITH RECURSIVE n(id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM n)
+    SELECT id, 1 AS topic_id, id AS timestamp, x'00' AS data FROM n"""
+GENERATED = """
+    CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER,
+      data BLOB GENERATED ALWAYS AS (zeroblob(900000000)) VIRTUAL)"""
+
+
+@pytest.mark.parametrize('messages', (f'CREATE VIEW messages AS {RECURSIVE}', GENERATED,
+                                      'CREATE VIRTUAL TABLE messages USING fts4(x)'))
+def test_only_tables_are_read(tmp_path, messages):
+    """What would be computed may have no end."""
+    create_db3(tmp_path / 'a.db3', CLEAR).close()
+    run_sql(tmp_path / 'a.db3', 'DROP TABLE messages', messages)
+    done = run_command(tmp_path / 'a.db3')
+    assert done.returncode == 3, done.stderr
+    assert 'table' in done.stdout
+
+
+def interrupt_after(seconds):
+    """Interrupt this process in a while, as from the keyboard."""
+    threading.Timer(seconds, os.kill, (os.getpid(), signal.SIGINT)).start()
+
+
+def test_interrupt_ends_a_long_query(tmp_path):
+    """Sorting a table without an index is one call of SQLite."""
+    connection = create_db3(tmp_path / 'a.db3', CLEAR, 'PRAGMA journal_mode=OFF;')
+    connection.executescript("""
+        DROP INDEX timestamp_idx;
+        WITH RECURSIVE n(id) AS (SELECT 1000 UNION ALL SELECT id + 1 FROM n WHERE id < 800000)
+        INSERT INTO messages SELECT id, 1, (id * 7919) % 800000, x'00' FROM n""")
+    connection.close()
+    faults, scratch = Faults(tmp_path), Scratch(0)
+    storage = SqliteFile(tmp_path / 'a.db3', faults, scratch, Limits())
+    begun = time.process_time()
+    next(storage.messages({'/footprint'}, None, None))
+    taken = time.process_time() - begun
+    interrupt_after(taken / 10)
+    begun = time.process_time()
+    with pytest.raises(KeyboardInterrupt):
+        next(storage.messages({'/footprint'}, None, None))
+    assert time.process_time() - begun < taken / 2
+    storage.close()
+    assert not faults
+
+
+def test_interrupt_ends_the_command_in_one_line(tmp_path, capsys):
+    """While recordings are checked one after the other."""
+    bag = str(write(tmp_path / 'bag', drive(100.0)))
+    interrupt_after(0.3)
+    assert main([bag] * 1000) == 2
+    assert capsys.readouterr().err == 'replay_check: interrupted\n'
+
+
+@pytest.mark.parametrize('as_live', (False, True))
+def test_message_that_cannot_be_decoded_is_damage(tmp_path, as_live):
+    """Two bytes at the head of the one message that tells of the contact: never clear."""
+    create_db3(tmp_path / 'a.db3', drive(contact=(5.0, 5.1))).close()
+    assert check(tmp_path / 'a.db3', Options(as_live=as_live)).verdict is Verdict.COLLISION
+    (key, data), = (row for row in sqlite3.connect(tmp_path / 'a.db3').execute(
+        'SELECT id, data FROM messages WHERE topic_id = 2 AND timestamp = ?',
+        (START + 5 * SECOND,)) if len(row[1]) > 40)
+    run_sql(tmp_path / 'a.db3', ('UPDATE messages SET data = ? WHERE id = ?',
+                                 (b'\xff\xff' + data[2:], key)))
+    result = check(tmp_path / 'a.db3', Options(as_live=as_live))
+    problem, = result.problems
+    assert result.verdict is Verdict.BAD_INPUT
+    assert '1 messages on /obstacles cannot be decoded' in problem
+
+
+@pytest.mark.parametrize('as_live', (False, True))
+def test_message_refused_for_its_content_is_told_by_the_exit_status(tmp_path, as_live):
+    """A NaN where the contact was, however short, and however long a footprint may be unknown."""
+    messages = drive(contact=(5.0, 5.1))
+    where = next(k for k, (topic, time, points) in enumerate(messages)
+                 if topic == '/obstacles' and points and time == 5.0)
+    messages[where] = '/obstacles', 5.0, [(float('nan'), 0.0), *box(0.75)[1:]]
+    bag = write(tmp_path / 'bag', messages)
+    junit = tmp_path / 'a.xml'
+    assert main([str(bag), '--junit', str(junit), *['--as-live'] * as_live]) == 2
+    case, = (case for case in ElementTree.parse(junit).iter('testcase')
+             if case.get('name') == f'messages of {SOURCE}')
+    assert 'not finite' in case.find('failure').get('message')
+
+
+@pytest.mark.parametrize('chunked', (True, False))
+def test_checksum_of_the_data_section_is_compared(tmp_path, chunked):
+    """A coordinate that has another bit, where nothing else has a checksum, is damage."""
+    file = write_mcap(tmp_path / 'a.mcap', CLEAR, use_chunking=chunked, enable_crcs=False,
+                      enable_data_crcs=True)
+    assert check(file).verdict is Verdict.CLEAR
+    data = bytearray(file.read_bytes())
+    data[data.index(struct.pack('<f', 3.0))] ^= 1
+    file.write_bytes(data)
+    result = check(file)
+    assert result.verdict is Verdict.BAD_INPUT
+    assert 'data_section_crc' in result.problems[0]
+
+
+def test_folder_of_recordings_is_told_what_it_is(tmp_path):
+    """Nothing is to be restored in it: the recordings are to be named."""
+    write(tmp_path / 'bags' / 'one', CLEAR)
+    result = check(tmp_path / 'bags')
+    problem, = result.problems
+    assert result.verdict is Verdict.BAD_INPUT
+    assert 'folder of recordings' in problem and str(tmp_path / 'bags' / 'one') in problem
+    assert 'reindex' not in problem
+
+
+def test_recording_without_messages_is_told_so(tmp_path):
+    """It has the topics, and nothing on them."""
+    create_db3(tmp_path / 'a.db3', CLEAR).close()
+    run_sql(tmp_path / 'a.db3', 'DELETE FROM messages')
+    result = check(tmp_path / 'a.db3')
+    assert result.verdict is Verdict.UNKNOWN
+    assert 'the recording has no messages' in result.notes
+
+
+def test_folder_called_like_a_library_is_none(tmp_path, monkeypatch):
+    """Beside the process, as any folder: what is missing is told, and what to install."""
+    (tmp_path / 'rosbags').mkdir()
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(sys, 'path', [str(tmp_path)])
+    for name in [name for name in sys.modules if name.partition('.')[0] == 'rosbags']:
+        monkeypatch.delitem(sys.modules, name)
+    with pytest.raises(OutputError, match=r"pip install 'sat_collision\[replay\]'"):
+        check_bag_writer()

@@ -1,0 +1,177 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Recordings without rosbags: by our own readers, and what is packed through rosbag2_py."""
+
+from importlib.machinery import ModuleSpec
+import json
+from pathlib import Path
+import subprocess
+import sys
+from types import ModuleType, SimpleNamespace
+
+import pytest
+from recordings import drive, write
+from rosbags.highlevel import AnyReader
+from sat_collision.replay.bag import unpacking
+from sat_collision.replay.cli.command import main
+from sat_collision.replay.model.options import Options
+from sat_collision.replay.run import check
+
+HIDDEN = ('rosbags', 'lz4', 'backports', 'compression')
+# The command where none of these can be imported.
+WITHOUT = """
+import sys
+sys.modules.update(dict.fromkeys({names!r}))
+from sat_collision.replay.__main__ import main
+sys.exit(main(sys.argv[1:]))
+"""
+TOUCHING = drive(2.0, contact=(1.0, 1.5))
+PACKED = [('sqlite3', 'file'), ('sqlite3', 'message'), ('mcap', 'file'), ('mcap', 'message'),
+          ('mcap', 'storage')]
+
+
+def run_without(names, *arguments):
+    return subprocess.run([sys.executable, '-c', WITHOUT.format(names=names), *arguments],
+                          capture_output=True, text=True)
+
+
+def result_of(path):
+    """Return what --json wrote of a recording, but for how it is called."""
+    bag, = json.loads(path.read_text())['bags']
+    return {key: value for key, value in bag.items() if key != 'bag'}
+
+
+@pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
+def test_plain_recordings_need_no_library(tmp_path, storage):
+    """The same results, with ROS and without."""
+    bag = str(write(tmp_path / 'bag', TOUCHING, storage))
+    assert main([bag, '--json', str(tmp_path / 'a.json')]) == 1
+    for names in (HIDDEN, (*HIDDEN, 'rclpy', 'geometry_msgs')):
+        result = run_without(names, bag, '--json', str(tmp_path / 'b.json'))
+        assert (result.returncode, result.stderr) == (1, '')
+        assert result_of(tmp_path / 'a.json') == result_of(tmp_path / 'b.json')
+
+
+@pytest.mark.parametrize('storage, compression', PACKED)
+def test_packed_recordings_name_what_they_need(tmp_path, storage, compression):
+    """Bad input, told in one line."""
+    bag = str(write(tmp_path / 'bag', TOUCHING, storage, compression))
+    result = run_without(HIDDEN, bag)
+    assert (result.returncode, result.stderr) == (3, '')
+    line, = (line for line in result.stdout.splitlines() if 'problem' in line)
+    assert 'unpacking zstd needs' in line and 'rosbag2_py' in line
+
+
+def test_writing_names_what_it_needs(tmp_path):
+    """Before the run."""
+    bag = str(write(tmp_path / 'bag', TOUCHING))
+    for arguments in ((bag, '--as-live', '--write-bag', str(tmp_path / 'out')),
+                      ('--write-example', str(tmp_path / 'out'))):
+        result = run_without(HIDDEN, *arguments)
+        assert (result.returncode, result.stdout) == (3, '')
+        assert 'needs rosbags' in result.stderr and result.stderr.count('\n') == 1
+    assert not (tmp_path / 'out').exists()
+
+
+class _Reader:
+    """What rosbag2_py has to read, as its documentation says, on the readers of rosbags."""
+
+    def open(self, storage, _):  # noqa: A003
+        self._reader = AnyReader([Path(storage.uri)])
+        try:
+            self._reader.open()
+        except Exception as error:
+            raise RuntimeError(error) from error
+        self._topics = None
+
+    def get_metadata(self):
+        reader = self._reader
+        return SimpleNamespace(
+            topics_with_message_count=[SimpleNamespace(
+                topic_metadata=SimpleNamespace(name=name, type=topic.msgtype),
+                message_count=topic.msgcount) for name, topic in reader.topics.items()],
+            message_count=reader.message_count,
+            starting_time=SimpleNamespace(nanoseconds=reader.start_time),
+            duration=SimpleNamespace(nanoseconds=reader.duration - 1))
+
+    def set_filter(self, wanted):
+        self._messages = self._reader.messages(
+            [one for one in self._reader.connections if one.topic in wanted.topics])
+        self._next = next(self._messages, None)
+
+    def has_next(self):
+        return self._next is not None
+
+    def read_next(self):
+        (connection, time, data), self._next = self._next, next(self._messages, None)
+        return connection.topic, data, time
+
+
+@pytest.fixture(params=('real', 'stand-in'))
+def rosbag2_py(request, monkeypatch):
+    """Hide what unpacks, and have rosbag2_py: that of ROS, or where it is not, a stand-in."""
+    if request.param == 'real':
+        pytest.importorskip('rosbag2_py')
+    else:
+        stand_in = ModuleType('rosbag2_py')
+        stand_in.__spec__ = ModuleSpec('rosbag2_py', None, origin='stand-in')
+        stand_in.SequentialReader = stand_in.SequentialCompressionReader = _Reader
+        stand_in.StorageOptions = stand_in.StorageFilter = SimpleNamespace
+        stand_in.ConverterOptions = lambda *formats: formats
+        monkeypatch.setitem(sys.modules, 'rosbag2_py', stand_in)
+
+    def missing():
+        raise unpacking.Damage('it is hidden')
+
+    monkeypatch.setattr(unpacking, '_zstd', missing)
+    monkeypatch.setitem(unpacking._LIBRARIES, 'zstd', missing)
+
+
+@pytest.mark.parametrize('storage, compression', PACKED)
+@pytest.mark.parametrize('part', ({}, {'start': 0.5, 'duration': 1.0}))
+def test_packed_recordings_are_read_by_rosbag2(tmp_path, rosbag2_py, storage, compression, part):
+    """The same results as of the plain recording, and nothing is left beside the packed one."""
+    plain = check(write(tmp_path / 'plain', TOUCHING, storage), Options(**part))
+    bag = write(tmp_path / 'bag', TOUCHING, storage, compression)
+    before = sorted(bag.iterdir())
+    result = check(bag, Options(**part))
+    assert result.problems == [] and len(result.contacts) == 1
+    assert (result.content, result.footprints, result.contacts, result.unknown) == (
+        plain.content, plain.footprints, plain.contacts, plain.unknown)
+    assert sorted(bag.iterdir()) == before
+
+
+def test_what_rosbag2_refuses_is_told(tmp_path, rosbag2_py):
+    """A damaged recording is bad input in one line."""
+    bag = write(tmp_path / 'bag', TOUCHING, 'mcap', 'storage')
+    file = bag / 'bag.mcap'
+    file.write_bytes(file.read_bytes()[:2000])
+    result = check(bag)
+    assert result.verdict == 3 and len(result.problems) == 1
+
+
+def test_bag_is_written_by_rosbag2(tmp_path):
+    """Where rosbags is not there: the same messages."""
+    pytest.importorskip('rosbag2_py')
+    bag = str(write(tmp_path / 'bag', TOUCHING))
+    check(bag, Options(as_live=True, write_bag=str(tmp_path / 'a')))
+    assert run_without(('rosbags',), bag, '--as-live', '--write-bag',
+                       str(tmp_path / 'b')).returncode == 1
+    messages = []
+    for name in 'ab':
+        with AnyReader([tmp_path / name]) as reader:
+            messages.append([(connection.topic, connection.msgtype, time, bytes(data))
+                             for connection, time, data in reader.messages()])
+    assert messages[0] == messages[1]

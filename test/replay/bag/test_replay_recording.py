@@ -1,0 +1,259 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Recordings of every storage, whole and broken on purpose: what is read, and what is said."""
+
+import shutil
+import struct
+import zlib
+
+from builders import serialised
+import pytest
+from recordings import box, drive, POLYGON, START, write
+from sat_collision.replay.model.result import Verdict
+from sat_collision.replay.run import check
+
+ALL = 3 * 101
+
+
+def storage_file(bag):
+    file, = (path for path in bag.iterdir() if path.name != 'metadata.yaml')
+    return file
+
+
+def cut(path, share):
+    """Keep only the first part of a file."""
+    data = path.read_bytes()
+    path.write_bytes(data[:int(share * len(data))])
+
+
+def long_drive():
+    """Return so many messages that they fill several chunks and pages: over 4 MB."""
+    ring = [(5.0, k / 400) for k in range(400)] + [(6.0, 1.0), (6.0, 0.0)]
+    return [(topic, k / 40, box(0.0) if topic == '/footprint' else ring)
+            for k in range(1000) for topic in ('/footprint', '/obstacles')]
+
+
+@pytest.mark.parametrize('storage, compression', [
+    ('mcap', None), ('mcap', 'storage'), ('sqlite3', None), ('sqlite3', 'file'),
+    ('sqlite3', 'message'), ('mcap', 'file'), ('mcap', 'message')])
+def test_every_storage_and_compression_is_read(tmp_path, storage, compression):
+    """Plain, zstd by file, by message and by chunk: the same contact in each."""
+    result = check(write(tmp_path / 'bag', drive(), storage, compression))
+    assert result.problems == []
+    assert result.messages == ALL
+    contact, = result.contacts
+    assert contact.between == [result.start + 39 * 10**8, result.start + 5 * 10**9]
+    assert contact.depth == 0.25
+
+
+@pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
+def test_storage_file_is_a_recording_too(tmp_path, storage):
+    """The file itself is given, without metadata.yaml."""
+    result = check(storage_file(write(tmp_path / 'bag', drive(), storage)))
+    assert (result.problems, result.messages) == ([], ALL)
+
+
+@pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
+def test_split_recording_is_read_in_order(tmp_path, storage):
+    """Two storage files listed in one metadata.yaml, as ros2 bag record splits them."""
+    messages = drive()
+    first = write(tmp_path / 'first', messages[:100], storage)
+    second = write(tmp_path / 'second', messages[100:], storage)
+    split = tmp_path / 'split'
+    shutil.copytree(first, split)
+    shutil.copy(storage_file(second), split)
+    names = [storage_file(first).name, storage_file(second).name]
+    metadata = (first / 'metadata.yaml').read_text().replace(
+        f'- {names[0]}\n', f'- {names[0]}\n  - {names[1]}\n', 1)
+    for few, all_of_them in ((100, ALL), (34, 101), (66, 202)):
+        metadata = metadata.replace(f'message_count: {few}\n', f'message_count: {all_of_them}\n')
+    assert names[1] in metadata
+    (split / 'metadata.yaml').write_text(metadata)
+    result = check(split)
+    assert result.problems == []
+    assert result.messages == ALL
+    assert [contact.depth for contact in result.contacts] == [0.25]
+    (split / names[1]).unlink()
+    result = check(split)
+    assert result.messages == 100
+    assert any(names[1] in problem and 'missing' in problem for problem in result.problems)
+
+
+@pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
+def test_missing_metadata_is_said_and_the_rest_read(tmp_path, storage):
+    """Every message is read, but the recording is not whole."""
+    bag = write(tmp_path / 'bag', drive(contact=(0, 0)), storage)
+    (bag / 'metadata.yaml').unlink()
+    result = check(bag)
+    assert result.messages == ALL
+    assert result.verdict is Verdict.BAD_INPUT
+    problem, = result.problems
+    assert str(bag / 'metadata.yaml') in problem and 'reindex' in problem
+
+
+@pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
+@pytest.mark.parametrize('share', (0.3, 0.7, 0.99))
+def test_cut_off_file_is_read_up_to_the_cut(tmp_path, storage, share):
+    """A recorder that was killed: what it had written is checked, and the file is named."""
+    bag = write(tmp_path / 'bag', long_drive(), storage)
+    cut(storage_file(bag), share)
+    result = check(bag)
+    assert result.verdict is Verdict.BAD_INPUT
+    assert any(str(storage_file(bag)) in problem for problem in result.problems)
+    assert 0.5 * share * 2000 < result.messages < 2000
+    assert result.footprints[0].least.separation == 4.0
+
+
+def test_cut_off_compressed_file_is_read_up_to_the_cut(tmp_path):
+    """The zstd frame has no end; the storage file in it is cut off too."""
+    bag = write(tmp_path / 'bag', long_drive(), 'mcap', 'file')
+    cut(storage_file(bag), 0.7)
+    result = check(bag)
+    assert result.verdict is Verdict.BAD_INPUT
+    assert any(str(storage_file(bag)) in problem for problem in result.problems)
+    assert result.messages > 0
+
+
+def test_unindexed_file_is_read(tmp_path):
+    """An MCAP file whose footer says that there is no index, and one without any footer."""
+    bag = write(tmp_path / 'bag', drive())
+    file = storage_file(bag)
+    data = file.read_bytes()
+    footer = len(data) - 8 - 20
+    file.write_bytes(data[:footer] + bytes(20) + data[-8:])
+    result = check(bag)
+    assert (result.problems, result.messages) == ([], ALL)
+    file.write_bytes(data[:footer - 9])
+    result = check(bag)
+    assert result.messages == ALL
+    assert result.verdict is Verdict.COLLISION and result.problems
+
+
+@pytest.mark.parametrize('name, content', [
+    ('a.mcap', b''), ('a.db3', b''), ('a.mcap', b'\x89MCAP0\r\n'), ('a.mcap', b'nonsense' * 99),
+    ('a.db3', b'nonsense' * 99), ('a.bag', b'#ROSBAG V2.0\n'), ('a.txt', b'text')])
+def test_what_is_no_recording_is_bad_input(tmp_path, name, content):
+    """Empty files and files of other kinds are named; nothing is raised."""
+    (tmp_path / name).write_bytes(content)
+    result = check(tmp_path / name)
+    assert result.verdict is Verdict.BAD_INPUT
+    assert name in result.problems[0]
+
+
+def test_missing_path_and_empty_directory_are_bad_input(tmp_path):
+    """There is nothing to read."""
+    for path in (tmp_path / 'nowhere', tmp_path):
+        result = check(path)
+        assert result.verdict is Verdict.BAD_INPUT
+        assert str(path) in result.problems[0]
+
+
+@pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
+def test_recording_without_messages_cannot_tell(tmp_path, storage):
+    """It is in order, but says nothing."""
+    result = check(write(tmp_path / 'bag', [], storage))
+    assert result.problems == []
+    assert result.verdict is Verdict.UNKNOWN
+    assert any('/footprint' in note for note in result.notes)
+
+
+def test_metadata_that_is_no_yaml_is_said(tmp_path):
+    """And what the storage file has is read."""
+    bag = write(tmp_path / 'bag', drive())
+    (bag / 'metadata.yaml').write_text('{:')
+    result = check(bag)
+    assert result.messages == ALL
+    assert 'metadata.yaml' in result.problems[0]
+
+
+def test_topic_of_another_type_is_said(tmp_path):
+    """The footprint's topic carries flags: they never reach the scene, which stays unknown."""
+    messages = [('/footprint', k / 10, b'\0\1\0\0\1') for k in range(50)]
+    messages += [('/obstacles', k / 10, box(0)) for k in range(50)]
+    bag = write(tmp_path / 'bag', messages, types={'/footprint': 'std_msgs/msg/Bool'})
+    result = check(bag)
+    assert result.verdict is Verdict.BAD_INPUT
+    assert any('std_msgs/msg/Bool' in problem and POLYGON in problem or 'which topics' in problem
+               for problem in result.problems)
+
+
+def record(kind, content):
+    """Return an MCAP record; of a message kind is 5, of a chunk 6."""
+    return struct.pack('<BQ', kind, len(content)) + content
+
+
+def text(string):
+    return struct.pack('<I', len(string)) + string
+
+
+def channel(key, topic):
+    return record(4, struct.pack('<HH', key, 1) + text(topic) + text(b'cdr') + text(b''))
+
+
+def chunk(*records, compression=b''):
+    """Return a chunk with its checksum."""
+    content = b''.join(records)
+    return record(6, struct.pack('<QQQI', 0, 2**63, len(content), zlib.crc32(content))
+                  + text(compression) + struct.pack('<Q', len(content)) + content)
+
+
+def mcap(*parts):
+    """Return a file without an index: ten chunks of a drive."""
+    head = record(3, struct.pack('<H', 1) + text(POLYGON.encode()) + text(b'') + text(b''))
+    return b'\x89MCAP0\r\n' + head + b''.join(parts) + record(15, bytes(4)) + record(
+        2, bytes(20)) + b'\x89MCAP0\r\n'
+
+
+def chunks_of_a_drive():
+    """Return ten chunks of ten messages each on two topics."""
+    topics = {'/footprint': 1, '/obstacles': 2}
+    messages = []
+    for topic, time, points in drive(contact=(0, 0))[:100]:
+        stamp = START + round(time * 1e9)
+        messages.append(record(5, struct.pack('<HIQQ', topics[topic], 0, stamp, stamp)
+                               + serialised(points, stamp)))
+    return [chunk(*messages[k:k + 10]) for k in range(0, 100, 10)]
+
+
+CHANNELS = channel(1, b'/footprint'), channel(2, b'/obstacles')
+DRIVE = chunks_of_a_drive()
+FLIPPED = DRIVE[3][:-20] + bytes([DRIVE[3][-20] ^ 64]) + DRIVE[3][-19:]
+
+
+@pytest.mark.parametrize('parts, count, words', [
+    ((*CHANNELS, *DRIVE), 100, None),
+    ((*CHANNELS, *DRIVE[:3], FLIPPED, *DRIVE[4:]), 90, 'checksum'),
+    ((*CHANNELS, *DRIVE[:3], chunk(b'junk', compression=b'zstd'), *DRIVE[3:]), 100, 'frame'),
+    ((*CHANNELS, *DRIVE[:3], chunk(b'', compression=b'bzip2'), *DRIVE[3:]), 100, "'bzip2'"),
+    ((*CHANNELS, *DRIVE[:3], record(5, b'abc'), *DRIVE[3:]), 100, 'invalid message'),
+    ((*CHANNELS, *DRIVE[:3], record(5, bytes(30)), *DRIVE[3:]), 100, '1 messages of unknown'),
+    ((CHANNELS[0], channel(2, b'/\xffbstacles'), *DRIVE), 34, 'invalid channel'),
+    ((CHANNELS[0], CHANNELS[1][:-14] + b'\xff' * 14, *DRIVE), 34, '66 messages of unknown'),
+    ((*CHANNELS, *DRIVE[:3], struct.pack('<BQ', 5, 2**63), *DRIVE[3:]), 30, 'announced'),
+    ((*CHANNELS, *DRIVE[:3], b'abc'), 30, 'announced'),
+], ids=('whole', 'checksum', 'zstd', 'compression', 'short message', 'no such channel',
+        'topic that is no text', 'texts longer than their record', 'endless record', 'cut off'))
+def test_damaged_part_of_a_file_is_left_out_and_said(tmp_path, parts, count, words):
+    """No message is made up of damaged bytes, nothing is raised, and the rest is read."""
+    file = tmp_path / 'a.mcap'
+    file.write_bytes(mcap(*parts))
+    result = check(file)
+    assert result.messages == count
+    assert result.contacts == [] and not any(source.rejected for source in result.sources)
+    if words is None:
+        assert result.problems == []
+    else:
+        problem, = result.problems
+        assert str(file) in problem and words in problem

@@ -1,0 +1,268 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The command: exit statuses, files written, the gate, and the example."""
+
+import contextlib
+import csv
+import json
+import os
+from pathlib import Path
+import pty
+import re
+import subprocess
+import sys
+from xml.etree import ElementTree
+
+import pytest
+from recordings import box, drive, SOURCE, START, write
+from rosbags.rosbag2 import Reader
+from sat_collision.demo import warehouse
+from sat_collision.replay.cli.command import main
+from sat_collision.replay.cli.terminal import Progress
+
+DOCS = Path(__file__).resolve().parents[3] / 'docs'
+
+
+@pytest.fixture
+def bags(tmp_path):
+    """Return recordings by what they are: clear, collision, unknown and bad."""
+    bad = tmp_path / 'bad.mcap'
+    bad.write_bytes(b'')
+    return {'clear': str(write(tmp_path / 'clear', drive(contact=(0, 0)))),
+            'collision': str(write(tmp_path / 'collision', drive())),
+            'unknown': str(write(tmp_path / 'unknown', [('/footprint', 0.0, box(0)),
+                                                        ('/footprint', 9.0, box(0))])),
+            'bad': str(bad)}
+
+
+@pytest.mark.parametrize('given, status', [
+    (['clear'], 0), (['collision'], 1), (['unknown'], 2), (['bad'], 3), (['clear', 'clear'], 0),
+    (['clear', 'unknown'], 2), (['unknown', 'bad', 'clear'], 3), (['bad', 'collision'], 1)])
+def test_exit_status_is_the_verdict(bags, capsys, given, status):
+    """Of several recordings the gravest; a proved collision counts before bad input."""
+    assert main([bags[name] for name in given]) == status
+    for name in given:
+        assert bags[name] in capsys.readouterr().out or len(given) > 1
+
+
+@pytest.mark.parametrize('arguments, words', [
+    (['--params-file', 'nowhere.yaml'], 'nowhere.yaml'),
+    (['-p', 'footprint.timeout:=-1.0'], 'footprint.timeout'),
+    (['-p', 'footprint.timeout'], 'NAME:=VALUE'),
+    (['--expect', 'nowhere.json'], 'nowhere.json'),
+    (['--json', 'nowhere/result.json'], 'nowhere'),
+    (['--dask', 'tcp://127.0.0.1:1'], '127.0.0.1')])
+def test_bad_options_end_in_one_line(bags, capsys, monkeypatch, arguments, words):
+    """No traceback, exit status 3, and what is wrong."""
+    monkeypatch.setenv('DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT', '1s')
+    if '--dask' in arguments:
+        distributed = pytest.importorskip('distributed')
+        assert distributed
+        import dask
+        dask.config.set({'distributed.comm.timeouts.connect': '1s'})
+    assert main([bags['clear'], *arguments]) == 3
+    error = capsys.readouterr().err
+    assert words in error and error.startswith('replay_check: ')
+
+
+@pytest.mark.parametrize('arguments', [
+    [], ['a', '--clock', 'sun'], ['a', '--start', '-1'], ['a', '--sample', 'x'], ['a', '--what']])
+def test_misused_command_is_bad_input(capsys, arguments):
+    """Not argparse's 2, which here says that the recording cannot tell."""
+    with pytest.raises(SystemExit) as stop:
+        main(arguments)
+    assert stop.value.code == 3
+    error = capsys.readouterr().err
+    assert error.startswith('replay_check: ') and error.count('\n') == 1
+
+
+def test_table_tells_what_was_found(bags, capsys):
+    """Times since the beginning, depth and place of the contact, coverage, rejections."""
+    main([bags['collision']])
+    out = capsys.readouterr().out
+    assert 'COLLISION' in out and f'303 messages (footprint 101, {SOURCE} 202)' in out
+    assert 'recorded motion, 10.000 s by receive time' in out
+    assert re.search(rf'footprint +99.00 % +8.978 +0.922 +0.100 +-0.25 m from {SOURCE}/0', out)
+    assert re.search(
+        rf'footprint +{SOURCE}/0 +3.989 +0.922 +0.25 +0.875 +0.500 +at a sample', out)
+    main([bags['collision'], '--as-live'])
+    out = capsys.readouterr().out
+    assert 'as live, 10.000 s by receive time' in out
+    assert re.search(
+        rf'footprint +{SOURCE}/0 +4.000 +1.000 +0.25 +0.875 +0.500 +at a message', out)
+    main([bags['unknown']])
+    out = capsys.readouterr().out
+    assert 'has not sent anything yet' in out and 'no topic /obstacles' in out
+
+
+def test_json_has_the_documented_schema(bags, tmp_path):
+    """Every key of the file is in docs/replay.md, and every number is JSON."""
+    path = tmp_path / 'result.json'
+    main([*bags.values(), '--json', str(path)])
+    content = json.loads(path.read_text(), parse_constant=pytest.fail)
+    assert content['schema'] == 'sat_collision.replay/3'
+    assert (content['verdict'], content['exit_status']) == ('collision', 1)
+    assert [bag['verdict'] for bag in content['bags']] == ['clear', 'collision', 'unknown',
+                                                           'bad input']
+    contact, = content['bags'][1]['contacts']
+    first, last = contact.pop('first'), contact.pop('last')
+    assert [first - START, last - START] == pytest.approx(
+        [(3.9 + 0.2 / 2.25) * 10**9, (4.9 + 0.025 / 2.25) * 10**9], abs=1000)
+    assert contact == {'footprint': 'footprint', 'obstacle': f'{SOURCE}/0', 'depth': 0.25,
+                       'deepest': START + 4 * 10**9, 'x': 0.875, 'y': 0.5, 'at_end': False,
+                       'found': 'at a sample', 'between': [START + 39 * 10**8, START + 5 * 10**9]}
+    assert {bag['question'] for bag in content['bags']} == {'recorded motion'}
+    documented = (DOCS / 'replay.md').read_text()
+    for key in keys_of(content):
+        assert f'`{key}`' in documented, key
+
+
+def keys_of(content):
+    """Return the keys of all objects, but not of those whose keys are names."""
+    if isinstance(content, list):
+        return set().union(*map(keys_of, content))
+    if not isinstance(content, dict):
+        return set()
+    inner = [value for key, value in content.items()
+             if key not in ('rejected', 'examples', 'verdicts')]
+    return set(content).union(*map(keys_of, inner))
+
+
+def test_csv_and_junit(bags, tmp_path):
+    """A row for each interval; a failure for each contact, an error for each problem."""
+    table, suites = tmp_path / 'result.csv', tmp_path / 'result.xml'
+    main([*bags.values(), '--csv', str(table), '--junit', str(suites)])
+    with table.open(newline='') as file:
+        rows = list(csv.DictReader(file))
+    assert [row['kind'] for row in rows if row['bag'] == bags['collision']] == [
+        'contact', 'unknown']
+    assert next(row for row in rows if row['kind'] == 'contact')['depth_m'] == '0.25'
+    assert all('sent anything' in row['reason'] or 'older' in row['reason'] for row in rows
+               if row['bag'] == bags['unknown'])
+    root = ElementTree.parse(suites).getroot()
+    counts = {suite.get('name'): (suite.get('tests'), suite.get('errors'), suite.get('failures'))
+              for suite in root}
+    assert counts == {bags['clear']: ('2', '0', '0'), bags['collision']: ('2', '0', '1'),
+                      bags['unknown']: ('2', '0', '1'), bags['bad']: ('2', '1', '1')}
+    assert f'{SOURCE}/0' in root.find('.//failure').get('message')
+
+
+def test_gate_passes_what_is_as_stored_and_prints_what_is_not(bags, tmp_path, capsys):
+    """A stored collision is no failure; a contact that is gone is one."""
+    stored = str(tmp_path / 'stored.json')
+    assert main([bags['collision'], bags['clear'], '--json', stored]) == 1
+    assert main([bags['collision'], bags['clear'], '--expect', stored]) == 0
+    moved = tmp_path / 'elsewhere'
+    moved.mkdir()
+    again = [str(write(moved / 'collision', drive(contact=(0, 0)))), bags['clear']]
+    capsys.readouterr()
+    assert main([*again, '--expect', stored]) == 1
+    out = capsys.readouterr().out
+    assert f'collision: contacts.footprint - {SOURCE}/0 #1 is missing' in out
+    assert 'collision: verdict is "clear", expected "collision"' in out
+    assert 'clear:' not in out.replace('is "clear"', '').replace(bags['clear'], '')
+    assert main([bags['clear'], '--expect', stored]) == 1
+    assert 'expected, but not checked' in capsys.readouterr().out
+    Path(stored).write_text('{"schema": "other"}')
+    assert main([bags['clear'], '--expect', stored]) == 3
+
+
+def test_gate_that_wants_all_motion_decided(tmp_path, capsys):
+    """One obstacle is gone and another is there: where each was between is not known."""
+    messages = [(topic, k / 10, points) for k in range(10) for topic, points in (
+        ('/footprint', box(0)), ('/obstacles', box(5) if k < 5 else box(5)[:3]))]
+    path = str(write(tmp_path / 'bag', messages))
+    assert main([path]) == 0
+    words = f'{SOURCE}: for 0.100 s it is not known how something moved; only its frames'
+    assert words in capsys.readouterr().out
+    files = {kind: str(tmp_path / f'result.{kind}') for kind in ('json', 'xml')}
+    assert main([path, '--max-undetermined', '0', '--json', files['json'],
+                 '--junit', files['xml']]) == 2
+    bag, = json.loads(Path(files['json']).read_text())['bags']
+    assert [source['undetermined'] for source in bag['sources']] == [0, 10**8]
+    case, = (case for case in ElementTree.parse(files['xml']).iter('testcase')
+             if case.find('failure') is not None)
+    assert case.get('name') == f'motion of {SOURCE}'
+
+
+def test_plots_are_pictures(bags, tmp_path):
+    """Of one recording a file, of several a directory, also where nothing was found."""
+    pytest.importorskip('matplotlib')
+    picture = tmp_path / 'picture.png'
+    main([bags['collision'], '--plot', str(picture)])
+    assert picture.read_bytes().startswith(b'\x89PNG')
+    main([*bags.values(), '--plot', str(tmp_path / 'plots')])
+    assert {path.name for path in (tmp_path / 'plots').iterdir()} == {
+        'clear.png', 'collision.png', 'unknown.png', 'bad.png'}
+
+
+def test_example_is_written_and_checked_as_the_readme_shows(tmp_path, capsys):
+    """The contacts are those that the scene is built to have, once each."""
+    example = str(tmp_path / 'example')
+    assert main(['--write-example', example]) == 0
+    result = tmp_path / 'result.json'
+    assert main([example, '--params-file', f'{example}/params.yaml', '--json', str(result)]) == 1
+    bag, = json.loads(result.read_text())['bags']
+    found = {(contact['footprint'], contact['obstacle']) for contact in bag['contacts']}
+    assert found == {(name, f'{source}/{key}') for name, contacts in warehouse.CONTACTS.items()
+                     for source, key in contacts}
+    assert len(bag['contacts']) == len(found)
+    capsys.readouterr()
+    assert main([example]) == 3
+    assert '/forklift' in capsys.readouterr().out
+    assert main(['--write-example', example]) == 3
+
+
+def test_written_bag_needs_a_new_directory(bags, tmp_path, capsys):
+    """What is there is never overwritten."""
+    to_out = '--as-live', '--write-bag', str(tmp_path / 'out')
+    assert main([bags['clear'], '--as-live', '--write-bag', str(tmp_path)]) == 3
+    assert 'exists' in capsys.readouterr().err
+    assert main([bags['clear'], bags['collision'], *to_out]) == 1
+    for name in ('clear', 'collision'):
+        with Reader(tmp_path / 'out' / name) as reader:
+            assert reader.message_count > 100
+    capsys.readouterr()
+    assert main([bags['clear'], bags['clear'], *to_out]) == 3
+    assert capsys.readouterr().out.count('exists') == 2
+
+
+def test_module_runs_as_a_command(bags):
+    """`python -m sat_collision.replay`, in a process of its own."""
+    result = subprocess.run([sys.executable, '-m', 'sat_collision.replay', bags['collision']],
+                            capture_output=True, text=True)
+    assert (result.returncode, result.stderr) == (1, '')
+
+
+def test_progress_is_shown_on_a_terminal_only(monkeypatch):
+    """A bar that appears when the run takes long, and is gone afterwards."""
+    master, slave = pty.openpty()
+    now = [0.0]
+    monkeypatch.setattr('time.monotonic', lambda: now[0])
+    with os.fdopen(slave, 'w') as terminal:
+        progress = Progress('3 of 7: bag', terminal)
+        for now[0], share in ((0.5, 0.1), (2.0, 0.25), (2.01, 0.26), (6.0, 0.75)):
+            progress.show(share)
+        progress.clear()
+    shown = ''
+    with contextlib.suppress(OSError):  # how the end of a terminal reads
+        while part := os.read(master, 1000):
+            shown += part.decode()
+    os.close(master)
+    assert [part.split('  ')[-1] for part in shown.split('\r\033[K') if part] == [
+        '6 s left', '2 s left']
+    assert shown.count('3 of 7: bag [') == 2 and shown.endswith('\r\033[K')
+    with open(os.devnull, 'w') as file:
+        Progress(stream=file).show(0.5)

@@ -1,0 +1,312 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The command as a release gate: no surprise is a verdict, and what is wrong is one clear line."""
+
+import json
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from xml.etree import ElementTree
+
+import pytest
+from recordings import box, drive, write
+from sat_collision.replay.cli import command, parallel
+from sat_collision.replay.cli.command import main
+from sat_collision.replay.output import files
+
+CLEAR = drive(2.0, contact=(0, 0))
+TOUCHING = drive(2.0, contact=(1.0, 1.5))
+
+
+@pytest.fixture
+def bags(tmp_path):
+    """Return a clear recording and one with a contact."""
+    return (str(write(tmp_path / 'clear', CLEAR)), str(write(tmp_path / 'touching', TOUCHING)))
+
+
+def fails(path, options, progress=None):
+    """Check a recording, but for one fault in our own code."""
+    if 'touching' in path:
+        raise ZeroDivisionError('what nobody\nforesaw')
+    return parallel.check(path, options, progress)
+
+
+@pytest.mark.parametrize('debug', (True, False))
+def test_what_nobody_foresaw_is_bad_input(bags, monkeypatch, capsys, debug):
+    """Never exit status 1, which says collision; other recordings are checked and told."""
+    monkeypatch.setattr(command, 'check_one', fails)
+    monkeypatch.setattr(command, 'check', fails)
+    for given in ((bags[1],), (bags[1], bags[0])):
+        assert main([*given, *['--debug'] * debug]) == 3
+        out, error = capsys.readouterr()
+        line, = (line for line in out.splitlines() if 'problem' in line)
+        assert 'ZeroDivisionError: what nobody foresaw' in line and bags[1] in line
+        assert ('clear: CLEAR' in out) is (len(given) > 1)
+        assert ('Traceback' in error) is debug
+
+
+def test_what_nobody_foresaw_in_results_is_bad_input(bags, tmp_path, monkeypatch, capsys):
+    """One line, and no traceback unless it is asked for."""
+    monkeypatch.setattr(command, 'write_json', lambda results, path: [][0])
+    for more in ([], ['--debug']):
+        assert main([bags[0], '--json', str(tmp_path / 'a.json'), *more]) == 3
+        error = capsys.readouterr().err
+        assert error.splitlines()[-1].startswith('replay_check: IndexError: ')
+        assert ('Traceback' in error) is bool(more)
+
+
+def test_picture_that_fails_is_a_problem_of_its_recording(bags, tmp_path, monkeypatch, capsys):
+    """The other picture is drawn."""
+    pytest.importorskip('matplotlib')
+    drawn = []
+
+    def fails_once(results, path):
+        drawn.append(path)
+        if len(drawn) == 1:
+            raise RuntimeError('no ink')
+
+    monkeypatch.setattr(files, 'draw', fails_once)
+    assert main([bags[0], bags[0], '--plot', str(tmp_path / 'plots')]) == 3
+    assert 'no ink' in capsys.readouterr().out and len(drawn) == 2
+
+
+@pytest.mark.parametrize('option, path, words', [
+    ('--json', 'clear/clear.mcap', 'is an input'),
+    ('--csv', 'clear/metadata.yaml', 'is an input'),
+    ('--junit', 'link.xml', 'is an input'),
+    ('--plot', 'params.png', 'is an input'),
+    ('--json', 'stored.json', 'is an input'),
+    ('--json', 'nowhere/a.json', 'no directory'),
+    ('--csv', 'clear', 'is a directory'),
+    ('--plot', 'a.xyz', 'should end in'),
+    ('--plot', 'a', 'should end in'),
+    ('--write-bag', 'clear', 'already exists')])
+def test_output_that_cannot_be_is_told_before_the_run(bags, tmp_path, capsys, option, path, words):
+    """Nothing is checked, and nothing is overwritten."""
+    (tmp_path / 'params.png').write_text('/**:\n  ros__parameters:\n    release_delay: 1.0\n')
+    (tmp_path / 'stored.json').write_text('{}')
+    (tmp_path / 'link.xml').symlink_to(tmp_path / 'clear' / 'clear.mcap')
+    before = {file: file.read_bytes() for file in tmp_path.rglob('*') if file.is_file()}
+    assert main([bags[0], '--params-file', str(tmp_path / 'params.png'), '--expect',
+                 str(tmp_path / 'stored.json'), '--as-live', option, str(tmp_path / path)]) == 3
+    out, error = capsys.readouterr()
+    assert out == '' and error.count('\n') == 1
+    assert option in error and words in error
+    assert before == {file: file.read_bytes() for file in tmp_path.rglob('*') if file.is_file()}
+
+
+def test_outputs_of_several_are_checked_too(bags, tmp_path, capsys):
+    """A file where a folder is to be, and one file for two options."""
+    (tmp_path / 'file').write_text('')
+    for arguments, words in ((['--plot', str(tmp_path / 'file')], 'not a directory'),
+                             (['--as-live', '--write-bag', str(tmp_path / 'file' / 'a')],
+                              'not a directory'),
+                             (['--json', str(tmp_path / 'a'), '--csv', str(tmp_path / 'a')],
+                              'the same file')):
+        assert main([*bags, *arguments]) == 3
+        out, error = capsys.readouterr()
+        assert out == '' and words in error
+
+
+@pytest.mark.parametrize('arguments, words', [
+    (['--jobs', '0'], 'whole number from 1'), (['--jobs', '1.5'], 'whole number'),
+    (['--jobs', 'many'], 'whole number'), (['--start', 'soon'], 'number of seconds'),
+    (['--max-memory', '0'], 'number of GB'),
+    (['--param-file', 'a.yaml'], 'did you mean --params-file?'),
+    (['--footprint', 'amr=/amr'], 'amr:=/amr'),
+    (['--write-bag', 'a'], '--as-live'),
+    (['--obstacles', '/a', '/b'], '--obstacles A --obstacles B')])
+def test_misuse_is_told_in_one_clear_line(bags, capsys, arguments, words):
+    """Without the usage, which would hide it."""
+    with pytest.raises(SystemExit) as stop:
+        main([bags[0], *arguments])
+    error = capsys.readouterr().err
+    assert stop.value.code == 3 and words in error and error.count('\n') == 1
+
+
+def test_parameter_file_without_this_node_is_bad_input(bags, tmp_path, capsys):
+    """Its margin of 0.5 m would be lost in silence; the names that it has are told."""
+    params = tmp_path / 'params.yaml'
+    params.write_text(
+        '/monitors/front:\n  ros__parameters:\n    margin: 2.5\n'
+        '/monitors/rear:\n  ros__parameters:\n    margin: 0.5\n')
+    arguments = [bags[0], '--params-file', str(params), '--node']
+    assert main([*arguments, '/monitors/front']) == 1
+    capsys.readouterr()
+    for more in (['/monitors/frontt'], ['/footprint_monitor']):
+        assert main([*arguments, *more]) == 3
+        out, error = capsys.readouterr()
+        assert out == '' and error.count('\n') == 1
+        assert '/monitors/front, /monitors/rear; did you mean --node /monitors/' in error
+
+
+def test_baseline_that_is_missing_is_told_before_the_run(bags, tmp_path, capsys):
+    """Not when all recordings have been checked."""
+    assert main([bags[0], '--expect', str(tmp_path / 'nowhere.json')]) == 3
+    out, error = capsys.readouterr()
+    assert out == '' and error.count('\n') == 1
+
+
+def test_junit_of_a_gate_says_what_the_gate_says(bags, tmp_path):
+    """A contact that is expected is no failure; what differs from the baseline is one."""
+    stored, junit = str(tmp_path / 'stored.json'), tmp_path / 'a.xml'
+    assert main([*bags, '--json', stored]) == 1
+    assert main([*bags, '--expect', stored, '--junit', str(junit)]) == 0
+    suite, = ElementTree.parse(junit).iter('testsuite')
+    assert (suite.get('tests'), suite.get('failures'), suite.get('errors')) == ('2', '0', '0')
+    assert main([bags[1], '--expect', stored, '-p', 'margin:=0.1', '--junit', str(junit)]) == 1
+    suite, = ElementTree.parse(junit).iter('testsuite')
+    assert (suite.get('tests'), suite.get('failures')) == ('2', '2')
+    failures = {case.get('classname'): case.find('failure').get('message')
+                for case in suite.iter('testcase')}
+    assert failures['clear'] == 'expected, but not checked' and 'touching' in failures
+
+
+def test_topic_that_is_absent_is_told_with_the_nearest_name(bags, capsys):
+    """A letter too many."""
+    assert main([bags[0], '--footprint', '/footprints']) == 2
+    assert 'no topic /footprints; did you mean /footprint?' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('module, arguments, extra', [
+    ('distributed', ['--dask', 'tcp://127.0.0.1:9'], 'cluster'),
+    ('matplotlib', ['--plot', 'a.png'], 'plot')])
+def test_missing_library_is_told_with_what_brings_it(
+        bags, tmp_path, monkeypatch, capsys, module, arguments, extra):
+    """In one line, instead of the name of a module."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, module, None)
+    assert main([bags[0], *arguments]) == 3
+    out, error = capsys.readouterr()
+    assert out == '' and f"pip install 'sat_collision[{extra}]'" in error.splitlines()[-1]
+
+
+def test_scheduler_that_does_not_answer_is_given_up_soon(bags, capsys, monkeypatch):
+    """The command says at once what it does, and in seconds that nobody answers."""
+    pytest.importorskip('distributed')
+    monkeypatch.setattr(parallel, '_PATIENCE', 1)
+    assert main([bags[0], '--dask', 'tcp://127.0.0.1:9']) == 3
+    lines = [line for line in capsys.readouterr().err.splitlines() if 'replay_check' in line]
+    assert lines[0] == 'replay_check: connecting to tcp://127.0.0.1:9'
+    assert 'no scheduler answers at tcp://127.0.0.1:9' in lines[-1]
+
+
+def test_picture_of_no_kind_is_told_with_the_kinds(bags, capsys):
+    """Those that are meant, not all that the library could write."""
+    assert main([bags[0], '--plot', 'a.mp4']) == 3
+    error = capsys.readouterr().err
+    assert all(kind in error for kind in ('.html', '.png', '.svg', '.pdf')) and '.ps' not in error
+
+
+def test_topic_taken_for_a_recording_is_told(bags, capsys):
+    """`--obstacles a b BAG`."""
+    assert main(['--obstacles', '/obstacles', '/b', bags[0]]) == 3
+    out, error = capsys.readouterr()
+    assert '/b is taken for a recording' in error and error.count('\n') == 1
+    assert f'{bags[0]}: CLEAR' in out
+
+
+def test_missing_topic_is_told_with_the_candidates(bags, tmp_path, capsys):
+    """What the recording has and nothing uses."""
+    bag = write(tmp_path / 'bag', [(topic, k / 10, box(0)) for k in range(20)
+                                   for topic in ('/footprint', '/people')])
+    main([str(bag), '--obstacles', '/persons'])
+    line, = (line for line in capsys.readouterr().out.splitlines() if 'no topic' in line)
+    assert '/persons; it has /people (polygon)' in line and '/footprint' not in line
+
+
+@pytest.mark.parametrize('name', ('a.bag', 'a.db3'))
+def test_bag_of_ros_1_is_named(tmp_path, capsys, name):
+    """With what converts it."""
+    (tmp_path / name).write_bytes(b'#ROSBAG V2.0\n' + bytes(5000))
+    assert main([str(tmp_path / name)]) == 3
+    line, = (line for line in capsys.readouterr().out.splitlines() if 'problem' in line)
+    assert f'rosbags-convert --src {tmp_path / name} --dst {tmp_path / "a"}' in line
+
+
+@pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
+def test_damaged_file_is_told_once(tmp_path, capsys, storage):
+    """However often it is read, and whatever is wrong with it."""
+    bag = write(tmp_path / 'bag', drive(), storage)
+    file = bag / {'mcap': 'bag.mcap', 'sqlite3': 'bag.db3'}[storage]
+    data = file.read_bytes()
+    file.write_bytes(data[:len(data) * 2 // 3])
+    assert main([str(file)]) in (1, 3)
+    assert capsys.readouterr().out.count(f'problem: {file}') == 1
+
+
+def test_no_row_says_that_it_lasted_0_s(tmp_path, capsys):
+    """A contact of the last message is a moment; and 100 us without obstacles at the start."""
+    messages = [('/footprint', 0.0, box(0)), ('/obstacles', 1e-4, box(3)),
+                ('/obstacles', 1e-4, []), ('/footprint', 0.5, box(0)),
+                ('/obstacles', 0.5, box(0.5))]
+    bag = write(tmp_path / 'bag', messages, latched=('/obstacles',))
+    junit = tmp_path / 'result.xml'
+    assert main([str(bag), '--as-live', '--junit', str(junit)]) == 1
+    out = capsys.readouterr().out
+    assert re.search(r'footprint +obstacle/0 +0.500 +moment\+ +0.5 ', out)
+    assert 'reason' not in out
+    assert 'in contact with obstacle/0 at 0.500 s, 0.5000 m deep' in junit.read_text()
+
+
+def test_reader_that_goes_away_is_no_error(bags, tmp_path):
+    """`replay_check ... | head -1`: the status and the files are as they would be."""
+    result = tmp_path / 'result.json'
+    process = subprocess.Popen([sys.executable, '-m', 'sat_collision.replay', bags[1],
+                                *[bags[0]] * 3, '--json', str(result)],
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process.stdout.close()
+    assert process.stderr.read() == ''
+    assert process.wait(60) == 1
+    assert len(json.loads(result.read_text())['bags']) == 4
+
+
+def test_interrupt_ends_all_processes(tmp_path):
+    """Of many recordings, sent to the command alone: what waits is not begun."""
+    bag = str(write(tmp_path / 'bag', drive(60.0)))
+    process = subprocess.Popen([sys.executable, '-m', 'sat_collision.replay', *[bag] * 2000,
+                                '--jobs', '2'], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                               text=True)
+    process.stdout.readline()
+    begun = time.monotonic()
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=60)
+    assert (process.returncode, error) == (2, 'replay_check: interrupted\n')
+    assert time.monotonic() - begun < 20
+
+
+def test_recording_is_known_by_its_content(bags, tmp_path, capsys):
+    """Under another name, in another folder and in another storage."""
+    stored = str(tmp_path / 'stored.json')
+    assert main([*bags, '--json', stored]) == 1
+    elsewhere = tmp_path / 'elsewhere'
+    elsewhere.mkdir()
+    moved = [str(write(elsewhere / 'touching', CLEAR, 'sqlite3')),
+             str(shutil.copytree(bags[1], elsewhere / 'clear'))]
+    capsys.readouterr()
+    assert main([*moved, '--expect', stored]) == 0
+    other = str(write(elsewhere / 'other', drive(3.0)))
+    assert main([moved[1], other, '--expect', stored]) == 1
+    out = capsys.readouterr().out
+    assert 'clear: expected, but not checked' in out
+    assert 'other: checked, but not expected' in out
+    assert main([other, '--json', str(tmp_path / 'other.json')]) == 0
+    content = json.loads((tmp_path / 'other.json').read_text())
+    del content['bags'][0]['content']
+    (tmp_path / 'other.json').write_text(json.dumps(content))
+    assert main([other, '--expect', str(tmp_path / 'other.json')]) == 0, 'of an earlier version'

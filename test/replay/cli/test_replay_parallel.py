@@ -1,0 +1,130 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Many recordings at once: processes of this machine, and a real Dask cluster over TCP."""
+
+import functools
+import os
+from pathlib import Path
+import signal
+
+import pytest
+from recordings import drive, NAMES, needs_shared, SHARED, write
+from sat_collision.replay.cli import command, parallel
+from sat_collision.replay.cli.command import main
+from sat_collision.replay.model.options import Options
+from sat_collision.replay.model.result import Verdict
+
+
+@pytest.fixture
+def bags(tmp_path):
+    """Return recordings of which every second has a contact."""
+    return [str(write(tmp_path / f'bag{k}', drive(2.0, contact=(1.0, 1.5 if k % 2 else 1.0))))
+            for k in range(4)]
+
+
+def summed(results):
+    return {result.bag: (result.verdict, result.messages, len(result.contacts))
+            for result in results}
+
+
+def dies(path, options, marks, forever):
+    """Check a recording; but end the process hard at the first attempt, or at every one."""
+    mark = Path(marks, Path(path).name)
+    if path.endswith('bag3') and (forever or not mark.exists()):
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return parallel.check(path, options)
+
+
+def fails(path, options, marks, forever):
+    """Check a recording; but raise at the first attempt, or at every one."""
+    mark = Path(marks, Path(path).name)
+    if path.endswith('bag3') and (forever or not mark.exists()):
+        mark.touch()
+        raise OSError('the disk is away')
+    return parallel.check(path, options)
+
+
+@pytest.fixture
+def cluster():
+    """Return the address of a Dask cluster of two worker processes."""
+    distributed = pytest.importorskip('distributed')
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True,
+                                  protocol='tcp', dashboard_address=None) as cluster:
+        yield cluster.scheduler_address
+
+
+def test_jobs_give_the_same_results(bags):
+    """In any order, each once."""
+    alone = [parallel.check_one(bag, Options()) for bag in bags]
+    assert summed(parallel.check_here(bags, Options(), 2)) == summed(alone)
+    assert [result.verdict for result in alone] == [Verdict.CLEAR, Verdict.COLLISION] * 2
+
+
+def test_progress_of_many_counts_recordings(bags, monkeypatch):
+    """Where each has a process of its own, whose bars would overwrite each other."""
+    shown = []
+    monkeypatch.setattr(command.Progress, 'show', lambda _, share: shown.append(share))
+    assert main([*bags, '--jobs', '2']) == 1
+    assert shown == [0.25, 0.5, 0.75]
+
+
+@pytest.mark.parametrize('fault', (dies, fails))
+def test_recording_of_a_lost_process_is_tried_again(bags, tmp_path, monkeypatch, fault):
+    """A worker that is killed, or fails, at its first attempt: no result is lost or doubled."""
+    monkeypatch.setattr(parallel, 'check_one', functools.partial(
+        fault, marks=str(tmp_path), forever=False))
+    results = list(parallel.check_here(bags, Options(), 2))
+    assert sorted(result.bag for result in results) == bags
+    assert all(not result.problems for result in results)
+
+
+def test_recording_that_kills_every_process_is_given_up(bags, tmp_path, monkeypatch):
+    """It is bad input after three attempts; all others are checked."""
+    monkeypatch.setattr(parallel, 'check_one', functools.partial(
+        dies, marks=str(tmp_path), forever=True))
+    results = {result.bag: result for result in parallel.check_here(bags, Options(), 2)}
+    assert sorted(results) == bags
+    assert [bag for bag in bags if results[bag].problems] == [bags[3]]
+    assert '3 attempts' in results[bags[3]].problems[0]
+
+
+def test_cluster_gives_the_same_results(bags, cluster):
+    """Two worker processes over TCP, the function being that of one recording."""
+    alone = [parallel.check_one(bag, Options()) for bag in bags]
+    assert summed(parallel.check_on_cluster(bags, Options(), cluster)) == summed(alone)
+
+
+@pytest.mark.parametrize('fault', (dies, fails))
+def test_recording_of_a_lost_worker_is_tried_again(bags, tmp_path, monkeypatch, cluster, fault):
+    """A worker process that is killed, and one that raises."""
+    monkeypatch.setattr(parallel, 'check_one', functools.partial(
+        fault, marks=str(tmp_path), forever=False))
+    results = list(parallel.check_on_cluster(bags, Options(), cluster))
+    assert sorted(result.bag for result in results) == bags
+    assert all(not result.problems for result in results)
+
+
+@needs_shared
+def test_command_on_jobs_and_cluster(cluster, capsys):
+    """The recordings, with the summary and the exit status of one after the other."""
+    recordings = [str(SHARED / f'{name}_mcap') for name in NAMES]
+    outs = []
+    for arguments in ([], ['--jobs', '2'], ['--dask', cluster]):
+        assert main([*recordings, *arguments]) == 1
+        out = capsys.readouterr().out
+        outs.append(out[out.index('3 recordings'):])
+    assert outs[0] == outs[1] == outs[2]
+    assert '8 contacts' in outs[0]

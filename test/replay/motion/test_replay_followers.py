@@ -1,0 +1,85 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Which body of a set becomes which of the next, against a plain search of all pairs."""
+
+import numpy as np
+import pytest
+from sat_collision.messages.placement import Placement
+from sat_collision.replay.motion.tracker import SetTracker
+from sat_collision.scene.settings import ObstacleSettings
+
+PERIOD = 10**8
+
+
+def placement(stamp, points):
+    """Return points as a message has them, a whole number of periods after 0."""
+    array = np.zeros((len(points), 3), np.float32)
+    array[:, :2] = np.reshape(points, (-1, 2))
+    return Placement('lidar', stamp * PERIOD, True, 'map', (array.tobytes(), 0, len(points)),
+                     None, None)
+
+
+def random_set(rng, count, extent):
+    """Return rings of three or four points on a grid, so that distances are exact and may tie."""
+    rings = {}
+    for x, y in rng.integers(-extent, extent + 1, (count, 2)):
+        corners = [(x, y), (x + 1, y), (x + 1, y + 1), (x, y + 1)]
+        ring = tuple(corners[:rng.integers(3, 5)])
+        rings[ring] = ring
+    return list(rings)
+
+
+def centre(points):
+    """Return the middle of the bounds, twice."""
+    xs, ys = zip(*points)
+    return min(xs) + max(xs), min(ys) + max(ys)
+
+
+def nearest(points, others):
+    """Return the first of those that are nearest."""
+    x, y = centre(points)
+    return min(range(len(others)), key=lambda j: sum(
+        (a - b) ** 2 for a, b in zip((x, y), centre(others[j]))))
+
+
+def expected_pairs(before, after):
+    """Return which ring becomes which: nearest to each other, with as many points."""
+    if not before or not after:
+        return set()
+    return {(i, j) for i, j in enumerate(nearest(one, after) for one in before)
+            if nearest(after[j], before) == i and len(before[i]) == len(after[j])}
+
+
+@pytest.mark.parametrize('extent', [2, 5, 30])
+def test_bodies_of_sets_are_those_that_are_nearest_to_each_other(extent):
+    """Many at one place, or few far apart; for how long something has no partner is counted."""
+    rng = np.random.default_rng(extent)
+    steps = []
+    tracker = SetTracker(ObstacleSettings('lidar', '/lidar'), 256,
+                         lambda tracker, step: steps.append(step))
+    sets = [random_set(rng, rng.integers(0, 12), extent) for _ in range(300)]
+    for number, rings in enumerate(sets, 1):
+        for points in [*rings, ()]:
+            tracker.place(placement(number, points))
+    assert len(steps) == len(sets)
+    undetermined = followed = 0
+    for before, after, step in zip(sets, sets[1:], steps[1:]):
+        pairs = expected_pairs(before, after)
+        assert {pair for motion in step.motions
+                for pair in zip(motion.rows, motion.next_rows)} == pairs
+        undetermined += PERIOD * (max(len(before), len(after)) > len(pairs))
+        followed += len(pairs)
+    assert tracker.undetermined == undetermined
+    assert followed > 300

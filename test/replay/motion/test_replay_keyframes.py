@@ -1,0 +1,149 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The keyframes of a replay: where all bodies were, as contacts were decided."""
+
+from builders import serialised
+import pytest
+from recordings import box, drive, INSTANCE, nanoseconds, needs_shared, SHARED, write
+from sat_collision.geometry.polygon import Polygon
+from sat_collision.geometry.query import separation
+from sat_collision.replay.bag.recording import Recording
+from sat_collision.replay.model.options import Options
+from sat_collision.replay.model.result import moments_of
+from sat_collision.replay.run import check
+
+RECORDINGS = ('autoware_ego_trajectory_boxes_mcap', 'commonroad_BEL_Zaventem-1_2_T-1_sqlite3',
+              'commonroad_USA_Lanker-1_1_ego1247_mcap', 'tysik_front_scan_polygons_mcap')
+WITH_IDS = {'obstacle.type': 'polygon_instance'}
+
+
+def with_keyframes(path, **options):
+    """Return what a check with keyframes finds."""
+    result = check(path, Options(keyframes=True, **options))
+    assert not result.problems
+    return result
+
+
+def nearest(keyframes, time):
+    """Return the number of the moment nearest to a time."""
+    return min(range(len(keyframes.moments)),
+               key=lambda number: abs(keyframes.moments[number] - nanoseconds(time)))
+
+
+def places(keyframes, time, is_footprint=False):
+    """Return left ends of bodies by name, and whether they are known, at the moment nearest."""
+    number = nearest(keyframes, time)
+    return {span.name: (span.ring[:, 0].min(), span.known) for body, span in keyframes.at(number)
+            if body.is_footprint is is_footprint}
+
+
+def agree(result, as_live):
+    """Compare the pair of each contact in the keyframes with its depth."""
+    assert result.contacts
+    told = {}
+    for contact in result.contacts:
+        told.setdefault(contact.deepest, []).append(contact)
+    for time, contacts in told.items():
+        number = result.keyframes.number(time)
+        assert result.keyframes.moments[number] == time
+        # As live, of those that are deepest at one time between its messages, one is shown.
+        for contact in contacts if not as_live else [max(contacts, key=lambda one: one.depth)]:
+            own = result.keyframes.footprint(contact.footprint).at(number)
+            other = result.obstacle_of(contact).at(number)
+            assert own.known and other.known
+            assert separation(Polygon(own.ring), Polygon(other.ring)) == -contact.depth
+
+
+@needs_shared
+@pytest.mark.parametrize('as_live', (False, True), ids=('motion', 'live'))
+@pytest.mark.parametrize('name', RECORDINGS)
+def test_keyframes_has_each_contact_as_deep_as_it_is_said_to_be(name, as_live):
+    """To the last bit: the deepest moments are there, and so are the bodies of the pair."""
+    agree(with_keyframes(SHARED / name, as_live=as_live), as_live)
+
+
+def test_keyframes_has_a_contact_that_ends_at_the_time_at_which_it_begins(tmp_path):
+    """As live, the robot comes to where the person was, who leaves by a message of that time."""
+    messages = []
+    for tick in range(40):
+        messages += [('/footprint', tick / 10, box(2.5 if tick >= 10 else 0.0)),
+                     ('/obstacles', tick / 10, box(6.0 if tick >= 10 else 3.0)),
+                     ('/obstacles', tick / 10, [])]
+    result = with_keyframes(write(tmp_path / 'bag', messages), as_live=True)
+    contact, = result.contacts
+    assert contact.first == contact.last == contact.deepest and contact.depth == 0.5
+    agree(result, True)
+
+
+def test_bodies_are_shown_on_their_way_between_messages(tmp_path):
+    """A footprint at 1 Hz and an obstacle with an id at 2 Hz, each at its own speed."""
+    messages = [('/footprint', time, box(2.0 * time)) for time in range(11)]
+    messages += [('/obstacles', time / 2, serialised(box(30.0 - time), nanoseconds(time / 2),
+                                                     instance=7)) for time in range(21)]
+    messages.sort(key=lambda message: message[1])
+    result = with_keyframes(write(tmp_path / 'bag', messages, types={'/obstacles': INSTANCE}),
+                            parameters=WITH_IDS)
+    for time in (0.3, 4.5, 7.77):
+        number = nearest(result.keyframes, time)
+        moment = (result.keyframes.moments[number] - nanoseconds(0)) / 1e9
+        found, = (span for body, span in result.keyframes.at(number) if body.is_footprint)
+        assert found.known and found.ring[:, 0].min() == pytest.approx(2.0 * moment, abs=1e-5)
+        (name, (x, known)), = places(result.keyframes, time).items()
+        assert name.endswith('/7') and known and x == pytest.approx(30.0 - 2 * moment, abs=1e-5)
+
+
+def test_what_is_not_known_is_shown_where_it_was_and_marked(tmp_path):
+    """The footprint is silent from 4 s to 8 s, longer than its timeout."""
+    messages = [message for message in drive(12.0, contact=(0, 0))
+                if message[0] != '/footprint' or not 4.0 < message[1] < 8.0]
+    result = with_keyframes(write(tmp_path / 'bag', messages))
+    known = {time: places(result.keyframes, time, True)['footprint'][1] for time in (2, 6, 10)}
+    assert known == {2: True, 6: False, 10: True}
+
+
+def test_obstacle_that_is_gone_is_in_the_keyframes_no_more(tmp_path):
+    """Two obstacles until 5 s, then one: as recorded and as live."""
+    messages = [message for k in range(101) for message in (
+        ('/footprint', k / 10, box(0)), ('/obstacles', k / 10, box(3)),
+        *([('/obstacles', k / 10, box(6))] if k < 50 else []), ('/obstacles', k / 10, []))]
+    path = write(tmp_path / 'bag', messages)
+    for as_live in (False, True):
+        keyframes = with_keyframes(path, as_live=as_live).keyframes
+        assert [len(places(keyframes, time)) for time in (2, 8)] == [2, 1]
+
+
+def test_moments_are_dense_around_contacts_and_few_in_all(tmp_path):
+    """Of ten minutes with one contact of a tenth of a second."""
+    result = with_keyframes(
+        write(tmp_path / 'bag', drive(600.0, rate=5.0, contact=(300.0, 300.2))))
+    moments = moments_of(result)
+    assert moments == result.keyframes.moments == sorted(set(moments)) and len(moments) < 500
+    near = [time for time in moments if abs(time - nanoseconds(300.0)) < 1e9]
+    assert len(near) > 20
+    assert max(b - a for a, b in zip(moments, moments[1:])) < 2e9
+
+
+def test_keyframes_changes_nothing_and_the_recording_is_read_once(tmp_path, monkeypatch):
+    """Without one nothing is kept; with one the result is the same."""
+    path = write(tmp_path / 'bag', drive())
+    plain = check(path)
+    read = []
+    messages = Recording.messages
+    monkeypatch.setattr(Recording, 'messages', lambda self, *arguments: (
+        read.append(self) or messages(self, *arguments)))
+    result = with_keyframes(path)
+    assert plain.keyframes is None and result.keyframes and len(read) == 1
+    result.keyframes = None
+    assert plain == result

@@ -1,0 +1,402 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What touched by recorded motion: between messages, at equal stamps, and with its own doubts."""
+
+import json
+
+from builders import SECOND, serialised
+import pytest
+from recordings import box, INSTANCE, needs_shared, SHARED, SOURCE, START, write
+from sat_collision.replay.cli.command import main
+from sat_collision.replay.model.options import Options
+from sat_collision.replay.model.result import AT_A_SAMPLE, BETWEEN_SAMPLES, Verdict
+from sat_collision.replay.run import check
+
+NAMES = ('autoware_ego_trajectory_boxes', 'commonroad_BEL_Zaventem-1_2_T-1',
+         'commonroad_USA_Lanker-1_1_ego1247', 'tysik_front_scan_polygons')
+
+
+def since(result, *times):
+    """Return times in seconds since the recording begins."""
+    return [None if time is None else (time - result.origin) / SECOND for time in times]
+
+
+def at(time, points, delay=0.0, topic='/obstacles'):
+    """Return a message stamped at a time that comes later."""
+    return topic, time + delay, serialised(points, START + round(time * SECOND))
+
+
+def test_leader_at_constant_distance_is_not_touched(tmp_path):
+    """
+    0.10 m ahead, both at 2 m/s with frames at 10 Hz, the footprint 20 ms earlier.
+
+    As live its place of before is taken for its place now, 0.20 m back.
+    """
+    messages = []
+    for k in range(40):
+        t = k / 10
+        messages += [at(t, box(2 * t), topic='/footprint'), at(t + 0.02, box(2 * t + 1.14))]
+    bag = write(tmp_path / 'bag', messages)
+    result = check(bag)
+    assert result.verdict is Verdict.CLEAR and result.contacts == []
+    values = [value for _, value in result.footprints[0].separation if value is not None]
+    assert len(values) >= 38
+    assert values == pytest.approx([0.1] * len(values), abs=1e-5)
+    assert check(bag, Options(as_live=True)).verdict is Verdict.COLLISION
+
+
+@pytest.mark.parametrize('as_live', [False, True])
+def test_footprint_has_sources_of_its_own(tmp_path, as_live):
+    """It stands in its dock, which is not one of them; for another footprint that is a contact."""
+    parameters = {'footprints': ['robot', 'cart'], 'obstacles': ['dock', 'walls'],
+                  'robot.obstacles': ['walls'], 'cart.obstacles': ['']}
+    messages = []
+    for k in range(20):
+        messages += [(f'/{name}', k / 10, box(0)) for name in ('robot', 'cart')]
+        messages += [('/walls', k / 10, box(3))]
+        if k < 2:
+            messages += [('/dock', k / 10, box(0.5))]
+    result = check(write(tmp_path / 'bag', messages),
+                   Options(parameters={**parameters, 'dock.timeout': 0.5}, as_live=as_live))
+    robot, cart = result.footprints
+    assert {(contact.footprint, str(contact.obstacle)) for contact in result.contacts} == {
+        ('cart', 'dock/0')}
+    assert (robot.ever_known, robot.collision, robot.least.separation) == (True, 0, 2.0)
+    assert {unknown.footprint for unknown in result.unknown
+            if 'silent' in str(unknown.reasons)} == {'cart'}
+
+
+@pytest.mark.parametrize('first', ['/footprint', '/obstacles'])
+def test_order_within_a_stamp_means_nothing(tmp_path, first):
+    """Two cars 2 m apart at 3 m a frame, all messages of a frame at one stamp."""
+    messages = []
+    for k in range(50):
+        frame = [('/footprint', k / 10, box(3 * k)), ('/obstacles', k / 10, box(3 * k + 3))]
+        messages += frame if first == '/footprint' else frame[::-1]
+    result = check(write(tmp_path / 'bag', messages))
+    assert (result.verdict, result.contacts) == (Verdict.CLEAR, [])
+    assert [value for _, value in result.footprints[0].separation] == [2.0] * 50
+
+
+def test_thin_wall_between_two_frames(tmp_path, capsys):
+    """0.5 m long at 10 m/s, frames at 10 Hz: in no frame does it touch the wall."""
+    wall = [(20.6, -1), (20.61, -1), (20.61, 2), (20.6, 2)]
+    messages = [message for k in range(41) for message in (
+        ('/footprint', k / 10, [(k, 0), (k + 0.5, 0), (k + 0.5, 0.5), (k, 0.5)]),
+        ('/obstacles', k / 10, wall))]
+    bag = write(tmp_path / 'bag', messages)
+    assert main([str(bag)]) == 1
+    assert 'between 2.000 and 2.100 s' in capsys.readouterr().out
+    result = check(bag)
+    contact, = result.contacts
+    assert contact.found == BETWEEN_SAMPLES
+    assert since(result, *contact.between) == [2.0, 2.1]
+    assert since(result, contact.first, contact.last) == pytest.approx([2.01, 2.061], abs=1e-5)
+    assert contact.depth == pytest.approx((0.5 + 0.01) / 2, abs=1e-5)
+    assert result.footprints[0].collision == contact.last - contact.first
+
+
+@needs_shared
+@pytest.mark.parametrize('clock', ('receive', 'header'))
+@pytest.mark.parametrize('name', NAMES)
+def test_shared_recordings_say_what_is_true_at_equal_stamps(name, clock):
+    """Every separation, every least one and every contact, against those found by shapely."""
+    moments = json.loads((SHARED / f'{name}_moments.json').read_text())
+    result = check(SHARED / f'{name}_sqlite3', Options(
+        clock=clock, parameters={'footprint.timeout': 3.0, f'{SOURCE}.timeout': 3.0}))
+    curve = dict(result.footprints[0].separation)
+    for moment in moments:
+        assert max(curve[moment['stamp']], 0.0) == pytest.approx(moment['least'], abs=1e-9)
+        touching = {f'{SOURCE}/{index}' for index in moment['touching']}
+        found = [contact for contact in result.contacts if contact.found == AT_A_SAMPLE
+                 and contact.first <= moment['stamp'] <= contact.last]
+        assert len(found) == len(touching)
+    assert (result.verdict is Verdict.COLLISION) == any(one['touching'] for one in moments)
+
+
+def frames(places, topic='/footprint', every=0.1, size=1.0):
+    """Return messages of a body that is at one place after the other."""
+    return [(topic, k * every, box(x, size=size)) for k, x in enumerate(places)]
+
+
+def run(tmp_path, messages, **options):
+    """Check messages in the order of their times."""
+    types = {'/tracks': INSTANCE}
+    return check(write(tmp_path / 'bag', sorted(messages, key=lambda one: one[1]), types=types),
+                 Options(**options))
+
+
+def test_both_ways_of_a_crossing_are_followed(tmp_path):
+    """The robot passes an obstacle that passes it: they touch half way, in no frame."""
+    robot = frames([0, 0, 0, 4, 4, 4])
+    other = frames([4, 4, 4, 0, 0, 0], '/obstacles')
+    result = run(tmp_path, robot + other)
+    contact, = result.contacts
+    assert contact.found == BETWEEN_SAMPLES
+    assert since(result, contact.first, contact.last) == pytest.approx([0.2375, 0.2625], abs=1e-6)
+    assert contact.depth == pytest.approx(1.0, abs=1e-6)
+    assert result.footprints[0].least.found == BETWEEN_SAMPLES
+
+
+def test_obstacles_are_followed_whatever_their_order(tmp_path):
+    """Two of them cross the robot's lane, told in another order each time."""
+    messages = frames([0] * 10)
+    for k in range(10):
+        pair = [box(-9 + 2 * k, 0), box(30, 5)]
+        messages += [('/obstacles', k / 10, points) for points in pair[::(-1) ** k]]
+    result = run(tmp_path, messages)
+    contact, = result.contacts
+    assert since(result, contact.first, contact.last) == pytest.approx([0.4, 0.5], abs=1e-6)
+    assert all(source.undetermined == 0 for source in result.sources)
+
+
+def test_other_number_of_vertices_is_another_body(tmp_path):
+    """How it came from one place to the other is not known, and the result says for how long."""
+    messages = frames([0] * 10) + frames([-5] * 5, '/obstacles')
+    messages += [('/obstacles', k / 10, box(5)[:3]) for k in range(5, 10)]
+    result = run(tmp_path, messages)
+    assert result.verdict is Verdict.CLEAR
+    assert [source.undetermined for source in result.sources] == [0, SECOND // 10]
+    for most, verdict in ((0.1, Verdict.CLEAR), (0.099, Verdict.UNKNOWN)):
+        result.max_undetermined = most
+        assert result.verdict is verdict
+
+
+def test_new_start_vertex_is_no_motion(tmp_path):
+    """A wall whose ring begins elsewhere, and runs the other way, each time, stays where it is."""
+    wall = [(2.0, -3), (2.1, -3), (2.1, 3), (2.0, 3)]
+    messages = frames([0] * 9)
+    for k in range(9):
+        ring = wall[k % 4:] + wall[:k % 4]
+        messages.append(('/obstacles', k / 10, ring[::(-1) ** (k // 2)]))
+    result = run(tmp_path, messages)
+    assert result.contacts == []
+    assert [value for _, value in result.footprints[0].separation] == [1.0] * 9
+
+
+@pytest.mark.parametrize('start, step', [(0, 1), (2, 1), (0, -1), (1, -1)])
+def test_new_start_vertex_hides_nothing(tmp_path, start, step):
+    """Were each vertex taken for the next, a wall would shrink to a point half way."""
+    wall = [(2.0, -3), (2.1, -3), (2.1, 3), (2.0, 3)]
+    messages = [('/footprint', k / 10, [(x, 2), (x + 0.5, 2), (x + 0.5, 2.5), (x, 2.5)])
+                for k, x in enumerate([0, 1.2, 2.4, 3.6])]
+    messages += [('/obstacles', k / 10, (wall[start:] + wall[:start])[::step] if k % 2 else wall)
+                 for k in range(4)]
+    contact, = run(tmp_path, messages).contacts
+    assert contact.found == BETWEEN_SAMPLES
+
+
+def test_members_of_a_set_with_stamps_of_their_own(tmp_path):
+    """Each is where it was at its own stamp: both keep 0.5 m to a robot at 10 m/s."""
+    messages = []
+    for k in range(20):
+        messages += [at(k / 10, box(k), topic='/footprint'),
+                     at(k / 10 + 0.03, box(k + 0.3 + 1.5), 0.01),
+                     at(k / 10 + 0.04, box(k + 0.4 - 1.5), 0.01)]
+    result = run(tmp_path, messages)
+    assert result.contacts == []
+    assert result.footprints[0].least.separation == pytest.approx(0.5, abs=1e-5)
+    values = [value for _, value in result.footprints[0].separation if value is not None]
+    assert len(values) >= 18 and values == pytest.approx([0.5] * len(values), abs=1e-5)
+
+
+@pytest.mark.parametrize('parameters, stamp', [
+    ({f'{SOURCE}.timeout': 0.0}, START), ({f'{SOURCE}.timeout': 0.0}, 0),
+    ({f'{SOURCE}.timeout': 60.0}, START), ({f'{SOURCE}.accumulate': True,
+                                            f'{SOURCE}.timeout': 60.0}, START)],
+    ids=['latched', 'latched without stamp', 'once', 'accumulated'])
+def test_what_is_told_once_stands(tmp_path, parameters, stamp):
+    """The robot drives through a thin wall 30 s after it was told of, between two frames."""
+    wall = serialised([(301.6, -1), (301.61, -1), (301.61, 2), (301.6, 2)], stamp)
+    messages = [('/obstacles', 0.0, wall), *frames(range(330), size=0.5)]
+    result = run(tmp_path, messages, parameters=parameters)
+    contact, = result.contacts
+    assert contact.found == BETWEEN_SAMPLES
+    assert since(result, *contact.between) == [30.1, 30.2]
+    assert since(result, contact.first, contact.last) == pytest.approx([30.11, 30.161], abs=1e-5)
+    assert min(value for _, value in result.footprints[0].separation) < 0.7
+
+
+def test_what_never_moves_is_looked_at_in_every_frame(tmp_path):
+    """A wall told once a second, a robot at 10 Hz that bumps into it in one frame."""
+    messages = frames([0, 0, 0, 0, 1.5, 0, 0, 0, 0, 0, 0, 0])
+    messages += [('/obstacles', 0.0, box(2)), ('/obstacles', 1.0, box(2))]
+    result = run(tmp_path, messages)
+    contact, = result.contacts
+    assert (contact.found, contact.depth) == (AT_A_SAMPLE, 0.5)
+    assert since(result, contact.deepest) == [0.4]
+    assert dict(result.footprints[0].separation)[START + 3 * SECOND // 10] == 1.0
+
+
+def test_footprint_is_interpolated_over_no_more_than_its_timeout(tmp_path):
+    """A gap of 1.5 s in its frames: what lies between is not made up."""
+    robot = [('/footprint', time, box(x)) for time, x in ((0.0, 0), (0.1, 0), (1.6, 9), (1.7, 9))]
+    messages = robot + frames([4] * 18, '/obstacles')
+    result = run(tmp_path, messages)
+    assert result.contacts == []
+    assert result.footprints[0].unknown > 0.3 * SECOND
+    assert len(run_again(tmp_path, parameters={'footprint.timeout': 2.0}).contacts) == 1
+
+
+def run_again(tmp_path, **options):
+    return check(tmp_path / 'bag', Options(**options))
+
+
+def test_refused_footprint_interrupts_the_way(tmp_path):
+    """Where it was when a message was of no use nobody knows."""
+    robot = frames([0, 0, 0, 9, 9, 9])
+    messages = robot + frames([4] * 6, '/obstacles')
+    assert len(run(tmp_path, messages).contacts) == 1
+    bad = ('/footprint', 0.25, serialised([(0, 0), (float('nan'), 0)], START + SECOND // 4))
+    (tmp_path / 'refused').mkdir()
+    assert run(tmp_path / 'refused', [*messages, bad]).contacts == []
+
+
+def test_empty_set_ends_what_was_seen(tmp_path):
+    """It is gone by then, and what comes after it is another one."""
+    messages = frames([0] * 9) + frames([-3, -3, -3], '/obstacles')
+    messages += [('/obstacles', 0.3, [])]
+    messages += [('/obstacles', k / 10, box(3)) for k in range(4, 9)]
+    result = run(tmp_path, messages)
+    assert result.contacts == []
+    assert result.verdict is Verdict.CLEAR
+
+
+def test_margin_counts_between_frames(tmp_path):
+    """A pass at 0.2 m: in contact by a margin of 0.25 m, not by one of 0.15 m."""
+    messages = [('/footprint', k / 10, [(6 * k, 0), (6 * k + 0.5, 0), (6 * k + 0.5, 0.5)])
+                for k in range(8)]
+    messages += [('/obstacles', k / 10, [(21, 0.7), (21.1, 0.7), (21.1, 2)]) for k in range(8)]
+    assert run(tmp_path, messages, parameters={'margin': 0.15}).contacts == []
+    contact, = run_again(tmp_path, parameters={'margin': 0.25}).contacts
+    assert contact.found == BETWEEN_SAMPLES and contact.depth == pytest.approx(-0.2)
+
+
+def test_nothing_known_at_one_time_is_unknown(tmp_path):
+    """A footprint once, and obstacles only after it: as live they collide."""
+    result = run(tmp_path, [('/footprint', 0.0, box(0)),
+                            *(('/obstacles', k / 10, box(0)) for k in range(1, 9))])
+    assert (result.verdict, result.contacts) == (Verdict.UNKNOWN, [])
+    assert '--as-live' in ' '.join(result.notes)
+    assert run_again(tmp_path, as_live=True).verdict is Verdict.COLLISION
+
+
+def test_other_frame_is_never_met(tmp_path):
+    """Told before it is known in which frame the footprint is."""
+    messages = [('/obstacles', 0.0, serialised(box(0), START, 'odom')),
+                *(('/footprint', time + 0.5, points) for _, time, points in frames([0] * 30))]
+    assert run(tmp_path, messages).contacts == []
+
+
+@pytest.mark.parametrize('clock', ('receive', 'header'))
+@pytest.mark.parametrize('as_live', (False, True))
+def test_times_are_those_of_the_recording(tmp_path, capsys, clock, as_live):
+    """From 5 s on: a contact after 6 s is after 6 s, in words and in pictures."""
+    messages = frames([0] * 100) + frames([2] * 60 + [0.5] * 40, '/obstacles')
+    bag = write(tmp_path / 'bag', sorted(messages, key=lambda one: one[1]))
+    result = check(bag, Options(start=5.0, clock=clock, as_live=as_live))
+    contact, = result.contacts
+    assert result.since(result.start) == 5.0
+    assert result.since(contact.deepest) == 6.0
+    main([str(bag), '--start', '5', '--clock', clock, *(['--as-live'] if as_live else [])])
+    assert f'{SOURCE}/0 at 6.000 s' in capsys.readouterr().out
+
+
+def test_moving_obstacle_is_nowhere_after_it_was_seen_last(tmp_path):
+    """It is ahead at the robot's speed; then the robot passes where it was seen last."""
+    messages = frames(range(30)) + frames([x + 1.5 for x in range(20)], '/obstacles')
+    result = run(tmp_path, messages)
+    assert result.contacts == []
+    assert result.sources[1].undetermined > SECOND // 2
+    assert run_again(tmp_path, as_live=True).verdict is Verdict.COLLISION
+
+
+def test_ids_are_followed_through_each_other(tmp_path):
+    """Two cross on the robot: by id each touches once, at times of its own."""
+    messages = frames([0] * 30)
+    for k in range(30):
+        for name, x in ((7, k - 10), (8, 18 - k)):
+            stamp = START + k * SECOND // 10 + name * 10**6
+            messages.append(('/tracks', k / 10 + 0.009, serialised(box(x), stamp, instance=name)))
+    result = run(tmp_path, messages)
+    found = {contact.obstacle: since(result, contact.first, contact.last)
+             for contact in result.contacts}
+    assert found == {'tracks/7': pytest.approx([0.907, 1.107], abs=1e-6),
+                     'tracks/8': pytest.approx([1.708, 1.908], abs=1e-6)}
+
+
+def test_standing_body_with_an_id_is_touched_once(tmp_path):
+    """The robot drives past at 1.5 m/s, and both are told anew 16 times a second."""
+    messages = []
+    for k in range(128):
+        time = k / 16
+        messages += [at(time, box(1.5 * time), 0.01, '/footprint'),
+                     ('/tracks', time + 0.02, serialised(
+                         box(6 + 1 / 64, 0.25, 0.25), START + round(time * SECOND), instance=0))]
+    contact, = run(tmp_path, messages).contacts
+    assert [(time - START) / SECOND for time in (contact.first, contact.last)] == pytest.approx(
+        [(5 + 1 / 64) / 1.5, (6 + 1 / 64 + 0.25) / 1.5], abs=1e-5)
+
+
+@pytest.mark.parametrize('delay', (0.15, 0.5, 5.0))
+@pytest.mark.parametrize('clock', ('receive', 'header'))
+def test_footprint_that_is_received_late_counts_at_its_own_stamp(tmp_path, delay, clock):
+    """The one frame in which it touched comes after those that follow it."""
+    messages = [at(k / 10, box(0.0 if k == 50 else 5.0), delay if k == 50 else 0.0, '/footprint')
+                for k in range(121)]
+    messages += [at(k / 10, points) for k in range(121) for points in (box(0.5), [])]
+    bag = write(tmp_path / 'bag', sorted(messages, key=lambda message: message[1]))
+    result = check(bag, Options(clock=clock))
+    contact, = result.contacts
+    assert result.verdict is Verdict.COLLISION
+    assert contact.first < START + 5 * SECOND < contact.last and contact.found == AT_A_SAMPLE
+
+
+@pytest.mark.parametrize('delay', (0.3, 2.1))
+def test_obstacles_that_are_received_late_count_at_their_own_stamps(tmp_path, delay):
+    """Those of two seconds all at once, when a link is there again."""
+    messages = []
+    for k in range(101):
+        late = 7.0 - k / 10 + delay if 50 <= k < 70 else 0.0
+        messages += [at(k / 10, box(0.0), topic='/footprint'),
+                     at(k / 10, box(0.5 if 55 <= k < 60 else 3.0), late), at(k / 10, [], late)]
+    bag = write(tmp_path / 'bag', sorted(messages, key=lambda message: message[1]))
+    result = check(bag)
+    contact, = result.contacts
+    assert result.verdict is Verdict.COLLISION
+    assert since(result, contact.deepest) == [5.5]
+    assert result.footprints[0].unknown < SECOND // 2
+
+
+def test_what_is_received_after_the_part_that_is_checked_may_be_of_it(tmp_path):
+    """With --duration, a stamp decides."""
+    messages = [at(k / 10, box(0.0 if k == 50 else 5.0), 0.5 if k == 50 else 0.0, '/footprint')
+                for k in range(121)]
+    messages += [at(k / 10, points) for k in range(121) for points in (box(0.5), [])]
+    bag = write(tmp_path / 'bag', sorted(messages, key=lambda message: message[1]))
+    assert check(bag, Options(duration=5.2)).verdict is Verdict.COLLISION
+    assert check(bag, Options(duration=4.5)).verdict is Verdict.CLEAR
+
+
+def test_contact_with_a_notched_obstacle_is_deepest_where_they_touch(tmp_path):
+    """Between two frames it passes both prongs of a U; half way through they are apart."""
+    fork = [(0, -2), (1, -2), (1, 1), (0.75, 1), (0.75, -1), (0.25, -1), (0.25, 1), (0, 1)]
+    messages = [message for k in range(21) for message in (
+        at(k / 10, box(-20.0 if k < 10 else 20.0, 0.0, 0.125), topic='/footprint'),
+        at(k / 10, fork), at(k / 10, []))]
+    contact, = check(write(tmp_path / 'bag', messages)).contacts
+    x = -20.0 + 400.0 * (contact.deepest - START - 0.9 * SECOND) / SECOND
+    assert -0.125 < x < 0.25 or 0.625 < x < 1.0
+    assert contact.depth > 0.0

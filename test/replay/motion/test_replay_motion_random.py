@@ -1,0 +1,125 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Random recorded motions, against dense samples of them that shapely decides."""
+
+from builders import SECOND, serialised
+import numpy as np
+import pytest
+from recordings import INSTANCE, START, write
+from sat_collision.replay.run import check
+
+shapely = pytest.importorskip('shapely')
+
+# What the sweep takes for contact, with what a time rounded to ns may add at these speeds.
+NEAR = 1.1e-6
+SHAPES = [np.array(points, float) for points in (
+    [(0, 0), (1, 0), (1, 1), (0, 1)], [(0, 0), (2, 0), (0.5, 1)], [(0, 0), (1.5, 0.5)], [(0, 0)],
+    [(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)])]
+
+
+class Recorded:
+    """A body that drives through the origin's surroundings and turns, seen at irregular times."""
+
+    def __init__(self, rng, shape, duration):
+        gaps = rng.uniform(0.05, 0.3, 100)
+        self.times = np.cumsum(gaps)[np.cumsum(gaps) < duration]
+        turn, spin = rng.uniform(-3, 3), rng.uniform(-1, 1)
+        place, velocity = rng.uniform(-6, 6, 2), rng.uniform(-8, 8, 2)
+        angles = turn + spin * self.times
+        c, s = np.cos(angles), np.sin(angles)
+        turned = np.stack([np.multiply.outer(c, shape[:, 0]) - np.multiply.outer(s, shape[:, 1]),
+                           np.multiply.outer(s, shape[:, 0]) + np.multiply.outer(c, shape[:, 1])],
+                          axis=2)
+        places = place + np.multiply.outer(self.times - duration / 2, velocity)
+        self.frames = (turned + places[:, None]).astype(np.float32).astype(float)
+        self.stamps = START + np.rint(self.times * SECOND).astype(np.int64)
+
+    def at(self, stamp):
+        """Return where it is between two frames, each vertex on a straight line."""
+        k = np.clip(np.searchsorted(self.stamps, stamp) - 1, 0, len(self.stamps) - 2)
+        share = (stamp - self.stamps[k]) / (self.stamps[k + 1] - self.stamps[k])
+        return self.frames[k] + share * (self.frames[k + 1] - self.frames[k])
+
+    def messages(self, rng, topic, instance=None, longest=0.04):
+        """Return its messages, each received up to so many seconds after its stamp."""
+        delays = rng.uniform(0, longest, len(self.times))
+        return [(topic, time + delay, serialised(frame, int(stamp), instance=instance))
+                for time, delay, frame, stamp in zip(self.times, delays, self.frames, self.stamps)]
+
+
+def geometry(points):
+    """Return what shapely takes the vertices for."""
+    kind = {1: shapely.Point, 2: shapely.LineString}.get(len(points), shapely.Polygon)
+    return kind(points[0] if len(points) == 1 else points)
+
+
+def distance(a, b, stamp):
+    return geometry(a.at(stamp)).distance(geometry(b.at(stamp)))
+
+
+def test_bodies_with_ids_against_dense_samples(tmp_path):
+    """
+    In contact at a sample: within a contact found; at both ends of each contact they touch.
+
+    Footprint and obstacles come at times of their own, and are received in another order.
+    """
+    assert sum(compared(tmp_path / str(seed), seed) for seed in range(12)) > 12
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_how_late_messages_are_received_means_nothing(tmp_path, seed):
+    """In any order, up to three seconds late: every contact is the same."""
+    found = []
+    for longest in (0.0, 3.0):
+        rng = np.random.default_rng(seed)
+        robot, *others = [Recorded(rng, SHAPES[(seed + k) % len(SHAPES)], 4.0) for k in range(6)]
+        messages = robot.messages(rng, '/footprint', None, longest)
+        for k, other in enumerate(others):
+            messages += other.messages(rng, '/tracks', k, longest)
+        messages.sort(key=lambda message: message[1])
+        result = check(write(tmp_path / str(longest), messages, types={'/tracks': INSTANCE}))
+        assert not any(source.rejected for source in result.sources)
+        found.append([(contact.obstacle, contact.first, contact.last, contact.depth)
+                      for contact in result.contacts])
+    assert found[0] == found[1]
+
+
+def compared(path, seed):
+    """Compare what is found in a random recording; return how many contacts it has."""
+    rng = np.random.default_rng(seed)
+    duration = 4.0
+    robot = Recorded(rng, SHAPES[seed % len(SHAPES)], duration)
+    others = {k: Recorded(rng, SHAPES[rng.integers(len(SHAPES))], duration) for k in range(8)}
+    messages = robot.messages(rng, '/footprint')
+    for k, other in others.items():
+        messages += other.messages(rng, '/tracks', k)
+    messages.sort(key=lambda message: message[1])
+    result = check(write(path, messages, types={'/tracks': INSTANCE}))
+    assert result.problems == []
+    met = 0
+    for k, other in others.items():
+        first = max(robot.stamps[0], other.stamps[0])
+        last = min(robot.stamps[-1], other.stamps[-1])
+        found = [contact for contact in result.contacts if contact.obstacle == f'tracks/{k}']
+        met += len(found)
+        for stamp in np.linspace(first, last, 2000).astype(np.int64):
+            gap = distance(robot, other, stamp)
+            inside = any(contact.first <= stamp <= contact.last for contact in found)
+            assert gap > 0.0 or inside, (k, stamp)
+        for contact in found:
+            assert first <= contact.first <= contact.last <= last
+            for end in (contact.first, contact.last):
+                assert distance(robot, other, end) < NEAR
+    return met

@@ -1,0 +1,413 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The page of a replay, in a real browser, on a desk and on a phone."""
+
+import json
+import shutil
+import time
+
+import numpy as np
+import pytest
+from recordings import box, drive, write
+from sat_collision.replay.cli.command import main
+from sat_collision.replay.cli.example import write_example
+from sat_collision.replay.model.keyframes import Keyframes
+from sat_collision.replay.model.result import Contact, FootprintResult, Result, Unknown
+from sat_collision.replay.output.page import write_page
+
+webdriver = pytest.importorskip('selenium.webdriver')
+from selenium.webdriver.common.by import By  # noqa: E402
+from selenium.webdriver.common.keys import Keys  # noqa: E402
+
+CHROMIUM = shutil.which('chromium') or shutil.which('google-chrome')
+DRIVER = shutil.which('chromedriver')
+PATIENCE = 20.0
+
+pytestmark = pytest.mark.skipif(not (CHROMIUM and DRIVER),
+                                reason='needs chromium and chromedriver')
+
+
+@pytest.fixture(scope='module')
+def chromium():
+    """Return a browser without a window."""
+    options = webdriver.ChromeOptions()
+    for argument in ('headless=new', 'no-sandbox', 'disable-dev-shm-usage', 'disable-gpu',
+                     'window-size=1280,900', 'force-device-scale-factor=1'):
+        options.add_argument(f'--{argument}')
+    options.binary_location = CHROMIUM
+    options.set_capability('goog:loggingPrefs', {'browser': 'ALL', 'performance': 'ALL'})
+    driver = webdriver.Chrome(options, webdriver.ChromeService(DRIVER))
+    yield driver
+    driver.quit()
+
+
+@pytest.fixture
+def page(chromium):
+    """Return a function that opens a page; at the end nothing was asked for, and all is well."""
+    opened = []
+
+    def open_page(path):
+        opened.append(path.as_uri())
+        chromium.get(opened[-1])
+        return Page(chromium)
+
+    yield open_page
+    events = [json.loads(entry['message'])['message'] for entry in
+              chromium.get_log('performance')]
+    asked = {event['params']['request']['url'] for event in events
+             if event['method'] == 'Network.requestWillBeSent'}
+    assert {url for url in asked if not url.startswith(('data:', 'about:'))} == set(opened)
+    assert chromium.get_log('browser') == []
+
+
+@pytest.fixture(scope='module')
+def of_warehouse(tmp_path_factory):
+    """Return a page of the example."""
+    path = tmp_path_factory.mktemp('page')
+    write_example(path / 'warehouse')
+    assert main([str(path / 'warehouse'), '--params-file',
+                 str(path / 'warehouse' / 'params.yaml'), '--plot', str(path / 'page.html')]) == 1
+    return path / 'page.html'
+
+
+class Page:
+    """What can be seen and done on an open page."""
+
+    def __init__(self, chromium):
+        self.chromium = chromium
+        self.scrubber = chromium.find_element(By.ID, 'scrubber')
+
+    def text(self, selector):
+        """Return the text of an element."""
+        return self.chromium.find_element(By.CSS_SELECTOR, selector).text
+
+    def texts(self, selector):
+        """Return the texts of all such elements."""
+        return [one.text for one in self.chromium.find_elements(By.CSS_SELECTOR, selector)]
+
+    def click(self, selector, number=0):
+        """Click on an element, by the mouse."""
+        found = self.chromium.find_elements(By.CSS_SELECTOR, selector)[number]
+        self.chromium.execute_script('arguments[0].scrollIntoView({block: "center"})', found)
+        actions = webdriver.ActionChains(self.chromium)
+        # What is drawn takes a click where it has seen the mouse before.
+        actions.move_to_element_with_offset(found, 2, 1).pause(0.3)
+        actions.move_to_element(found).pause(0.3).click().perform()
+
+    def choose(self, view):
+        """Choose what is looked at."""
+        options = self.chromium.find_elements(By.CSS_SELECTOR, '#view option')
+        next(one for one in options if one.text == view).click()
+
+    def drawn(self, colour):
+        """Return the bounds in pixels of the footprint with outlines of a colour."""
+        return self.chromium.execute_script("""
+            const found = [...document.querySelectorAll('#scene path.footprint')].find(one =>
+                getComputedStyle(one).stroke === arguments[0]);
+            const {left, right, top, bottom} = found.getBoundingClientRect();
+            return [left, right, top, bottom].map(Math.round);""", colour)
+
+    def drag(self, share):
+        """Drag the scrubber to some share of its way, from wherever it is."""
+        width = self.scrubber.size['width']
+        self.chromium.execute_script('arguments[0].scrollIntoView({block: "center"})',
+                                     self.scrubber)
+        webdriver.ActionChains(self.chromium).move_to_element_with_offset(
+            self.scrubber, round((share - 0.5) * width), 0).click().perform()
+
+    def until(self, condition):
+        """Wait until something is so."""
+        end = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < end
+            time.sleep(0.02)
+
+
+AMR, FORKLIFT, CART = 'rgb(31, 119, 180)', 'rgb(224, 130, 20)', 'rgb(123, 82, 171)'
+
+
+def test_page_begins_where_the_recording_is_worst(page, of_warehouse):
+    """With its name as the title, and all tables."""
+    shown = page(of_warehouse)
+    assert shown.chromium.title == shown.text('#name') == 'warehouse'
+    assert shown.text('#verdict') == 'collision' and not shown.text('#index')
+    assert shown.text('#clock') == '9.698 s'
+    assert 'amr in contact with people/0 (0.394 m deep)' in shown.texts('#states li')
+    assert [len(shown.texts(f'#{table} tbody tr'))
+            for table in ('contacts', 'unknown', 'footprints', 'messages')] == [3, 9, 3, 5]
+    assert 'recorded motion' in shown.text('#facts') and '1515 messages' in shown.text('#facts')
+
+
+def test_scrubber_moves_what_is_drawn(page, of_warehouse):
+    """By the mouse and by keys: the robot drives along the aisle, in one line."""
+    shown = page(of_warehouse)
+    shown.choose('whole scene')
+    shown.drag(0.1)
+    early = shown.drawn(AMR)
+    assert float(shown.text('#clock').split()[0]) == pytest.approx(1.6, abs=0.3)
+    shown.drag(0.9)
+    late = shown.drawn(AMR)
+    assert float(shown.text('#clock').split()[0]) == pytest.approx(14.4, abs=0.3)
+    assert late[0] > early[1] and late[2:] == early[2:]
+    before = shown.text('#clock')
+    for _ in range(20):
+        shown.scrubber.send_keys(Keys.ARROW_LEFT)
+    assert shown.text('#clock') < before and shown.drawn(AMR)[0] < late[0]
+
+
+def test_scene_that_follows_a_footprint_moves_under_it(page, of_warehouse):
+    """The robot stays in the middle; the person, who is seen near it, does not."""
+    shown = page(of_warehouse)
+    shown.choose('follow amr')
+    places = []
+    for share in (0.3, 0.6):
+        shown.drag(share)
+        places.append(shown.drawn(AMR))
+    assert places[0] == pytest.approx(places[1], abs=1)
+
+
+@pytest.mark.parametrize('number, name, clock, colour', [
+    (0, 'cart', '5.998 s', CART), (2, 'forklift', '11.998 s', FORKLIFT)])
+def test_click_on_a_contact_in_the_table_goes_to_where_it_is_deepest(
+        page, of_warehouse, number, name, clock, colour):
+    """And looks at the footprint."""
+    shown = page(of_warehouse)
+    shown.click('#contacts tbody tr', number)
+    assert shown.text('#clock') == clock
+    state, = (text for text in shown.texts('#states li') if text.startswith(name))
+    assert 'in contact with warehouse' in state
+    left, right, top, bottom = shown.drawn(colour)
+    scene = shown.chromium.execute_script(
+        'return document.getElementById("scene").getBoundingClientRect().toJSON()')
+    assert scene['left'] < left < right < scene['right']
+    assert scene['top'] < top < bottom < scene['bottom']
+    assert right - left > 0.2 * scene['width']
+    assert shown.text('#contacts tr.chosen').startswith(name)
+
+
+def test_click_on_a_band_goes_to_where_its_contact_is_deepest(page, of_warehouse):
+    """The band of each contact, by what is drawn."""
+    shown = page(of_warehouse)
+    clocks = set()
+    for number in range(3):
+        shown.click('#timeline rect.band.contact', number)
+        clocks.add(shown.text('#clock'))
+    assert clocks == {'9.698 s', '5.998 s', '11.998 s'}
+
+
+def test_click_on_the_timeline_goes_to_its_time(page, of_warehouse):
+    """In the middle of it."""
+    shown = page(of_warehouse)
+    shown.click('#timeline svg path.zero')
+    assert float(shown.text('#clock').split()[0]) == pytest.approx(8.0, abs=0.3)
+
+
+def test_drag_over_the_timeline_zooms_and_a_double_click_shows_all(page, of_warehouse):
+    """The band of the contact gets wider, and is as it was again."""
+    shown = page(of_warehouse)
+    widths = []
+    timeline = shown.chromium.find_element(By.ID, 'timeline')
+    for act in (lambda actions: actions,
+                lambda actions: actions.move_to_element(timeline).click_and_hold()
+                .move_by_offset(200, 0).release(),
+                lambda actions: actions.move_to_element(timeline).double_click()):
+        act(webdriver.ActionChains(shown.chromium)).perform()
+        widths.append(shown.chromium.find_element(
+            By.CSS_SELECTOR, '#timeline rect.band.contact').rect['width'])
+    assert widths[1] > 1.5 * widths[0] == pytest.approx(1.5 * widths[2])
+
+
+def test_scene_plays_to_its_end(page, of_warehouse):
+    """From near the end on, and stops there."""
+    shown = page(of_warehouse)
+    shown.drag(0.97)
+    shown.click('#play')
+    shown.until(lambda: shown.text('#play') == 'Play')
+    assert shown.scrubber.get_attribute('value') == shown.scrubber.get_attribute('max')
+
+
+def test_short_band_is_seen_on_a_long_axis(page, tmp_path):
+    """A quarter of a second in five minutes."""
+    main([str(write(tmp_path / 'long', drive(300.0, rate=4.0, contact=(170.0, 170.2)))),
+          '--plot', str(tmp_path / 'page.html')])
+    shown = page(tmp_path / 'page.html')
+    band = shown.chromium.find_element(By.CSS_SELECTOR, '#timeline rect.band.contact')
+    assert band.value_of_css_property('stroke-width') == '2px'
+    shown.click('#contacts tbody tr')
+    assert shown.text('#clock').startswith('169.') or shown.text('#clock').startswith('170.')
+
+
+def test_several_recordings_have_an_index_with_the_worst_first(page, tmp_path, capsys):
+    """The gravest verdict, of equal ones the least separation; a damaged one has no drawing."""
+    bags = {'clear': drive(3.0, contact=(0, 0)), 'touching': drive(3.0, contact=(1.0, 1.5)),
+            'a</script>': [(topic, k / 10, points) for k in range(31) for topic, points in (
+                ('/footprint', box(0)), ('/obstacles', box(0.2)), ('/obstacles', []))],
+            'silent': [('/footprint', k / 10, box(0)) for k in range(31)]}
+    (tmp_path / 'a<').mkdir()
+    paths = [str(write(tmp_path / name, messages)) for name, messages in bags.items()]
+    (tmp_path / 'damaged').mkdir()
+    (tmp_path / 'damaged' / 'damaged.mcap').write_bytes(b'damaged')
+    file = tmp_path / 'page.html'
+    assert main([*paths, str(tmp_path / 'damaged'), '--plot', str(file), '--jobs', '2']) == 1
+    capsys.readouterr()
+    shown = page(file)
+    assert shown.chromium.title == shown.text('#index h1') == '5 recordings: collision'
+    assert shown.texts('#index tbody td:first-child') == [
+        'script>', 'touching', 'damaged', 'silent', 'clear']
+    assert shown.texts('#index td.verdict') == [
+        'collision', 'collision', 'bad input', 'unknown', 'clear']
+    for number, (name, is_drawn) in enumerate((
+            ('script>', True), ('touching', True), ('damaged', False), ('silent', True),
+            ('clear', True))):
+        shown.click('#index tbody tr', number)
+        shown.until(lambda: shown.text('#name') == name)
+        assert shown.scrubber.is_displayed() is is_drawn
+        assert bool(shown.text('#remarks')) is (name in ('damaged', 'silent'))
+
+
+def test_state_is_unknown_just_when_the_table_says_so(page, of_warehouse):
+    """Never clear, about so many metres, in between."""
+    shown = page(of_warehouse)
+    for moment, words in ((0.05, 'unknown: obstacle source'), (0.5, 'unknown: obstacle source'),
+                          (0.99, 'unknown: obstacle source'), (1.01, 'clear, about')):
+        shown.chromium.execute_script('location.hash = arguments[0]', f't={moment}')
+        shown.until(lambda: shown.text('#clock') == f'{moment:.3f} s')
+        assert all(words in state for state in shown.texts('#states li'))
+
+
+def test_keyboard_and_screen_reader(page, of_warehouse):
+    """The timeline is a slider that says its value; space plays and stops."""
+    shown = page(of_warehouse)
+    timeline = shown.chromium.find_element(By.ID, 'timeline')
+    said = timeline.get_attribute('aria-valuetext')
+    assert said.startswith('9.698 s, amr in contact with people/0')
+    timeline.send_keys(Keys.HOME)
+    assert shown.text('#clock') == '0.000 s'
+    timeline.send_keys(Keys.PAGE_UP, Keys.PAGE_UP)
+    assert shown.text('#clock') == '1.600 s'
+    assert shown.scrubber.get_attribute('aria-valuetext').startswith('1.600 s, amr clear')
+    timeline.send_keys(Keys.SPACE)
+    assert shown.text('#play') == 'Pause'
+    shown.until(lambda: float(shown.text('#clock').split()[0]) > 1.8)
+    timeline.send_keys(Keys.SPACE)
+    assert shown.text('#play') == 'Play'
+
+
+def test_link_leads_to_a_moment(page, of_warehouse):
+    """The address follows what is shown, and shows it."""
+    shown = page(of_warehouse)
+    shown.click('#contacts tbody tr', 2)
+    assert shown.chromium.current_url.endswith('#t=11.998')
+    shown.chromium.get('about:blank')
+    shown.chromium.get(of_warehouse.as_uri() + '#t=6.5')
+    assert Page(shown.chromium).text('#clock') == '6.500 s'
+    shown.chromium.get(of_warehouse.as_uri())
+
+
+def test_tables_are_sorted_by_what_is_clicked(page, of_warehouse):
+    """Numbers as numbers, up and down."""
+    shown = page(of_warehouse)
+    for column, wanted in ((5, ['0', '0.15', '0.3938']), (5, ['0.3938', '0.15', '0']),
+                           (1, ['amr', 'cart', 'forklift'])):
+        shown.click(f'#contacts th:nth-child({column}) button')
+        assert shown.texts(f'#contacts td:nth-child({column})') == wanted
+    shown.click('#contacts tbody tr', 1)
+    assert shown.text('#clock') == '5.998 s', 'of the row that is there now'
+
+
+def device(chromium, width, height, scheme='light'):
+    """Make the browser that of another device; of none with a width of 0."""
+    chromium.execute_cdp_cmd('Emulation.setEmulatedMedia', {'features': [
+        {'name': 'prefers-color-scheme', 'value': scheme}]})
+    if width:
+        chromium.execute_cdp_cmd('Emulation.setDeviceMetricsOverride', {
+            'width': width, 'height': height, 'deviceScaleFactor': 1, 'mobile': width < 600})
+    else:
+        chromium.execute_cdp_cmd('Emulation.clearDeviceMetricsOverride', {})
+
+
+@pytest.fixture
+def of_crowd(tmp_path):
+    """Return a page of thirteen footprints with long names, of which one is met."""
+    names = [f'robot_with_a_long_name_{k}' for k in range(13)]
+    messages = []
+    for k in range(41):
+        messages += [(f'/{name}', k / 10, box(1.5 * row)) for row, name in enumerate(names)]
+        messages += [('/obstacles', k / 10, box(0.0, 0.9 if 10 < k < 20 else 3.0)),
+                     ('/obstacles', k / 10, [])]
+    topics = [argument for name in names for argument in ('--footprint', f'{name}:=/{name}')]
+    assert main([str(write(tmp_path / 'crowd', messages)), *topics, '--obstacles', '/obstacles',
+                 '--plot', str(tmp_path / 'page.html')]) == 1
+    return tmp_path / 'page.html'
+
+
+@pytest.mark.parametrize('width, height', [(1280, 900), (390, 844)])
+@pytest.mark.parametrize('scheme', ('light', 'dark'))
+def test_page_fits_a_desk_and_a_phone(page, of_crowd, width, height, scheme):
+    """Nothing is cut off, the control hides little, and what is written can be read."""
+    shown = page(of_crowd)
+    chromium = shown.chromium
+    try:
+        device(chromium, width, height, scheme)
+        chromium.refresh()
+        size = chromium.execute_script("""
+            const style = getComputedStyle(document.body);
+            const light = colour => colour.match(/[0-9]+/g).slice(0, 3).map(Number)
+                .reduce((a, b) => a + b);
+            const cut = [...document.querySelectorAll('h1, h2, p, li, td, button, output')]
+                .filter(one => one.offsetParent && one.scrollWidth > one.clientWidth + 1 &&
+                    getComputedStyle(one).display !== 'inline');
+            const edge = document.getElementById('timeline').getBoundingClientRect().left;
+            cut.push(...[...document.querySelectorAll('#timeline text.name')].filter(
+                one => one.getBoundingClientRect().left < edge));
+            return [document.documentElement.scrollWidth, innerWidth,
+                document.getElementById('control').offsetHeight,
+                light(style.backgroundColor), light(style.color), cut.length];""")
+        assert size[0] <= size[1] == width and size[5] == 0
+        assert size[2] < 0.1 * height
+        assert (size[3] > size[4] + 300) is (scheme == 'light')
+        assert (size[4] > size[3] + 300) is (scheme == 'dark')
+        colours = chromium.execute_script("""
+            return recording.footprints.map(one => one.colour);""")
+        assert len(set(colours)) == 13
+    finally:
+        device(chromium, 0, 0)
+
+
+@pytest.mark.parametrize('bodies, moments', [(200, 440), (1500, 200)])
+def test_page_has_at_most_eight_megabytes(page, tmp_path, bodies, moments):
+    """However many obstacles move, how long the curves are and how often all is unknown."""
+    rng = np.random.default_rng(1)
+    result = Result('bag', 'receive', 1.0, origin=0, start=0, end=300 * 10**9)
+    result.footprints = [FootprintResult(f'robot{k}', '/a', True) for k in range(40)]
+    for footprint in result.footprints:
+        footprint.separation = [(int(t), float(v)) for t, v in zip(
+            np.linspace(0, 300e9, 4096), rng.random(4096))]
+    result.unknown = [Unknown(f'robot{k % 40}', 10**6 * k, 10**6 * k + 5 * 10**5, ['silent'])
+                      for k in range(100_000)]
+    result.contacts = [Contact('robot0', 'obstacle/1', 10**9 * k, 10**9 * k + 10**8, 0.1,
+                               10**9 * k) for k in range(290)]
+    keyframes = result.keyframes = Keyframes(np.linspace(0, 300e9, moments).astype(int).tolist())
+    for number in range(bodies + 1):
+        body = keyframes.add(number == 0)
+        places = 100 * rng.random((moments, 1, 2)) + rng.random((moments, 4, 2))
+        for k in range(moments):
+            body.show(k, k + 1, f'robot{number}' if number == 0 else f'obstacle/{number}',
+                      places[k])
+    write_page([result], tmp_path / 'page.html')
+    assert (tmp_path / 'page.html').stat().st_size <= 8_000_000
+    shown = page(tmp_path / 'page.html')
+    assert shown.text('#verdict') == 'collision'
+    assert shown.chromium.execute_script('return recording.times.length') >= 12

@@ -1,0 +1,222 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Both promises of docs/knowing.md, in every state; and that each rule is needed for them."""
+
+from knowing import explore, problem_of
+from knowing_world import MODES
+import pytest
+from sat_collision.scene import knowledge, obstacle_store, sources
+from sat_collision.scene.knowledge import Keys, Maps, Sets
+from sat_collision.scene.obstacle_store import KeyedGroup
+from sat_collision.scene.streams import CONTINUES, LOST, Stream
+from sat_collision.scene.times import NEVER
+
+
+@pytest.mark.parametrize('mode', MODES)
+def test_clear_is_right_and_every_fault_heals_in_every_state(mode):
+    _, problem = explore(mode, depth=3, runs=500, seed=1)
+    assert problem is None
+
+
+def a_pause_ends_a_set(patch):
+    def pass_time(self, now, original=Sets.pass_time):
+        original(self, now)
+        if self.current is not None and self.current.time + 10**9 <= now:
+            self._end(self.current, now)
+    deadline = Sets.deadline.fget
+    patch.setattr(Sets, 'pass_time', pass_time)
+    patch.setattr(Sets, 'deadline', property(lambda self: min(deadline(self), (
+        self.current.time + 10**9 - 1 if self.current and not self.current.is_ended else NEVER))))
+
+
+def a_gap_is_no_loss(patch):
+    def receive(self, number, now, original=Stream.receive):
+        news = original(self, number, now)
+        return CONTINUES if news is LOST else news
+    patch.setattr(Stream, 'receive', receive)
+
+
+def a_set_needs_no_beginning(patch):
+    def begin(self, group, stamp, time, is_begun, original=knowledge._Set.__init__):
+        original(self, group, stamp, time, True)
+    patch.setattr(knowledge._Set, '__init__', begin)
+
+
+def any_later_set_replaces(patch):
+    def receive(self, *arguments, original=Sets._receive_other):
+        if self.current is not None and not self.current.is_whole:
+            self._complete(self.current, arguments[-1])
+        return original(self, *arguments)
+    patch.setattr(Sets, '_receive_other', receive)
+
+
+def two_publishers_are_no_fault(patch):
+    patch.setattr(Stream, 'faults', lambda self: [])
+
+
+def an_old_listing_speaks_for_who_is_left(patch):
+    def update(self, endpoints, now):
+        self.stream.update(endpoints)
+        self._find_faults(now)
+    patch.setattr(sources.Source, 'update_publishers', update)
+
+
+def ids_are_known_at_once(patch):
+    def receive(self, *arguments, original=Keys.receive):
+        group = original(self, *arguments)
+        self.is_known = True
+        return group
+    patch.setattr(Keys, 'receive', receive)
+
+
+def ids_are_known_by_our_clock(patch):
+    def receive(self, news, time, now, original=Keys.receive):
+        return original(self, news, now, now)
+    patch.setattr(Keys, 'receive', receive)
+
+
+def ids_are_forgotten_by_time(patch):
+    def pass_time(self, now, original=Keys.pass_time):
+        original(self, now)
+        self.group.forget_before(now - 3 * self.timeout // 4)
+    deadline = Keys.deadline.fget
+    patch.setattr(Keys, 'pass_time', pass_time)
+    patch.setattr(Keys, 'deadline', property(lambda self: min(
+        deadline(self), self.group.oldest + 3 * self.timeout // 4)))
+
+
+def a_loss_among_ids_does_not_matter(patch):
+    def receive(self, news, *arguments, original=Keys.receive):
+        return original(self, CONTINUES, *arguments)
+    patch.setattr(Keys, 'receive', receive)
+
+
+def what_cannot_be_read_does_not_matter(patch):
+    patch.setattr(sources.Source, '_spoil', lambda self, cause, now: None)
+
+
+def a_good_message_forgives_all_refusals(patch):
+    def place(self, *arguments, original=KeyedGroup.place):
+        self.forget_refused()
+        return original(self, *arguments)
+    patch.setattr(KeyedGroup, 'place', place)
+
+
+def an_older_stamp_counts(patch):
+    def take(self, key, listing, time, original=KeyedGroup._take):
+        if key in self._held:
+            self._held[key].time = min(self._held[key].time, time)
+        return original(self, key, listing, time)
+    patch.setattr(KeyedGroup, '_take', take)
+
+
+def a_refused_member_is_none(patch):
+    patch.setattr(obstacle_store.SetGroup, 'refuse', lambda self, time, reason: reason)
+
+
+def a_namesake_never_counts_again(patch):
+    def receive(self, number, now, original=Stream.receive):
+        speaker = self._speaker
+        news = original(self, number, now)
+        if news is LOST:
+            self._speaker = speaker
+        return news
+    patch.setattr(Stream, 'receive', receive)
+
+
+def every_namesake_counts(patch):
+    patch.setattr(Stream, 'publishers', property(lambda self: [*(self._endpoints or {}).values()]))
+
+
+def any_map_settles(patch):
+    def receive(self, news, now, original=Maps.receive):
+        group = original(self, news, now)
+        self._settles = now + self.settle_time
+        return group
+    patch.setattr(Maps, 'receive', receive)
+
+
+def an_empty_polygon_ends_what_had_no_beginning(patch):
+    def end(self, news, now, original=Maps.end):
+        self.receive(news, now)
+        self._is_begun = True
+        original(self, CONTINUES, now)
+    patch.setattr(Maps, 'end', end)
+
+
+def a_map_goes_with_a_clock_that_is_set_back(patch):
+    def set_back(self, now):
+        self._forget_all(now, wants_history=False)
+        self._find_faults(now)
+    patch.setattr(sources.Source, 'set_back', set_back)
+
+
+def a_map_is_never_asked_for_again(patch):
+    patch.setattr(sources.Source, 'wants_history', False)
+
+
+# For each rule that is broken, events that the enumeration has found to break a promise by it.
+WITNESSES = (
+    (a_namesake_never_counts_again, 'ended sets',
+     'second:namesake · end · news · second:send · get:1 · get:1 · start:a · news · list:F · '
+     'get:2 · send · get:2 · second:send · get:1'),
+    (every_namesake_counts, 'sets', 'list:F · get:0 · kill'),
+    (a_pause_ends_a_set, 'sets', 'list:FT · get:0 · tick'),
+    (a_gap_is_no_loss, 'sets',
+     'list:FT · send · get:0 · list:TF · lose:0 · lose:0 · send · get:0'),
+    (a_set_needs_no_beginning, 'sets',
+     'kill · second:namesake · lease · start:b · list:R · list:TF · get:2 · news · '
+     'second:end · lose:2 · send · list:FT · news · get:2 · get:2'),
+    (any_later_set_replaces, 'sets',
+     'list:FT · get:0 · send · list:U · list:FT · lose:0 · get:0 · get:0'),
+    (two_publishers_are_no_fault, 'sets',
+     'second:start · kill · second:send · start:a · list:F · list:FT · get:2 · news · '
+     'get:1 · get:2'),
+    (an_old_listing_speaks_for_who_is_left, 'sets',
+     'list:F · get:0 · list:FT · get:0 · end · second:start · news'),
+    (ids_are_known_at_once, 'ids',
+     'key:unreadable · key:refused · key:T · key:F · get:0 · get:0 · lose:0 · get:0'),
+    (ids_are_known_by_our_clock, 'ids', 'key:old · get:0 · tick · tick · tick:3 · tick:3'),
+    (ids_are_forgotten_by_time, 'ids', 'tick:3 · tick:3'),
+    (a_loss_among_ids_does_not_matter, 'ids', 'key:unreadable · key:old · lose:0 · get:0'),
+    (what_cannot_be_read_does_not_matter, 'sets',
+     'list:FT · get:0 · send · list:U · list:FT · lose:0 · get:0 · get:0'),
+    (a_good_message_forgives_all_refusals, 'ids', 'key:refused · key:ahead · get:0 · get:0'),
+    (an_older_stamp_counts, 'ids', 'key:T · key:other · key:old · get:0 · get:0 · get:0'),
+    (a_refused_member_is_none, 'ended sets',
+     'list:F · get:0 · end · second:namesake · second:end · start:a · list:R · send · '
+     'get:2 · news · get:2'),
+    (any_map_settles, 'maps', 'list:TF · lose:0 · send · get:0 · tick:3'),
+    (an_empty_polygon_ends_what_had_no_beginning, 'maps',
+     'end · second:namesake · second:end · start:b · list:TF · news · send · list:U · send '
+     '· list:R · get:2 · get:2 · get:2 · send · lose:2 · get:2'),
+    (a_map_goes_with_a_clock_that_is_set_back, 'maps',
+     'list:TF · send · list:FT · second:start · news · send · send · list:F · second:end · '
+     'send · list:F · send · list:FT · send · news · send · list:F · get:0 · get:0 · send '
+     '· list:TF · get:0 · get:0 · clock back · send · get:0 · send · get:0'),
+    (a_map_is_never_asked_for_again, 'maps',
+     'list:U · second:namesake · list:U · get:0 · get:0 · send · list:R · send · list:F · '
+     'lose:0 · send · list:TF · get:0 · send · get:0 · lose:0 · get:0 · get:0 · get:0 · '
+     'send · get:0 · list:U · get:0 · send · get:0 · kill · start:b · news · list:F · '
+     'get:2'),
+)
+
+
+@pytest.mark.parametrize('broken, mode, events', WITNESSES, ids=lambda one: getattr(
+    one, '__name__', ''))
+def test_a_rule_that_is_broken_is_noticed(broken, mode, events, monkeypatch):
+    assert problem_of(mode, events.split(' · ')) == ''
+    broken(monkeypatch)
+    assert problem_of(mode, events.split(' · ')) != ''

@@ -1,0 +1,414 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The rules of what is known: streams, sets, keys and maps, without any bodies or geometry."""
+
+import re
+
+import pytest
+from sat_collision.scene.knowledge import Keys, Maps, Sets
+from sat_collision.scene.streams import BEGUN, CONTINUES, Endpoint, LOST, MET, Stream
+from sat_collision.scene.times import NEVER
+
+NEWS = {'': CONTINUES, '^': BEGUN, '~': MET, '!': LOST}
+
+
+class Letters(dict):
+    """A group whose obstacles are letters, each with its time and the listing that had it."""
+
+    @property
+    def oldest(self):
+        return min((time for time, _ in self.values()), default=NEVER)
+
+    def forget_before(self, time):
+        self._keep(lambda known: known[0] >= time)
+
+    def forget_listings_before(self, listing):
+        self._keep(lambda known: known[1] >= listing)
+
+    def _keep(self, stays):
+        kept = {letter: known for letter, known in self.items() if stays(known)}
+        self.clear()
+        self.update(kept)
+
+
+def feed(listing, messages):
+    """
+    Let a listing receive messages, each at the time that it is stamped; return (held, is_known).
+
+    A word is an obstacle's letter, or a dot for an empty polygon, and its stamp; with one of NEWS
+    before it, or a question mark for one that cannot be read. A number alone lets time pass.
+    """
+    for word in messages.split():
+        news, letter, stamp = re.fullmatch(r'([\^~!?]?)([a-z.]?)(\d+)', word).groups()
+        now = int(stamp)
+        listing.pass_time(now)
+        stamps = (now, now, now) if isinstance(listing, Sets) else (
+            (now, now) if isinstance(listing, Keys) else (now,))
+        if news == '?':
+            listing.spoil('noise', *stamps[1:2] if isinstance(listing, Keys) else ())
+        elif letter == '.' and not isinstance(listing, Keys):
+            listing.end(NEWS[news], *stamps)
+        elif letter:
+            group = listing.receive(NEWS[news], *stamps)
+            if letter != '.':
+                group[letter] = now, getattr(listing, 'listing', 0)
+    held = sorted(letter for group in listing.groups for letter in group)
+    return ''.join(held), listing.is_known
+
+
+def new_sets(**attributes):
+    sets = Sets(Letters)
+    sets.window, sets.timeout, sets.max_count = 20, 1000, 100
+    for name, value in attributes.items():
+        setattr(sets, name, value)
+    return sets
+
+
+@pytest.mark.parametrize('messages, held, is_known', [
+    # The beginning: number 1, or the end of a set before without a gap.
+    ('^a0 b0 .0', 'ab', True),
+    ('~a0 b0 .0', 'ab', False),
+    ('~a0 b0 .0 c100 .100', 'c', True),
+    ('~b0 c100 d200', 'cd', True),
+    ('a0 .0', 'a', False),
+    # The end: a later set, an empty polygon with its stamp, never a pause.
+    ('^a0 b0', 'ab', False),
+    ('^a0 b0 900', 'ab', False),
+    ('^a0 b0 c100', 'abc', True),
+    ('^.0', '', True),
+    ('^a0 .0 .100', '', True),
+    # Only a whole set replaces the one before, and all that is newer than that.
+    ('^a0 .0 b100', 'ab', True),
+    ('^a0 .0 b100 .100', 'b', True),
+    ('^a0 .0 b100 !c100 .100', 'abc', True),
+    ('^a0 .0 b100 !c200 .200', 'abc', True),
+    ('^a0 .0 b100 !c200 .200 d300', 'abcd', True),
+    ('^a0 .0 b100 !c200 .200 d300 .300', 'd', True),
+    ('^a0 .0 b100 !.100 c200 .200', 'c', True),
+    ('^a0 .0 b100 c200 !d200 e300 f400', 'ef', True),
+    # A message that cannot be read is a gap, of the set before it or after it.
+    ('^a0 .0 b100 ?100 .100', 'ab', True),
+    ('^a0 .0 ?100 b100 .100', 'ab', True),
+    ('^a0 .0 ?100 b100 .100 c200 .200', 'c', True),
+    # Stamps within the window of the first are of its set, in any order.
+    ('^a20 b40 c20 .30', 'abc', True),
+    ('^a100 b120 c141', 'abc', True),
+    # What begins within the window of the last stamp shows that the window cuts sets in two.
+    ('^a100 b120 c121', 'abc', False),
+    ('^a100 b120 c121 d300', 'abcd', False),
+    ('^a100 b120 c121 d300 e500', 'de', True),
+    ('^.0 a100 !b115 c121 d300', 'abcd', False),
+    # What comes after the end, with its stamp, belongs to it.
+    ('^a0 .0 b0', 'ab', True),
+    ('^a0 .0 b0 c100 .100', 'c', True)])
+def test_sets(messages, held, is_known):
+    """Rules 1 to 4: where a set begins, where it ends, and what is held."""
+    assert feed(new_sets(), messages) == (held, is_known)
+
+
+@pytest.mark.parametrize('count, messages, held, is_known', [
+    (1, '^a0', 'a', True), (1, '^a0 b100', 'b', True), (1, '~a0', 'a', False),
+    (1, '~a0 b100', 'b', True), (1, '^a0 !b100', 'ab', True), (2, '^a0 b0', 'ab', True),
+    (2, '^a0 b0 .0', 'ab', True), (2, '^a0 b0 c100', 'abc', True),
+    # An empty polygon ends this very set; a third obstacle may be of it, too.
+    (2, '^a0 b15 .15', 'ab', True), (2, '^a0 b15 .0', 'ab', True), (2, '^a0 b15 .18', 'ab', True),
+    (2, '^a0 b15 .18 c25', 'abc', True), (2, '^a0 b0 c0', 'abc', True),
+    (2, '^a0 b15 c18', 'abc', False), (2, '^a0 b15 c18 d100 e115', 'abcde', False),
+    (2, '^a0 b15 c18 d100 e200', 'de', True),
+    # Where a set has had more, as many prove no end.
+    (2, '^a0 b0 c0 d100 e100', 'abcde', True), (2, '^a0 b0 c0 d100 e100 .100', 'de', True),
+    (2, '^a0 b0 c0 d100 e100 .100 f200 g200', 'fg', True)])
+def test_sets_end_with_max_count(count, messages, held, is_known):
+    """Rule 3: a source that has one obstacle at most is whole with each message."""
+    assert feed(new_sets(max_count=count), messages) == (held, is_known)
+
+
+def test_last_whole_set_is_known_for_its_timeout():
+    """Rule 5: it is not forgotten before the source is unknown, though nothing else is whole."""
+    sets = new_sets()
+    assert feed(sets, '^a0 b10 .10 !c100 !d200 1000') == ('abcd', True)
+    assert sets.deadline == 1000
+    assert feed(sets, '1001') == ('bcd', False)
+    assert feed(sets, '1201') == ('', False)
+
+
+def test_set_that_took_longer_than_the_timeout_is_not_known():
+    """Rule 5: its first obstacle is forgotten already when it is whole."""
+    sets = new_sets(window=2000)
+    assert feed(sets, '^a0 b1001 .1001') == ('b', False)
+
+
+@pytest.mark.parametrize('messages, words', [
+    ('', 'has not sent anything yet'),
+    ('~a0', 'has not sent a whole set yet'),
+    ('^a0 .0 1001', 'has been silent for longer than its timeout'),
+    ('^a0 .0 !b1001', 'has not sent a whole set since messages were lost'),
+    ('^a0 .0 ?100 b1001', 'has not sent a whole set since noise'),
+    ('^a100 b120 c121', 'sends sets that set_window cuts in two'),
+    ('~a0 b600 1700 c1700 d2800', 'end each set with an empty polygon, or set timeout to more'),
+    ('^a0 .0 b300 1001', 'has not sent a whole set for longer than its timeout'),
+    ('^a0 .0 b700', '')])
+def test_reasons_of_sets(messages, words):
+    """Rule 5: they say what is missing, and what to set where a period leaves no room."""
+    sets = new_sets()
+    feed(sets, messages)
+    problem = sets.problem(int(re.findall(r'\d+', '0' + messages)[-1]))
+    assert words in problem and bool(words) == bool(problem)
+
+
+def test_period_and_timeout_are_named():
+    """Rule 5: sets without an end every 1.1 s, and a timeout of 2 s."""
+    sets = new_sets(timeout=2 * 10**9)
+    for stamp in (0, 1100, 2200):
+        sets.receive(CONTINUES, stamp * 10**6, stamp * 10**6, stamp * 10**6)
+    sets.pass_time(3300 * 10**6)
+    assert 'every 1.1 s' in sets.problem(3300 * 10**6)
+    assert 'more than 2.4 s' in sets.problem(3300 * 10**6)
+
+
+def new_keys():
+    keys = Keys(Letters())
+    keys.timeout = 1000
+    return keys
+
+
+@pytest.mark.parametrize('messages, held, is_known', [
+    # Known by the stamps of what came, a whole timeout after the first.
+    ('^a0 999', 'a', False),
+    ('^a0 b999', 'ab', False),
+    ('^a0 b1000', 'ab', True),
+    ('^a0 1000', 'a', False),
+    ('~a0 b1000', 'ab', True),
+    ('^.0 .1000', '', True),
+    # A gap, a stretch of silence or what cannot be read begins it anew.
+    ('^a0 !b500 b1000', 'ab', False),
+    ('^a0 !b500 b1000 b1500', 'b', True),
+    ('^a0 b1000 !b1100', 'b', False),
+    ('^a0 b1000 ?1100 b2000', 'b', False),
+    ('^a0 b1000 ?1100 b1900 b2100', 'b', True),
+    ('^a0 b1000 2001', '', False),
+    ('^a0 b1000 c2001', 'c', False),
+    ('^a0 b1000 c2001 c3001', 'c', True),
+    # Forgotten when a message shows that its publisher lives, not with time alone.
+    ('^a0 b900 1500', 'ab', False),
+    ('^a0 b400 b1000', 'ab', True),
+    ('^a0 b400 b1000 1900', 'ab', True),
+    ('^a0 b400 b1001', 'b', True),
+    ('^a0 b400 .1001', 'b', True),
+    ('^a0 b400 b1000 2000', 'ab', True),
+    ('^a0 b400 b1000 2001', '', False)])
+def test_keys(messages, held, is_known):
+    """Rule 7: what a listing of ids or shapes is, and when an obstacle is forgotten."""
+    assert feed(new_keys(), messages) == (held, is_known)
+
+
+def test_messages_past_the_timeout_make_nothing_known():
+    """Rule 7: they came a timeout apart by their stamps, but long ago."""
+    keys = new_keys()
+    for stamp in (0, 1000):
+        keys.receive(CONTINUES, stamp, 5000)
+    assert not keys.is_known
+    assert 'silent' in keys.problem(5000)
+
+
+def test_message_that_was_late_does_not_end_a_silence():
+    """Rule 7: by its stamp there was none, but what had been received was forgotten."""
+    keys = new_keys()
+    assert feed(keys, '^.0 a1000 b1500 2501') == ('', False)
+    for stamp, is_known in ((2000, False), (2999, False), (3000, True)):
+        keys.receive(CONTINUES, stamp, 3000)
+        assert keys.is_known == is_known
+
+
+def test_older_stamps_neither_prolong_nor_restart():
+    """Rule 7: messages overtake each other on the way."""
+    keys = new_keys()
+    for stamp in (500, 0, 1499):
+        keys.receive(CONTINUES, stamp, 1499)
+    assert not keys.is_known
+    keys.receive(CONTINUES, 1500, 1500)
+    keys.receive(CONTINUES, 100, 1500)
+    assert keys.is_known and keys.deadline == 2500
+
+
+def test_reasons_of_keys():
+    """They say what is missing."""
+    keys = new_keys()
+    assert keys.problem(0) == 'has not sent anything yet'
+    feed(keys, '^a0')
+    assert keys.problem(0).startswith('has not been received for its timeout')
+    feed(keys, '!a100')
+    assert keys.problem(0).endswith('without a gap since messages were lost')
+    feed(keys, '1101')
+    assert keys.problem(1101).startswith('has been silent')
+
+
+def new_maps():
+    maps = Maps(Letters())
+    maps.settle_time = 100
+    return maps
+
+
+@pytest.mark.parametrize('messages, held, is_known', [
+    # It begins with number 1 or after an empty polygon, and ends with an empty polygon.
+    ('^a0 b1 .2', 'ab', True),
+    ('~a0 b1 .2', 'ab', False),
+    ('~a0 .1 b2 .3', 'b', True),
+    ('^.0', '', True),
+    # The first one of a stream settles, too, when nothing new has come for long enough.
+    ('^a0 b50 150', 'ab', False),
+    ('^a0 b50 151', 'ab', True),
+    ('~a0 b50 5000', 'ab', False),
+    # That drops nothing: a second map replaces the first when an empty polygon ends it.
+    ('^a0 101 b200 5000', 'ab', True),
+    ('^a0 101 b200 .201', 'ab', True),
+    ('^a0 .1 b2 5000', 'ab', True),
+    ('^a0 .1 b2 .3', 'b', True),
+    ('^a0 .1 b2 a3 .4', 'ab', True),
+    # A gap, or what cannot be read: a map that begins later must end.
+    ('^a0 !b1 5000', 'ab', False),
+    ('^a0 !b1 .2', 'ab', False),
+    ('^a0 !b1 .2 c3 .4', 'c', True),
+    ('^a0 .1 !b2', 'ab', False),
+    ('^a0 .1 ?2 5000', 'a', False),
+    ('^a0 .1 ?2 .3 b4 .5', 'b', True)])
+def test_maps(messages, held, is_known):
+    """Rule 8: what never grows old is known once all of a listing is proved to have come."""
+    assert feed(new_maps(), messages) == (held, is_known)
+
+
+def test_what_waits_to_be_taken_is_no_pause():
+    """Rule 8: a map settles when nothing new comes, not when nobody looks."""
+    maps = new_maps()
+    feed(maps, '^a0')
+    maps.wait(90)
+    assert feed(maps, '190') == ('a', False)
+    assert maps.deadline == 190
+    assert feed(maps, '191') == ('a', True)
+
+
+def test_history_is_wanted_where_it_was_missed():
+    """Rule 8: all that a publisher keeps can come again; a depth that is too small is named."""
+    maps = new_maps()
+    assert not maps.wants_history
+    feed(maps, '^a0 !b1')
+    assert maps.wants_history
+    feed(maps, '^a2')
+    assert not maps.wants_history
+    maps = new_maps()
+    feed(maps, '~b5')
+    assert 'the depth of its publisher must hold the whole map' in maps.problem(5)
+
+
+A, B, A_AGAIN = Endpoint('a', '/a'), Endpoint('b', '/b'), Endpoint('c', '/a')
+
+
+def play(stream, events, now=0):
+    """Give a stream numbers and lists of endpoints; return what it says of each."""
+    return [stream.update(event) if isinstance(event, list) else stream.receive(event, now)
+            for event in events]
+
+
+@pytest.mark.parametrize('events, news', [
+    ([1, 2, 3], [BEGUN, CONTINUES, CONTINUES]),
+    ([7, 8, 10, 11], [MET, CONTINUES, LOST, CONTINUES]),
+    ([1, 2, 1, 2], [BEGUN, CONTINUES, BEGUN, CONTINUES]),
+    ([5, 6, 4], [MET, CONTINUES, MET]),
+    ([5, 6, 6], [MET, CONTINUES, MET]),
+    ([None, None], [MET, CONTINUES]),
+    # Whatever changes the publishers ends a stream, though the next number continues it.
+    ([[A], 1, 2, [A, B], 3], [True, BEGUN, CONTINUES, True, MET]),
+    ([[A], 1, [A, B], [A], 2], [True, BEGUN, True, True, MET]),
+    ([[A], 1, [], [A], 2, 3], [True, BEGUN, True, True, MET, CONTINUES]),
+    ([[A], 1, [A], 2], [True, BEGUN, False, CONTINUES]),
+    # Number 1 may come before the news of who sends it, which then changes nothing, once.
+    ([1, [A], 2], [BEGUN, False, CONTINUES]),
+    ([[], 1, [A], 2, [A, B], 3], [False, BEGUN, False, CONTINUES, True, MET]),
+    ([[A], 1, 1, [], [B], 2], [True, BEGUN, BEGUN, False, False, CONTINUES])])
+def test_streams(events, news):
+    """Rule 10: which messages are of one publisher, without a gap."""
+    assert play(Stream(), events) == news
+
+
+def test_lost_messages_are_counted():
+    """A publisher that begins again has lost none by that."""
+    stream = Stream()
+    play(stream, [3, 4, 7, 1, 2, 5])
+    assert stream.lost == 4
+
+
+@pytest.mark.parametrize('endpoints, words', [
+    ([], ['has no publisher']), ([A], []), ([A, B], ['has 2 publishers, /a and /b']),
+    ([A, A_AGAIN], ['has 2 publishers, /a and /a']),
+    ([A, Endpoint('b')], ['has 2 publishers, /a and of a node whose name is not known yet']),
+    ([Endpoint('a', '/a', 'which is deaf')], ['has a publisher, /a, which is deaf'])])
+def test_one_topic_one_publisher(endpoints, words):
+    """None, two, or one that cannot be received is a fault."""
+    stream = Stream()
+    assert stream.faults() == []
+    stream.update(endpoints)
+    faults = stream.faults()
+    assert len(faults) == len(words)
+    assert all(fault.startswith(word) for fault, word in zip(faults, words))
+
+
+def test_numbers_show_a_second_publisher():
+    """For a timeout it is a fault, though the graph has one only."""
+    stream = Stream()
+    stream.timeout = 1000
+    play(stream, [[A], 5, 6, 3])
+    assert 'those of two publishers' in stream.faults()[0]
+    stream.pass_time(1000)
+    assert stream.faults()
+    stream.pass_time(1001)
+    assert stream.faults() == []
+
+
+def test_killed_process_does_not_count_beside_its_successor():
+    """Rule 11: the middleware has it among the publishers until its lease is over."""
+    stream = Stream()
+    play(stream, [[A], 1, 2, [A, A_AGAIN]])
+    assert stream.faults(), 'the new one has sent nothing yet'
+    assert play(stream, [1]) == [BEGUN]
+    assert stream.publishers == [A_AGAIN] and stream.faults() == []
+    assert play(stream, [2, [A_AGAIN], 3]) == [CONTINUES, False, CONTINUES]
+
+
+@pytest.mark.parametrize('number', [3, 4, 50])
+def test_namesake_that_lives_counts(number):
+    """Rule 11: where the older one is received again there are two, whatever its number is."""
+    stream = Stream()
+    play(stream, [[A], *range(1, 11), [A, A_AGAIN], 1, 2, 3, 4])
+    assert stream.faults() == []
+    play(stream, [number])
+    assert stream.faults()
+
+
+@pytest.mark.parametrize('other', [B, Endpoint('c')])
+def test_publisher_of_another_node_counts(other):
+    """Rule 11: also while its name is not known."""
+    stream = Stream()
+    play(stream, [[A], 1, 2, [A, other], 1, 2])
+    assert stream.faults()
+
+
+def test_listening_anew_takes_number_1_for_the_beginning():
+    """A latched map comes again; nothing of it is taken for a loss or a second publisher."""
+    stream = Stream()
+    play(stream, [[A], 1, 2, 5])
+    stream.restart()
+    assert play(stream, [1, 2]) == [BEGUN, CONTINUES]
+    assert stream.faults() == []
+    assert play(stream, [[A, B]]) == [True], 'the number 1 was that of a'

@@ -1,0 +1,46 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""DDS that stays on this machine, and finds who is there at once."""
+
+import os
+from pathlib import Path
+
+_PROFILE = """<?xml version="1.0" encoding="UTF-8"?>
+<dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"><profiles>
+  <participant profile_name="prompt" is_default_profile="true"><rtps><builtin><discovery_config>
+    <leaseAnnouncement><sec>0</sec><nanosec>100000000</nanosec></leaseAnnouncement>
+    <initialAnnouncements>
+      <count>20</count><period><sec>0</sec><nanosec>20000000</nanosec></period>
+    </initialAnnouncements>
+  </discovery_config></builtin></rtps></participant>
+</profiles></dds>
+"""
+
+
+def discover_promptly(folder: str) -> None:
+    """
+    Set the environment, which ROS reads when it is imported and children inherit.
+
+    Parameters
+    ----------
+    folder : str
+        Where files of ROS may be written.
+
+    """
+    profile = Path(folder, 'prompt_discovery.xml')
+    profile.write_text(_PROFILE)
+    os.environ.update(
+        FASTRTPS_DEFAULT_PROFILES_FILE=str(profile), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST',
+        ROS_LOG_DIR=folder)

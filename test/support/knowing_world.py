@@ -1,0 +1,469 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A world of publishers, lossy channels and clocks around one source, and what it may promise.
+
+The source is the real one, the geometry is not: a body is 'T', which touches the footprint, or
+'F', which is far. The truth is kept here, by what was sent and what of it was delivered, and says
+in each state whether clear is right and whether the source becomes known again: docs/knowing.md.
+"""
+
+from sat_collision.scene.settings import ObstacleSettings, POLYGON, POLYGON_INSTANCE
+from sat_collision.scene.sources import Source
+from sat_collision.scene.streams import Endpoint
+
+SECOND = 10**9
+TIMEOUT = 8
+PERIOD = 2
+SETTLE = 2
+# An older stamp lies so far back.
+_BACK = SECOND // 2
+START = 1000
+
+MODES = ('sets', 'ended sets', 'ids', 'maps')
+
+
+class Bodies:
+    """The contacts of a source, without geometry: which obstacle is which body."""
+
+    changed = frozenset()
+
+    def __init__(self):
+        self.placed = {}
+
+    def place_obstacle(self, obstacle, body):
+        obstacle.row = 0
+        self.placed[obstacle] = body
+
+    def remove_obstacle(self, obstacle):
+        obstacle.row = None
+        self.placed.pop(obstacle, None)
+
+    def hide_obstacles(self, group, rows):
+        self.placed = {one: body for one, body in self.placed.items() if one.group is not group}
+
+    def begin_set(self, source, stamp):
+        pass
+
+
+class Message:
+    """A message as it was sent; body is 'T', 'F', None for an empty polygon, or a refusal."""
+
+    def __init__(self, number, stamp, body, key, listing):
+        self.number = number
+        self.stamp = stamp
+        self.body = body
+        self.key = key
+        self.listing = listing
+        self.is_delivered = False
+        self.order = 0
+
+
+class Publisher:
+    """
+    A process that publishes: what it has sent, what of it is on the way, what it will send.
+
+    The one that numbers its messages from afar is a second instance of the same node.
+    """
+
+    def __init__(self, gid, node, numbers_from):
+        self.gid = gid
+        self.node = node
+        self.number = numbers_from
+        self.is_alive = True
+        self.sent = []
+        self.queue = []
+        self.plan = []
+        self.listing = 0
+        self.refreshed = {}
+        self.is_beside_others = False
+
+    def send(self, stamp, body, key):
+        self.number += 1
+        message = Message(self.number, stamp, body, key, self.listing)
+        self.sent.append(message)
+        self.queue.append(message)
+        return message
+
+    @property
+    def delivered(self):
+        return [one for one in self.sent if one.is_delivered]
+
+
+class World:
+    """
+    One source, and all that can happen to it; events are words, see `options`.
+
+    Parameters
+    ----------
+    mode : str
+        One of MODES.
+    source : type, optional
+        The class of the source.
+
+    """
+
+    def __init__(self, mode, source=Source):
+        self.mode = mode
+        self.now = START
+        self.bodies = Bodies()
+        self.source = source(ObstacleSettings(
+            'obstacle', '/obstacles', set_window=0.0,
+            type=POLYGON_INSTANCE if mode in ('ids', 'maps') else POLYGON,
+            timeout=0.0 if mode == 'maps' else float(TIMEOUT),
+            settle_time=float(SETTLE)), self.bodies)
+        self.publishers = []
+        self.graph = []
+        self.known_graph = []
+        self.deliveries = 0
+        self.numbered = set()
+        self.start('a')
+        self.do('news')
+        if mode == 'ids':
+            self._become_known()
+
+    def _become_known(self):
+        """Let the first publisher of ids be received for a whole timeout."""
+        own = self.publishers[0]
+        for _ in range(TIMEOUT + 1):
+            for key, body in ((1, 'T'), (2, 'F')):
+                self._send_body(own, key, body)
+                self._deliver(own)
+            self._tick()
+
+    # --- what can happen
+
+    def options(self):
+        """Return the events that can happen now."""
+        own, second = self.live(False), self.live(True)
+        if any(one.delivered and one not in self.known_graph for one in self.graph):
+            # A6: nothing but its number 1 comes before the news of a publisher.
+            return ['news']
+        options = [] if self.mode == 'maps' and self._is_busy() else ['tick', 'tick:3']
+        if own is None:
+            options += ['start:a', 'start:b']
+        else:
+            if own.plan:
+                options.append('send')
+            elif self.mode == 'ids':
+                options += ['key:T', 'key:F', 'key:other', 'key:refused', 'key:unreadable',
+                            'key:old', 'key:ahead']
+            else:
+                options += [f'list:{bodies}' for bodies in ('F', 'FT', 'TF', 'R', 'U')]
+            # Settling assumes that a map is sent and received without a pause, or a death.
+            options += ['kill', 'end'] if self.mode != 'maps' or not self._is_busy() else []
+        if second is not None:
+            options.append('second:send')
+            if self.mode != 'maps' or not second.queue:
+                options.append('second:end')
+        elif not any(one.is_second for one in self.publishers):
+            options += ['second:start', 'second:namesake']
+        for k, one in enumerate(self.publishers):
+            if one.queue:
+                # That the last message of a map is lost shows only where another one follows.
+                if self.mode != 'maps' or len(one.queue) > 1 or one.plan:
+                    options.append(f'lose:{k}')
+                if one in self.known_graph or one.queue[0].number == 1:
+                    options.append(f'get:{k}')
+        if self.graph != self.known_graph:
+            options.append('news')
+        if any(not one.is_alive for one in self.graph):
+            options.append('lease')
+        if self.mode in ('ended sets', 'maps'):
+            options.append('clock back')
+        return options
+
+    def do(self, event):
+        """Let an event happen."""
+        what, _, detail = event.partition(':')
+        own = self.live(False)
+        if what == 'tick':
+            for _ in range(int(detail or 1)):
+                self._tick()
+        elif what == 'send':
+            self._send(own)
+        elif what == 'list':
+            self._plan(own, detail)
+            self._send(own)
+        elif what == 'key':
+            self._send_key(own, detail)
+        elif what in ('kill', 'end'):
+            self._stop(own, is_orderly=what == 'end')
+        elif what == 'start':
+            self.start(detail)
+        elif event == 'second:start':
+            self.start('second', is_second=True)
+        elif event == 'second:namesake':
+            # It was there before, hung, and has sent much already.
+            self.start('a', is_second=True)
+        elif event == 'second:send':
+            self._send_second()
+        elif event == 'second:end':
+            self._stop(self.live(True), is_orderly=True)
+        elif what == 'get':
+            self._deliver(self.publishers[int(detail)])
+        elif what == 'lose':
+            self.publishers[int(detail)].queue.pop(0)
+        elif what == 'news':
+            self._hear_of_graph()
+        elif what == 'lease':
+            for one in [one for one in self.graph if not one.is_alive]:
+                self._leave(one)
+        elif what == 'clock back':
+            self.now -= 1
+            self.source.set_back(self.now * SECOND)
+
+    def live(self, is_second):
+        """Return the publisher that lives, the second one or the other."""
+        return next((one for one in self.publishers
+                     if one.is_alive and one.is_second is is_second), None)
+
+    def start(self, node, is_second=False):
+        """Let a publisher start; nothing of a dead one comes after its successor's first."""
+        for one in self.publishers:
+            if not one.is_alive:
+                one.queue.clear()
+        gid = str(len(self.publishers))
+        publisher = Publisher(gid, f'/{node}', 50 if is_second and node == 'a' else 0)
+        publisher.is_second = is_second
+        self.publishers.append(publisher)
+        self.graph.append(publisher)
+
+    def _tick(self):
+        self.now += 1
+        own = self.live(False)
+        if self.mode == 'ids' and own is not None:
+            for key, (body, stamp) in [*own.refreshed.items()]:
+                # A3: a publisher of ids refreshes each obstacle within the timeout.
+                if self.now * SECOND - stamp >= (TIMEOUT - 2) * SECOND:
+                    self._send_body(own, key, body)
+        self._pass_time()
+
+    def _pass_time(self):
+        now = self.now * SECOND
+        if self.source.deadline < now:
+            self.source.pass_time(now)
+
+    def _is_busy(self):
+        """Tell whether a map is on its way: it is sent and delivered without a pause."""
+        return any(one.is_alive and (one.plan or one.queue) for one in self.publishers)
+
+    def _plan(self, publisher, bodies):
+        publisher.listing += 1
+        stamp = self.now * SECOND + publisher.listing
+        publisher.plan = [(stamp, body) for body in bodies]
+        if self.mode == 'ended sets' or (self.mode == 'maps' and publisher.listing > 1):
+            publisher.plan.append((stamp, None))
+
+    def _send(self, publisher):
+        stamp, body = publisher.plan.pop(0)
+        # In maps each obstacle of each listing has an id of its own.
+        publisher.send(stamp, body, publisher.number)
+
+    def _send_body(self, publisher, key, body):
+        stamp = self.now * SECOND
+        publisher.refreshed[key] = body, stamp
+        publisher.send(stamp, body, key)
+
+    def _send_key(self, own, detail):
+        stamp = self.now * SECOND
+        if detail in ('T', 'F'):
+            self._send_body(own, 1, detail)
+        elif detail == 'other':
+            self._send_body(own, 2, 'F')
+        elif detail == 'old':
+            own.send(stamp - _BACK, 'F', 1)
+        elif detail == 'ahead':
+            own.send(stamp + _BACK, 'F', 2)
+        else:
+            body = own.refreshed.get(1, ('F', 0))[0]
+            own.refreshed[1] = body, stamp
+            own.send(stamp, 'R' if detail == 'refused' else 'U', 1)
+
+    def _send_second(self):
+        second = self.live(True)
+        if self.mode == 'ids':
+            second.send(self.now * SECOND, 'F', 1)
+        else:
+            second.listing += 1
+            stamp = self.now * SECOND + second.listing
+            second.send(stamp, 'F', second.number)
+            if self.mode != 'sets':
+                second.send(stamp, None, None)
+
+    def _stop(self, publisher, is_orderly):
+        publisher.is_alive = False
+        publisher.plan = []
+        if is_orderly:
+            self._leave(publisher)
+
+    def _leave(self, publisher):
+        # A5: what a publisher sent is taken before the news of its end acts.
+        publisher.queue.clear()
+        self.graph.remove(publisher)
+
+    def _hear_of_graph(self):
+        self.known_graph = [*self.graph]
+        self.source.update_publishers(
+            [Endpoint(one.gid, one.node) for one in self.graph], self.now * SECOND)
+        self._renew()
+
+    def _renew(self):
+        if self.source.wants_history and not self.source.stream.faults():
+            # A publisher of maps keeps what it has sent.
+            self.source.renew(self.now * SECOND)
+            own, = self.known_graph[-1:]
+            self.deliveries += 1
+            own.queue[:0] = [one for one in own.sent if one not in own.queue]
+            while own.queue:
+                self._deliver(own)
+
+    def _deliver(self, publisher):
+        message = publisher.queue.pop(0)
+        message.is_delivered = True
+        publisher.is_beside_others |= self.known_graph != [publisher]
+        self.deliveries += 1
+        message.order = self.deliveries
+        source, now = self.source, self.now * SECOND
+        if message.body == 'U':
+            source.refuse('unreadable', None, now, None, message.number)
+        elif message.body == 'R':
+            source.refuse('refused', message.stamp, now, message.key, message.number)
+        else:
+            source.place(message.body, 'map', message.stamp, now, message.key, message.number)
+
+    # --- what is right
+
+    @property
+    def is_clear(self):
+        """Whether the source gives no reason against clear."""
+        return not self.source.faults and 'T' not in self.bodies.placed.values()
+
+    def may_be_clear(self):
+        """Tell by the truth whether the promise lets the source be clear."""
+        counted = [one for one in self.known_graph if not self._is_ghost(one)]
+        return len(counted) == 1 and self._has_clear_listing(counted[0])
+
+    def _is_ghost(self, one):
+        """Tell whether a newer publisher of the same node has spoken, and this one not since."""
+        newer = [other for other in self.known_graph[self.known_graph.index(one) + 1:]
+                 if other.node == one.node and other.delivered]
+        if not newer:
+            return False
+        begun = min(message.order for message in newer[-1].delivered)
+        return all(message.order < begun for message in one.delivered)
+
+    def _has_clear_listing(self, one):
+        if self.mode == 'ids':
+            return self._has_clear_ids(one)
+        oldest = 0 if self.mode == 'maps' else (self.now - TIMEOUT) * SECOND
+        listings = {}
+        for message in one.sent:
+            listings.setdefault(message.listing, []).append(message)
+        under_way = one.listing if one.plan else None
+        for number, messages in listings.items():
+            newer = [message for other in self.publishers for message in other.delivered
+                     if message.body == 'T' and (
+                         other is one and message.listing > number)]
+            if (number != under_way and all(message.is_delivered for message in messages)
+                    and min(message.stamp for message in messages) >= oldest
+                    and all(message.body in ('F', None) for message in messages)
+                    and not newer):
+                return True
+        return False
+
+    def _has_clear_ids(self, one):
+        """Tell whether all of one timeout has come, with every key last seen far away."""
+        if not one.delivered:
+            return False
+        last = max(min(message.stamp, self.now * SECOND) for message in one.delivered)
+        if last < (self.now - TIMEOUT) * SECOND:
+            return False
+        begin = last - TIMEOUT * SECOND
+        # What was stamped at its very beginning is told again by its end.
+        if any(not message.is_delivered for message in one.sent
+               if message.stamp > begin and message.number < one.delivered[-1].number):
+            return False
+        newest = {}
+        for message in one.delivered:
+            held = newest.get(message.key)
+            if message.stamp >= begin and (held is None or message.stamp >= held.stamp):
+                newest[message.key] = message
+        return all(message.body == 'F' for message in newest.values())
+
+    def heals(self):
+        """Let all faults end; return whether the source is known soon, and clear in the end."""
+        for one in self.publishers:
+            one.queue.clear()
+            if one.is_second and one.is_alive:
+                self._stop(one, is_orderly=True)
+        own = self.live(False)
+        if own is not None or not self._can_respawn():
+            self.do('lease')
+        self.do('news')
+        if own is None:
+            self.start(self.graph[-1].node[1:] if self.graph else 'a')
+            self.do('news')
+            own = self.live(False)
+        elif self.mode == 'maps' and not self._keeps_its_map(own):
+            return False
+        own.plan.clear()
+        own.refreshed.clear()
+        known_after = None
+        for period in range(1, TIMEOUT + 6):
+            self._tick_to(self.now + PERIOD)
+            if self.mode == 'ids':
+                self._send_body(own, 2, 'F')
+            else:
+                self._plan(own, 'F')
+                while own.plan:
+                    self._send(own)
+            while own.queue:
+                self._deliver(own)
+            self._renew()
+            if known_after is None and not self.source.faults:
+                known_after = period
+        soon = 3 if self.mode != 'ids' else TIMEOUT // PERIOD + 1
+        return known_after is not None and known_after <= soon and (
+            self.is_clear or len(self.graph) > 1)
+
+    def _can_respawn(self):
+        """Tell whether the next instance of a node that was killed is known for what it is."""
+        return (len(self.graph) == 1 and bool(self.graph[0].delivered)
+                and self.graph == self.known_graph and not self.graph[0].is_beside_others
+                and not any(one.is_second for one in self.publishers))
+
+    def _keeps_its_map(self, own):
+        """Tell whether a map is known that was sent long ago, if one was."""
+        if own.plan or not own.sent or any(one.body in ('R', 'U') for one in own.sent):
+            return True
+        if not all(one.is_delivered for one in own.sent) and not self.source.wants_history:
+            return True
+        for _ in range(3):
+            self._renew()
+            self._tick_to(self.now + SETTLE)
+        return not self.source.faults
+
+    def _tick_to(self, time):
+        while self.now < time:
+            self._tick()
+
+
+def replayed(mode, events, source=Source):
+    """Return the world in which these events have happened."""
+    world = World(mode, source)
+    for event in events:
+        world.do(event)
+    return world

@@ -1,0 +1,159 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a user of the library meets: names, help, examples, geometries and words of errors."""
+
+import doctest
+import importlib
+from io import StringIO
+import os
+import pydoc
+import subprocess
+import sys
+
+from bodies import as_shapely, random_body
+import numpy as np
+import pytest
+import sat_collision
+from sat_collision import (
+    contact, intersects, intersects_many, intersects_pairs, Polygon, PolygonError, PolygonSet,
+    Reason, separation, separations, time_of_contact)
+
+shapely = pytest.importorskip('shapely')
+
+SQUARE = [(0, 0), (2, 0), (2, 2), (0, 2)]
+
+
+def test_completion_and_help_show_what_is_offered():
+    """Though it is imported only when it is asked for."""
+    assert {*sat_collision.__all__, '__version__'} <= {*dir(sat_collision)}
+    text = pydoc.plain(pydoc.render_doc(sat_collision))
+    for name in sat_collision.__all__:
+        assert f' {name}(' in text or f' {name} = ' in text, name
+    assert sorted(sat_collision.__all__) == sat_collision.__all__
+
+
+@pytest.mark.parametrize('name', [name for name in sat_collision.__all__ if name != 'KERNEL'])
+def test_every_docstring_has_an_example_that_works(name):
+    """As the interpreter runs it."""
+    thing = getattr(sat_collision, name)
+    names = vars(importlib.import_module(thing.__module__))
+    found = doctest.DocTestFinder().find(thing, name, globs=names)
+    assert found and found[0].examples
+    said = StringIO()
+    for example in found:
+        doctest.DocTestRunner().run(example, out=said.write)
+    assert said.getvalue() == ''
+
+
+def test_kernels_are_prepared_where_there_is_only_the_library():
+    """Nothing of ROS, and not what recordings are read with."""
+    absent = ['argcomplete', 'lz4', 'rclpy', 'rosbags', 'yaml']
+    program = (f'import sys; sys.modules.update(dict.fromkeys({absent}))\n'
+               'from sat_collision.prepare_kernels import main; sys.exit(main())')
+    result = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True,
+                            env={**os.environ, 'NUMBA_DISABLE_JIT': '1'})
+    assert (result.returncode, result.stderr) == (0, '')
+    assert 'preparing the library only: replay_check needs yaml' in result.stdout
+
+
+def test_geometries_of_shapely_are_bodies():
+    """Polygons, rings, segments and points, with and without z, answered as shapely does."""
+    rng = np.random.default_rng(2)
+    bodies = [random_body(rng) for _ in range(60)]
+    shapes = [as_shapely(body) for body in bodies]
+    for one, other in zip(shapes, shapes[1:]):
+        assert intersects(one, other) is one.intersects(other)
+        assert max(separation(one, other), 0.0) == pytest.approx(one.distance(other), abs=1e-12)
+    rows = PolygonSet(shapes)
+    assert rows.intersects(shapes[0]).tolist() == shapely.intersects(shapes[0], shapes).tolist()
+    assert intersects(shapely.LineString([(0, 0, 9), (2, 2, 9)]), shapely.Point(1, 1, 5))
+    assert intersects(shapely.LinearRing(SQUARE), shapely.Point(1, 1))
+    moving = shapely.Polygon(SQUARE)
+    assert time_of_contact(moving, shapely.affinity.translate(moving, 4), shapely.Point(4, 1),
+                           shapely.Point(4, 1)) == 0.5
+
+
+def test_bodies_become_geometries_of_shapely():
+    """By shapely's `shape`, of each kind."""
+    for points in (SQUARE, SQUARE[:2], SQUARE[:1]):
+        polygon = Polygon(points)
+        assert shapely.geometry.shape(polygon).equals(as_shapely(polygon))
+        assert Polygon(polygon).vertices.tolist() == polygon.vertices.tolist()
+
+
+def test_separations_of_many_pairs():
+    """Of sets and of plain lists, one value a pair."""
+    rng = np.random.default_rng(3)
+    a, b = ([random_body(rng) for _ in range(40)] for _ in range(2))
+    expected = [separation(*pair) for pair in zip(a, b)]
+    assert separations(a, b).tolist() == expected
+    rows = PolygonSet(a)
+    assert rows.separations(PolygonSet(b)).tolist() == expected
+    assert intersects_pairs(a, b).tolist() == [value <= 0.0 for value in expected]
+    rows.remove(3)
+    assert separations(rows, b)[3] == np.inf
+    with pytest.raises(ValueError, match='40 bodies cannot be paired with 39'):
+        separations(a, b[1:])
+
+
+@pytest.mark.parametrize('points, words', [
+    ([('0', '0'), ('1', '1')], 'no numbers but str'),
+    ([(True, False), (False, True)], 'no numbers but bool'),
+    (np.array([(0, 0), (1, None)]), 'no numbers but object'),
+    (np.array([(0, 0), (1, '1')], object), 'no numbers but object'),
+    (np.array([(0, 0), (1, 1)], 'datetime64[s]'), 'no numbers but datetime64'),
+    ([(0, 1, 2), (0, 0, 1)], r'shape \(2, 3\).*transpose'),
+    (shapely.box(0, 0, 3, 3) - shapely.box(1, 1, 2, 2), 'polygon with holes'),
+    (shapely.LineString([(0, 0), (1, 0), (1, 1)]), 'LineString of 3 points'),
+    (shapely.MultiPoint([(0, 0), (1, 1)]), 'a MultiPoint, but a body is one'),
+    (shapely.Polygon(), 'no points'),
+    (shapely.Point(), 'no points'),
+])
+def test_what_is_no_body_is_refused_in_its_own_terms(points, words):
+    """Nothing is guessed, and nothing passes in silence."""
+    for use in (Polygon, lambda body: intersects(body, [(0, 0)]),
+                lambda body: contact([(0, 0)], body), lambda body: PolygonSet([[(0, 0)], body]),
+                lambda body: time_of_contact(body, body, [(0, 0)], [(0, 0)])):
+        with pytest.raises(PolygonError, match=words) as error:
+            use(points)
+        assert error.value.reason in (Reason.WRONG_SHAPE, Reason.EMPTY)
+
+
+def test_holes_as_shapely_takes_them_are_refused():
+    """The second argument is another one here."""
+    with pytest.raises(TypeError, match='max_vertices has to be an integer.*holes'):
+        Polygon(SQUARE, [[(0.5, 0.5), (1, 0.5), (1, 1)]])
+
+
+def test_a_polygon_cannot_move_by_itself():
+    """Its vertices have an order of their own, so that those of two poses do not match."""
+    with pytest.raises(PolygonError, match='a Polygon, which has dropped and reordered vertices'):
+        time_of_contact(Polygon(SQUARE), Polygon(SQUARE), SQUARE, SQUARE)
+
+
+@pytest.mark.parametrize('margin', [-1.0, -1e-300, float('nan')])
+def test_a_margin_that_is_none_is_refused(margin):
+    """Also where it would find nothing."""
+    with pytest.raises(ValueError, match='margin .* 0 or more'):
+        PolygonSet([SQUARE]).rows_within([(9, 9)], margin)
+
+
+@pytest.mark.parametrize('one', [Polygon(SQUARE), shapely.Polygon(SQUARE)])
+def test_one_body_where_several_are_expected(one):
+    """A set of its vertices would be something else."""
+    for use in (PolygonSet, lambda body: intersects_many(SQUARE, body),
+                lambda body: separations(body, body)):
+        with pytest.raises(TypeError, match='one Polygon, but a set is made of several bodies'):
+            use(one)

@@ -124,6 +124,7 @@ def test_set_that_was_under_way_when_the_node_began_does_not_count(start, domain
     publisher.publish(polygon_message(TOUCHING, stamp))
     monitor = start(**LASTING)
     peer.until(publisher.get_subscription_count)
+    monitor.until(lambda: monitor._is_heard('/obstacles'), 'news of the publisher')
     for points in (APART, []):
         publisher.publish(polygon_message(points, stamp))
     monitor.send('footprint', ROBOT)

@@ -17,7 +17,7 @@
 Write what the documents take from the code; with --check only tell what is out of date.
 
 That is the table of parameters, config/footprint_monitor.yaml, the page of the library, the
-picture of the imports in ARCHITECTURE.md, and the README's figures, from those of the benchmarks.
+picture of the imports in ARCHITECTURE.md, and figures of the benchmarks in README and install.md.
 """
 
 import argparse
@@ -169,7 +169,7 @@ def documents():
     found = {ROOT / 'config' / 'footprint_monitor.yaml': parameter_file()}
     for name, mark, part in (
             ('README.md', 'costs', cost_table(node['loads'])),
-            ('README.md', 'rates', rate_words(node['rates'])),
+            ('docs/install.md', 'rates', rate_words(node['rates'])),
             ('docs/api.md', 'names', api_entries()),
             ('docs/parameters.md', 'parameters', parameter_table()),
             ('docs/ARCHITECTURE.md', 'imports', import_picture())):

@@ -129,9 +129,9 @@ def test_documents_say_what_the_code_says(path):
     assert path.read_text() == documents()[path]
 
 
-def test_readme_shows_the_parameters_beside_nav2():
+def test_recipe_shows_the_parameters_beside_nav2():
     """As they are in the file that is installed."""
-    _, block = (ROOT / 'README.md').read_text().split('```yaml\n')
+    block = (ROOT / 'docs' / 'recipes.md').read_text().split('```yaml\n')[1]
     assert block.partition('```')[0] == (ROOT / 'config' / 'nav2.yaml').read_text()
 
 

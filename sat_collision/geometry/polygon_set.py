@@ -25,6 +25,7 @@ from sat_collision.geometry.batch import decide_rows, measure_rows
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.polygon import as_polygon, BodyLike, PackedBody, Polygon, size_of
 from sat_collision.geometry.rows import new_array, use_rows, views_of
+from sat_collision.geometry.run import Run, write_run
 from sat_collision.geometry.scan import (
     intersecting_rows, is_same, nearest_row, NO_ROOM, rows_within, UNCHANGED, write_and_intersect,
     write_and_measure)
@@ -359,6 +360,10 @@ class PackedSet(PolygonSet):
     place = PolygonSet._place
     remove = PolygonSet._remove
     polygon = PolygonSet._polygon
+
+    def place_run(self, run: Run, rows: Sequence[int], others: PackedSet, margin: float) -> int:
+        """Put the polygons of a run in place of those of rows, and return how many were put."""
+        return int(write_run(run, self._array, indexable(np.array(rows)), others._array, margin))
 
     def hide(self, rows: Sequence[int]) -> None:
         """Empty rows, each of which stays in use until it is filled anew or removed."""

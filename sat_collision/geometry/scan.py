@@ -165,7 +165,7 @@ def rows_within(set_array, body, count, margin):
     rows = rows_of(borrowed(set_array))
     hits = 0
     for row in range(rows.used):
-        if (rows.n[row] != 0 and _box_gap(rows, row, body) <= margin
+        if (rows.n[row] != 0 and box_gap(rows, row, body) <= margin
                 and measure(body_of(rows, row), Packed(body, 0, count))[0] <= margin):
             rows.found[hits] = row
             hits += 1
@@ -192,9 +192,9 @@ def nearest_row(set_array, body, count, skipped):
     gap = math.inf
     for row in range(rows.used):
         # A gap may be infinite.
-        if (rows.n[row] != 0 and (best < 0 or _box_gap(rows, row, body) < gap)
+        if (rows.n[row] != 0 and (best < 0 or box_gap(rows, row, body) < gap)
                 and not _contains(skipped, row)):
-            gap = _box_gap(rows, row, body)
+            gap = box_gap(rows, row, body)
             best = row
     if best < 0:
         return best, gap, 0.0, 0.0, 0.0, 0.0
@@ -202,7 +202,7 @@ def nearest_row(set_array, body, count, skipped):
     found = measure(body_of(rows, first), Packed(body, 0, count))
     for row in range(rows.used):
         if (row != first and rows.n[row] != 0
-                and _box_gap(rows, row, body) < found[0]
+                and box_gap(rows, row, body) < found[0]
                 and not _contains(skipped, row)):
             other = measure(body_of(rows, row), Packed(body, 0, count))
             if other[0] < found[0]:
@@ -225,7 +225,7 @@ def _contains(numbers, number):
 
 
 @inner
-def _box_gap(rows, row, body):
+def box_gap(rows, row, body):
     """Return how far along x or y bounds are apart, < 0 if not: never more than the separation."""
     return max(max(rows.min_x[row] - body[4], body[2] - rows.max_x[row]),
                max(rows.min_y[row] - body[5], body[3] - rows.max_y[row]))

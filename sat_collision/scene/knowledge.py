@@ -154,6 +154,13 @@ class Sets(Generic[_Group]):
             self._fill(current, now)
         return current.group
 
+    def room_for_run(self, stamp: int) -> int:
+        """Return how many messages of a stamp simply continue the current set."""
+        current = self.current
+        if current is None or stamp != current.last or self._is_spoiled or stamp < current.time:
+            return 0
+        return max(self.max_count - 1 - current.count, 0)
+
     def end(self, news: News, stamp: int, time: int, now: int) -> None:
         """Take an empty polygon: the set of its stamp ends."""
         current = self.current

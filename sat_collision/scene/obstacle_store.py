@@ -21,6 +21,7 @@ from collections.abc import Iterator
 from itertools import chain
 
 from sat_collision.geometry.polygon import PackedBody
+from sat_collision.geometry.run import Run
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.obstacles import Key, Obstacle
 from sat_collision.scene.times import NEVER
@@ -165,6 +166,22 @@ class SetGroup(ObstacleGroup):
         obstacle.time = time
         self._contacts.place_obstacle(obstacle, body)
         return None
+
+    def place_run(self, run: Run, most: int, time: int) -> int:
+        """Take bodies that may meet nothing, at most so many; return how many were taken."""
+        begin = self._taken
+        places = self._places[begin:min(begin + most, self._store.max_count)]
+        for k, obstacle in enumerate(places):
+            if obstacle.row is None or obstacle.refused:
+                del places[k:]
+                break
+        placed = self._contacts.place_run(places, run) if places else 0
+        frame_id = self._places[begin - 1].frame_id
+        for obstacle in places[:placed]:
+            obstacle.frame_id = frame_id
+            obstacle.time = time
+        self._taken += placed
+        return placed
 
     def refuse(self, time: int, reason: str) -> str:
         """Take a message that is refused; return the reason."""

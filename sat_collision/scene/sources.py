@@ -21,6 +21,7 @@ from typing import TypeAlias
 
 import numpy as np
 from sat_collision.geometry.polygon import PackedBody, size_of
+from sat_collision.geometry.run import Run
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.knowledge import Group, Keys, LOSS, Maps, Sets
 from sat_collision.scene.obstacle_store import KeyedGroup, ObstacleStore, SetGroup, TOO_MANY
@@ -183,6 +184,23 @@ class Source:
                 self.faults or refusal):
             self._find_faults(now)
         return refusal
+
+    def place_run(self, run: Run, stamp: int, now: int) -> int:
+        """
+        Take what continues the set of the message before, and may meet nothing.
+
+        Return how many messages were taken; what comes next is to be placed by itself.
+        """
+        listing = self.listing
+        if not isinstance(listing, Sets) or not 0 < stamp <= now <= stamp + self.timeout:
+            return 0
+        room = listing.room_for_run(stamp)
+        if not room:
+            return 0
+        placed = listing.current.group.place_run(run, room, stamp)
+        listing.current.count += placed
+        self.stream.next += placed
+        return placed
 
     def refuse(self, reason: str, stamp: int | None, now: int, instance: int | None,
                number: int | None) -> str:

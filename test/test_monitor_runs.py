@@ -80,7 +80,8 @@ def test_batches_are_taken_as_their_messages_one_by_one(seed):
     for _ in range(12):
         now += source.choice((SECOND // 20, SECOND // 10, 2 * SECOND))
         robot = serialised(box(source.choice((0, 0, -5))), now)
-        left += random_set(source, now, source.choice(('map', 'map', 'laser')))
+        stamp = now + source.choice((0, 0, 0, SECOND // 20, -SECOND // 2))
+        left += random_set(source, stamp, source.choice(('map', 'map', 'laser')))
         cut = source.choice((len(left), source.randrange(len(left) + 1)))
         batch = []
         for data in left[:cut]:

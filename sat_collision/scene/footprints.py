@@ -20,8 +20,7 @@ from collections.abc import Collection
 import enum
 from typing import NamedTuple, TypeAlias
 
-from sat_collision.scene.bodies import Body
-from sat_collision.scene.obstacles import Obstacle, ObstacleId
+from sat_collision.scene.obstacles import Body, Obstacle, ObstacleId
 from sat_collision.scene.settings import FootprintSettings
 from sat_collision.scene.streams import Stream
 from sat_collision.scene.times import BY_ANOTHER_CLOCK, FAR, NEVER
@@ -151,7 +150,7 @@ class Footprint(Body[Obstacle]):
         return self._names
 
     def toggle(self, others: Collection[Obstacle]) -> None:
-        """Take note that it meets each of these if it did not, and not if it did."""
+        """Meet each of these if it did not, and no more if it did."""
         super().toggle(others)
         for other in others:
             name = other.name

@@ -211,15 +211,15 @@ class Scene:
         if not source.settings.enabled:
             return None
         faults, listing = source.faults, source.listing
-        refusal: str | None
+        refusal: str | None = None
         if stamp > now and self._is_from_future(stamp):
             # With such a stamp it can be of no set; an empty polygon is of no instance.
-            refusal = source.refuse(FROM_FUTURE, None, now, None if body is None else instance,
-                                    number)
-        elif body is not None and self.frame_id and frame_id != self.frame_id:
-            refusal = source.refuse(OTHER_FRAME, stamp, now, instance, number)
+            refusal = source.receive(None, frame_id, None, now,
+                                     None if body is None else instance, number, FROM_FUTURE)
         else:
-            refusal = source.place(body, frame_id, stamp, now, instance, number)
+            if body is not None and self.frame_id and frame_id != self.frame_id:
+                body, refusal = None, OTHER_FRAME
+            refusal = source.receive(body, frame_id, stamp, now, instance, number, refusal)
         due = (stamp if 0 < stamp < now else now) + source.timeout
         if due < self.deadline:
             self.deadline = due
@@ -246,7 +246,7 @@ class Scene:
                 self.receive_number(name, number, now)
             self._invalidate(self._footprints[name], f'was refused: {reason}')
         elif source.settings.enabled:
-            source.refuse(reason, stamp, now, instance, number)
+            source.receive(None, '', stamp, now, instance, number, reason)
             self._watch(source.deadline)
         self._reevaluate_all()
 
@@ -309,7 +309,7 @@ class Scene:
         last, self._now = self._now, now
         if not is_all_taken:
             for source in self._sources.values():
-                source.wait(now)
+                source.listing.wait(now)
         if 0 < last <= now <= self.deadline:
             return
         if now < last:

@@ -673,8 +673,8 @@ def test_flood_takes_no_more_room_than_max_count(settings):
     source = Source(replace(settings, max_count=5), Contacts())
     now = nanoseconds(START)
     for number in range(1000):
-        source.place(square(number).packed, 'map', now, now, number, 2 * number + 1)
-        source.refuse('not finite', now, now, -1 - number, 2 * number + 2)
+        source.receive(square(number).packed, 'map', now, now, number, 2 * number + 1)
+        source.receive(None, 'map', now, now, -1 - number, 2 * number + 2, 'not finite')
     obstacles = [body for body in source.store if body.polygon is not None]
     assert 2 < len(obstacles) <= 5
     assert len(list(source.store)) <= 7

@@ -246,9 +246,7 @@ class FootprintMonitor(Node):
                 self.get_logger().warning(rejection.text)
 
     def _publish_changes(self) -> None:
-        if not self._scene.evaluations.unreported:
-            return
-        brief = self._scene.evaluations.brief_contacts()
+        brief = self._scene.brief_contacts()
         changed = self._scene.changes()
         if changed:
             self._outputs.update(changed)

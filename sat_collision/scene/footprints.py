@@ -164,11 +164,6 @@ class Footprint(Body[Obstacle]):
                 self.gained_or_lost ^= {name}
                 self._names = None
 
-    def is_newer_than(self, time: int) -> bool:
-        """Tell whether the good footprint is newer than a time, and not stale or for ever."""
-        return (self.time is not None and time < self.time and not self.stale
-                and self.timeout != NEVER)
-
     def set_back(self, now: int) -> None:
         """Forget all times, which were those of another clock."""
         self.stream.set_back(now)

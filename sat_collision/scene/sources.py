@@ -66,8 +66,6 @@ class Source:
         nothing about it changes.
     timeout : int or float
         NEVER where there is none.
-    are_waiting : bool
-        Whether messages wait to be taken, so that no map is complete.
 
     """
 
@@ -76,7 +74,6 @@ class Source:
         self.store = ObstacleStore(settings.name, contacts)
         self.stream = Stream()
         self.faults: tuple[str, ...] = ()
-        self.are_waiting = False
         # Groups of listings that were interrupted.
         self._former: list[_Group] = []
         self._is_far = False
@@ -113,20 +110,15 @@ class Source:
     @property
     def deadline(self) -> float:
         """Time in ns after which something changes by itself."""
-        deadline = min(self.listing.deadline, self.stream.mixed_until)
-        if self._former and self.timeout < NEVER:
-            deadline = min(deadline, self.timeout + min(group.oldest for group in self._former))
-        return deadline
+        return min(self.listing.deadline, self.stream.mixed_until,
+                   *(group.oldest + self.timeout for group in self._former))
 
     def pass_time(self, now: int) -> None:
         """Let time pass: what is too old is forgotten, and what has paused may settle."""
-        if self.are_waiting:
-            self.listing.wait(now)
         self.stream.pass_time(now)
         self.listing.pass_time(now)
-        if self.timeout < NEVER:
-            for group in self._former:
-                group.forget_before(now - self.timeout)
+        for group in self._former:
+            group.forget_before(now - self.timeout)
         self._drop_former()
         self._find_faults(now)
 
@@ -188,7 +180,8 @@ class Source:
         if is_end:
             listing.end(news, stamp or 0, time, now)
             self._drop_former()
-        elif (key := self._key_of(body, stamp, instance)) is None:
+        elif (key := 0 if stamp and type(listing) is Sets
+              else self._key_of(body, instance)) is None:
             listing.spoil(f'a message was refused: {refusal}', now)
         else:
             if stamp is not None:
@@ -199,9 +192,10 @@ class Source:
                     listing.spoil(LOSS, now)
             if not is_old:
                 taken = group.take(key, body, frame_id, time, refusal)
-                if taken is TOO_MANY and not isinstance(listing, Sets):
-                    listing.spoil(f'there were {TOO_MANY}', now)
-                refusal = refusal or taken
+                if taken:
+                    refusal = refusal or taken
+                    if taken is TOO_MANY and not isinstance(listing, Sets):
+                        listing.spoil(f'there were {TOO_MANY}', now)
         if is_old:
             refusal = TOO_OLD
         if listing.is_known is not self._was_known or news is not CONTINUES or (
@@ -225,15 +219,14 @@ class Source:
         if news is MET or news is BEGUN or manner is not type(self.listing):
             self._begin_anew(manner, now)
 
-    def _key_of(self, body: PackedBody | None, stamp: int | None,
-                instance: int | None) -> Key | None:
-        """Return what the obstacle of a message is known by; None if that is not known."""
+    def _key_of(self, body: PackedBody | None, instance: int | None) -> Key | None:
+        """Return the id or shape of an obstacle; None if that is not known."""
         if isinstance(self.listing, Sets):
-            # Its place among those of its stamp.
-            return 0 if stamp else None
+            return None
         if self._by_id:
             return instance
-        return None if body is None else shape_of(body)
+        # The shape: the same for equal bodies, and for no others.
+        return None if body is None else np.asarray(body[0])[:size_of(body)].tobytes()
 
     def _begin_anew(self, manner: type[_Listing], now: int,
                     wants_history: bool = False) -> None:
@@ -285,8 +278,3 @@ class Source:
                            for word in words)
         if faults != self.faults:
             self.faults = faults
-
-
-def shape_of(body: PackedBody) -> bytes:
-    """Return what is the same for equal bodies, and for no others."""
-    return np.asarray(body[0])[:size_of(body)].tobytes()

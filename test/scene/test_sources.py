@@ -185,10 +185,10 @@ def test_map_does_not_settle_while_messages_wait_to_be_taken():
     stage.time = 3.0
     stage.scene.pass_time(stage.now, is_all_taken=False)
     assert stage.status() == 'unknown'
-    stage.scene.note_waiting('lidar', True)
+    stage.scene.waiting = {'lidar'}
     stage.wait_until(6.0)
     assert stage.status() == 'unknown'
-    stage.scene.note_waiting('lidar', False)
+    stage.scene.waiting = ()
     stage.wait_until(7.001)
     assert stage.status() == 'clear'
 

@@ -57,7 +57,7 @@ class State(NamedTuple):
     age: float | None
 
 
-# The frame in which a footprint was told, and the time in ns of the transform that moved it from
+# The frame in which a footprint was sent, and the time in ns of the transform that moved it from
 # there, None for all times.
 Origin: TypeAlias = tuple[str, int | None]
 # Status and reasons of a State.
@@ -94,13 +94,13 @@ class Footprint(Body[Obstacle]):
         What was found when it was evaluated last.
     gained_or_lost : set of ObstacleId
         The contacts by name that are other than they were when the reader emptied it last.
-    doubts : tuple of str
+    unknown_reasons : tuple of str
         Why it was not known then what the footprint touches, whatever it is known to touch.
 
     """
 
     __slots__ = ('settings', 'stream', 'timeout', 'time', 'frame_id', 'origin', 'received',
-                 'fault', 'stale', 'status', 'evaluation', 'doubts', 'gained_or_lost',
+                 'fault', 'stale', 'status', 'evaluation', 'unknown_reasons', 'gained_or_lost',
                  '_clear_since', '_release', '_held', '_names', '_stream_faults')
 
     evaluation: Evaluation
@@ -116,7 +116,7 @@ class Footprint(Body[Obstacle]):
         self.fault = ''
         self.stale = False
         self.status = Status.UNKNOWN
-        self.doubts: tuple[str, ...] = ()
+        self.unknown_reasons: tuple[str, ...] = ()
         self.gained_or_lost: set[ObstacleId] = set()
         # How many contacts have a name: that of a set and that of the next may have the same.
         self._held: dict[ObstacleId, int] = {}
@@ -190,7 +190,7 @@ class Footprint(Body[Obstacle]):
         monitor_fault : str
             Why nothing can be known of any footprint; empty if something can.
         source_faults : tuple of str
-            Why there may be obstacles that nobody told of.
+            Why there may be obstacles that were not received.
         release_delay : int
 
         """
@@ -209,7 +209,7 @@ class Footprint(Body[Obstacle]):
             status = Status.COLLISION
         else:
             status = Status.UNKNOWN if source_faults else Status.CLEAR
-        self.doubts = reasons
+        self.unknown_reasons = reasons
         if status is not Status.CLEAR:
             self._clear_since = None
         else:

@@ -213,8 +213,7 @@ class Sets(_Listing):
             return f'has been silent for longer than {self._timeout_in_words}'
         if self._missed:
             return f'has not sent a whole set since {self._missed}'
-        if not current.is_whole and not current.is_ended and (
-                2 * self._period > self.timeout):
+        if not current.is_whole and not current.is_ended and 2 * self._period > self.timeout:
             period = self._period / 1e9
             return (f'sends a set every {period:.2g} s, which is whole when the next one begins: '
                     f'end each set with an empty polygon, or set timeout to more than '

@@ -89,14 +89,7 @@ class ObstacleStore:
 
 
 class ObstacleGroup:
-    """
-    What groups of obstacles have in common. A refused message takes the place of its obstacle.
-
-    Parameters
-    ----------
-    store : ObstacleStore
-
-    """
+    """What groups have in common. A refused message takes the place of its obstacle."""
 
     def __init__(self, store: ObstacleStore) -> None:
         self._store = store

@@ -108,7 +108,7 @@ class Scene:
         self._reported: dict[str, Evaluation] = {}
         # Since the last call of `changes`: what was evaluated, and what was in collision then.
         self._evaluated: set[Footprint] = set()
-        self._collided: set[Footprint] = set()
+        self._collided: set[str] = set()
         self._use(settings)
         for footprint in self._footprints.values():
             self._invalidate(footprint, _NOT_RECEIVED)
@@ -123,7 +123,7 @@ class Scene:
         """
         Apply other settings, of the same names, topics and types.
 
-        What is disabled forgets what it was told: enabled again, it is unknown until told anew.
+        What is disabled forgets what it has received: enabled again, it is unknown at first.
         """
         self._use(settings)
         for source in settings.obstacles:
@@ -269,7 +269,9 @@ class Scene:
         footprint = self._footprints[name]
         if footprint.stream.receive(number, now) is not CONTINUES:
             self.pass_time(now)
-            self._update_stream(footprint)
+            if footprint.find_stream_faults(now):
+                self._contacts.changed.add(footprint)
+                self._evaluate()
 
     def update_publishers(self, name: str, endpoints: Sequence[Endpoint]) -> None:
         """Take the publishers that a footprint or source has now."""
@@ -281,7 +283,8 @@ class Scene:
             footprint = self._footprints[name]
             if footprint.stream.update(endpoints) and footprint.time is not None:
                 self._invalidate(footprint, _CHANGED)
-            self._update_stream(footprint)
+            if footprint.find_stream_faults(self._now):
+                self._contacts.changed.add(footprint)
         self._reevaluate_all()
 
     def lost(self) -> Counter[str]:
@@ -358,15 +361,16 @@ class Scene:
         source = self._sources.get(name)
         return source.settings if source else self._footprints[name].settings
 
-    def doubts(self, name: str) -> tuple[str, ...]:
+    def unknown_reasons(self, name: str) -> tuple[str, ...]:
         """Return why it is not known what a footprint touches, whatever it is known to touch."""
-        return self._footprints[name].doubts
+        return self._footprints[name].unknown_reasons
 
     def changes(self) -> list[str]:
         """Return the names of footprints whose state, age apart, changed since the last call."""
+        if not self._evaluated:
+            return []
         changed = []
-        # In the order of the settings.
-        for name, footprint in self._footprints.items() if self._evaluated else ():
+        for name, footprint in self._footprints.items():
             if footprint in self._evaluated:
                 others = footprint.gained_or_lost and footprint.status is Status.COLLISION
                 if others or footprint.evaluation != self._reported.get(name):
@@ -383,10 +387,10 @@ class Scene:
 
         That is, since the last call of `changes`, and not when it was called.
         """
-        return [name for footprint in self._collided
-                if footprint.status is not Status.COLLISION
-                and (name := footprint.settings.name)
-                and self._reported.get(name, (None,))[0] is not Status.COLLISION]
+        return [name for name in self._collided
+                if self._footprints[name].status is not Status.COLLISION
+                and (name not in self._reported
+                     or self._reported[name][0] is not Status.COLLISION)]
 
     def status(self, name: str) -> Status:
         """Return the Status of a footprint."""
@@ -461,12 +465,6 @@ class Scene:
     def _is_from_future(self, stamp: int) -> bool:
         return stamp > self._now + self._future_tolerance and self._now > 0
 
-    def _update_stream(self, footprint: Footprint) -> None:
-        """Have a footprint evaluated anew if what is wrong with its publishers has changed."""
-        if footprint.find_stream_faults(self._now):
-            self._contacts.changed.add(footprint)
-            self._evaluate()
-
     def _choose_frame(self) -> None:
         """Let the frame be the one that the footprints received of late agree on, if they do."""
         frames = {footprint.frame_id for footprint in self._footprints.values()
@@ -490,16 +488,21 @@ class Scene:
 
     def _reevaluate_all(self) -> None:
         """Evaluate the footprints for which something has changed: all, if a common fault has."""
-        monitor_fault = (
-            _DISABLED if not self.settings.enabled else _NO_CLOCK if not self._now
-            else _CLOCK_STANDS if self._clock_stands else '')
+        monitor_fault = ''
+        if not self.settings.enabled:
+            monitor_fault = _DISABLED
+        elif not self._now:
+            monitor_fault = _NO_CLOCK
+        elif self._clock_stands:
+            monitor_fault = _CLOCK_STANDS
         causes = monitor_fault, self.settings, *(one.faults for one in self._sources.values())
-        is_same, self._causes = causes == self._causes, causes
-        for name, footprint in () if is_same else self._footprints.items():
-            faults = monitor_fault, self._source_faults(footprint)
-            if faults != self._faults[name]:
-                self._faults[name] = faults
-                self._contacts.changed.add(footprint)
+        if causes != self._causes:
+            self._causes = causes
+            for name, footprint in self._footprints.items():
+                faults = monitor_fault, self._source_faults(footprint)
+                if faults != self._faults[name]:
+                    self._faults[name] = faults
+                    self._contacts.changed.add(footprint)
         self._evaluate()
 
     def _source_faults(self, footprint: Footprint) -> tuple[str, ...]:
@@ -518,6 +521,6 @@ class Scene:
                                self._release_delay)
             self.deadline = min(self.deadline, footprint.deadline)
             if footprint.status is Status.COLLISION:
-                self._collided.add(footprint)
+                self._collided.add(footprint.settings.name)
         self._evaluated |= changed
         changed.clear()

@@ -66,7 +66,7 @@ class Waiting(Generic[_Item, _Outcome]):
         """Return how many wait, by the name of what they are for."""
         return {name: len(queue) for name, queue in self._queues.items()}
 
-    def add(self, name: str, item: _Item, now: int, timeout: int, max_count: int) -> list[_Outcome]:
+    def add(self, name: str, item: _Item, now: int, timeout: int, limit: int) -> list[_Outcome]:
         """
         Let something wait behind all that waits for the same.
 
@@ -76,19 +76,15 @@ class Waiting(Generic[_Item, _Outcome]):
         item : object
         now, timeout : int
             Present time, and how long it may wait, in ns.
-        max_count : int
-            How many may wait; where there are more, those that came first wait no longer.
-
-        Returns
-        -------
-        list
-            What came of those.
+        limit : int
+            How many may wait; where there are more, those that came first wait no longer, and
+            what came of those is returned.
 
         """
         queue = self._queues.setdefault(name, deque())
         queue.append((item, now + timeout))
         outcomes: list[_Outcome] = []
-        while len(queue) > max_count:
+        while len(queue) > limit:
             self._take_first(name, now, False, outcomes)
         self._find_earliest()
         return outcomes

@@ -21,9 +21,8 @@ from typing import Any, Generic, TypeVar
 
 from sat_collision.geometry.polygon import PackedBody
 from sat_collision.geometry.polygon_set import PackedSet, Point
-from sat_collision.scene.bodies import Body
 from sat_collision.scene.footprints import Footprint
-from sat_collision.scene.obstacles import Obstacle
+from sat_collision.scene.obstacles import Body, Obstacle
 
 _Kind = TypeVar('_Kind', bound=Body[Any])
 _Other = TypeVar('_Other', bound=Body[Any])

@@ -93,7 +93,8 @@ class Monitor:
                              self._watch_clock, placements)
         self.rejected = self.teller.rejected
         self.outlines = Outlines(settings, self.teller, self.transforms, self.received)
-        self.waiting: Waiting[_Item, Rejection] = Waiting(self._take_waiting, self._note_waiting)
+        self.waiting: Waiting[_Item, Rejection] = Waiting(self._take_waiting)
+        self.scene.waiting = self.waiting
         self._patience = round(settings.transform_timeout * 1e9)
         self._now = 0
 
@@ -247,7 +248,3 @@ class Monitor:
         elif settings.enabled:
             return self.teller.take(settings, *item, now, may_wait)
         return None
-
-    def _note_waiting(self, name: str) -> None:
-        """Tell the scene whether messages of a source wait to be told."""
-        self.scene.note_waiting(name, name in self.waiting)

@@ -232,7 +232,7 @@ class FootprintMonitor(Node):
         """Say once, when all has had the time to begin, what is not known yet, and why."""
         self._reports_unknown_at = NEVER
         reasons = {reason for footprint in self._scene.settings.footprints
-                   if footprint.enabled for reason in self._scene.doubts(footprint.name)}
+                   if footprint.enabled for reason in self._scene.unknown_reasons(footprint.name)}
         for reason in sorted(reasons):
             self.get_logger().warning(f'unknown since the start: {reason}')
 
@@ -246,9 +246,7 @@ class FootprintMonitor(Node):
                 self.get_logger().warning(rejection.text)
 
     def _publish_changes(self) -> None:
-        if not self._scene.evaluations.unreported:
-            return
-        brief = self._scene.evaluations.brief_contacts()
+        brief = self._scene.brief_contacts()
         changed = self._scene.changes()
         if changed:
             self._outputs.update(changed)

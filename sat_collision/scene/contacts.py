@@ -16,15 +16,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, Generic, TypeVar
 
 from sat_collision.geometry.polygon import PackedBody
 from sat_collision.geometry.polygon_set import PackedSet, Point
 from sat_collision.geometry.run import Run
-from sat_collision.scene.bodies import Body
 from sat_collision.scene.footprints import Footprint
-from sat_collision.scene.obstacles import Obstacle
+from sat_collision.scene.obstacles import Body, Obstacle
 
 _Kind = TypeVar('_Kind', bound=Body[Any])
 _Other = TypeVar('_Other', bound=Body[Any])

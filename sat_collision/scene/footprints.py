@@ -20,8 +20,7 @@ from collections.abc import Collection
 import enum
 from typing import NamedTuple, TypeAlias
 
-from sat_collision.scene.bodies import Body
-from sat_collision.scene.obstacles import Obstacle, ObstacleId
+from sat_collision.scene.obstacles import Body, Obstacle, ObstacleId
 from sat_collision.scene.settings import FootprintSettings
 from sat_collision.scene.streams import Stream
 from sat_collision.scene.times import BY_ANOTHER_CLOCK, FAR, NEVER
@@ -58,7 +57,7 @@ class State(NamedTuple):
     age: float | None
 
 
-# The frame in which a footprint was told, and the time in ns of the transform that moved it from
+# The frame in which a footprint was sent, and the time in ns of the transform that moved it from
 # there, None for all times.
 Origin: TypeAlias = tuple[str, int | None]
 # Status and reasons of a State.
@@ -95,13 +94,13 @@ class Footprint(Body[Obstacle]):
         What was found when it was evaluated last.
     gained_or_lost : set of ObstacleId
         The contacts by name that are other than they were when the reader emptied it last.
-    doubts : tuple of str
+    unknown_reasons : tuple of str
         Why it was not known then what the footprint touches, whatever it is known to touch.
 
     """
 
     __slots__ = ('settings', 'stream', 'timeout', 'time', 'frame_id', 'origin', 'received',
-                 'fault', 'stale', 'status', 'evaluation', 'doubts', 'gained_or_lost',
+                 'fault', 'stale', 'status', 'evaluation', 'unknown_reasons', 'gained_or_lost',
                  '_clear_since', '_release', '_held', '_names', '_stream_faults')
 
     evaluation: Evaluation
@@ -117,7 +116,7 @@ class Footprint(Body[Obstacle]):
         self.fault = ''
         self.stale = False
         self.status = Status.UNKNOWN
-        self.doubts: tuple[str, ...] = ()
+        self.unknown_reasons: tuple[str, ...] = ()
         self.gained_or_lost: set[ObstacleId] = set()
         # How many contacts have a name: that of a set and that of the next may have the same.
         self._held: dict[ObstacleId, int] = {}
@@ -151,7 +150,7 @@ class Footprint(Body[Obstacle]):
         return self._names
 
     def toggle(self, others: Collection[Obstacle]) -> None:
-        """Take note that it meets each of these if it did not, and not if it did."""
+        """Meet each of these if it did not, and no more if it did."""
         super().toggle(others)
         for other in others:
             name = other.name
@@ -164,11 +163,6 @@ class Footprint(Body[Obstacle]):
             if not (now and before):
                 self.gained_or_lost ^= {name}
                 self._names = None
-
-    def is_newer_than(self, time: int) -> bool:
-        """Tell whether the good footprint is newer than a time, and not stale or for ever."""
-        return (self.time is not None and time < self.time and not self.stale
-                and self.timeout != NEVER)
 
     def set_back(self, now: int) -> None:
         """Forget all times, which were those of another clock."""
@@ -196,7 +190,7 @@ class Footprint(Body[Obstacle]):
         monitor_fault : str
             Why nothing can be known of any footprint; empty if something can.
         source_faults : tuple of str
-            Why there may be obstacles that nobody told of.
+            Why there may be obstacles that were not received.
         release_delay : int
 
         """
@@ -215,7 +209,7 @@ class Footprint(Body[Obstacle]):
             status = Status.COLLISION
         else:
             status = Status.UNKNOWN if source_faults else Status.CLEAR
-        self.doubts = reasons
+        self.unknown_reasons = reasons
         if status is not Status.CLEAR:
             self._clear_since = None
         else:

@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import chain
 
 from sat_collision.geometry.polygon import PackedBody
@@ -90,14 +90,7 @@ class ObstacleStore:
 
 
 class ObstacleGroup:
-    """
-    What groups of obstacles have in common. A refused message takes the place of its obstacle.
-
-    Parameters
-    ----------
-    store : ObstacleStore
-
-    """
+    """What groups have in common. A refused message takes the place of its obstacle."""
 
     def __init__(self, store: ObstacleStore) -> None:
         self._store = store
@@ -107,37 +100,41 @@ class ObstacleGroup:
         """Go through all obstacles, those that stand for a refused message included."""
         raise NotImplementedError
 
+    def forget_refused(self) -> None:
+        """Drop what stands for refused messages."""
+        self._forget([one for one in self if one.refused])
+
     def refuse_other_frames(self, frame_id: str) -> None:
         """Refuse all in other frames than this."""
-        for obstacle in self:
-            if obstacle.row is not None and obstacle.frame_id != frame_id:
-                self._refuse(obstacle, obstacle.time, OTHER_FRAME)
+        for one in self:
+            if one.row is not None and one.frame_id != frame_id:
+                self._put(one, None, one.frame_id, one.time, OTHER_FRAME)
 
-    def _place(self, obstacle: Obstacle, body: PackedBody, frame_id: str, time: int) -> None:
-        """Put an obstacle where a message says."""
-        obstacle.frame_id = frame_id
-        obstacle.time = time
-        self._contacts.place_obstacle(obstacle, body)
-        if obstacle.refused:
+    def _forget(self, obstacles: Iterable[Obstacle]) -> None:
+        """Drop obstacles."""
+        for obstacle in obstacles:
+            self._contacts.remove_obstacle(obstacle)
             self._mark(obstacle, None)
 
-    def _refuse(self, obstacle: Obstacle, time: float, reason: str) -> None:
-        """Let an obstacle stand for a message that was refused."""
+    def _put(self, obstacle: Obstacle, body: PackedBody | None, frame_id: str, time: float,
+             refusal: str | None) -> None:
+        """Put an obstacle where a message says; nowhere if that is refused."""
+        obstacle.frame_id = frame_id
         obstacle.time = time
-        self._contacts.remove_obstacle(obstacle)
-        self._mark(obstacle, reason)
+        if body is None or refusal:
+            self._contacts.remove_obstacle(obstacle)
+        else:
+            self._contacts.place_obstacle(obstacle, body)
+        if refusal or obstacle.refused:
+            self._mark(obstacle, refusal)
 
-    def _remove(self, obstacle: Obstacle) -> None:
-        self._contacts.remove_obstacle(obstacle)
-        self._mark(obstacle, None)
-
-    def _mark(self, obstacle: Obstacle, reason: str | None) -> None:
+    def _mark(self, obstacle: Obstacle, refusal: str | None) -> None:
         """Change why an obstacle is refused: None if it is not any more."""
-        before, obstacle.refused = obstacle.refused, reason
+        before, obstacle.refused = obstacle.refused, refusal
         if before:
             self._store.refusals[before] -= 1
-        if reason:
-            self._store.refusals[reason] += 1
+        if refusal:
+            self._store.refusals[refusal] += 1
 
 
 class SetGroup(ObstacleGroup):
@@ -145,6 +142,12 @@ class SetGroup(ObstacleGroup):
     The obstacles of one set: the k-th message is the k-th obstacle.
 
     One that is cleared keeps its rows, hidden, for another set.
+
+    Attributes
+    ----------
+    oldest : int or float
+        The earliest time of its obstacles; NEVER if there are none.
+
     """
 
     def __init__(self, store: ObstacleStore) -> None:
@@ -157,81 +160,63 @@ class SetGroup(ObstacleGroup):
         """Go through all obstacles, those that stand for a refused message included."""
         return (one for one in self._places[:self._taken] if one.row is not None or one.refused)
 
-    def place(self, body: PackedBody, frame_id: str, time: int) -> str | None:
-        """Take a body; return a refusal or None."""
-        if self._taken >= self._store.max_count:
-            return self.refuse(time, TOO_MANY)
-        obstacle = self._next(time)
-        obstacle.frame_id = frame_id
-        obstacle.time = time
-        self._contacts.place_obstacle(obstacle, body)
-        return None
+    def take_run(self, run: Run, limit: int, time: int) -> int:
+        """
+        Take at most so many obstacles, which are in the frame of the one before.
 
-    def place_run(self, run: Run, most: int, time: int) -> int:
-        """Take bodies that may meet nothing, at most so many; return how many were taken."""
+        Return how many were taken: all before the first one that may meet something.
+        """
         begin = self._taken
-        places = self._places[begin:min(begin + most, self._store.max_count)]
+        places = self._places[begin:begin + max(limit, 0)]
         for k, obstacle in enumerate(places):
             if obstacle.row is None or obstacle.refused:
                 del places[k:]
                 break
-        placed = self._contacts.place_run(places, run) if places else 0
+        taken = self._contacts.place_run(places, run) if places else 0
         frame_id = self._places[begin - 1].frame_id
-        for obstacle in places[:placed]:
+        for obstacle in places[:taken]:
             obstacle.frame_id = frame_id
             obstacle.time = time
-        self._taken += placed
-        return placed
+        self._taken += taken
+        return taken
 
-    def refuse(self, time: int, reason: str) -> str:
-        """Take a message that is refused; return the reason."""
-        # All that is too much shares a place.
-        self._taken = min(self._taken, self._store.max_count)
-        self._refuse(self._next(time), time, reason)
-        return reason
-
-    def forget_before(self, time: float) -> None:
-        """Drop the obstacles whose time is earlier."""
-        if self.oldest < time:
-            for obstacle in self:
-                if obstacle.time < time:
-                    self._remove(obstacle)
-            self._find_oldest()
-
-    def forget_refused(self) -> None:
-        """Drop what stands for refused messages."""
-        for obstacle in self:
-            if obstacle.refused:
-                self._remove(obstacle)
-        self._find_oldest()
-
-    def _find_oldest(self) -> None:
-        self.oldest = min((obstacle.time for obstacle in self), default=NEVER)
-
-    def clear(self) -> None:
-        """Hide all."""
-        places, taken = self._places, self._taken
-        for obstacle in places[taken:]:
-            self._remove(obstacle)
-        del places[taken:]
-        if self._store.refusals:
-            for obstacle in places:
-                if obstacle.refused:
-                    self._mark(obstacle, None)
-        self._contacts.hide_obstacles(self, [one.row for one in places if one.row is not None])
-        self._taken = 0
-        self.oldest = NEVER
-        self._store.drop(self)
-
-    def _next(self, time: int) -> Obstacle:
-        """Return the obstacle at the next place."""
+    def take(self, key: Key, body: PackedBody | None, frame_id: str, time: int,
+             refusal: str | None) -> str | None:
+        """Take a message, whose body is None where it is refused; return a refusal or None."""
         place = self._taken
+        if place >= self._store.max_count:
+            # All that is too much shares a place.
+            place = self._store.max_count
+            refusal = refusal or TOO_MANY
         self._taken = place + 1
         if time < self.oldest:
             self.oldest = time
         if place == len(self._places):
             self._places.append(Obstacle(self, self._store.source, place, place))
-        return self._places[place]
+        self._put(self._places[place], body, frame_id, time, refusal)
+        return refusal
+
+    def forget_before(self, time: float) -> None:
+        """Drop the obstacles whose time is earlier."""
+        if self.oldest < time:
+            self._forget([one for one in self if one.time < time])
+
+    def clear(self) -> None:
+        """Hide all."""
+        places, taken = self._places, self._taken
+        super()._forget(places[taken:])
+        del places[taken:]
+        if self._store.refusals:
+            for obstacle in places:
+                self._mark(obstacle, None)
+        self._contacts.hide_obstacles(self, [one.row for one in places if one.row is not None])
+        self._taken = 0
+        self.oldest = NEVER
+        self._store.drop(self)
+
+    def _forget(self, obstacles: Iterable[Obstacle]) -> None:
+        super()._forget(obstacles)
+        self.oldest = min((obstacle.time for obstacle in self), default=NEVER)
 
 
 class KeyedGroup(ObstacleGroup):
@@ -241,13 +226,12 @@ class KeyedGroup(ObstacleGroup):
         super().__init__(store)
         # In the order of their times, as far as messages come in the order of their stamps.
         self._held: dict[Key, Obstacle] = {}
+        # The number of the listing that comes in.
+        self._listing = 0
 
     def __iter__(self) -> Iterator[Obstacle]:
         """Go through all obstacles, those that stand for a refused message included."""
         return iter(self._held.values())
-
-    def __len__(self) -> int:
-        return len(self._held)
 
     @property
     def oldest(self) -> float:
@@ -256,58 +240,45 @@ class KeyedGroup(ObstacleGroup):
             return obstacle.time
         return NEVER
 
-    def place(self, key: Key, listing: int, body: PackedBody, frame_id: str,
-              time: int) -> str | None:
-        """Take a body of a listing; return a refusal, for which nothing stands here, or None."""
-        obstacle = self._take(key, listing, time)
-        if obstacle is None:
-            return None if key in self._held else TOO_MANY
-        self._place(obstacle, body, frame_id, time)
-        return None
+    def take(self, key: Key, body: PackedBody | None, frame_id: str, time: int,
+             refusal: str | None) -> str | None:
+        """
+        Take a message, whose body is None where it is refused; return a refusal or None.
 
-    def refuse(self, key: Key, listing: int, time: int, reason: str) -> str | None:
-        """Take a message of a key that is refused; return as `place`."""
-        obstacle = self._take(key, listing, time)
-        if obstacle is None:
-            return None if key in self._held else TOO_MANY
-        self._refuse(obstacle, time, reason)
-        return None
-
-    def forget_before(self, time: float) -> None:
-        """Drop the obstacles whose time is earlier."""
-        while self.oldest < time:
-            self._forget(next(iter(self._held)))
-
-    def forget_refused(self) -> None:
-        """Drop what stands for refused messages."""
-        for key in [key for key, one in self._held.items() if one.refused]:
-            self._forget(key)
-
-    def forget_listings_before(self, listing: int) -> None:
-        """Drop the obstacles that were in earlier listings only."""
-        for key in [key for key, one in self._held.items() if one.listing < listing]:
-            self._forget(key)
-
-    def clear(self) -> None:
-        """Drop all."""
-        for key in [*self._held]:
-            self._forget(key)
-        self._store.drop(self)
-
-    def _take(self, key: Key, listing: int, time: int) -> Obstacle | None:
-        """Return the obstacle of a key; None if a newer stamp has put it elsewhere, or no room."""
+        One that is older than what is held of its key changes nothing. It is TOO_MANY where
+        there is no room for another key: nothing stands for it.
+        """
         held = self._held
         obstacle = held.pop(key, None)
         if obstacle is None:
             if len(held) >= self._store.max_count:
-                return None
+                return TOO_MANY
             obstacle = Obstacle(self, self._store.source, key, self._store.number_of(key))
         elif time < obstacle.time:
             held[key] = obstacle
-            return None
+            return refusal
         held[key] = obstacle
-        obstacle.listing = listing
-        return obstacle
+        obstacle.listing = self._listing
+        self._put(obstacle, body, frame_id, time, refusal)
+        return refusal
 
-    def _forget(self, key: Key) -> None:
-        self._remove(self._held.pop(key))
+    def forget_before(self, time: float) -> None:
+        """Drop the obstacles whose time is earlier."""
+        while self.oldest < time:
+            self._forget([next(iter(self))])
+
+    def end_listing(self, replaces: bool) -> None:
+        """Begin another listing; drop what only earlier ones had, if this one replaces them."""
+        if replaces:
+            self._forget([one for one in self if one.listing < self._listing])
+        self._listing += 1
+
+    def clear(self) -> None:
+        """Drop all."""
+        self._forget([*self])
+        self._store.drop(self)
+
+    def _forget(self, obstacles: Iterable[Obstacle]) -> None:
+        super()._forget(obstacles)
+        for obstacle in obstacles:
+            del self._held[obstacle.key]

@@ -12,16 +12,59 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Obstacles and their names."""
+"""Obstacles, their names, and what they have in common with footprints: a place and contacts."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, TypeAlias
+from collections.abc import Collection
+from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
-from sat_collision.scene.bodies import Body
+from sat_collision.geometry.polygon import Polygon
+from sat_collision.geometry.polygon_set import PackedSet
+
+_Other = TypeVar('_Other', bound='Body[Any]')
 
 # A place in a set, an id, or a shape.
 Key: TypeAlias = 'int | bytes'
+
+
+class Body(Generic[_Other]):
+    """
+    What can be placed: a footprint or an obstacle.
+
+    Attributes
+    ----------
+    row : int or None
+        Its row among the placed bodies of its kind, None while it is nowhere.
+    contacts : set of Body
+        The bodies of the other kind that share a point with it.
+    placed : PackedSet or None
+        The placed bodies of its kind.
+
+    """
+
+    __slots__ = ('row', 'contacts', 'placed', '_polygon')
+
+    def __init__(self) -> None:
+        self.row: int | None = None
+        self.contacts: set[_Other] = set()
+        self.placed: PackedSet | None = None
+        self._polygon: Polygon | None = None
+
+    @property
+    def polygon(self) -> Polygon | None:
+        """Where the body is, None if nowhere; the same Polygon while it stays there."""
+        if self._polygon is None and self.placed is not None and self.row is not None:
+            self._polygon = self.placed.polygon(self.row)
+        return self._polygon
+
+    def moved(self) -> None:
+        """Forget the polygon of where it was."""
+        self._polygon = None
+
+    def toggle(self, others: Collection[_Other]) -> None:
+        """Meet each of these if it did not, and no more if it did."""
+        self.contacts.symmetric_difference_update(others)
 
 
 class ObstacleId(NamedTuple):

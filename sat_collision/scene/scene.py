@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Container, Mapping, Sequence, Set
 from itertools import chain
 from typing import TypeAlias
 
@@ -25,7 +25,6 @@ from sat_collision.geometry.polygon import PackedBody, Polygon
 from sat_collision.geometry.polygon_set import Point
 from sat_collision.geometry.run import Run
 from sat_collision.scene.contacts import Contacts
-from sat_collision.scene.evaluations import Evaluations
 from sat_collision.scene.footprints import Evaluation, Footprint, Origin, State, Status
 from sat_collision.scene.frame_ids import in_quotes
 from sat_collision.scene.obstacle_store import OTHER_FRAME
@@ -39,6 +38,11 @@ FROM_FUTURE = 'from the future'
 OVERTAKEN = 'older than the last'
 
 _AGREEMENT = 10**9
+_DISABLED = 'checking is disabled'
+_NO_CLOCK = 'no clock yet: the time reads 0, as with use_sim_time before the first /clock'
+_CLOCK_STANDS = 'the clock stands still: /clock tells the same time, or comes no more'
+_NO_SOURCE = 'no obstacle source is enabled'
+_NONE_OF_THEM = 'none of its obstacle sources is enabled'
 _NOT_RECEIVED = 'has not been received yet'
 _CHANGED = 'has not been received since its publisher changed'
 
@@ -80,7 +84,8 @@ class Scene:
         in the last second agree on; empty until there is one.
     deadline : int or float
         The time in ns until which, at least, nothing changes by itself; NEVER if at no time.
-    evaluations : Evaluations
+    waiting : container of str
+        Names of those of which messages wait to be taken: maps of theirs do not settle.
 
     """
 
@@ -88,15 +93,23 @@ class Scene:
         self.settings = settings
         self.frame_id = settings.frame_id
         self.deadline: float = NEVER
+        self.waiting: Container[str] = ()
         self._now = 0
         self._clock_stands = False
-        self._reported: dict[str, Evaluation] = {}
         self._contacts = Contacts(settings.margin)
         self._sources = {source.name: Source(source, self._contacts)
                          for source in settings.obstacles}
         self._footprints = {footprint.name: Footprint(footprint)
                             for footprint in settings.footprints}
-        self.evaluations = Evaluations(self._footprints, self._contacts.changed, self._reported)
+        # All that faults were found from.
+        self._causes: tuple[object, ...] = ()
+        # By name of the footprint: what is wrong beside itself, and what was reported last.
+        self._faults: dict[str, tuple[str, tuple[str, ...]]] = dict.fromkeys(
+            self._footprints, ('', ()))
+        self._reported: dict[str, Evaluation] = {}
+        # Since the last call of `changes`: what was evaluated, and what was in collision then.
+        self._evaluated: set[Footprint] = set()
+        self._collided: set[str] = set()
         self._use(settings)
         for footprint in self._footprints.values():
             self._invalidate(footprint, _NOT_RECEIVED)
@@ -111,7 +124,7 @@ class Scene:
         """
         Apply other settings, of the same names, topics and types.
 
-        What is disabled forgets what it was told: enabled again, it is unknown until told anew.
+        What is disabled forgets what it has received: enabled again, it is unknown at first.
         """
         self._use(settings)
         for source in settings.obstacles:
@@ -174,7 +187,8 @@ class Scene:
             self._evaluate()
             return OTHER_FRAME
         time = stamp if 0 < stamp < now else now
-        if footprint.is_newer_than(time):
+        if footprint.time is not None and time < footprint.time and not (
+                footprint.stale or footprint.timeout == NEVER):
             return OVERTAKEN
         self._contacts.place_footprint(footprint, body)
         footprint.origin = origin
@@ -212,20 +226,20 @@ class Scene:
         if not source.settings.enabled:
             return None
         faults, listing = source.faults, source.listing
-        refusal: str | None
+        refusal: str | None = None
         if stamp > now and self._is_from_future(stamp):
             # With such a stamp it can be of no set; an empty polygon is of no instance.
-            refusal = source.refuse(FROM_FUTURE, None, now, None if body is None else instance,
-                                    number)
-        elif body is not None and self.frame_id and frame_id != self.frame_id:
-            refusal = source.refuse(OTHER_FRAME, stamp, now, instance, number)
+            refusal = source.receive(None, frame_id, None, now,
+                                     None if body is None else instance, number, FROM_FUTURE)
         else:
-            refusal = source.place(body, frame_id, stamp, now, instance, number)
+            if body is not None and self.frame_id and frame_id != self.frame_id:
+                body, refusal = None, OTHER_FRAME
+            refusal = source.receive(body, frame_id, stamp, now, instance, number, refusal)
         due = (stamp if 0 < stamp < now else now) + source.timeout
         if due < self.deadline:
             self.deadline = due
         if source.faults is not faults or source.listing is not listing:
-            self._watch(source.deadline)
+            self.deadline = min(self.deadline, source.deadline)
             self._reevaluate_all()
         elif self._contacts.changed:
             self._evaluate()
@@ -233,7 +247,7 @@ class Scene:
 
     def obstacle_run(self, name: str, run: Run, stamp: int, now: int) -> int:
         """Take a run of obstacles that continues a set; return how many messages were taken."""
-        return self._sources[name].place_run(run, stamp, now) if now == self._now else 0
+        return self._sources[name].receive_run(run, stamp, now) if now == self._now else 0
 
     def refuse(self, name: str, reason: str, now: int, stamp: int | None = None,
                instance: int | None = None, number: int | None = None) -> None:
@@ -251,8 +265,8 @@ class Scene:
                 self.receive_number(name, number, now)
             self._invalidate(self._footprints[name], f'was refused: {reason}')
         elif source.settings.enabled:
-            source.refuse(reason, stamp, now, instance, number)
-            self._watch(source.deadline)
+            source.receive(None, '', stamp, now, instance, number, reason)
+            self.deadline = min(self.deadline, source.deadline)
         self._reevaluate_all()
 
     def receive_number(self, name: str, number: int, now: int) -> None:
@@ -260,19 +274,22 @@ class Scene:
         footprint = self._footprints[name]
         if footprint.stream.receive(number, now) is not CONTINUES:
             self.pass_time(now)
-            self._update_stream(footprint)
+            if footprint.find_stream_faults(now):
+                self._contacts.changed.add(footprint)
+                self._evaluate()
 
     def update_publishers(self, name: str, endpoints: Sequence[Endpoint]) -> None:
         """Take the publishers that a footprint or source has now."""
         source = self._sources.get(name)
         if source is not None:
             source.update_publishers(endpoints, self._now)
-            self._watch(source.deadline)
+            self.deadline = min(self.deadline, source.deadline)
         else:
             footprint = self._footprints[name]
             if footprint.stream.update(endpoints) and footprint.time is not None:
                 self._invalidate(footprint, _CHANGED)
-            self._update_stream(footprint)
+            if footprint.find_stream_faults(self._now):
+                self._contacts.changed.add(footprint)
         self._reevaluate_all()
 
     def lost(self) -> Counter[str]:
@@ -297,12 +314,6 @@ class Scene:
             self._clock_stands = stands
             self._reevaluate_all()
 
-    def note_waiting(self, name: str, are_waiting: bool) -> None:
-        """Take whether messages of a source wait to be taken."""
-        source = self._sources.get(name)
-        if source is not None:
-            source.are_waiting = are_waiting
-
     def pass_time(self, now: int, is_all_taken: bool = True) -> None:
         """
         Let time pass: bodies become too old, sources fall silent, maps settle.
@@ -314,7 +325,7 @@ class Scene:
         last, self._now = self._now, now
         if not is_all_taken:
             for source in self._sources.values():
-                source.wait(now)
+                source.listing.wait(now)
         if 0 < last <= now <= self.deadline:
             return
         if now < last:
@@ -322,8 +333,10 @@ class Scene:
         for footprint in self._footprints.values():
             if footprint.deadline < now:
                 self._contacts.changed.add(footprint)
-        for source in self._sources.values():
+        for name, source in self._sources.items():
             if source.deadline < now:
+                if name in self.waiting:
+                    source.listing.wait(now)
                 source.pass_time(now)
         self.deadline = min(chain(
             (source.deadline for source in self._sources.values()),
@@ -353,13 +366,36 @@ class Scene:
         source = self._sources.get(name)
         return source.settings if source else self._footprints[name].settings
 
-    def doubts(self, name: str) -> tuple[str, ...]:
+    def unknown_reasons(self, name: str) -> tuple[str, ...]:
         """Return why it is not known what a footprint touches, whatever it is known to touch."""
-        return self._footprints[name].doubts
+        return self._footprints[name].unknown_reasons
 
     def changes(self) -> list[str]:
         """Return the names of footprints whose state, age apart, changed since the last call."""
-        return self.evaluations.changes()
+        if not self._evaluated:
+            return []
+        changed = []
+        for name, footprint in self._footprints.items():
+            if footprint in self._evaluated:
+                others = footprint.gained_or_lost and footprint.status is Status.COLLISION
+                if others or footprint.evaluation != self._reported.get(name):
+                    self._reported[name] = footprint.evaluation
+                    changed.append(name)
+                footprint.gained_or_lost.clear()
+        self._evaluated.clear()
+        self._collided.clear()
+        return changed
+
+    def brief_contacts(self) -> list[str]:
+        """
+        Return the names of footprints that were in collision for a moment only.
+
+        That is, since the last call of `changes`, and not when it was called.
+        """
+        return [name for name in self._collided
+                if self._footprints[name].status is not Status.COLLISION
+                and (name not in self._reported
+                     or self._reported[name][0] is not Status.COLLISION)]
 
     def status(self, name: str) -> Status:
         """Return the Status of a footprint."""
@@ -434,16 +470,6 @@ class Scene:
     def _is_from_future(self, stamp: int) -> bool:
         return stamp > self._now + self._future_tolerance and self._now > 0
 
-    def _watch(self, deadline: float) -> None:
-        if deadline < self.deadline:
-            self.deadline = deadline
-
-    def _update_stream(self, footprint: Footprint) -> None:
-        """Have a footprint evaluated anew if what is wrong with its publishers has changed."""
-        if footprint.find_stream_faults(self._now):
-            self._contacts.changed.add(footprint)
-            self._evaluate()
-
     def _choose_frame(self) -> None:
         """Let the frame be the one that the footprints received of late agree on, if they do."""
         frames = {footprint.frame_id for footprint in self._footprints.values()
@@ -467,9 +493,39 @@ class Scene:
 
     def _reevaluate_all(self) -> None:
         """Evaluate the footprints for which something has changed: all, if a common fault has."""
-        self.evaluations.find_faults(self.settings, self._now, self._clock_stands,
-                                     self._sources.values())
+        monitor_fault = ''
+        if not self.settings.enabled:
+            monitor_fault = _DISABLED
+        elif not self._now:
+            monitor_fault = _NO_CLOCK
+        elif self._clock_stands:
+            monitor_fault = _CLOCK_STANDS
+        causes = monitor_fault, self.settings, *(one.faults for one in self._sources.values())
+        if causes != self._causes:
+            self._causes = causes
+            for name, footprint in self._footprints.items():
+                faults = monitor_fault, self._source_faults(footprint)
+                if faults != self._faults[name]:
+                    self._faults[name] = faults
+                    self._contacts.changed.add(footprint)
         self._evaluate()
 
+    def _source_faults(self, footprint: Footprint) -> tuple[str, ...]:
+        """Return why there may be obstacles that concern a footprint and were not received."""
+        monitored = [source for name, source in self._sources.items()
+                     if footprint.settings.monitors(name)]
+        if not any(source.settings.enabled for source in monitored):
+            return (_NONE_OF_THEM if footprint.settings.obstacles else _NO_SOURCE),
+        return tuple(chain.from_iterable(source.faults for source in monitored))
+
     def _evaluate(self) -> None:
-        self._watch(self.evaluations.evaluate(self._now, self._release_delay))
+        """Evaluate the footprints for which something has changed."""
+        changed = self._contacts.changed
+        for footprint in changed:
+            footprint.evaluate(self._now, *self._faults[footprint.settings.name],
+                               self._release_delay)
+            self.deadline = min(self.deadline, footprint.deadline)
+            if footprint.status is Status.COLLISION:
+                self._collided.add(footprint.settings.name)
+        self._evaluated |= changed
+        changed.clear()

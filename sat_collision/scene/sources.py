@@ -23,11 +23,11 @@ import numpy as np
 from sat_collision.geometry.polygon import PackedBody, size_of
 from sat_collision.geometry.run import Run
 from sat_collision.scene.contacts import Contacts
-from sat_collision.scene.knowledge import Group, Keys, LOSS, Maps, Sets
+from sat_collision.scene.knowledge import Keys, LOSS, Maps, Sets
 from sat_collision.scene.obstacle_store import KeyedGroup, ObstacleStore, SetGroup, TOO_MANY
 from sat_collision.scene.obstacles import Key
 from sat_collision.scene.settings import ObstacleSettings, POLYGON_INSTANCE
-from sat_collision.scene.streams import BEGUN, CONTINUES, Endpoint, LOST, MET, News, Stream
+from sat_collision.scene.streams import BEGUN, CONTINUES, Endpoint, MET, News, Stream
 from sat_collision.scene.times import BY_ANOTHER_CLOCK, FAR, NEVER
 
 TOO_OLD = 'too old'
@@ -35,7 +35,8 @@ TOO_OLD = 'too old'
 # Of so many listings that were interrupted the obstacles stay.
 _MOST_FORMER = 20
 
-_Listing: TypeAlias = 'Sets[SetGroup] | Keys[KeyedGroup] | Maps[KeyedGroup]'
+_Listing: TypeAlias = Sets | Keys | Maps
+_Group: TypeAlias = SetGroup | KeyedGroup
 
 
 class Source:
@@ -66,8 +67,6 @@ class Source:
         nothing about it changes.
     timeout : int or float
         NEVER where there is none.
-    are_waiting : bool
-        Whether messages wait to be taken, so that no map is complete.
 
     """
 
@@ -76,62 +75,53 @@ class Source:
         self.store = ObstacleStore(settings.name, contacts)
         self.stream = Stream()
         self.faults: tuple[str, ...] = ()
-        self.are_waiting = False
         # Groups of listings that were interrupted.
-        self._former: list[Group] = []
+        self._former: list[_Group] = []
         self._is_far = False
         self._was_known = False
         self.timeout: float = NEVER
-        self.listing: _Listing = Sets(self.store.new_set)
+        self.listing: _Listing = Sets(self.store)
         self.configure(settings, now=0)
 
     def configure(self, settings: ObstacleSettings, now: int) -> None:
         """Apply settings; a disabled source forgets all that it has received."""
         before, self.settings = self.settings, settings
-        self.timeout = round(settings.timeout * 1e9) if settings.timeout > 0.0 else NEVER
+        self.timeout = self.stream.timeout = round(settings.timeout * 1e9) or NEVER
         self.store.max_count = settings.max_count
-        self.stream.timeout = self.timeout
         self._by_id = settings.type == POLYGON_INSTANCE
-        self._in_sets = not self._by_id and not settings.accumulate
-        self._stamped = self._manner(1)
+        # How messages with a stamp are listed, and those of stamp 0.
+        self._stamped: type[_Listing] = Sets
+        self._unstamped: type[_Listing] = Keys
+        if self.timeout == NEVER:
+            self._stamped = self._unstamped = Maps
+        elif self._by_id or settings.accumulate:
+            self._stamped = Keys
+        self._follow(CONTINUES, None, now)
         if settings.enabled != before.enabled:
             self.stream.interrupt()
             self._forget_all(now, wants_history=settings.enabled)
-        else:
-            self._follow(CONTINUES, None, now)
-        self._configure_listing()
+        self.listing.configure(settings)
         self.pass_time(now)
 
     @property
     def wants_history(self) -> bool:
         """Whether a publisher that keeps what it has sent must be asked for all of it again."""
-        listing = self.listing
-        return isinstance(listing, Maps) and listing.wants_history and self.settings.enabled
+        return self.listing.wants_history and self.settings.enabled
 
     @property
     def deadline(self) -> float:
         """Time in ns after which something changes by itself."""
-        deadline = min(self.listing.deadline, self.stream.mixed_until)
-        if self._former and self.timeout < NEVER:
-            deadline = min(deadline, self.timeout + min(group.oldest for group in self._former))
-        return deadline
+        return min(self.listing.deadline, self.stream.mixed_until,
+                   *(group.oldest + self.timeout for group in self._former))
 
     def pass_time(self, now: int) -> None:
         """Let time pass: what is too old is forgotten, and what has paused may settle."""
-        if self.are_waiting:
-            self.wait(now)
         self.stream.pass_time(now)
         self.listing.pass_time(now)
-        if self.timeout < NEVER:
-            for group in self._former:
-                group.forget_before(now - self.timeout)
+        for group in self._former:
+            group.forget_before(now - self.timeout)
         self._drop_former()
         self._find_faults(now)
-
-    def wait(self, now: int) -> None:
-        """Take for no pause what was none: messages may still be queued."""
-        if isinstance(self.listing, Maps):
-            self.listing.wait(now)
 
     def set_back(self, now: int) -> None:
         """Forget what belongs to another time, all but maps."""
@@ -155,81 +145,81 @@ class Source:
         self._begin_anew(type(self.listing), now)
         self._find_faults(now)
 
-    def place(self, body: PackedBody | None, frame_id: str, stamp: int, now: int,
-              instance: int | None, number: int | None) -> str | None:
-        """Take a body, or None for an empty polygon; return a refusal or None."""
+    def receive(self, body: PackedBody | None, frame_id: str, stamp: int | None, now: int,
+                instance: int | None, number: int | None,
+                refusal: str | None = None) -> str | None:
+        """
+        Take a message.
+
+        Parameters
+        ----------
+        body : PackedBody or None
+            None for an empty polygon, and for a message that is refused.
+        frame_id : str
+        stamp : int or None
+            None where it could not be read, or is not to be trusted.
+        now : int
+        instance, number : int or None
+        refusal : str, optional
+            Why it is refused.
+
+        Returns
+        -------
+        str or None
+            Why it was refused, if it was.
+
+        """
         news = self.stream.receive(number, now)
+        is_end = body is None and not refusal
         if news is not CONTINUES or not stamp or type(self.listing) is not self._stamped:
-            self._follow(news, stamp if stamp or body is not None else None, now)
-        time = stamp if 0 < stamp < now else now
+            self._follow(news, stamp or None if is_end else stamp, now)
         listing = self.listing
+        time = stamp if stamp and 0 < stamp < now else now
         is_old = time + self.timeout < now
         if is_old or self._is_far:
-            self._note_age(is_old, now - time)
-        refusal: str | None = TOO_OLD if is_old else None
-        if body is None:
-            self._end_listing(news, stamp, time, now)
-        elif isinstance(listing, Sets):
-            group = listing.receive(news, stamp, time, now)
-            if not is_old:
-                refusal = group.place(body, frame_id, time)
+            self._is_far = is_old and (self._is_far or now - time > FAR)
+        if is_end:
+            listing.end(news, stamp or 0, time, now)
+            self._drop_former()
+        elif (key := 0 if stamp and type(listing) is Sets
+              else self._key_of(body, instance)) is None:
+            listing.spoil(f'a message was refused: {refusal}', now)
         else:
-            keyed = self._join(listing, news, time, now)
+            if stamp is not None:
+                group: _Group = listing.receive(news, stamp, time, now)
+            else:
+                group = listing.groups[-1]
+                if news is not CONTINUES:
+                    listing.spoil(LOSS, now)
             if not is_old:
-                key: Key = shape_of(body) if instance is None or not self._by_id else instance
-                refusal = keyed.place(key, listing.listing, body, frame_id, time)
-                if refusal:
-                    self._spoil(f'there were {refusal}', now)
-        if self.listing.is_known is not self._was_known or news is not CONTINUES or (
+                taken = group.take(key, body, frame_id, time, refusal)
+                if taken:
+                    refusal = refusal or taken
+                    if taken is TOO_MANY and not isinstance(listing, Sets):
+                        listing.spoil(f'there were {TOO_MANY}', now)
+        if is_old:
+            refusal = TOO_OLD
+        if listing.is_known is not self._was_known or news is not CONTINUES or (
                 self.faults or refusal):
             self._find_faults(now)
         return refusal
 
-    def place_run(self, run: Run, stamp: int, now: int) -> int:
+    def receive_run(self, run: Run, stamp: int, now: int) -> int:
         """
-        Take what continues the set of the message before, and may meet nothing.
+        Take messages that add to the set of the one before, as `receive` would one by one.
 
-        Return how many messages were taken; what comes next is to be placed by itself.
+        Return how many were taken; the next one may be refused, may meet something, or ends the
+        set, and has to be received by itself.
         """
-        listing = self.listing
-        if not isinstance(listing, Sets) or stamp > now:
+        if not isinstance(self.listing, Sets) or stamp > now:
             return 0
-        room = listing.room_for_run(stamp)
-        if not room:
+        current = self.listing.set_to_extend(stamp)
+        if current is None or self.stream.next is None:
             return 0
-        placed = listing.current.group.place_run(run, room, stamp)
-        listing.current.count += placed
-        self.stream.next += placed
-        return placed
-
-    def refuse(self, reason: str, stamp: int | None, now: int, instance: int | None,
-               number: int | None) -> str:
-        """Take a message without a usable polygon, as `Scene.refuse`; return what counts."""
-        news = self.stream.receive(number, now)
-        self._follow(news, stamp, now)
-        time = stamp if stamp and stamp < now else now
-        listing = self.listing
-        is_old = time + self.timeout < now
-        if is_old or self._is_far:
-            self._note_age(is_old, now - time)
-        if stamp and isinstance(listing, Sets):
-            group = listing.receive(news, stamp, time, now)
-            if not is_old:
-                reason = group.refuse(time, reason)
-        elif instance is not None and self._by_id and not isinstance(listing, Sets):
-            if stamp is not None:
-                self._join(listing, news, time, now)
-            elif news is not CONTINUES:
-                self._spoil(LOSS, now)
-            keyed = listing.group
-            if not is_old and keyed.refuse(instance, listing.listing, time, reason):
-                self._spoil(f'there were {TOO_MANY}', now)
-        else:
-            self._spoil(f'a message was refused: {reason}', now)
-            if isinstance(listing, Sets):
-                listing.is_known = False
-        self._find_faults(now)
-        return TOO_OLD if is_old else reason
+        taken = current.group.take_run(run, self.settings.max_count - 1 - current.count, stamp)
+        current.count += taken
+        self.stream.next += taken
+        return taken
 
     def refuse_other_frames(self, frame_id: str, now: int) -> None:
         """Refuse the obstacles in another frame than this, which was not known when they came."""
@@ -239,46 +229,22 @@ class Source:
 
     def _follow(self, news: News, stamp: int | None, now: int) -> None:
         """Begin another listing where a stream begins, or is listed in another manner."""
-        if news is MET or news is BEGUN:
-            self._begin_anew(type(self.listing), now)
-        manner = self._manner(stamp)
-        if type(self.listing) is not manner:
+        manner: type[_Listing] = type(self.listing)
+        if stamp is not None:
+            manner = self._stamped if stamp else self._unstamped
+        elif manner not in (self._stamped, self._unstamped):
+            manner = self._stamped
+        if news is MET or news is BEGUN or manner is not type(self.listing):
             self._begin_anew(manner, now)
 
-    def _manner(self, stamp: int | None) -> type[_Listing]:
-        """Return how a message with this stamp is listed; None for any."""
-        if self.timeout == NEVER:
-            return Maps
-        if not self._in_sets:
-            return Keys
-        if stamp is None:
-            return Sets if isinstance(self.listing, Maps) else type(self.listing)
-        return Sets if stamp else Keys
-
-    def _join(self, listing: Keys[KeyedGroup] | Maps[KeyedGroup], news: News, time: int,
-              now: int) -> KeyedGroup:
-        return (listing.receive(news, time, now) if isinstance(listing, Keys)
-                else listing.receive(news, now))
-
-    def _end_listing(self, news: News, stamp: int, time: int, now: int) -> None:
-        """Take an empty polygon: what that means depends on the manner."""
-        listing = self.listing
-        if isinstance(listing, Maps):
-            listing.end(news, now)
-            self._drop_former()
-        elif isinstance(listing, Keys):
-            listing.receive(news, time, now)
-        elif stamp:
-            listing.end(news, stamp, time, now)
-        elif news is LOST:
-            listing.spoil(LOSS)
-
-    def _spoil(self, cause: str, now: int) -> None:
-        """Take messages of which nothing is known."""
-        if isinstance(self.listing, Keys):
-            self.listing.spoil(cause, now)
-        else:
-            self.listing.spoil(cause)
+    def _key_of(self, body: PackedBody | None, instance: int | None) -> Key | None:
+        """Return the id or shape of an obstacle; None if that is not known."""
+        if isinstance(self.listing, Sets):
+            return None
+        if self._by_id:
+            return instance
+        # The shape: the same for equal bodies, and for no others.
+        return None if body is None else np.asarray(body[0])[:size_of(body)].tobytes()
 
     def _begin_anew(self, manner: type[_Listing], now: int,
                     wants_history: bool = False) -> None:
@@ -290,27 +256,13 @@ class Source:
                 self._former.append(group)
             else:
                 group.clear()
-        if manner is Sets:
-            self.listing = Sets(self.store.new_set)
-        elif manner is Keys:
-            self.listing = Keys(self.store.new_keyed())
-        else:
-            self.listing = Maps(self.store.new_keyed(), wants_history)
-        self._configure_listing()
+        self.listing = manner(self.store)
+        self.listing.configure(self.settings)
+        self.listing.wants_history = wants_history and manner is Maps
         self._drop_former()
 
-    def _configure_listing(self) -> None:
-        listing = self.listing
-        if isinstance(listing, Maps):
-            listing.settle_time = round(self.settings.settle_time * 1e9)
-        else:
-            listing.timeout = self.timeout
-        if isinstance(listing, Sets):
-            listing.window = round(self.settings.set_window * 1e9)
-            listing.max_count = self.settings.max_count
-
     def _forget_all(self, now: int, wants_history: bool) -> None:
-        self._begin_anew(self._manner(None), now, wants_history)
+        self._begin_anew(type(self.listing), now, wants_history)
         for group in self._former:
             group.clear()
         self._former.clear()
@@ -323,9 +275,6 @@ class Source:
             if is_replaced or group.oldest == NEVER or k < len(self._former) - _MOST_FORMER:
                 del self._former[k]
                 group.clear()
-
-    def _note_age(self, is_old: bool, age: int) -> None:
-        self._is_far = is_old and (self._is_far or age > FAR)
 
     def _find_faults(self, now: int) -> None:
         """Put into words what is wrong with the source."""
@@ -347,8 +296,3 @@ class Source:
                            for word in words)
         if faults != self.faults:
             self.faults = faults
-
-
-def shape_of(body: PackedBody) -> bytes:
-    """Return what is the same for equal bodies, and for no others."""
-    return np.asarray(body[0])[:size_of(body)].tobytes()

@@ -45,24 +45,20 @@ class Waiting(Generic[_Item, _Outcome]):
     take : callable
         Takes name, what waits first, present time in ns and whether it may wait on; returns WAIT
         for that, else what came of it.
-    changed : callable
-        Takes a name for which something waits now, or nothing any more.
 
     Attributes
     ----------
     earliest : float
-        Time in ns at which the patience with one of them ends; NEVER if nothing waits.
+        Time in ns at which one of them may wait no longer; NEVER if nothing waits.
 
     """
 
-    def __init__(self, take: Callable[[str, _Item, int, bool], _Outcome | Wait | None],
-                 changed: Callable[[str], None]) -> None:
+    def __init__(self, take: Callable[[str, _Item, int, bool], _Outcome | Wait | None]) -> None:
         self._take = take
-        self._changed = changed
         self._queues: dict[str, deque[tuple[_Item, int]]] = {}
         self.earliest = NEVER
 
-    def __contains__(self, name: str) -> bool:
+    def __contains__(self, name: object) -> bool:
         """Tell whether something waits for what has this name."""
         return name in self._queues
 
@@ -70,7 +66,7 @@ class Waiting(Generic[_Item, _Outcome]):
         """Return how many wait, by the name of what they are for."""
         return {name: len(queue) for name, queue in self._queues.items()}
 
-    def add(self, name: str, item: _Item, now: int, patience: int, most: int) -> list[_Outcome]:
+    def add(self, name: str, item: _Item, now: int, timeout: int, limit: int) -> list[_Outcome]:
         """
         Let something wait behind all that waits for the same.
 
@@ -78,47 +74,36 @@ class Waiting(Generic[_Item, _Outcome]):
         ----------
         name : str
         item : object
-        now, patience : int
+        now, timeout : int
             Present time, and how long it may wait, in ns.
-        most : int
-            How many may wait; where there are more, those that came first wait no longer.
-
-        Returns
-        -------
-        list
-            What came of those.
+        limit : int
+            How many may wait; where there are more, those that came first wait no longer, and
+            what came of those is returned.
 
         """
-        begins = name not in self._queues
         queue = self._queues.setdefault(name, deque())
-        queue.append((item, now + patience))
+        queue.append((item, now + timeout))
         outcomes: list[_Outcome] = []
-        while len(queue) > most:
+        while len(queue) > limit:
             self._take_first(name, now, False, outcomes)
         self._find_earliest()
-        if begins:
-            self._changed(name)
         return outcomes
 
     def take(self, now: int) -> list[_Outcome]:
         """Take what need not wait any more, and return what came of it."""
         outcomes: list[_Outcome] = []
-        for name, queue in list(self._queues.items()):
+        for name, queue in [*self._queues.items()]:
             while queue and self._take_first(name, now, now <= queue[0][1], outcomes):
                 pass
             if not queue:
                 del self._queues[name]
-                self._changed(name)
         self._find_earliest()
         return outcomes
 
     def drop(self) -> None:
         """Let nothing wait any more."""
-        names = list(self._queues)
         self._queues.clear()
-        self._find_earliest()
-        for name in names:
-            self._changed(name)
+        self.earliest = NEVER
 
     def _take_first(self, name: str, now: int, may_wait: bool, outcomes: list[_Outcome]) -> bool:
         """Take what waits first for a name; return whether it waits no more."""

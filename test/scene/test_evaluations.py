@@ -15,80 +15,68 @@
 """Which states are told as changed, and which footprints are evaluated for that."""
 
 import pytest
-from sat_collision.scene.contacts import Contacts
-from sat_collision.scene.evaluations import Evaluations
 from sat_collision.scene.footprints import Footprint
-from sat_collision.scene.settings import Settings
-from sat_collision.scene.sources import Source
-from stage import ACCUMULATED, CART, clear_stage, LIDAR, ROBOT, Stage
-
-SECOND = 10**9
+from stage import ACCUMULATED, CART, clear_stage, ROBOT, Stage
 
 
 @pytest.fixture
-def changed():
-    """Return the set of footprints for which something has changed."""
-    return set()
+def evaluated(monkeypatch):
+    """Return the names of footprints that are evaluated from now on."""
+    names = []
+
+    def evaluate(self, *arguments, original=Footprint.evaluate):
+        names.append(self.settings.name)
+        original(self, *arguments)
+    monkeypatch.setattr(Footprint, 'evaluate', evaluate)
+    return names
 
 
 @pytest.fixture
-def footprints(changed):
-    """Return two footprints by name, good since 0, with nothing found of them yet."""
-    footprints = {settings.name: Footprint(settings) for settings in (ROBOT, CART)}
-    for footprint in footprints.values():
-        footprint.time = 0
-    changed.update(footprints.values())
-    return footprints
+def stage(evaluated):
+    """Return a stage with two footprints, of which nothing has been reported yet."""
+    stage = Stage(footprints=[ROBOT, CART])
+    stage.robot()
+    stage.robot(5, name='cart')
+    stage.see(20)
+    evaluated.clear()
+    return stage
 
 
-@pytest.fixture
-def evaluations(footprints, changed):
-    """Return what evaluates the two, with nothing reported yet."""
-    return Evaluations(footprints, changed, {})
+def test_only_footprints_that_changed_are_evaluated(stage, evaluated):
+    """Nothing has changed for the other."""
+    stage.see(0.5)
+    assert evaluated == ['robot']
+    stage.see(5.5)
+    assert evaluated == ['robot', 'cart']
 
 
-def test_only_footprints_that_changed_are_evaluated(footprints, changed, evaluations):
-    """The other keeps what was found before, though by now it is stale."""
-    evaluations.evaluate(now=0, release_delay=0)
-    assert not changed
-    assert evaluations.changes() == ['robot', 'cart']
-    changed.add(footprints['cart'])
-    evaluations.evaluate(now=2 * SECOND, release_delay=0)
-    assert [footprint.status.value for footprint in footprints.values()] == ['clear', 'unknown']
-    assert evaluations.changes() == ['cart']
-
-
-def test_other_faults_concern_all_footprints(footprints, changed, evaluations):
+def test_common_faults_concern_all_footprints(stage, evaluated):
     """The same again concern none."""
-    settings = Settings((ROBOT, CART), (LIDAR,))
-    lidar = Source(LIDAR, Contacts())
-    evaluations.evaluate(now=0, release_delay=0)
-    evaluations.find_faults(settings, SECOND, False, [lidar])
-    assert changed == set(footprints.values())
-    evaluations.evaluate(now=0, release_delay=0)
-    assert [footprint.evaluation[1] for footprint in footprints.values()] == [lidar.faults] * 2
-    evaluations.find_faults(settings, 2 * SECOND, False, [lidar])
-    assert not changed
+    stage.scene.stop_clock(True)
+    assert sorted(evaluated) == ['cart', 'robot']
+    assert all('clock stands still' in stage.scene.state(name).reasons[0] for name in evaluated)
+    stage.scene.stop_clock(True)
+    stage.wait_until(0.01)
+    assert len(evaluated) == 2
 
 
-def test_changes_are_told_once_and_in_the_order_of_the_settings(footprints, changed, evaluations):
+def test_changes_are_told_once_and_in_the_order_of_the_settings(stage):
     """However many evaluations lie between two reports."""
-    evaluations.evaluate(now=0, release_delay=0)
-    assert evaluations.changes() == ['robot', 'cart']
+    stage.scene.changes()
     for name in ('cart', 'robot'):
-        footprints[name].fault = 'was refused: not finite'
-        changed.add(footprints[name])
-        evaluations.evaluate(now=0, release_delay=0)
-    assert evaluations.changes() == ['robot', 'cart']
-    assert evaluations.changes() == []
+        stage.refuse(name=name)
+    assert stage.scene.changes() == ['robot', 'cart']
+    assert stage.scene.changes() == []
 
 
-def test_evaluation_tells_when_something_changes_by_itself(footprints, changed, evaluations):
-    """The footprint that becomes stale first."""
-    footprints['cart'].time = SECOND
-    assert evaluations.evaluate(now=SECOND, release_delay=0) == SECOND
-    changed.add(footprints['cart'])
-    assert evaluations.evaluate(now=SECOND, release_delay=0) == 2 * SECOND
+def test_deadline_is_that_of_the_footprint_that_becomes_stale_first(stage):
+    """That moves on with a newer one, once the other is due."""
+    stage.wait_until(0.5)
+    stage.robot()
+    assert stage.scene.deadline == stage.stamp(1)
+    stage.wait_until(1.1)
+    assert [stage.status(name) for name in ('robot', 'cart')] == ['unknown'] * 2
+    assert stage.scene.deadline == stage.stamp(1.5)
 
 
 def test_changes_name_every_footprint_once_at_first():
@@ -157,18 +145,18 @@ def test_collision_that_came_and_went_is_told_as_brief():
     stage = clear_stage()
     stage.scene.changes()
     stage.see(0.5)
-    assert stage.scene.evaluations.brief_contacts() == []
+    assert stage.scene.brief_contacts() == []
     stage.wait_until(0.1)
     stage.see(20)
-    assert stage.scene.evaluations.brief_contacts() == []
+    assert stage.scene.brief_contacts() == []
     stage.end()
-    assert stage.scene.evaluations.brief_contacts() == ['robot']
+    assert stage.scene.brief_contacts() == ['robot']
     assert stage.scene.changes() == []
-    assert stage.scene.evaluations.brief_contacts() == []
+    assert stage.scene.brief_contacts() == []
     stage.robot(20.5)
     stage.scene.changes()
     stage.robot(0)
-    assert stage.scene.evaluations.brief_contacts() == []
+    assert stage.scene.brief_contacts() == []
 
 
 def test_first_collision_may_be_brief():
@@ -177,7 +165,7 @@ def test_first_collision_may_be_brief():
     stage.see(10)
     stage.robot(10.5)
     stage.robot()
-    assert stage.scene.evaluations.brief_contacts() == ['robot']
+    assert stage.scene.brief_contacts() == ['robot']
 
 
 def test_time_alone_makes_no_change_until_something_is_due():

@@ -17,9 +17,9 @@
 from knowing import explore, problem_of
 from knowing_world import MODES
 import pytest
-from sat_collision.scene import knowledge, obstacle_store, sources
+from sat_collision.scene import knowledge, sources
 from sat_collision.scene.knowledge import Keys, Maps, Sets
-from sat_collision.scene.obstacle_store import KeyedGroup
+from sat_collision.scene.obstacle_store import KeyedGroup, SetGroup
 from sat_collision.scene.streams import CONTINUES, LOST, Stream
 from sat_collision.scene.times import NEVER
 
@@ -55,11 +55,12 @@ def a_set_needs_no_beginning(patch):
 
 
 def any_later_set_replaces(patch):
-    def receive(self, *arguments, original=Sets._receive_other):
-        if self.current is not None and not self.current.is_whole:
-            self._complete(self.current, arguments[-1])
-        return original(self, *arguments)
-    patch.setattr(Sets, '_receive_other', receive)
+    def follow(self, news, stamp, time, now, original=Sets._follow):
+        if self.current is not None and stamp != self.current.last:
+            self.current.is_begun = True
+            self._end(self.current, now)
+        return original(self, news, stamp, time, now)
+    patch.setattr(Sets, '_follow', follow)
 
 
 def two_publishers_are_no_fault(patch):
@@ -82,8 +83,8 @@ def ids_are_known_at_once(patch):
 
 
 def ids_are_known_by_our_clock(patch):
-    def receive(self, news, time, now, original=Keys.receive):
-        return original(self, news, now, now)
+    def receive(self, news, stamp, time, now, original=Keys.receive):
+        return original(self, news, stamp, now, now)
     patch.setattr(Keys, 'receive', receive)
 
 
@@ -104,26 +105,30 @@ def a_loss_among_ids_does_not_matter(patch):
 
 
 def what_cannot_be_read_does_not_matter(patch):
-    patch.setattr(sources.Source, '_spoil', lambda self, cause, now: None)
+    for listing in (Keys, Maps, Sets):
+        patch.setattr(listing, 'spoil', lambda self, cause, now: None)
 
 
 def a_good_message_forgives_all_refusals(patch):
-    def place(self, *arguments, original=KeyedGroup.place):
-        self.forget_refused()
-        return original(self, *arguments)
-    patch.setattr(KeyedGroup, 'place', place)
+    def take(self, key, body, *arguments, original=KeyedGroup.take):
+        if body is not None:
+            self.forget_refused()
+        return original(self, key, body, *arguments)
+    patch.setattr(KeyedGroup, 'take', take)
 
 
 def an_older_stamp_counts(patch):
-    def take(self, key, listing, time, original=KeyedGroup._take):
+    def take(self, key, body, frame_id, time, refusal, original=KeyedGroup.take):
         if key in self._held:
             self._held[key].time = min(self._held[key].time, time)
-        return original(self, key, listing, time)
-    patch.setattr(KeyedGroup, '_take', take)
+        return original(self, key, body, frame_id, time, refusal)
+    patch.setattr(KeyedGroup, 'take', take)
 
 
 def a_refused_member_is_none(patch):
-    patch.setattr(obstacle_store.SetGroup, 'refuse', lambda self, time, reason: reason)
+    def take(self, key, body, *arguments, original=SetGroup.take):
+        return original(self, key, body, *arguments) if body is not None else arguments[-1]
+    patch.setattr(SetGroup, 'take', take)
 
 
 def a_namesake_never_counts_again(patch):
@@ -141,18 +146,18 @@ def every_namesake_counts(patch):
 
 
 def any_map_settles(patch):
-    def receive(self, news, now, original=Maps.receive):
-        group = original(self, news, now)
+    def receive(self, news, stamp, time, now, original=Maps.receive):
+        group = original(self, news, stamp, time, now)
         self._settles = now + self.settle_time
         return group
     patch.setattr(Maps, 'receive', receive)
 
 
 def an_empty_polygon_ends_what_had_no_beginning(patch):
-    def end(self, news, now, original=Maps.end):
-        self.receive(news, now)
+    def end(self, news, *arguments, original=Maps.end):
+        self.receive(news, *arguments)
         self._is_begun = True
-        original(self, CONTINUES, now)
+        original(self, CONTINUES, *arguments)
     patch.setattr(Maps, 'end', end)
 
 

@@ -25,7 +25,20 @@ NEWS = {'': CONTINUES, '^': BEGUN, '~': MET, '!': LOST}
 
 
 class Letters(dict):
-    """A group whose obstacles are letters, each with its time and the listing that had it."""
+    """
+    A group whose obstacles are letters, each with its time and the listing that had it.
+
+    It is its own store: each group of a set is another one.
+    """
+
+    def __init__(self):
+        self.listing = 0
+
+    def new_set(self):
+        return Letters()
+
+    def new_keyed(self):
+        return self
 
     @property
     def oldest(self):
@@ -34,8 +47,10 @@ class Letters(dict):
     def forget_before(self, time):
         self._keep(lambda known: known[0] >= time)
 
-    def forget_listings_before(self, listing):
-        self._keep(lambda known: known[1] >= listing)
+    def end_listing(self, replaces):
+        if replaces:
+            self._keep(lambda known: known[1] >= self.listing)
+        self.listing += 1
 
     def _keep(self, stays):
         kept = {letter: known for letter, known in self.items() if stays(known)}
@@ -54,22 +69,19 @@ def feed(listing, messages):
         news, letter, stamp = re.fullmatch(r'([\^~!?]?)([a-z.]?)(\d+)', word).groups()
         now = int(stamp)
         listing.pass_time(now)
-        stamps = (now, now, now) if isinstance(listing, Sets) else (
-            (now, now) if isinstance(listing, Keys) else (now,))
         if news == '?':
-            listing.spoil('noise', *stamps[1:2] if isinstance(listing, Keys) else ())
-        elif letter == '.' and not isinstance(listing, Keys):
-            listing.end(NEWS[news], *stamps)
+            listing.spoil('noise', now)
+        elif letter == '.':
+            listing.end(NEWS[news], max(now, 1), now, now)
         elif letter:
-            group = listing.receive(NEWS[news], *stamps)
-            if letter != '.':
-                group[letter] = now, getattr(listing, 'listing', 0)
+            group = listing.receive(NEWS[news], max(now, 1), now, now)
+            group[letter] = now, group.listing
     held = sorted(letter for group in listing.groups for letter in group)
     return ''.join(held), listing.is_known
 
 
 def new_sets(**attributes):
-    sets = Sets(Letters)
+    sets = Sets(Letters())
     sets.window, sets.timeout, sets.max_count = 20, 1000, 100
     for name, value in attributes.items():
         setattr(sets, name, value)
@@ -98,9 +110,9 @@ def new_sets(**attributes):
     ('^a0 .0 b100 !c200 .200 d300 .300', 'd', True),
     ('^a0 .0 b100 !.100 c200 .200', 'c', True),
     ('^a0 .0 b100 c200 !d200 e300 f400', 'ef', True),
-    # A message that cannot be read is a gap, of the set before it or after it.
-    ('^a0 .0 b100 ?100 .100', 'ab', True),
-    ('^a0 .0 ?100 b100 .100', 'ab', True),
+    # A message that cannot be read may be of the set before it or after it.
+    ('^a0 .0 b100 ?100 .100', 'ab', False),
+    ('^a0 .0 ?100 b100 .100', 'ab', False),
     ('^a0 .0 ?100 b100 .100 c200 .200', 'c', True),
     # Stamps within the window of the first are of its set, in any order.
     ('^a20 b40 c20 .30', 'abc', True),
@@ -218,7 +230,7 @@ def test_messages_past_the_timeout_make_nothing_known():
     """Rule 7: they came a timeout apart by their stamps, but long ago."""
     keys = new_keys()
     for stamp in (0, 1000):
-        keys.receive(CONTINUES, stamp, 5000)
+        keys.receive(CONTINUES, stamp, stamp, 5000)
     assert not keys.is_known
     assert 'silent' in keys.problem(5000)
 
@@ -228,7 +240,7 @@ def test_message_that_was_late_does_not_end_a_silence():
     keys = new_keys()
     assert feed(keys, '^.0 a1000 b1500 2501') == ('', False)
     for stamp, is_known in ((2000, False), (2999, False), (3000, True)):
-        keys.receive(CONTINUES, stamp, 3000)
+        keys.receive(CONTINUES, stamp, stamp, 3000)
         assert keys.is_known == is_known
 
 
@@ -236,10 +248,10 @@ def test_older_stamps_neither_prolong_nor_restart():
     """Rule 7: messages overtake each other on the way."""
     keys = new_keys()
     for stamp in (500, 0, 1499):
-        keys.receive(CONTINUES, stamp, 1499)
+        keys.receive(CONTINUES, stamp, stamp, 1499)
     assert not keys.is_known
-    keys.receive(CONTINUES, 1500, 1500)
-    keys.receive(CONTINUES, 100, 1500)
+    keys.receive(CONTINUES, 1500, 1500, 1500)
+    keys.receive(CONTINUES, 100, 100, 1500)
     assert keys.is_known and keys.deadline == 2500
 
 

@@ -219,7 +219,7 @@ class SceneMachine(RuleBasedStateMachine):
         brief = {name for name in self.in_collision
                  if 'collision' not in (self.model.state(name, self.now)[0],
                                         self.reported.get(name, ('unknown',))[0])}
-        assert set(self.scene.evaluations.brief_contacts()) == brief
+        assert set(self.scene.brief_contacts()) == brief
         self.seen['brief'] += len(brief)
 
     def _changes_are_reported(self):

@@ -185,10 +185,10 @@ def test_map_does_not_settle_while_messages_wait_to_be_taken():
     stage.time = 3.0
     stage.scene.pass_time(stage.now, is_all_taken=False)
     assert stage.status() == 'unknown'
-    stage.scene.note_waiting('lidar', True)
+    stage.scene.waiting = {'lidar'}
     stage.wait_until(6.0)
     assert stage.status() == 'unknown'
-    stage.scene.note_waiting('lidar', False)
+    stage.scene.waiting = ()
     stage.wait_until(7.001)
     assert stage.status() == 'clear'
 
@@ -673,8 +673,8 @@ def test_flood_takes_no_more_room_than_max_count(settings):
     source = Source(replace(settings, max_count=5), Contacts())
     now = nanoseconds(START)
     for number in range(1000):
-        source.place(square(number).packed, 'map', now, now, number, 2 * number + 1)
-        source.refuse('not finite', now, now, -1 - number, 2 * number + 2)
+        source.receive(square(number).packed, 'map', now, now, number, 2 * number + 1)
+        source.receive(None, 'map', now, now, -1 - number, 2 * number + 2, 'not finite')
     obstacles = [body for body in source.store if body.polygon is not None]
     assert 2 < len(obstacles) <= 5
     assert len(list(source.store)) <= 7

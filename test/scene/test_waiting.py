@@ -26,17 +26,13 @@ class Desk:
     def __init__(self):
         self.ready = 0
         self.taken = []
-        self.begun = []
-        self.waiting = Waiting(self.take, self.note)
+        self.waiting = Waiting(self.take)
 
     def take(self, name, item, now, may_wait):
         if item > self.ready and may_wait:
             return WAIT
         self.taken.append((name, item))
         return f'{item} gave up' if item > self.ready else None
-
-    def note(self, name):
-        self.begun.append((name, name in self.waiting))
 
 
 def test_each_waits_for_what_came_before_it():
@@ -48,7 +44,7 @@ def test_each_waits_for_what_came_before_it():
     desk.ready = 3
     assert desk.waiting.take(10) == []
     assert desk.taken == [('a', 3), ('a', 1), ('a', 2)]
-    assert desk.begun == [('a', True), ('a', False)]
+    assert 'a' not in desk.waiting
 
 
 def test_names_do_not_wait_for_each_other():
@@ -86,7 +82,7 @@ def test_what_is_dropped_is_not_taken():
     desk.waiting.add('a', 5, 0, 10, 9)
     desk.waiting.drop()
     assert desk.waiting.take(99) == desk.taken == []
-    assert desk.waiting.earliest == NEVER and desk.begun[-1] == ('a', False)
+    assert desk.waiting.earliest == NEVER and 'a' not in desk.waiting
 
 
 def test_nothing_is_lost_overtakes_or_waits_too_long():

@@ -337,12 +337,12 @@ class World:
         self.deliveries += 1
         message.order = self.deliveries
         source, now = self.source, self.now * SECOND
-        if message.body == 'U':
-            source.refuse('unreadable', None, now, None, message.number)
-        elif message.body == 'R':
-            source.refuse('refused', message.stamp, now, message.key, message.number)
-        else:
-            source.place(message.body, 'map', message.stamp, now, message.key, message.number)
+        body, stamp, key, refusal = message.body, message.stamp, message.key, None
+        if body == 'U':
+            stamp, key = None, None
+        if body in ('U', 'R'):
+            body, refusal = None, 'unreadable' if body == 'U' else 'refused'
+        source.receive(body, 'map', stamp, now, key, message.number, refusal)
 
     # --- what is right
 

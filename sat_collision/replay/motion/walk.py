@@ -308,7 +308,7 @@ class MotionTimeline:
         if self._start is None:
             self._start = now
         for name in names:
-            reasons = list(self._scene.doubts(name))
+            reasons = list(self._scene.unknown_reasons(name))
             self._unknowns.follow(name, reasons, now)
             if not reasons:
                 self._results[name].ever_known = True

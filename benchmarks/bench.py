@@ -15,7 +15,7 @@
 """
 Measure all and write docs/benchmarks: `make bench`.
 
-With --written the page and its plots are made again from the figures stored there.
+With --written tables and plots are made again from the figures stored there.
 """
 
 import argparse
@@ -29,60 +29,57 @@ import time
 # Compile the kernels as they are now: numba's cache does not see a change of what a kernel calls.
 FRESH_CACHE = tempfile.TemporaryDirectory()
 os.environ['NUMBA_CACHE_DIR'] = FRESH_CACHE.name
+ROOT = Path(__file__).parents[1]
+sys.path += [str(ROOT / 'benchmarks' / 'report'), str(ROOT / 'docs')]
 
-import bench_page  # noqa: E402, I100
+from bench_tables import TABLES  # noqa: E402, I100
 import frames  # noqa: E402
 import kernel  # noqa: E402
 import machine  # noqa: E402
 import node  # noqa: E402
-import profiling  # noqa: E402
 import scene  # noqa: E402
-import startup  # noqa: E402
+from words import with_tables  # noqa: E402
 
-DIRECTORY = Path(__file__).parents[1] / 'docs' / 'benchmarks'
+DIRECTORY = ROOT / 'docs' / 'benchmarks'
 PACKAGES = 'numpy', 'numba', 'shapely', 'rclpy'
+PARTS = 'kernel', 'scene', 'node', 'frames', 'startup'
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--seed', type=int, default=1)
     parser.add_argument('--quick', action='store_true', help='fewer pairs and repeats')
-    parser.add_argument('--only', choices=(
-        'kernel', 'scene', 'node', 'frames', 'startup', 'profile'),
-                        action='append', help='measure these parts; others stay as stored')
+    parser.add_argument('--only', choices=PARTS, action='append',
+                        help='measure these parts; others stay as stored')
     parser.add_argument('--written', action='store_true',
-                        help='only write the page from the figures stored before')
+                        help='only write tables and plots from the figures stored before')
     arguments = parser.parse_args()
-    DIRECTORY.mkdir(parents=True, exist_ok=True)
     stored = DIRECTORY / 'figures.json'
-    figures = json.loads(stored.read_text()) if stored.exists() else {}
+    figures = json.loads(stored.read_text())
     if not arguments.written:
-        figures |= measure(arguments.seed, arguments.quick, arguments.only)
+        figures |= measure(arguments.seed, arguments.quick, arguments.only or PARTS)
         stored.write_text(json.dumps(figures, indent=1) + '\n')
-    profiles = json.loads(profiling.STORED.read_text()) if profiling.STORED.exists() else {}
     for part in (kernel, scene, node):
-        if part.__name__ in figures:
-            part.plot(figures[part.__name__], DIRECTORY / f'{part.__name__}.png')
-    (DIRECTORY / 'README.md').write_text(bench_page.text(figures, profiles))
+        part.plot(figures[part.__name__], DIRECTORY / f'{part.__name__}.png')
+    page = DIRECTORY / 'README.md'
+    page.write_text(with_tables(page.read_text(), TABLES, figures))
 
 
-def measure(seed, quick, only):
-    """Return the figures of some parts, or of all."""
+def measure(seed, quick, parts):
+    """Return the figures of some parts."""
     start = time.perf_counter()
-    seconds = 1.0 if quick else 3.0
-    parts = {
+    seconds, repeats = (1.0, 1) if quick else (3.0, 3)
+    measures = {
         'kernel': lambda: kernel.measure(*((2_000, 3) if quick else (20_000, 7)), seed),
         'scene': lambda: scene.measure(seed, 5 if quick else 25),
-        'node': lambda: node.measure(seconds, 1 if quick else 3),
-        'frames': lambda: frames.measure(seconds, 1 if quick else 3),
-        'startup': lambda: startup.measure(1 if quick else 5),
-        'profile': lambda: profiling.measure(seconds)}
+        'node': lambda: node.measure(seconds, repeats),
+        'frames': lambda: frames.measure(seconds, repeats),
+        'startup': lambda: node.measure_startup(repeats)}
     figures = {'seed': seed, 'machine': machine.describe(*PACKAGES)}
     with node.ros():
-        for name, measured in parts.items():
-            if not only or name in only:
-                print(f'{time.perf_counter() - start:6.0f} s  {name}', file=sys.stderr)
-                figures[name] = measured()
+        for name in parts:
+            print(f'{time.perf_counter() - start:6.0f} s  {name}', file=sys.stderr)
+            figures[name] = measures[name]()
     print(f'{time.perf_counter() - start:6.0f} s', file=sys.stderr)
     return figures
 

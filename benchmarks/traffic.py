@@ -19,6 +19,7 @@ import itertools
 import struct
 import time
 
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PolygonStamped
 import numpy as np
 import rclpy
@@ -34,6 +35,8 @@ _ROBOT = (-0.5, -0.4), (0.9, -0.4), (0.9, 0.4), (-0.5, 0.4)
 FOOTPRINT_RATE = 50.0
 SET_RATE = 10.0
 PATIENCE = 60.0
+# What says on /diagnostics how many obstacles a node has received.
+RECEIVED = 'obstacle: received'
 
 
 def pack(outline, stamp):
@@ -206,3 +209,30 @@ def _answer(unanswered, flag, now):
             return []
         unanswered.popleft()  # superseded before the node came to it
     return []
+
+
+class Reader:
+    """Reads on /diagnostics how many obstacles the node under test has received."""
+
+    def __init__(self):
+        self._node = rclpy.create_node('counts')
+        self._node.create_subscription(DiagnosticArray, '/diagnostics', self._receive, 10)
+        self._counts = []
+
+    def _receive(self, message):
+        values = {value.key: value.value for value in message.status[0].values}
+        self._counts.append(int(values.get(RECEIVED, 0)))
+
+    def steady(self):
+        """Return the count once two reports from now on agree: all that was sent is dealt with."""
+        rclpy.spin_once(self._node, timeout_sec=0.0)
+        self._counts.clear()
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            rclpy.spin_once(self._node, timeout_sec=0.1)
+            if len(self._counts) > 1 and self._counts[-1] == self._counts[-2]:
+                return self._counts[-1]
+        raise TimeoutError('no steady count from the node under test')
+
+    def close(self):
+        self._node.destroy_node()

@@ -71,7 +71,7 @@ def main():
     drawings.write_all(figures, arguments.directory)
     for page in PAGES:
         path = arguments.directory / page
-        path.write_text(tables.written(path.read_text(), figures))
+        path.write_text(words.with_tables(path.read_text(), tables.TABLES, figures))
 
 
 def measure(scale):

@@ -12,18 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-The tables of the report; the sentences around them are written by hand.
-
-A page of docs/report has a table between `<!-- its name -->` and `<!-- until here -->`.
-"""
-
-import re
+"""The tables of the report; the sentences around them are written by hand."""
 
 from libraries import LABELS as LIBRARY_LABELS
 import lookup
 from methods import LABELS, METHODS
-from page_parts import with_part
 from samples import FEWEST_TIMED
 from words import distance, duration, durations, length, power, rate, share, table
 
@@ -33,15 +26,6 @@ READINGS = 'published_a', 'published_b', 'hybrid', 'closest', 'literal'
 # Of the long tables: one small and one large n that the page does not show.
 _KIND_SIDES = 8, 256
 _KINDS = 'clear', 'near', 'deep', 'hard'
-_MARK = re.compile(r'<!-- ([\w ]+) -->\n(?=.*?<!-- until here -->)', re.DOTALL)
-
-
-def written(page, figures):
-    """Return the text of a page with its tables made anew from figures."""
-    for name in _MARK.findall(page):
-        if name != 'until here':
-            page = with_part(page, name, TABLES[name](figures))
-    return page
 
 
 def _speed(figures):

@@ -80,7 +80,9 @@ class Publisher:
                                        lambda flag: self.flags.append(flag.data), 100)
         self._publisher = self._node.create_publisher(PolygonStamped, '/tf', 100)
         self._obstacles = self._node.create_publisher(PolygonInstanceStamped, '/obstacles', 10)
-        self.until(lambda: self._publisher.get_subscription_count() == readers and self.flags)
+        self.until(lambda: self.flags and all(
+            publisher.get_subscription_count() == readers
+            for publisher in (self._publisher, self._obstacles)))
 
     def until(self, condition):
         """Take flags until something holds."""
@@ -94,9 +96,10 @@ class Publisher:
         self._publisher.publish(message(time.time_ns(), children, x))
 
     def clear(self):
-        """Publish one obstacle until the node has heard of it, and of a robot far from it."""
+        """Publish a map of one obstacle, and a robot far from it until its flag is clear."""
+        self._obstacles.publish(polygon(time.time_ns(), 'odom', -5.0, 0))
+
         def is_clear():
-            self._obstacles.publish(polygon(time.time_ns(), 'odom', -5.0, 0))
             self.publish(['base'], 9.0)
             return not self.flags[-1]
         self.until(is_clear)

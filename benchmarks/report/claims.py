@@ -34,14 +34,10 @@ def measure(rng, count=4000):
     for n in samples.SIDES:
         pairs, meet = samples.sample(rng, n, 'near', count if n < 256 else count // 4)
         prepared = Pairs(pairs)
-        traditional, _ = run('traditional', prepared)
         for method in PUBLISHED:
             answers, axes = run(method, prepared)
-            false_collision, false_clear = answers & ~meet, ~answers & meet
             row = {'n': n, 'method': method, 'apart': int((~meet).sum()),
-                   'meet': int(meet.sum()), 'false_collisions': int(false_collision.sum()),
-                   'false_clears': int(false_clear.sum()),
-                   'traditional_wrong': int((traditional != meet).sum()), 'steps': []}
+                   'meet': int(meet.sum()), 'steps': []}
             first = 1
             for step, last in STEPS[method].items():
                 here = ~answers & (axes >= first) & (axes <= last)

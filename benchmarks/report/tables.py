@@ -181,16 +181,6 @@ def _wrong_on_hard(figures):
         [LABELS[m], *map(_both_errors, of)] for m, of in rows.items() if lookup.wrong(of)])
 
 
-def _plain(figures):
-    rows = figures['speed']['plain']
-    columns = [(n, kind) for n in dict.fromkeys(row['shape'] for row in rows)
-               for kind in ('near', 'hard')]
-    return table(['', *(f'n = {n}, {kind}' for n, kind in columns)], [
-        [LABELS[m], *(duration(lookup.ns(figures, n, m, 'plain', (kind,)))
-                      for n, kind in columns)]
-        for m in METHODS if any(row['method'] == m for row in rows)])
-
-
 def _steps(figures):
     lines = []
     sides = list(dict.fromkeys(row['n'] for row in figures['steps']))
@@ -251,6 +241,6 @@ TABLES = {
     'separation': _separation, 'time of contact': _time_of_contact, 'non convex': _non_convex,
     'readings of the paper': _readings, 'scenes': _scenes, 'ages': _ages,
     'measured on': _measured_on, 'times': _times, 'times by kind': _times_by_kind,
-    'wrong on hard pairs': _wrong_on_hard, 'plain Python': _plain, 'steps': _steps,
+    'wrong on hard pairs': _wrong_on_hard, 'steps': _steps,
     'families': _families, 'distance from the origin': _offsets, 'float32': _float32,
     'separation by family': _separation_families, 'long run': _long_run}

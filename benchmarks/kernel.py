@@ -76,16 +76,7 @@ LOADS = [(random_pairs, n) for n in VERTICES] + [(abutting_boxes, 4), (shared_ed
 
 
 def measure(pairs=20_000, repeats=7, seed=1):
-    """
-    Time all loads.
-
-    Returns
-    -------
-    list of dict
-        load, vertices; ns a pair of ours and of shapely, medians; setup in microseconds a polygon;
-        wrong answers by shapely's.
-
-    """
+    """Return for each load median ns a pair, setup in us a polygon, and different answers."""
     rng = np.random.default_rng(seed)
     for load, n in LOADS:
         _measure_load(load, rng, 10, n, 1)  # whatever has to be compiled is compiled now

@@ -100,13 +100,9 @@ def cpu_time(pid):
 
 def load(kind, obstacles, vertices, seconds, burst=False, rate=SET_RATE, seed=1):
     """
-    Run traffic against one node on one core.
+    Run traffic against one node on one core; return costs, latencies and losses.
 
-    Returns
-    -------
-    dict
-        Costs, latencies and losses. Processor time is divided by the messages that the node took.
-
+    Processor time is divided by the messages that the node took.
     """
     core = max(os.sched_getaffinity(0))
     with running(kind) as process, contextlib.closing(Reader()) as reader, \
@@ -134,12 +130,8 @@ def together(kinds, obstacles, vertices, seconds, repeats, seed=1):
     they differ. They start anew for each repeat: a message wakes them one after the other, in the
     order in which they were found, and the first warms the caches for the others.
 
-    Returns
-    -------
-    dict
-        Processor time in us a message of each: median of the repeats; and that of the first
-        divided by that of the floor: median of these.
-
+    Returns medians of the repeats: processor time in us a message of each, and that of the first
+    divided by that of the floor.
     """
     costs = [_run_together(kinds, obstacles, vertices, seconds, seed) for _ in range(repeats)]
     return {'us': {kind: statistics.median(cost[kind] for cost in costs) for kind in kinds},
@@ -172,11 +164,7 @@ def _by_turns(kinds, repeats, *arguments, **options):
     """
     Run the same traffic against nodes of some kinds by turns.
 
-    Returns
-    -------
-    dict
-        For each kind the medians of its runs; the greatest latency and losses are of all runs.
-
+    Returns for each the medians of its runs; the greatest latency and losses are of all runs.
     """
     runs = [{kind: load(kind, *arguments, **options) for kind in kinds} for _ in range(repeats)]
     combine = {'lost': sum, 'unanswered': sum, 'max_ms': max}

@@ -48,51 +48,23 @@ _SETTLED_MINUTES = 5.0
 
 
 class Reading(NamedTuple):
-    """
-    What a slice of the soak took.
+    """What a slice of the soak took."""
 
-    Attributes
-    ----------
-    minutes : float
-        Since the beginning, at the end of the slice.
-    megabytes : float
-        Memory of the node's process.
-    microseconds : float
-        Its processor time a message.
-    latency : float
-        The greatest, in ms, from the publish() of a footprint to the flag that it changes.
-
-    """
-
-    minutes: float
-    megabytes: float
-    microseconds: float
-    latency: float
+    minutes: float  # since the beginning, at the end of the slice
+    megabytes: float  # memory of the node's process
+    microseconds: float  # its processor time a message
+    latency: float  # the greatest from publish() to the flag that follows, in ms
 
 
 class Verdict(NamedTuple):
-    """
-    What the flags said of contacts.
+    """What the flags said of contacts."""
 
-    Attributes
-    ----------
-    contacts, missed : int
-        How often the robot came onto an obstacle, and how often no flag told of it in time.
-    wrong_clears : int
-        Flags that said clear during a contact that had been told.
-    releases, held_back : int
-        How often it left, and how often the flag did not fall in time.
-    false_alarms : int
-        Flags that said collision or unknown after the flag had fallen, with the robot clear.
-
-    """
-
-    contacts: int
-    missed: int
-    wrong_clears: int
-    releases: int
-    held_back: int
-    false_alarms: int
+    contacts: int  # how often the robot came onto an obstacle
+    missed: int  # how often no flag said so in time
+    wrong_clears: int  # flags that said clear during a contact that had been reported
+    releases: int  # how often it left
+    held_back: int  # how often the flag did not fall in time
+    false_alarms: int  # flags raised after the flag had fallen, with the robot clear
 
 
 def memory(pid):
@@ -120,15 +92,8 @@ def soak(minutes, obstacles):
     """
     Run sets of obstacles at 10 Hz, and a robot that comes and goes, against a node's process.
 
-    The publisher of the obstacles is replaced by another one every ten seconds.
-
-    Returns
-    -------
-    readings : list of Reading
-    verdict : Verdict
-    sent, lost : int
-        Messages of obstacles.
-
+    The publisher of the obstacles is replaced by another one every ten seconds. Returns readings,
+    the verdict, and how many obstacle messages were sent and lost.
     """
     readings = []
     with running('monitor') as process, contextlib.closing(Reader()) as reader, \

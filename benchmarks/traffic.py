@@ -64,25 +64,10 @@ class Traffic:
     """
     A node that sends footprints and obstacles and awaits the flag.
 
-    The robot is by turns on the first obstacle, which stays about the origin, and far from all.
-    The others are scattered around and never twice the same. An empty polygon ends each set.
-
-    Parameters
-    ----------
-    obstacles, vertices : int
-        How many obstacles, and vertices of each.
-    seed : int
-    stay : int, optional
-        For how many footprints the robot stays where it is; at first every one changes the flag.
-
-    Attributes
-    ----------
-    changes : list of (float, bool)
-        When, by the monotonic clock, the first footprint of each stay was sent, and whether the
-        robot is on an obstacle there.
-    heard : list of (float, bool)
-        The flags, with when they came.
-
+    The robot is by turns on the first obstacle, which stays about the origin, and far from all,
+    for `stay` footprints each. The others are scattered around and never twice the same. An empty
+    polygon ends each set. `changes` has when, by the monotonic clock, the first footprint of each
+    stay was sent, and whether the robot is on an obstacle there; `heard` when flags came.
     """
 
     def __init__(self, obstacles, vertices, seed, stay=1):
@@ -140,24 +125,11 @@ class Traffic:
 
     def run(self, seconds, burst=False, rate=SET_RATE):
         """
-        Send footprints and sets of obstacles for some time.
+        Send footprints and sets of obstacles for some time, `rate` sets a second.
 
-        Parameters
-        ----------
-        seconds : float
-        burst : bool, optional
-            Whether all obstacles of a set are sent at once, else spread over the period.
-        rate : float, optional
-            Sets a second.
-
-        Returns
-        -------
-        footprints, obstacles : int
-            How many messages were sent.
-        latencies : list of float
-            Seconds from before the publish() of a footprint that changes the flag to the flag's
-            arrival.
-
+        Obstacles of a set are spread over the period, unless they come in a burst. Returns how
+        many footprints and obstacles were sent, and the seconds from before the publish() of each
+        footprint that changes the flag to the flag's arrival.
         """
         latencies = []
         unanswered = collections.deque()

@@ -41,19 +41,9 @@ LONG = 0.25
 
 def times(tasks, repeats):
     """
-    Run each task as often as said, in turns, and return how long each run took.
+    Run functions without arguments as often as said, in turns; return the seconds of each run.
 
-    Parameters
-    ----------
-    tasks : dict
-        Functions without arguments by name; each has run before, so that nothing compiles now.
-    repeats : int
-
-    Returns
-    -------
-    dict
-        Seconds of each run by name; of one run where that was `LONG`.
-
+    Each must have run before, so that nothing compiles now; what takes `LONG` runs once.
     """
     taken = {name: [] for name in tasks}
     gc.collect()
@@ -77,15 +67,10 @@ def medians(tasks, repeats):
 
 def tried(a, b):
     """
-    Return for each pair of two lists of `Polygon` what deciding it takes.
+    Return for pairs of two lists of `Polygon` how many axes each takes, and what went further.
 
-    Returns
-    -------
-    axes : (k,) array of int64
-        Axes tried in plain doubles; the boxes count as two.
-    exact : (k,) array of bool
-        Whether exact orientations had to decide.
-
+    These are axes tried in plain doubles, the boxes counted as two, and whether exact orientations
+    had to decide.
     """
     axes, exact = np.empty(len(a), np.int64), np.empty(len(a), np.bool_)
     _count(*_packed(a), *_packed(b), axes, exact)

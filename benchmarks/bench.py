@@ -90,7 +90,8 @@ def _machine(figures):
 
 def _costs(figures):
     return table(
-        ['obstacles', 'vertices', *node.TITLES.values(), 'times the empty node', 'shapely, times ours'],
+        ['obstacles', 'vertices', *node.TITLES.values(), 'times the empty node',
+         'shapely, times ours'],
         [[f'{one["obstacles"]:,}', one['vertices'],
           *(f'{one[kind]["cpu_us"]:.0f}' for kind in node.TITLES),
           f'{one["together"]["times_floor"]:.1f}',

@@ -33,8 +33,7 @@ os.environ['NUMBA_CACHE_DIR'] = FRESH_CACHE.name
 ROOT = Path(__file__).parents[2]
 sys.path += [str(ROOT / 'benchmarks'), str(ROOT / 'test' / 'support'), str(ROOT / 'docs')]
 
-import claims  # noqa: E402, I100
-import condition  # noqa: E402
+import condition  # noqa: E402, I100
 import machine  # noqa: E402
 import numpy as np  # noqa: E402
 import plots  # noqa: E402
@@ -81,8 +80,8 @@ def measure(scale):
             'separations': lambda rng: singly.separations(rng, int(300 * scale)),
             'contact_times': lambda rng: singly.contact_times(rng, int(300 * scale)),
             'non_convex': lambda rng: singly.non_convex(rng, int(200 * scale)),
-            'steps': lambda rng: claims.measure(rng, int(4000 * scale)),
-            'examples': lambda rng: claims.examples(rng, int(4000 * scale)),
+            'steps': lambda rng: stability.by_step(rng, int(4000 * scale)),
+            'examples': lambda rng: stability.examples(rng, int(4000 * scale)),
             'condition': lambda rng: condition.measure(rng, int(4000 * scale)),
             'families': lambda rng: stability.by_family(rng, int(8000 * scale)),
             'by_offset': lambda rng: stability.by_offset(rng, int(4000 * scale)),

@@ -196,7 +196,7 @@ def _growth(figures):
 
 
 def _examples(figures):
-    """Draw a pair that reading A calls colliding, and one that B calls clear, with what it sees."""
+    """Draw a pair that A calls colliding, one that B calls clear, and what they look at."""
     figure, panels = pyplot.subplots(1, 3, figsize=(12.0, 5.6), width_ratios=(1, 1.15, 1.15))
     one, other = (figures['examples'][method] for method in ('published_a', 'published_b'))
     gap, overlap = 1e3 * one['separation'], -1e3 * other['separation']
@@ -264,7 +264,7 @@ def _draw_b(panel, example):
         edge = body[_crossed(body, centre, sign * along)]
         panel.plot(*edge.T, 'o-', color=_B, linewidth=4, markersize=8,
                    label='edges that it crosses: four vertices' if name == 'P' else None)
-        for vertices, what, colour in ((edge, 'those vertices, all that B looks at', _B),
+        for vertices, what, colour in ((edge, 'those vertices, all that B sees', _B),
                                        (body, 'all vertices', '#009E73')):
             foot = sign * (vertices @ along * sign).max() * along + centres[0] @ across * across
             panel.plot(*np.array([foot - 0.6 * across, foot + 0.6 * across]).T, color=colour,

@@ -15,7 +15,6 @@
 """The pairs of bodies measured on: four kinds, n vertices each, with the exact answers."""
 
 import families
-import numpy as np
 import oracle
 
 KINDS = 'clear', 'near', 'deep', 'hard'

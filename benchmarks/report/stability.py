@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Wrong answers by family, by the distance from the origin, and by messages in float32."""
+"""Wrong answers by family, distance from the origin, float32 and step of the paper's method."""
 
 import families
 from libraries import shapely_shape
@@ -20,7 +20,8 @@ from methods import applicable, counts, Pairs, run
 import numpy as np
 import oracle
 import samples
-from sat_collision import intersects, PolygonError, separation
+from sat_collision import closest_points, intersects, PolygonError, separation
+from sat_collision.geometry import sat_methods
 import shapely
 import shapes
 
@@ -29,6 +30,12 @@ OFFSETS = 0, *(10**k for k in range(9))
 OFFSET_SIDES = 8
 DISTANCES = 10, 100, 1e3, 5e3, 1e4, 2e4, 1e5, 1e6, 5e6
 GROWING = 'traditional', 'traditional_float32', 'gjk', 'improved', 'shapely'
+DRAWN_SIDES = 8
+PUBLISHED = 'published_a', 'published_b'
+# The last axis of each step.
+STEPS = {'published_a': {'centre line': 1, 'edge normals at B and C': 5,
+                         'lines to the nearest points': 9},
+         'published_b': {'centre line, four vertices': 1, 'normals of the crossed edges': 3}}
 
 
 def by_family(rng, count=2000):
@@ -115,3 +122,40 @@ def _moved_pairs(rng, n, gap, move):
     reach, cosine = shapes.reach(a, b, heading)
     b += ((reach + gap / np.maximum(cosine, 0.1))[:, None] * heading)[:, None]
     return list(zip(*(shapes.convex(body + move[:, None]) for body in (a, b))))
+
+
+def by_step(rng, count=4000):
+    """Return by number of vertices at which step the answers of near pairs fall, right or not."""
+    rows = []
+    for n in samples.SIDES:
+        pairs, meet = samples.sample(rng, n, 'near', count if n < 256 else count // 4)
+        prepared = Pairs(pairs)
+        for method in PUBLISHED:
+            answers, axes = run(method, prepared)
+            row = {'n': n, 'method': method, 'apart': int((~meet).sum()),
+                   'meet': int(meet.sum()), 'steps': []}
+            first = 1
+            for step, last in STEPS[method].items():
+                here = ~answers & (axes >= first) & (axes <= last)
+                row['steps'].append({'step': step, 'clears': int((here & ~meet).sum()),
+                                     'false_clears': int((here & meet).sum())})
+                first = last + 1
+            rows.append(row)
+    return rows
+
+
+def examples(rng, count=4000):
+    """Return the near pair furthest apart of those A calls colliding, and B's deepest miss."""
+    pairs, meet = samples.sample(rng, DRAWN_SIDES, 'near', count)
+    prepared = Pairs(pairs)
+    found = {}
+    for method, wrong in (('published_a', ~meet), ('published_b', meet)):
+        answers, _ = run(method, prepared)
+        rows = np.flatnonzero((answers != meet) & wrong)
+        values = [separation(*pairs[i]) for i in rows]
+        a, b = pairs[rows[np.argmax(np.abs(values))]]
+        found[method] = {
+            'a': a.tolist(), 'b': b.tolist(), 'separation': float(separation(a, b)),
+            'closest_points': [point.tolist() for point in closest_points(a, b)],
+            'centres': [list(map(float, sat_methods.centre_of_gravity(body))) for body in (a, b)]}
+    return found

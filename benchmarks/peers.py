@@ -37,7 +37,6 @@ from rclpy.task import Future
 from sat_collision.node import loop
 from sat_collision.node.quality import flag_qos
 from sat_collision.node.signals import end_on_signals, Signalled
-from sat_collision.scene.settings import Settings
 import shapely
 from std_msgs.msg import Bool
 from traffic import RECEIVED
@@ -73,7 +72,7 @@ class Floor(Peer):
         self._ticked = 0.0
         # Not _publishers, which is rclpy's own list of all that a node has.
         self._flag_publishers = [
-            self.create_publisher(Bool, topic, flag_qos(Settings((), ())))
+            self.create_publisher(Bool, topic, flag_qos())
             for topic in ('~/footprint/collision', '~/collision')]
         group = loop.Reserved() if in_loop else None
         self.inputs = [

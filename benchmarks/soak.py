@@ -129,7 +129,7 @@ def summary(readings, verdict, sent, lost):
     """Return the figures of a soak as a table in Markdown."""
     grown = growth(readings)
     return table(['what', 'how many'], [
-        ['minutes', f'{readings[-1].minutes:g}'],
+        ['minutes', f'{readings[-1].minutes:.3g}'],
         ['obstacle messages', f'{sent:,}'],
         ['of these lost by the middleware', f'{lost:,}'],
         ['contacts, and missed', f'{verdict.contacts:,}, {verdict.missed}'],

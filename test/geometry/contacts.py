@@ -173,10 +173,15 @@ def climb(which, x, n, steps, random):
 
 
 def starts_of(rng, kind, count):
-    """Return near pairs of bodies as flat arrays; some are far from the origin."""
+    """Return near pairs as flat arrays: some far from the origin, half of them on a lattice."""
     n, m = COUNTS[kind]
-    if kind < CONVEX_COUNTS:
-        return separations.starts_of(rng, count, n, m)
+    x = separations.starts_of(rng, count, n, m) if kind < CONVEX_COUNTS else (
+        _pairs_with_notches(rng, count, n, m))
+    # Where edges are level, features equally near, and no coordinate is 0.
+    return np.where(rng.random((count, 1)) < 0.5, np.rint(4.0 * x) / 4.0 + 17.0, x)
+
+
+def _pairs_with_notches(rng, count, n, m):
     pair = [_with_notches(rng, count, size) if size > 4 else
             rng.uniform(-1, 1, (count, 1, 2)) + separations.starts_of(rng, count, size, 1).reshape(
                 count, -1, 2)[:, :size] for size in (n, m)]

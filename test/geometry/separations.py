@@ -139,7 +139,8 @@ def error(which, p, q):
     if which == DISTANCE:
         true = distance_to_edges(q, p, distance_to_edges(p, q, far))
     else:
-        true = reach_beyond_edges(q, p, reach_beyond_edges(p, q, far, _UNMOVED, _UNMOVED), _UNMOVED, _UNMOVED)
+        true = reach_beyond_edges(p, q, far, _UNMOVED, _UNMOVED)
+        true = reach_beyond_edges(q, p, true, _UNMOVED, _UNMOVED)
     return (abs(plus(true, (-abs(value), 0.0))[0]),
             2.0 * UNIT * true[0] + 2.0 ** -96 * reach)
 

@@ -92,6 +92,7 @@ def test_contact_is_an_interval_with_its_deepest_moment(tmp_path):
     contact, = result.contacts
     assert since(result, contact.first, contact.deepest, contact.last) == [1, 3, 6]
     assert (contact.depth, contact.x, contact.y) == (0.5, 0.75, 0.5)
+    assert (contact.normal, contact.points) == ([-1.0, 0.0], [[1.0, 1.0], [1.0, 0.0]])
     assert not contact.at_end
     assert result.footprints[0].collision == 5 * SECOND
     assert result.footprints[0].least.separation == -0.5

@@ -24,22 +24,23 @@ import pytest
 
 # Each part, and the parts that it may import from.
 BELOW = {
+    'extras': set(),
     'geometry': set(),
     'sat_collision': {'geometry'},
     'scene': {'geometry'},
     'messages': {'scene', 'geometry'},
     'monitor': {'messages', 'scene', 'geometry'},
-    'node': {'sat_collision', 'monitor', 'messages', 'scene', 'geometry'},
-    'replay': {'sat_collision', 'monitor', 'messages', 'scene', 'geometry'},
-    'demo': set(),
-    'prepare_kernels': {'replay', 'geometry'},
+    'node': {'extras', 'sat_collision', 'monitor', 'messages', 'scene', 'geometry'},
+    'replay': {'extras', 'sat_collision', 'monitor', 'messages', 'scene', 'geometry'},
+    'demo': {'extras'},
+    'prepare_kernels': {'extras', 'replay', 'geometry'},
 }
 # Parts of other projects that are for some modules only; a module is said by its full name.
 RESERVED = {
     'numba': ('sat_collision.geometry.jit', 'sat_collision.geometry.kernel_cache'),
     'llvmlite': ('sat_collision.geometry.jit',),
-    'rclpy': ('sat_collision.node', 'sat_collision.demo.__main__'),
-    'rclpy.serialization': ('sat_collision.node', 'sat_collision.demo.__main__',
+    'rclpy': ('sat_collision.node', 'sat_collision.demo.show'),
+    'rclpy.serialization': ('sat_collision.node', 'sat_collision.demo.show',
                             'sat_collision.messages.interfaces'),
     'rosbags': ('sat_collision.messages.rosbags_interfaces', 'sat_collision.replay'),
 }

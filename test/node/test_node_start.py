@@ -125,7 +125,7 @@ def test_flags_before_distances(start, domain):
     lines_until(node, 'distances are measured later')
     peer = Peer(domain)
     flags, separations = peer.listen('~/collision'), peer.listen('~/footprint/separation')
-    markers = peer.markers()
+    states, markers = peer.listen('~/state'), peer.markers()
 
     def is_told(x, collides):
         peer.send('footprint', box(0.0))
@@ -137,9 +137,12 @@ def test_flags_before_distances(start, domain):
     del separations[:]
     peer.until(lambda: len(separations) > 3)
     assert all(math.isnan(one.data) for one in separations) and not markers
+    peer.until(lambda: states[-1].status[0].message.endswith(
+        '; distances are not measured yet: their kernels are being compiled'), 'why in the state')
     lines_until(node, 'distances are measured after')
     peer.until(lambda: is_told(9.0, False) and markers
-               and separations[-1].data == pytest.approx(8.0, abs=1e-9), 'the separation')
+               and separations[-1].data == pytest.approx(8.0, abs=1e-9)
+               and states[-1].status[0].message == 'clear', 'the separation')
     peer.close()
     node.terminate()
     assert node.wait(30) == 0

@@ -34,6 +34,7 @@ extras = {
         'mcap',
         'mypy',
         'pytest',
+        'pytest-timeout',
         'pytest-xdist',
         'pyyaml',
         'rosbags',

@@ -148,6 +148,7 @@ def test_flags_before_distances(start, domain):
     assert node.wait(30) == 0
 
 
+@pytest.mark.long
 def test_margin_awaits_distances(start):
     """It is one: a first start with a margin says nothing before it can measure."""
     if not COMPILED:
@@ -158,6 +159,7 @@ def test_margin_awaits_distances(start):
     assert node.wait(30) == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('number', (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
 def test_signal_at_some_moment_of_the_first_start(start, number):
     """While kernels compile, in this process and in its helper: both end, with status 0."""
@@ -177,6 +179,7 @@ def test_signal_at_some_moment_of_the_first_start(start, number):
         time.sleep(0.01)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not COMPILED, reason='plain Python has the verdict by then')
 @pytest.mark.parametrize('seed', range(3))
 def test_interrupt_at_some_moment_of_the_first_replay(start, place, seed):

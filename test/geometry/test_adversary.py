@@ -22,7 +22,8 @@ from sat_collision.geometry.jit import COMPILED
 import separations
 import steering
 
-pytestmark = pytest.mark.skipif(not COMPILED, reason='the search needs compiled kernels')
+pytestmark = [pytest.mark.long,
+              pytest.mark.skipif(not COMPILED, reason='the search needs compiled kernels')]
 
 EVALUATIONS = 100000
 # How much of each bound would be too little: the search finds errors beyond it. In brackets what

@@ -52,6 +52,7 @@ def process(domain, monkeypatch):
         one.wait()
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not COMPILED, reason='a comb takes plain Python seconds')
 @pytest.mark.parametrize('kind', ['1024-gons', 'combs of 1024', '4-gons', 'truncated', 'NaN'])
 def test_flood_of_one_topic(process, domain, kind):

@@ -235,7 +235,8 @@ def test_standing_is_decided_exactly(name):
     ((0, 2, 1), (-2, 3.002), math.inf),
     ((0, 0, 100), (-1, 0), math.pi / 100),
 ], ids=['ahead', 'at the horizon', 'beyond it', 'beside', 'behind', 'left', 'right',
-        'out of reach', 'too late', 'most of a turn', 'about a centre', 'outside that arc', 'fast'])
+        'out of reach', 'too late', 'most of a turn', 'about a centre', 'outside that arc',
+        'fast'])
 def test_a_bar_by_hand(twist, obstacle, expected):
     """From (0, 0) to (1, 0); never late, and early by the tolerance at its speed there."""
     time = time_to_contact(BAR, twist, [[obstacle]], 3.0)

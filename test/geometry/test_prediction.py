@@ -244,6 +244,16 @@ def test_a_bar_by_hand(twist, obstacle, expected):
         time == expected)
 
 
+def test_an_arc_that_leaves_its_chord():
+    """The tip touches in the middle of a piece of 0.1 rad, where no chord and no box of one is."""
+    for quarter in range(4):
+        turn = 1j ** quarter
+        tip, post = turn * np.exp(-0.05j), 0.9999 * turn
+        time = time_to_contact([(0, 0), (tip.real, tip.imag)], (0, 0, 1),
+                               [[(post.real, post.imag)]], 3.0, tolerance=1e-5)
+        assert 0.05 - 2e-5 <= time <= 0.05
+
+
 def test_a_turn_too_fast_to_be_followed():
     """What is in reach counts, what is out of it by the bound does not."""
     assert 0.0 < time_to_contact(BAR, (0, 0, 1e5), [[(-0.9, 0)]], 3.0) <= math.pi / 1e5

@@ -163,4 +163,4 @@ def test_example_of_the_readme_gives_what_it_says():
             checked += 1
         else:
             exec(code, known)
-    assert checked == 5
+    assert checked == 6

@@ -35,7 +35,6 @@ from rclpy.task import Future
 from sat_collision.node import loop
 from sat_collision.node.quality import flag_qos
 from sat_collision.node.signals import end_on_signals, Signalled
-from sat_collision.scene.settings import Settings
 from std_msgs.msg import Bool
 
 _SIGN_OF_FIRST_X = 27
@@ -53,12 +52,13 @@ class Floor(Node):
         self._ticked = 0.0
         # Not _publishers, which is rclpy's own list of all that a node has.
         self._flag_publishers = [
-            self.create_publisher(Bool, topic, flag_qos(Settings((), ())))
+            self.create_publisher(Bool, topic, flag_qos())
             for topic in ('~/footprint/collision', '~/collision')]
         group = loop.Reserved() if in_loop else None
         self.inputs = [
             loop.Input('footprint', self.create_subscription(
-                PolygonStamped, 'footprint', self._answer, 1, raw=True, callback_group=group)),
+                PolygonStamped, 'footprint', self._answer, 1, raw=True, callback_group=group),
+                ends_rest=True),
             loop.Input('obstacles', self.create_subscription(
                 PolygonStamped, 'obstacles', self._count, QoSProfile(depth=1000), raw=True,
                 callback_group=group))]

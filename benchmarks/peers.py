@@ -77,7 +77,8 @@ class Floor(Peer):
         group = loop.Reserved() if in_loop else None
         self.inputs = [
             loop.Input('footprint', self.create_subscription(
-                PolygonStamped, 'footprint', self._answer, 1, raw=True, callback_group=group)),
+                PolygonStamped, 'footprint', self._answer, 1, raw=True, callback_group=group),
+                ends_rest=True),
             loop.Input('obstacles', self.create_subscription(
                 PolygonStamped, 'obstacles', self._count, QoSProfile(depth=1000), raw=True,
                 callback_group=group))]

@@ -36,7 +36,7 @@ import numpy as np
 FRESH_CACHE = tempfile.TemporaryDirectory()
 os.environ['NUMBA_CACHE_DIR'] = FRESH_CACHE.name
 ROOT = Path(__file__).parents[1]
-sys.path[:0] = [str(ROOT / 'test' / 'support'), str(ROOT / 'benchmarks' / 'report')]
+sys.path[:0] = [str(ROOT / place) for place in ('test/support', 'benchmarks/report', 'docs')]
 
 import families  # noqa: E402, I100
 import machine  # noqa: E402
@@ -44,6 +44,7 @@ import oracle  # noqa: E402
 import samples  # noqa: E402
 from sat_collision import intersects_pairs, Polygon, PolygonSet  # noqa: E402
 import stages  # noqa: E402
+import tables  # noqa: E402
 
 SIDES = 3, 4, 5, 6, 8, 16, 32, 64, 256, 1024
 CHECKED = 1000  # one in so many of the answers the filter proved is also decided in integers
@@ -78,7 +79,7 @@ def main():
     for counts in results.values():
         total.update(counts)  # unlike a sum, keeps what is 0
     results['all'] = total
-    _print(results)
+    print(tables.TABLES['long run']({'accuracy': {'families': results}}))
     if arguments.json:
         arguments.json.write_text(json.dumps({
             'seed': arguments.seed, 'seconds': round(time.perf_counter() - start),
@@ -130,21 +131,6 @@ def _compare(rng, pairs):
         'oracle_in_integers': int(unknown.sum()), 'oracle_checked': len(checked),
         'exact': int(unsure.sum()), 'seconds': seconds[False], 'exact_seconds': seconds[True],
     }), [[body.tolist() for body in pairs[i]] for i in wrong]
-
-
-def _print(results):
-    print(f'{"family":<22}{"pairs":>12}{"meet":>7}{"wrong":>7}{"exact stage":>13}'
-          f'{"ns without":>12}{"ns with it":>12}')
-    for name, total in results.items():
-        pairs, exact = total['pairs'], total['exact']
-        print(f'{name:<22}{pairs:>12,}{total["meet"] / pairs:>7.0%}{total["wrong"]:>7}'
-              f'{exact / pairs:>13.2%}{_each(total["seconds"], pairs - exact):>12}'
-              f'{_each(total["exact_seconds"], exact):>12}')
-
-
-def _each(seconds, pairs):
-    """Return the ns a pair, unless there are too few to tell."""
-    return f'{seconds * 1e9 / pairs:.0f}' if pairs >= samples.FEWEST_TIMED else '-'
 
 
 if __name__ == '__main__':

@@ -16,17 +16,18 @@
 What frames cost: /tf, and a message in another frame.
 
 Of two monitors, which get the same messages at once and share a core, one takes the bytes of /tf
-and does nothing with them: the floor.
+and does nothing with them: the floor. Run as a program, this is such a monitor. Nobody looks into
+serialised messages, so another type stands in for TFMessage where tf2_msgs is missing.
 """
 
 import contextlib
 import os
-from pathlib import Path
 import statistics
 import struct
 import subprocess
 import sys
 import time
+import types
 
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 import node
@@ -36,7 +37,6 @@ from sat_collision.monitor import Monitor
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, TF
 from std_msgs.msg import Bool
 
-PROGRAM = Path(__file__).parent / 'frames_node.py'
 SECOND = 10**9
 RATE = 100
 SIZES = 1, 5, 20
@@ -80,7 +80,9 @@ class Publisher:
                                        lambda flag: self.flags.append(flag.data), 100)
         self._publisher = self._node.create_publisher(PolygonStamped, '/tf', 100)
         self._obstacles = self._node.create_publisher(PolygonInstanceStamped, '/obstacles', 10)
-        self.until(lambda: self._publisher.get_subscription_count() == readers and self.flags)
+        self.until(lambda: self.flags and all(
+            publisher.get_subscription_count() == readers
+            for publisher in (self._publisher, self._obstacles)))
 
     def until(self, condition):
         """Take flags until something holds."""
@@ -94,9 +96,10 @@ class Publisher:
         self._publisher.publish(message(time.time_ns(), children, x))
 
     def clear(self):
-        """Publish one obstacle until the node has heard of it, and of a robot far from it."""
+        """Publish a map of one obstacle, and a robot far from it until its flag is clear."""
+        self._obstacles.publish(polygon(time.time_ns(), 'odom', -5.0, 0))
+
         def is_clear():
-            self._obstacles.publish(polygon(time.time_ns(), 'odom', -5.0, 0))
             self.publish(['base'], 9.0)
             return not self.flags[-1]
         self.until(is_clear)
@@ -120,7 +123,7 @@ def _running(*arguments, **parameters):
     words = [word for name, value in {**_PARAMETERS, **parameters}.items()
              for word in ('-p', f'{name}:={value}')]
     process = subprocess.Popen(
-        [sys.executable, PROGRAM, *arguments, '--ros-args', *words],
+        [sys.executable, __file__, *arguments, '--ros-args', *words],
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         yield process.pid
@@ -135,7 +138,7 @@ def together(groups, seconds, repeats, **parameters):
     with _running(**parameters) as monitor, _running('--floor') as floor, contextlib.closing(
             Publisher(2)) as publisher:
         for pid in (monitor, floor):
-            node._pin(pid, core)
+            node.pin(pid, core)
         publisher.run(groups, 0.5)
         costs = []
         for _ in range(repeats):
@@ -149,9 +152,9 @@ def together(groups, seconds, repeats, **parameters):
             'core': monitor_us * RATE * len(groups) / 1e6}
 
 
-def latency(kind, repeats):
-    """Return ms from publishing a transform to the flag that follows, of a node of some kind."""
-    with _running(*kind, **_OUTLINE), contextlib.closing(Publisher(1)) as publisher:
+def latency(repeats):
+    """Return ms from publishing a transform to the flag that follows."""
+    with _running(**_OUTLINE), contextlib.closing(Publisher(1)) as publisher:
         raised = False
         times = []
         publisher.clear()
@@ -199,5 +202,19 @@ def measure(seconds, repeats):
         'outline': together([['base']], seconds, repeats, **_OUTLINE),
         'robots': together([[child] for child in children], seconds, repeats),
         'other_frame': in_other_frame(5 * repeats),
-        'latency': {name: latency(kind, 100 * repeats)
-                    for name, kind in (('monitor', ()), ('floor', ('--loop-floor',)))}}
+        'latency': latency(100 * repeats)}
+
+
+def run_monitor():
+    """Run the monitor; with --floor one that does nothing with transforms."""
+    messages = types.ModuleType('tf2_msgs.msg')
+    messages.TFMessage = PolygonStamped
+    sys.modules.update({'tf2_msgs': types.ModuleType('tf2_msgs'), 'tf2_msgs.msg': messages})
+    from sat_collision.node.__main__ import main
+    if '--floor' in sys.argv:
+        Monitor.receive_transforms = lambda *_: ()
+    return main()
+
+
+if __name__ == '__main__':
+    sys.exit(run_monitor())

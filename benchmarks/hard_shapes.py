@@ -37,12 +37,14 @@ from sat_collision.monitor import Monitor
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from traffic import pack, regular
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / 'docs'))
+ROOT = Path(__file__).resolve().parents[1]
+sys.path += [str(ROOT / 'docs'), str(ROOT / 'benchmarks' / 'report')]
 
 from page_parts import replace_part  # noqa: E402, I100
+from words import table  # noqa: E402
 
 MAX_VERTICES = 1024
-_TITLES = 'shape', 'to take [ms]', 'to decide [ms]', 'to measure [ms]', 'against'
+KERNELS = {'compiled': '0', 'in plain Python': '1'}
 # How a second body is laid beside or over the first, in sizes of the body, and how it is turned.
 _PLACES = ((2.1, 0.0, 0.0), (0.9, 0.4, 0.0), (0.3, 0.2, 0.5), (0.01, 0.003, 0.0),
            (0.0, 0.0, np.pi), (0.02, 0.01, 1.6))
@@ -50,59 +52,36 @@ _TURNS = 0.0, 0.7, 2.0
 _CONTACTS = 1_000, 10_000
 
 
-def star(count, rng):
-    """Return a polygon whose vertices are as near to its middle as chance will have it."""
-    return _polar(2.0 * np.pi * np.arange(count) / count, rng.uniform(0.2, 1.0, count))
-
-
-def comb(count, rng):
+def comb(count):
     """Return a comb whose teeth are upright."""
     teeth = count // 4
     x = 1.0 - np.repeat(np.arange(2 * teeth), 2) / teeth
-    y = np.tile([0.1, 1.0, 1.0, 0.1], teeth)
-    outline = np.column_stack([x, y])
+    outline = np.column_stack([x, np.tile([0.1, 1.0, 1.0, 0.1], teeth)])
     outline[[0, -1]] = [1.0, 0.0], [x[-1], 0.0]
     return outline
 
 
-def lying_comb(count, rng):
-    """Return a comb whose teeth lie."""
-    return comb(count, rng)[:, ::-1] * [2.0, 0.5] - [1.0, 0.0]
-
-
-def zigzag(count, rng):
+def zigzag(count):
     """Return a band that goes up and down."""
     half = count // 2
-    x = np.linspace(-1.0, 1.0, half)
-    y = np.where(np.arange(half) % 2, 0.5, -0.5)
+    x, y = np.linspace(-1.0, 1.0, half), np.where(np.arange(half) % 2, 0.5, -0.5)
     return np.vstack([np.column_stack([x, y]), np.column_stack([x, y + 0.2])[::-1]])
 
 
-def bays(count, rng, number=8):
+def bays(count, number):
     """Return a round body with bays of many reflex vertices."""
     angle = 2.0 * np.pi * np.arange(count) / count
     return _polar(angle, 1.0 - 0.6 * np.abs(np.sin(0.5 * number * angle)))
 
 
-def four_bays(count, rng):
-    """Return the same with few bays."""
-    return bays(count, rng, 4)
-
-
-def spiral(count, rng, turns=5.0):
-    """Return a band that winds around its middle."""
+def band(count, turns, inner, width):
+    """Return a band that winds around the middle, from a radius on to 1."""
     angle = np.linspace(0.0, 2.0 * np.pi * turns, count // 2)
-    radius = np.linspace(0.2, 1.0, count // 2)
-    return np.vstack([_polar(angle, radius), _polar(angle, radius - 0.05)[::-1]])
+    radius = np.linspace(inner, 1.0, count // 2)
+    return np.vstack([_polar(angle, radius), _polar(angle, radius - width)[::-1]])
 
 
-def crescent(count, rng):
-    """Return what is between two long arcs."""
-    angle = np.linspace(0.0, 1.5 * np.pi, count // 2)
-    return np.vstack([_polar(angle, 1.0), _polar(angle, 0.95)[::-1]])
-
-
-def saw(count, rng):
+def saw(count):
     """Return a long body with teeth that lean, each under the next."""
     k = np.arange(count - 2)
     x = k / count + np.where(k % 2, 0.8, 0.0) - 1.0
@@ -110,11 +89,18 @@ def saw(count, rng):
     return np.vstack([np.column_stack([x, y]), [[0.0, -0.5], [-1.0, -0.5]]])
 
 
-SHAPES = (star, comb, lying_comb, zigzag, bays, four_bays, spiral, crescent, saw)
-
-
 def _polar(angle, radius):
     return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+
+
+def shapes(count, rng):
+    """Return the outlines by name; the vertices of the star are as near as chance will have it."""
+    angle = 2.0 * np.pi * np.arange(count) / count
+    return {'star': _polar(angle, rng.uniform(0.2, 1.0, count)), 'comb': comb(count),
+            'lying comb': comb(count)[:, ::-1] * [2.0, 0.5] - [1.0, 0.0],
+            'zigzag': zigzag(count), 'bays': bays(count, 8), 'four bays': bays(count, 4),
+            'spiral': band(count, 5.0, 0.2, 0.05), 'crescent': band(count, 0.75, 1.0, 0.05),
+            'saw': saw(count)}
 
 
 def _placed(outline, x, y, turn):
@@ -135,9 +121,8 @@ def _best(repeats, function, *arguments):
 def measure(repeats, seed):
     """Return for each shape what it takes in this process's kernel, and what is worst with it."""
     rng = np.random.default_rng(seed)
-    count = most_notched(MAX_VERTICES)
     packer = Packer(MAX_VERTICES)
-    outlines = {shape.__name__: shape(count, rng) for shape in SHAPES}
+    outlines = shapes(most_notched(MAX_VERTICES), rng)
     found = {}
     for name, outline in outlines.items():
         messages = [decode(pack(_placed(outline, 0.0, 0.0, turn), 0), False)[2]
@@ -150,8 +135,7 @@ def measure(repeats, seed):
                 that = Polygon(_placed(_placed(its, *place), 0.0, 0.0, turn))
                 deciding = max(deciding, (_best(repeats, intersects, body, that), other))
                 measuring = max(measuring, (_best(repeats, separation, body, that), other))
-        found[name] = {'vertices': len(outline), 'take': taking, 'decide': deciding[0],
-                       'measure': measuring[0], 'against': measuring[1]}
+        found[name] = [taking, deciding[0], *measuring]
     return found
 
 
@@ -173,15 +157,6 @@ def contacts(count):
     return time_taken
 
 
-def table(figures):
-    """Return the figures of one kernel as a table in Markdown."""
-    rows = [f'| {" | ".join(_TITLES)} |', f'|{"---|" * len(_TITLES)}']
-    for name, one in figures.items():
-        rows.append(f'| {name.replace("_", " ")} | {one["take"]:.1f} | {one["decide"]:.1f} | '
-                    f'{one["measure"]:.1f} | {one["against"].replace("_", " ")} |')
-    return '\n'.join(rows)
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--repeats', type=int, default=5)
@@ -192,24 +167,26 @@ def main():
     arguments = parser.parse_args()
     if arguments.json:
         contacts(10)
-        print(json.dumps({'shapes': measure(arguments.repeats, arguments.seed),
-                          'contacts': [contacts(count) for count in _CONTACTS]}))
+        print(json.dumps([measure(arguments.repeats, arguments.seed),
+                          [contacts(count) for count in _CONTACTS]]))
         return
-    parts = []
-    for kernel, plain in (('Compiled', '0'), ('In plain Python', '1')):
-        figures = json.loads(subprocess.run(
+    parts, times = {}, []
+    for kernel, disabled in KERNELS.items():
+        found, taken = json.loads(subprocess.run(
             [sys.executable, __file__, '--json', '--repeats', str(arguments.repeats),
              '--seed', str(arguments.seed)], stdout=subprocess.PIPE, check=True,
-            env={**os.environ, 'NUMBA_DISABLE_JIT': plain}).stdout)
-        most = max(one['vertices'] for one in figures['shapes'].values())
-        few, many = figures['contacts']
-        parts.append(
-            f'{kernel}, {most} vertices:\n\n{table(figures["shapes"])}\n\n'
-            f'{_CONTACTS[1]:,} contacts that begin one by one take {many:.0f} ms, '
-            f'{many / few:.1f} times as long as {_CONTACTS[0]:,}.\n')
-        print(parts[-1], flush=True)
-    if arguments.write:
-        replace_part(arguments.write, 'hard shapes', '\n'.join(parts).rstrip())
+            env={**os.environ, 'NUMBA_DISABLE_JIT': disabled}).stdout)
+        parts[f'hard shapes {kernel}'] = table(
+            ['shape', 'to take [ms]', 'to decide [ms]', 'to measure [ms]', 'against'],
+            [[name, *(f'{value:.1f}' for value in row[:3]), row[3]]
+             for name, row in found.items()])
+        times.append([kernel, *(f'{value:.0f} ms' for value in taken)])
+    parts['contacts one by one'] = table(
+        ['', *(f'{count:,} contacts' for count in _CONTACTS)], times)
+    for name, part in parts.items():
+        print(f'{name}\n\n{part}\n')
+        if arguments.write:
+            replace_part(arguments.write, name, part)
 
 
 if __name__ == '__main__':

@@ -25,24 +25,23 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import time
 
-import counts
 import matplotlib
 import numpy as np
 import rclpy
-from traffic import SET_RATE, Traffic
+from std_msgs.msg import Bool
+from traffic import PATIENCE, Reader, SET_RATE, Traffic
 
 matplotlib.use('Agg')
 from matplotlib import pyplot  # noqa: E402, I100
 from matplotlib.ticker import LogLocator  # noqa: E402
 
 HERE = Path(__file__).parent
-NODES = {'monitor': ['-m', 'sat_collision.node'],
-         'floor': [str(HERE / 'floor_node.py')],
-         'loop floor': [str(HERE / 'floor_node.py'), '--loop'],
-         'rival': [str(HERE / 'rival_node.py')],
-         'plain': ['-m', 'sat_collision.node']}
-TITLES = {'monitor': 'sat_collision', 'floor': 'floor', 'loop floor': 'floor in our loop',
+_PEERS = str(HERE / 'peers.py')
+NODES = {'monitor': ['-m', 'sat_collision.node'], 'plain': ['-m', 'sat_collision.node'],
+         'floor': [_PEERS, 'floor'], 'loop floor': [_PEERS, 'loop'], 'rival': [_PEERS, 'shapely']}
+TITLES = {'monitor': 'sat_collision', 'floor': 'empty rclpy node',
           'rival': 'shapely in a callback'}
 _ENVIRONMENTS = {'plain': {'NUMBA_DISABLE_JIT': '1'}}
 _TOGETHER = 'monitor', 'floor', 'loop floor'
@@ -101,19 +100,15 @@ def cpu_time(pid):
 
 def load(kind, obstacles, vertices, seconds, burst=False, rate=SET_RATE, seed=1):
     """
-    Run traffic against one node on one core.
+    Run traffic against one node on one core; return costs, latencies and losses.
 
-    Returns
-    -------
-    dict
-        Costs, latencies and losses. Processor time is divided by the messages that the node took.
-
+    Processor time is divided by the messages that the node took.
     """
     core = max(os.sched_getaffinity(0))
-    with running(kind) as process, contextlib.closing(counts.Reader()) as reader, \
+    with running(kind) as process, contextlib.closing(Reader()) as reader, \
             contextlib.closing(Traffic(obstacles, vertices, seed)) as traffic:
         traffic.connect()
-        _pin(process.pid, core)
+        pin(process.pid, core)
         traffic.run(0.5, burst, rate)
         count = reader.steady()
         used = cpu_time(process.pid)
@@ -135,12 +130,8 @@ def together(kinds, obstacles, vertices, seconds, repeats, seed=1):
     they differ. They start anew for each repeat: a message wakes them one after the other, in the
     order in which they were found, and the first warms the caches for the others.
 
-    Returns
-    -------
-    dict
-        Processor time in us a message of each: median of the repeats; and that of the first
-        divided by that of the floor: median of these.
-
+    Returns medians of the repeats: processor time in us a message of each, and that of the first
+    divided by that of the floor.
     """
     costs = [_run_together(kinds, obstacles, vertices, seconds, seed) for _ in range(repeats)]
     return {'us': {kind: statistics.median(cost[kind] for cost in costs) for kind in kinds},
@@ -155,7 +146,7 @@ def _run_together(kinds, obstacles, vertices, seconds, seed):
         traffic = stack.enter_context(contextlib.closing(Traffic(obstacles, vertices, seed)))
         traffic.connect(len(nodes))
         for pid in nodes.values():
-            _pin(pid, core)
+            pin(pid, core)
         traffic.run(0.5)
         used = {kind: cpu_time(pid) for kind, pid in nodes.items()}
         footprints, sent, _ = traffic.run(seconds)
@@ -163,7 +154,7 @@ def _run_together(kinds, obstacles, vertices, seconds, seed):
                 for kind, pid in nodes.items()}
 
 
-def _pin(pid, core):
+def pin(pid, core):
     """Have all threads of a process run on one core."""
     for thread in os.listdir(f'/proc/{pid}/task'):
         os.sched_setaffinity(int(thread), {core})
@@ -173,11 +164,7 @@ def _by_turns(kinds, repeats, *arguments, **options):
     """
     Run the same traffic against nodes of some kinds by turns.
 
-    Returns
-    -------
-    dict
-        For each kind the medians of its runs; the greatest latency and losses are of all runs.
-
+    Returns for each the medians of its runs; the greatest latency and losses are of all runs.
     """
     runs = [{kind: load(kind, *arguments, **options) for kind in kinds} for _ in range(repeats)]
     combine = {'lost': sum, 'unanswered': sum, 'max_ms': max}
@@ -202,14 +189,41 @@ def measure(seconds, repeats):
                   for rate in rates]}
 
 
+def _first_flag(kind, **environment):
+    """Return the seconds from the start of a node to its first flag."""
+    node = rclpy.create_node('listener')
+    flags = []
+    node.create_subscription(Bool, '/footprint_monitor/collision', flags.append, 10)
+    start = time.monotonic()
+    with running(kind, **environment):
+        while not flags and time.monotonic() < start + PATIENCE:
+            rclpy.spin_once(node, timeout_sec=0.1)
+        seconds = time.monotonic() - start
+    node.destroy_node()
+    if not flags:
+        raise TimeoutError(f'no flag from {kind}')
+    return seconds
+
+
+def measure_startup(repeats):
+    """Return seconds to the first flag: kernels to compile, kernels cached, and of the floor."""
+    with tempfile.TemporaryDirectory() as cache:
+        cold = _first_flag('monitor', NUMBA_CACHE_DIR=cache)
+        subprocess.run([sys.executable, '-m', 'sat_collision.replay.kernels'], check=True,
+                       stdout=subprocess.DEVNULL, env={**os.environ, 'NUMBA_CACHE_DIR': cache})
+        runs = [(_first_flag('monitor', NUMBA_CACHE_DIR=cache), _first_flag('floor'))
+                for _ in range(repeats)]
+    warm, floor = map(statistics.median, zip(*runs))
+    return {'cold_s': cold, 'warm_s': warm, 'floor_s': floor}
+
+
 def plot(figures, path):
     """Draw processor time a message and latency against the number of obstacles."""
     figure, axes = pyplot.subplots(1, 2, figsize=(9.6, 4.2), layout='constrained')
     loads = [one for one in figures['loads'] if one['vertices'] == VERTICES[0]]
     sizes = [one['obstacles'] for one in loads]
-    for (kind, title), style in zip(TITLES.items(), ('o-', 's--', 'd-.', '^:')):
-        costs = [one['together']['us'].get(kind, one[kind]['cpu_us']) for one in loads]
-        axes[0].loglog(sizes, costs, style, label=title)
+    for (kind, title), style in zip(TITLES.items(), ('o-', 's--', '^:')):
+        axes[0].loglog(sizes, [one[kind]['cpu_us'] for one in loads], style, label=title)
         axes[1].loglog(sizes, [one[kind]['p99_ms'] for one in loads], style, label=title)
     axes[0].set(xlabel='obstacles at 10 Hz', ylabel='processor time a message [µs]')
     axes[1].set(xlabel='obstacles at 10 Hz', ylabel='publish() to flag, 99 of 100 below [ms]')

@@ -13,13 +13,12 @@
 # limitations under the License.
 
 """
-The scene: one footprint against many obstacles, a fleet, a message's cost, memory.
+The scene as it grows: one footprint against many obstacles, a message's cost, memory.
 
 Obstacles are scattered over a map of fixed size. The rival is the query of shapely's STRtree, in
 the same process, on the same bodies and by turns with ours.
 """
 
-from pathlib import Path
 import time
 import tracemalloc
 
@@ -37,13 +36,10 @@ from matplotlib import pyplot  # noqa: E402, I100
 
 SIZES = 10, 100, 1_000, 10_000, 100_000
 MESSAGE_SIZES = 10, 100, 1_000, 10_000
-FLEET = 100, 10_000
 MAP = 200.0
 _FOOTPRINTS = 100
 _START = 1_700_000_000 * 10**9
 _PERIOD = 10**8
-_LONG = 300_000
-_PAGE = 4096
 
 
 def measure(seed, repeats):
@@ -53,10 +49,8 @@ def measure(seed, repeats):
     return {
         'map': MAP,
         'one': [_one_against_many(rng, footprints, size, repeats) for size in SIZES],
-        'fleet': _fleet(rng, *FLEET, repeats),
         'message': [_message(rng, size, repeats) for size in MESSAGE_SIZES],
-        'memory': [_memory(rng, vertices) for vertices in (4, 32, 256)],
-        'replacing': _replacing(rng)}
+        'memory': [_memory(rng, vertices) for vertices in (4, 32, 256)]}
 
 
 def _outlines(rng, count, vertices, radius):
@@ -101,19 +95,6 @@ def _one_against_many(rng, footprints, size, repeats):
             'tree_us': 1e6 * times['query'] / len(own), 'tree_build_us': 1e6 * build}
 
 
-def _fleet(rng, footprints, obstacles, repeats):
-    outlines = _outlines(rng, obstacles, 4, 0.5)
-    fleet = _outlines(rng, footprints, 4, 1.0)
-    bodies = PolygonSet(Polygon(outline) for outline in outlines)
-    own = [Polygon(outline) for outline in fleet]
-    tree = shapely.STRtree(shapely.polygons(np.array(outlines)))
-    theirs = shapely.polygons(np.array(fleet))
-    times = _by_turns({'scan': lambda: [bodies.intersecting_rows(body) for body in own],
-                       'query': lambda: tree.query(theirs, predicate='intersects')}, repeats)
-    return {'footprints': footprints, 'obstacles': obstacles,
-            'us': 1e6 * times['scan'], 'tree_us': 1e6 * times['query']}
-
-
 def _monitor(size):
     """Return a monitor for so many obstacles."""
     return Monitor(Settings((FootprintSettings('footprint', '/footprint'),),
@@ -150,35 +131,16 @@ def _message(rng, size, repeats):
             'footprint_us': 1e6 * float(np.median(footprint_times[20:]))}
 
 
-def _resident():
-    """Return the bytes of memory that the process has."""
-    return int(Path('/proc/self/statm').read_text().split()[1]) * _PAGE
-
-
 def _memory(rng, vertices, size=2_000):
-    """Return bytes an obstacle: in the packed arrays, and of all that the scene allocates."""
-    outlines = _outlines(rng, size, vertices, 0.5)
-    packed = PolygonSet(Polygon(outline) for outline in outlines).nbytes
-    messages = [pack(outline, _START) for outline in outlines]
+    """Return the bytes an obstacle that the scene allocates."""
+    messages = [pack(outline, _START) for outline in _outlines(rng, size, vertices, 0.5)]
     monitor = _monitor(size)
     tracemalloc.start()
     for message in messages:
         monitor.receive('obstacles', message, _START)
     allocated, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    return {'vertices': vertices, 'packed': packed / size, 'scene': allocated / size}
-
-
-def _replacing(rng, size=1_000):
-    """Replace obstacles as 100 of them at 10 Hz are in five minutes; return what memory does."""
-    monitor = _monitor(size)
-    resident = []
-    for k, (now, messages) in enumerate(_rounds(rng, size, 32, _LONG // size + 1)):
-        for message in messages:
-            monitor.receive('obstacles', message, now)
-        if k % (_LONG // size // 10) == 0:
-            resident.append(_resident())
-    return {'messages': _LONG, 'resident': resident}
+    return {'vertices': vertices, 'scene': allocated / size}
 
 
 def plot(figures, path):

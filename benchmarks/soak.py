@@ -24,18 +24,19 @@ import argparse
 import bisect
 import contextlib
 from pathlib import Path
+import resource
 import sys
 from typing import NamedTuple
 
-from counts import Reader
-from endurance import held, in_words
 import matplotlib
 from node import cpu_time, ros, running
-from traffic import Traffic
+from traffic import Reader, Traffic
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / 'docs'))
+ROOT = Path(__file__).resolve().parents[1]
+sys.path += [str(ROOT / 'docs'), str(ROOT / 'benchmarks' / 'report')]
 
 from page_parts import replace_part  # noqa: E402, I100
+from words import table  # noqa: E402
 
 matplotlib.use('Agg')
 from matplotlib import pyplot  # noqa: E402, I100
@@ -47,51 +48,28 @@ _SETTLED_MINUTES = 5.0
 
 
 class Reading(NamedTuple):
-    """
-    What a slice of the soak took.
+    """What a slice of the soak took."""
 
-    Attributes
-    ----------
-    minutes : float
-        Since the beginning, at the end of the slice.
-    megabytes : float
-        Memory of the node's process.
-    microseconds : float
-        Its processor time a message.
-    latency : float
-        The greatest, in ms, from the publish() of a footprint to the flag that it changes.
-
-    """
-
-    minutes: float
-    megabytes: float
-    microseconds: float
-    latency: float
+    minutes: float  # since the beginning, at the end of the slice
+    megabytes: float  # memory of the node's process
+    microseconds: float  # its processor time a message
+    latency: float  # the greatest from publish() to the flag that follows, in ms
 
 
 class Verdict(NamedTuple):
-    """
-    What was told of contacts.
+    """What the flags said of contacts."""
 
-    Attributes
-    ----------
-    contacts, missed : int
-        How often the robot came onto an obstacle, and how often no flag told of it in time.
-    wrong_clears : int
-        Flags that said clear during a contact that had been told.
-    releases, held_back : int
-        How often it left, and how often the flag did not fall in time.
-    false_alarms : int
-        Flags that said collision or unknown after the flag had fallen, with the robot clear.
+    contacts: int  # how often the robot came onto an obstacle
+    missed: int  # how often no flag said so in time
+    wrong_clears: int  # flags that said clear during a contact that had been reported
+    releases: int  # how often it left
+    held_back: int  # how often the flag did not fall in time
+    false_alarms: int  # flags raised after the flag had fallen, with the robot clear
 
-    """
 
-    contacts: int
-    missed: int
-    wrong_clears: int
-    releases: int
-    held_back: int
-    false_alarms: int
+def memory(pid):
+    """Return the memory of a process in MB."""
+    return int(Path(f'/proc/{pid}/statm').read_text().split()[1]) * resource.getpagesize() / 1e6
 
 
 def judge(changes, heard):
@@ -114,15 +92,8 @@ def soak(minutes, obstacles):
     """
     Run sets of obstacles at 10 Hz, and a robot that comes and goes, against a node's process.
 
-    The publisher of the obstacles is replaced by another one every ten seconds.
-
-    Returns
-    -------
-    readings : list of Reading
-    verdict : Verdict
-    sent, lost : int
-        Messages of obstacles.
-
+    The publisher of the obstacles is replaced by another one every ten seconds. Returns readings,
+    the verdict, and how many obstacle messages were sent and lost.
     """
     readings = []
     with running('monitor') as process, contextlib.closing(Reader()) as reader, \
@@ -137,11 +108,11 @@ def soak(minutes, obstacles):
             footprints, more, latencies = traffic.run(_SLICE)
             sent += more
             used, before = cpu_time(process.pid), used
-            readings.append(Reading((k + 1) * _SLICE / 60.0, held(process.pid)['MB'],
+            readings.append(Reading((k + 1) * _SLICE / 60.0, memory(process.pid),
                                     1e6 * (used - before) / (more + footprints),
                                     1e3 * max(latencies, default=float('nan'))))
             if k % 6 == 5:
-                print(f'{readings[-1].minutes:5.1f} min  {in_words(process.pid)}  '
+                print(f'{readings[-1].minutes:5.1f} min  {readings[-1].megabytes:.1f} MB  '
                       f'{readings[-1].microseconds:.1f} us a message, greatest latency '
                       f'{max(one.latency for one in readings[-6:]):.1f} ms', flush=True)
         return (readings, judge(traffic.changes, traffic.heard), sent,
@@ -154,21 +125,19 @@ def growth(readings):
     return max(settled) / settled[0] - 1.0 if len(settled) > 1 else None
 
 
-def in_sentences(readings, verdict, sent, lost):
-    """Return what the page says of a soak."""
+def summary(readings, verdict, sent, lost):
+    """Return the figures of a soak as a table in Markdown."""
     grown = growth(readings)
-    memory = ('' if grown is None else
-              f' After the first five minutes its memory grew by {100.0 * grown:.2f} %.')
-    minutes = readings[-1].minutes
-    return (
-        f'{minutes:g} minutes with {sent / minutes / 60.0:,.0f} obstacle messages a second '
-        f'({sent:,} in all), whose publisher is replaced by another one every 10 s, and '
-        f'footprints at 50 Hz. The robot came onto an obstacle '
-        f'{verdict.contacts:,} times: {verdict.missed} missed, {verdict.wrong_clears} wrong '
-        f'clears; it left {verdict.releases:,} times: {verdict.held_back} times the flag did not '
-        f'fall within the 0.6 s, {verdict.false_alarms} flags were raised without a contact. The '
-        f'middleware lost {lost:,} messages. The greatest latency was '
-        f'{max(one.latency for one in readings):.0f} ms.{memory}')
+    return table(['what', 'how many'], [
+        ['minutes', f'{readings[-1].minutes:.3g}'],
+        ['obstacle messages', f'{sent:,}'],
+        ['of these lost by the middleware', f'{lost:,}'],
+        ['contacts, and missed', f'{verdict.contacts:,}, {verdict.missed}'],
+        ['wrong clears', verdict.wrong_clears],
+        ['departures, and not told within 0.6 s', f'{verdict.releases:,}, {verdict.held_back}'],
+        ['flags raised without a contact', verdict.false_alarms],
+        ['greatest latency', f'{max(one.latency for one in readings):.0f} ms'],
+        ['growth of memory after 5 minutes', '–' if grown is None else f'{grown:.2%}']])
 
 
 def plot(readings, path):
@@ -195,7 +164,7 @@ def main():
     arguments = parser.parse_args()
     with ros():
         readings, verdict, sent, lost = soak(arguments.minutes, arguments.obstacles)
-    text = in_sentences(readings, verdict, sent, lost)
+    text = summary(readings, verdict, sent, lost)
     print(text)
     if arguments.plot:
         plot(readings, arguments.plot)

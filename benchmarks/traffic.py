@@ -19,6 +19,7 @@ import itertools
 import struct
 import time
 
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PolygonStamped
 import numpy as np
 import rclpy
@@ -34,6 +35,8 @@ _ROBOT = (-0.5, -0.4), (0.9, -0.4), (0.9, 0.4), (-0.5, 0.4)
 FOOTPRINT_RATE = 50.0
 SET_RATE = 10.0
 PATIENCE = 60.0
+# What says on /diagnostics how many obstacles a node has received.
+RECEIVED = 'obstacle: received'
 
 
 def pack(outline, stamp):
@@ -61,25 +64,10 @@ class Traffic:
     """
     A node that sends footprints and obstacles and awaits the flag.
 
-    The robot is by turns on the first obstacle, which stays about the origin, and far from all.
-    The others are scattered around and never twice the same. An empty polygon ends each set.
-
-    Parameters
-    ----------
-    obstacles, vertices : int
-        How many obstacles, and vertices of each.
-    seed : int
-    stay : int, optional
-        For how many footprints the robot stays where it is; at first every one changes the flag.
-
-    Attributes
-    ----------
-    changes : list of (float, bool)
-        When, by the monotonic clock, the first footprint of each stay was sent, and whether the
-        robot is on an obstacle there.
-    heard : list of (float, bool)
-        The flags, with when they came.
-
+    The robot is by turns on the first obstacle, which stays about the origin, and far from all,
+    for `stay` footprints each. The others are scattered around and never twice the same. An empty
+    polygon ends each set. `changes` has when, by the monotonic clock, the first footprint of each
+    stay was sent, and whether the robot is on an obstacle there; `heard` when flags came.
     """
 
     def __init__(self, obstacles, vertices, seed, stay=1):
@@ -137,24 +125,11 @@ class Traffic:
 
     def run(self, seconds, burst=False, rate=SET_RATE):
         """
-        Send footprints and sets of obstacles for some time.
+        Send footprints and sets of obstacles for some time, `rate` sets a second.
 
-        Parameters
-        ----------
-        seconds : float
-        burst : bool, optional
-            Whether all obstacles of a set are sent at once, else spread over the period.
-        rate : float, optional
-            Sets a second.
-
-        Returns
-        -------
-        footprints, obstacles : int
-            How many messages were sent.
-        latencies : list of float
-            Seconds from before the publish() of a footprint that changes the flag to the flag's
-            arrival.
-
+        Obstacles of a set are spread over the period, unless they come in a burst. Returns how
+        many footprints and obstacles were sent, and the seconds from before the publish() of each
+        footprint that changes the flag to the flag's arrival.
         """
         latencies = []
         unanswered = collections.deque()
@@ -206,3 +181,30 @@ def _answer(unanswered, flag, now):
             return []
         unanswered.popleft()  # superseded before the node came to it
     return []
+
+
+class Reader:
+    """Reads on /diagnostics how many obstacles the node under test has received."""
+
+    def __init__(self):
+        self._node = rclpy.create_node('counts')
+        self._node.create_subscription(DiagnosticArray, '/diagnostics', self._receive, 10)
+        self._counts = []
+
+    def _receive(self, message):
+        values = {value.key: value.value for value in message.status[0].values}
+        self._counts.append(int(values.get(RECEIVED, 0)))
+
+    def steady(self):
+        """Return the count once two reports from now on agree: all that was sent is dealt with."""
+        rclpy.spin_once(self._node, timeout_sec=0.0)
+        self._counts.clear()
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            rclpy.spin_once(self._node, timeout_sec=0.1)
+            if len(self._counts) > 1 and self._counts[-1] == self._counts[-2]:
+                return self._counts[-1]
+        raise TimeoutError('no steady count from the node under test')
+
+    def close(self):
+        self._node.destroy_node()

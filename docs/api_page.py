@@ -20,8 +20,8 @@ import re
 import sat_collision
 
 _ORDER = ['intersects', 'intersects_many', 'intersects_pairs', 'separation', 'separations',
-          'closest_points', 'contact', 'Contact', 'time_of_contact', 'Polygon', 'PolygonSet',
-          'PolygonError', 'Reason']
+          'closest_points', 'contact', 'Contact', 'time_of_contact', 'time_to_contact', 'Polygon',
+          'PolygonSet', 'PolygonError', 'Reason']
 
 
 def api_entries():

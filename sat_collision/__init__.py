@@ -24,6 +24,7 @@ How far apart are they, or how deep?           separation, separations
 Where are they nearest?                        closest_points
 How do they touch, and which way is out?       contact
 When do moving bodies meet?                    time_of_contact
+When does a robot meet an obstacle?            time_to_contact
 One body against a set that changes            PolygonSet
 =============================================  =====================================
 
@@ -44,7 +45,8 @@ if TYPE_CHECKING:
     from sat_collision.geometry.polygon import Polygon, PolygonError, Reason
     from sat_collision.geometry.polygon_set import PolygonSet
     from sat_collision.geometry.query import (
-        closest_points, intersects, intersects_many, intersects_pairs, separation, separations)
+        closest_points, intersects, intersects_many, intersects_pairs, separation, separations,
+        time_to_contact)
     from sat_collision.geometry.sweep import time_of_contact
 
 __all__ = [
@@ -62,6 +64,7 @@ __all__ = [
     'separation',
     'separations',
     'time_of_contact',
+    'time_to_contact',
 ]
 
 # The modules of geometry that have them, if not query.

@@ -18,16 +18,19 @@ from __future__ import annotations
 
 import sys
 
+from sat_collision.extras import missing
+
 
 def main() -> int:
     """Prepare the kernels of all, or of the library alone where replay_check cannot run."""
     try:
-        from sat_collision.replay.kernels import main as prepare_all
+        import sat_collision.replay.run  # noqa: F401
     except ModuleNotFoundError as error:
         if str(error.name).startswith('sat_collision'):
             raise
-        print(f'preparing the library only: replay_check needs {error.name}', flush=True)
+        print(f'preparing the library only, without replay_check: {missing(error)}', flush=True)
         return prepare_library()
+    from sat_collision.replay.kernels import main as prepare_all
     return prepare_all()
 
 

@@ -39,6 +39,14 @@ def pytest_configure(config):
     os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'
 
 
+def pytest_collection_modifyitems(config, items):
+    """Give what is long more time before it counts as hung, where pytest-timeout is there."""
+    if config.pluginmanager.hasplugin('timeout'):
+        for item in items:
+            if item.get_closest_marker('long'):
+                item.add_marker(pytest.mark.timeout(10 * float(config.getini('timeout'))))
+
+
 def pytest_unconfigure(config):
     config.ros_files.cleanup()
 

@@ -65,7 +65,7 @@ def test_kernels_are_prepared_where_there_is_only_the_library():
     result = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True,
                             env={**os.environ, 'NUMBA_DISABLE_JIT': '1'})
     assert (result.returncode, result.stderr) == (0, '')
-    assert 'preparing the library only: replay_check needs yaml' in result.stdout
+    assert 'without replay_check: yaml is not installed: pip install pyyaml' in result.stdout
 
 
 def test_geometries_of_shapely_are_bodies():

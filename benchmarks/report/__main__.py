@@ -33,15 +33,11 @@ os.environ['NUMBA_CACHE_DIR'] = FRESH_CACHE.name
 ROOT = Path(__file__).parents[2]
 sys.path += [str(ROOT / 'benchmarks'), str(ROOT / 'test' / 'support'), str(ROOT / 'docs')]
 
-import ages  # noqa: E402, I100
-import claims  # noqa: E402
-import condition  # noqa: E402
-import cost  # noqa: E402
-import drawings  # noqa: E402
-import float32  # noqa: E402
+import condition  # noqa: E402, I100
 import machine  # noqa: E402
 import numpy as np  # noqa: E402
 import plots  # noqa: E402
+import scenes  # noqa: E402
 import singly  # noqa: E402
 import speed  # noqa: E402
 import stability  # noqa: E402
@@ -68,10 +64,9 @@ def main():
     figures = json.loads(stored.read_text())
     figures['accuracy'] = json.loads((arguments.directory / 'accuracy.json').read_text())
     plots.write_all(figures, arguments.directory)
-    drawings.write_all(figures, arguments.directory)
     for page in PAGES:
         path = arguments.directory / page
-        path.write_text(tables.written(path.read_text(), figures))
+        path.write_text(words.with_tables(path.read_text(), tables.TABLES, figures))
 
 
 def measure(scale):
@@ -85,14 +80,14 @@ def measure(scale):
             'separations': lambda rng: singly.separations(rng, int(300 * scale)),
             'contact_times': lambda rng: singly.contact_times(rng, int(300 * scale)),
             'non_convex': lambda rng: singly.non_convex(rng, int(200 * scale)),
-            'steps': lambda rng: claims.measure(rng, int(4000 * scale)),
-            'examples': lambda rng: claims.examples(rng, int(4000 * scale)),
+            'steps': lambda rng: stability.by_step(rng, int(4000 * scale)),
+            'examples': lambda rng: stability.examples(rng, int(4000 * scale)),
             'condition': lambda rng: condition.measure(rng, int(4000 * scale)),
             'families': lambda rng: stability.by_family(rng, int(8000 * scale)),
             'by_offset': lambda rng: stability.by_offset(rng, int(4000 * scale)),
-            'float32': lambda rng: float32.measure(rng, int(4000 * scale)),
-            'cost': lambda rng: cost.measure(),
-            'ages': lambda rng: ages.measure()}.items():
+            'float32': lambda rng: stability.by_float32(rng, int(4000 * scale)),
+            'cost': lambda rng: scenes.cost(),
+            'ages': lambda rng: scenes.ages()}.items():
         print(f'{time.perf_counter() - start:6.0f} s  {name}', file=sys.stderr)
         figures[name] = measured(np.random.default_rng(SEEDS[0]))
     figures['seconds'] = round(time.perf_counter() - start)

@@ -42,28 +42,15 @@ SAMPLES = 100
 
 
 class Library(NamedTuple):
-    """
-    What is asked of a library; None where it has no answer.
+    """What is asked of a library; None where it has no answer."""
 
-    Attributes
-    ----------
-    make : function of an (n, 2) array
-        What makes a body.
-    meets, distance : functions of two bodies
-    time : function of an array, another and the vector that this moves by from time 0 to 1
-        The first time at which they meet, None if they do not.
-    max_vertices : int
-    is_fragile : bool
-        Whether hard pairs may end the process.
-
-    """
-
-    make: Callable
-    meets: Callable
-    distance: Callable | None = None
+    make: Callable  # makes a body of an (n, 2) array
+    meets: Callable  # of two bodies
+    distance: Callable | None = None  # of two bodies
+    # When an array first meets another one that moves by a vector from time 0 to 1, None if never.
     time: Callable | None = None
     max_vertices: int = 10**6
-    is_fragile: bool = False
+    is_fragile: bool = False  # whether hard pairs may end the process
 
 
 def shapely_shape(body):

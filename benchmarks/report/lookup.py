@@ -21,21 +21,20 @@ from words import rate
 MIX = 'clear', 'near', 'deep'
 
 
-def row(figures, shape, kind, method, kernel='compiled'):
+def row(figures, n, kind, method):
     """Return the row of one measurement, or None."""
-    return next((r for r in figures['speed'][kernel] if r['shape'] == shape
-                 and r['kind'] == kind and r['method'] == method), None)
+    return next((r for r in figures['speed'] if r['n'] == n and r['kind'] == kind
+                 and r['method'] == method), None)
 
 
-def rows(figures, method, kind=None):
-    """Return the compiled rows of a method without rectangles, of one kind of pairs or all."""
-    return [r for r in figures['speed']['compiled'] if r['method'] == method
-            and r['shape'] != 'rectangles' and kind in (None, r['kind'])]
+def rows(figures, method, kind):
+    """Return the rows of a method and of one kind of pairs."""
+    return [r for r in figures['speed'] if r['method'] == method and r['kind'] == kind]
 
 
-def ns(figures, shape, method, kernel='compiled', kinds=MIX):
+def ns(figures, n, method, kinds=MIX):
     """Return the median time a pair in ns, the mean over kinds of pairs, or None."""
-    found = [row(figures, shape, kind, method, kernel) for kind in kinds]
+    found = [row(figures, n, kind, method) for kind in kinds]
     if None in found or not all('ns' in r for r in found):
         return None
     return math.fsum(r['ns'][0] for r in found) / len(found)
@@ -55,27 +54,19 @@ def rate_of(row, what='wrong'):
 
 def sides(figures):
     """Return the numbers of vertices measured, in order."""
-    return list(dict.fromkeys(r['shape'] for r in figures['speed']['compiled']
-                              if r['shape'] != 'rectangles'))
+    return list(dict.fromkeys(r['n'] for r in figures['speed']))
 
 
 def methods(figures):
-    """Return the methods measured on polygons of any shape, in order."""
-    return list(dict.fromkeys(r['method'] for r in figures['speed']['compiled']
-                              if r['shape'] != 'rectangles'))
+    """Return the methods measured, in order."""
+    return list(dict.fromkeys(r['method'] for r in figures['speed']))
 
 
 def timed(figures):
     """Return those of them that were timed."""
-    return list(dict.fromkeys(r['method'] for r in figures['speed']['compiled']
-                              if r['shape'] != 'rectangles' and 'ns' in r))
+    return list(dict.fromkeys(r['method'] for r in figures['speed'] if 'ns' in r))
 
 
 def wrong(rows):
     """Return the number of wrong answers in rows."""
     return sum(r['false_collisions'] + r['false_clears'] for r in rows)
-
-
-def always_right(figures):
-    """Return the methods without a wrong answer on any pair."""
-    return [method for method in methods(figures) if not wrong(rows(figures, method))]

@@ -23,7 +23,6 @@ how many axes each took.
 from functools import cached_property
 from typing import NamedTuple
 
-import filters
 from libraries import shapely_shape
 import numpy as np
 import readings
@@ -35,8 +34,6 @@ from sat_collision.geometry.jit import borrowed, COMPILED, kernel, scratch
 from sat_collision.geometry.layout import Packed, packed_size
 from sat_collision.geometry.packing import pack
 import shapely
-
-RECTANGLES = 'rectangles'
 
 
 class Method(NamedTuple):
@@ -51,46 +48,26 @@ class Method(NamedTuple):
     marker: str
     kernel: object = None
     prepared: str = None
-    what: str = ''
 
 
 METHODS = {
-    'traditional': Method('traditional', '#000000', 'o', sat_methods.traditional_axes, None,
-                          'the normals of all edges, every vertex projected (section 2.3)'),
+    'traditional': Method('traditional', '#000000', 'o', sat_methods.traditional_axes),
     'traditional_float32': Method('traditional, float32', '#7f7f7f', 's',
-                                  sat_methods.traditional_axes, None,
-                                  'the same on coordinates rounded to float32, in float32'),
-    'boxed': Method('box pre-test', '#56B4E9', '^', sat_methods.boxed_axes, 'bounds',
-                    'bounding boxes, then traditional (section 1)'),
-    'rectangles': Method('merged axes', '#882255', 'P', sat_methods.rectangles_axes, None,
-                         'two axes a rectangle (section 2.3)'),
-    'published_a': Method('published A', '#D55E00', 'v', sat_methods.published_a_axes, 'centres',
-                          'sections 3.1 and 3.2: all vertices on the centre line, the edge '
-                          'normals at the potential nearest points, the lines to the nearest '
-                          'points'),
-    'published_b': Method('published B', '#CC79A7', 'D', sat_methods.published_b_axes, 'centres',
-                          'section 4 to the letter: four vertices on the centre line, the '
-                          'normals of the two edges it crosses'),
-    'hybrid': Method('published, hybrid', '#AA4499', '<', readings.hybrid_axes, 'centres',
-                     'all vertices on the centre line, then the two normals of section 4'),
-    'closest': Method('published, Eq. 3–4', '#999933', '>', readings.closest_axes, None,
-                      'the line through the closest points, by brute force'),
-    'literal': Method('published, Eq. 5', '#CC6677', 'd', readings.literal_axes, 'centres',
-                      'reading A with B and C chosen by equation 5 as printed'),
-    'binary': Method('binary-search SAT', '#E69F00', 'h', rivals.binary_axes, 'heads',
-                     'the normals of all edges, each by a support vertex'),
-    'gjk': Method('GJK', '#332288', 'p', rivals.gjk_axes, 'heads',
-                  f'with a tolerance of {rivals.GJK_TOLERANCE:g} of the largest difference'),
-    'interval': Method('interval filter', '#88CCEE', 'H', filters.interval_axes, 'heads',
-                       'edges by interval arithmetic, the pair exactly where it is undecided'),
-    'filtered': Method('filtered orientations', '#117733', '8', filters.filtered_axes, 'heads',
-                       'edges by orientations, each filtered as in CGAL, with exact fallback'),
-    'improved': Method('improved', '#009E73', '*', None, None, 'what this package runs'),
-    'shapely': Method('shapely', '#0072B2', 'X', None, None,
-                      'a general geometry library, on GEOS'),
+                                  sat_methods.traditional_axes),
+    'boxed': Method('box pre-test', '#56B4E9', '^', sat_methods.boxed_axes, 'bounds'),
+    'published_a': Method('published A', '#D55E00', 'v', sat_methods.published_a_axes, 'centres'),
+    'published_b': Method('published B', '#CC79A7', 'D', sat_methods.published_b_axes, 'centres'),
+    'hybrid': Method('published, hybrid', '#AA4499', '<', readings.hybrid_axes, 'centres'),
+    'closest': Method('published, Eq. 3–4', '#999933', '>', readings.closest_axes),
+    'literal': Method('published, Eq. 5', '#CC6677', 'd', readings.literal_axes, 'centres'),
+    'binary': Method('binary-search SAT', '#E69F00', 'h', rivals.binary_axes, 'heads'),
+    'gjk': Method('GJK', '#332288', 'p', rivals.gjk_axes, 'heads'),
+    'interval': Method('interval filter', '#88CCEE', 'H', rivals.interval_axes, 'heads'),
+    'filtered': Method('filtered orientations', '#117733', '8', rivals.filtered_axes, 'heads'),
+    'improved': Method('improved', '#009E73', '*'),
+    'shapely': Method('shapely', '#0072B2', 'X'),
 }
 LABELS = {name: method.label for name, method in METHODS.items()}
-EXACT = 'interval', 'filtered', 'improved', 'shapely'
 # Measured for wrong answers alone.
 UNTIMED = 'traditional_float32',
 
@@ -165,11 +142,17 @@ def run(name, pairs):
     return answers, axes
 
 
-def applicable(shape=None):
-    """Return the methods for a shape: merged axes are for rectangles only."""
+def applicable():
+    """Return the methods of this kernel."""
     return [name for name in METHODS
-            if (name != 'rectangles' or shape == RECTANGLES)
-            and (COMPILED or name not in ('traditional_float32', 'shapely'))]
+            if COMPILED or name not in ('traditional_float32', 'shapely')]
+
+
+def counts(answers, meet):
+    """Return how many pairs there are, and how many answers are wrong in which way."""
+    return {'pairs': len(meet), 'apart': int((~meet).sum()),
+            'false_collisions': int((answers & ~meet).sum()),
+            'false_clears': int((~answers & meet).sum())}
 
 
 def run_once(name, pairs):

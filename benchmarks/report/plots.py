@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The plots of speed, condition and growth; the same colour and marker a method everywhere."""
+"""The plots and the drawing of wrong answers; the same colour and marker a method everywhere."""
 
 import math
 
@@ -21,6 +21,7 @@ import lookup
 from matplotlib import pyplot
 from methods import LABELS, METHODS
 import numpy as np
+import shapely
 from words import wilson
 
 U = 2.0 ** -53
@@ -34,6 +35,7 @@ _NUMBERED = 'published_a', 'improved'
 _NUMBERS = 4, 16, 64, 256
 # Bins with fewer pairs are not drawn.
 _FEWEST = 20
+_A, _B = (METHODS[method].colour for method in ('published_a', 'published_b'))
 
 
 def write_all(figures, directory):
@@ -41,7 +43,7 @@ def write_all(figures, directory):
     pyplot.rcParams.update({'font.size': 9, 'axes.grid': True, 'grid.alpha': 0.25,
                             'axes.spines.top': False, 'axes.spines.right': False,
                             'figure.dpi': 110, 'savefig.bbox': 'tight'})
-    for plot in (_speed_error, _condition, _growth):
+    for plot in (_speed_error, _condition, _growth, _examples):
         figure = plot(figures)
         figure.savefig(directory / f'{plot.__name__[1:]}.png')
         pyplot.close(figure)
@@ -66,7 +68,7 @@ def _speed_error(figures):
         above.set_title(f'{kind} pairs')
         above.set_ylim(-0.4, 4.1)
         above.set_yticks(range(5), ['0.01 %', '0.1 %', '1 %', '10 %', '100 %'])
-        below.set_ylim(-0.6, len(DRAWN) - 0.4)
+        below.set_ylim(-0.6, len(DRAWN) - 0.1)
         below.set_yticks(range(len(DRAWN)), [LABELS[method] for method in reversed(DRAWN)])
         below.grid(axis='y', visible=False)
         below.axhspan(*(DRAWN[::-1].index('improved') + end for end in (-0.5, 0.5)),
@@ -104,12 +106,14 @@ def _speed_error_line(above, below, figures, kind, method, place):
             if n in _NUMBERS:
                 panel, at = (above, height) if is_above else (below, place)
                 panel.annotate(f'n = {n}' if n == _NUMBERS[0] else f'{n}', (time, at),
-                               (15, -5) if is_above else (0, -15), textcoords='offset points',
-                               fontsize=7.5, ha='center', color=METHODS[method].colour)
+                               (15, -5) if is_above else (0, 9), textcoords='offset points',
+                               fontsize=7.5, ha='right' if n == 64 and not is_above else 'center',
+                               color=METHODS[method].colour)
     if kind == 'near' and wrong.any():
         last = np.flatnonzero(wrong)[-1]
         above.annotate(LABELS[method], (times[last, 0], ends[last, 0]), (0, 8), fontsize=8,
-                       textcoords='offset points', ha='center', color=METHODS[method].colour)
+                       textcoords='offset points', color=METHODS[method].colour,
+                       ha='right' if method == 'published_b' else 'center')
 
 
 def _height(share):
@@ -189,3 +193,86 @@ def _growth(figures):
     panel.set_ylabel('widest gap or overlap misjudged, m')
     panel.legend(frameon=False, fontsize=8, loc='upper left', bbox_to_anchor=(1, 1))
     return figure
+
+
+def _examples(figures):
+    """Draw a pair that A calls colliding, one that B calls clear, and what they look at."""
+    figure, panels = pyplot.subplots(1, 3, figsize=(12.0, 5.6), width_ratios=(1, 1.15, 1.15))
+    one, other = (figures['examples'][method] for method in ('published_a', 'published_b'))
+    gap, overlap = 1e3 * one['separation'], -1e3 * other['separation']
+    for panel, example, draw, title in zip(
+            panels, (one, other, other), (_draw_a, _draw_b, _draw_b), (
+            f'False collision: A says "collision",\nyet P and Q are {gap:.0f} mm apart',
+            f'Missed collision: B says "clear",\nyet P and Q overlap by {overlap:.0f} mm',
+            'The framed part, magnified:\nthe overlap is red')):
+        _draw_bodies(panel, example)
+        draw(panel, example)
+        panel.set_title(title, fontsize=13)
+    common = shapely.intersection(*(shapely.Polygon(other[side]) for side in 'ab'))
+    for panel in panels[1:]:
+        panel.fill(*common.exterior.xy, color='#c00000', alpha=0.6)
+    x, y = np.mean(other['closest_points'], axis=0)
+    half = 3e-3 * overlap
+    panels[2].set(xlim=(x - half, x + half), ylim=(y - half, y + half), adjustable='box')
+    panels[1].add_patch(pyplot.Rectangle((x - half, y - half), 2 * half, 2 * half, fill=False,
+                                         color='#666666'))
+    figure.tight_layout(rect=(0, 0.2, 1, 1))
+    for panel, x in zip(panels[:2], (0.02, 0.4)):
+        figure.legend(*panel.get_legend_handles_labels(), loc='upper left', fontsize=12,
+                      bbox_to_anchor=(x, 0.21), frameon=False)
+    return figure
+
+
+def _draw_bodies(panel, example):
+    for name, centre in zip('PQ', example['centres']):
+        body = np.array(example['ab'[name == 'Q']])
+        panel.fill(*body.T, facecolor='#bbbbbb', edgecolor='#333333', alpha=0.6)
+        panel.annotate(name, centre, (0, 6), textcoords='offset points', fontsize=15,
+                       annotation_clip=True)
+    panel.plot(*np.transpose(example['centres']), 'o--', color='#0072B2', markersize=5,
+               label='line through the centres')
+    panel.set_aspect('equal', adjustable='datalim')
+    panel.set_xlabel('x [m]', fontsize=12)
+    panel.set_ylabel('y [m]', fontsize=12)
+
+
+def _draw_a(panel, example):
+    """Draw the edges whose normals are tried, and a line that separates nonetheless."""
+    a, b = (np.array(example[side]) for side in 'ab')
+    along = np.subtract(*example['centres'][::-1])
+    for body, sign, name, place in ((a, 1, 'B', (-4, 7)), (b, -1, 'C', (6, -15))):
+        i = int(np.argmax(sign * body @ along))
+        tried = body[[i - 1, i, (i + 1) % len(body)]]
+        panel.plot(*tried.T, color=_A, linewidth=4,
+                   label='edges at B and C, the only ones that A tries' if sign > 0 else None)
+        panel.plot(*body[i], 'o', color=_A, markersize=8)
+        panel.annotate(name, body[i], place, textcoords='offset points', fontsize=15)
+    p, q = np.array(example['closest_points'])
+    normal = (q - p) / np.hypot(*(q - p))
+    middle, line = (p + q) / 2, np.array([-normal[1], normal[0]])
+    panel.plot(*np.array([middle - 1.2 * line, middle + 1.2 * line]).T, color='#009E73',
+               linewidth=2.5, label='a line between P and Q, which A never tries')
+
+
+def _draw_b(panel, example):
+    """Draw the four vertices and how far they and the others reach on the centre line."""
+    bodies, centres = (example['a'], example['b']), np.array(example['centres'])
+    along = centres[1] - centres[0]
+    along = along / np.hypot(*along)
+    across = np.array([-along[1], along[0]])
+    for body, centre, name, sign in zip(map(np.array, bodies), centres, 'PQ', (1, -1)):
+        edge = body[_crossed(body, centre, sign * along)]
+        panel.plot(*edge.T, 'o-', color=_B, linewidth=4, markersize=8,
+                   label='edges that it crosses: four vertices' if name == 'P' else None)
+        for vertices, what, colour in ((edge, 'those vertices, all that B sees', _B),
+                                       (body, 'all vertices', '#009E73')):
+            foot = sign * (vertices @ along * sign).max() * along + centres[0] @ across * across
+            panel.plot(*np.array([foot - 0.6 * across, foot + 0.6 * across]).T, color=colour,
+                       linestyle='-' if name == 'P' else ':', linewidth=2,
+                       label=f'how far {name} reaches by {what}')
+
+
+def _crossed(body, centre, along):
+    """Return the vertices of the edge that the ray from the centre crosses."""
+    sides = (body - centre) @ np.array([-along[1], along[0]])
+    return next([i - 1, i] for i in range(len(body)) if sides[i - 1] <= 0 <= sides[i])

@@ -15,10 +15,7 @@
 """The pairs of bodies measured on: four kinds, n vertices each, with the exact answers."""
 
 import families
-from methods import RECTANGLES
-import numpy as np
 import oracle
-import shapes
 
 KINDS = 'clear', 'near', 'deep', 'hard'
 SIDES = 3, 4, 8, 16, 32, 64, 256
@@ -39,19 +36,19 @@ def of_family(rng, family, count, sides):
     return sum((chunked(family, rng, max(1, count // len(sides)), n) for n in sides), [])
 
 
-def sample(rng, shape, kind, count):
+def sample(rng, n, kind, count):
     """
     Return count pairs of a kind and their exact answers; half of near and hard pairs are apart.
 
-    A shape is a number of vertices or `RECTANGLES`. Clear pairs are all apart and deep ones all
-    overlap, so of equal numbers of the four kinds half are apart.
+    Clear pairs are all apart and deep ones all overlap, so of equal numbers of the four kinds half
+    are apart.
     """
     if kind in ('clear', 'deep'):
-        pairs = _generate(rng, shape, kind, count)
+        pairs = _generate(rng, n, kind, count)
         return pairs, oracle.intersects_pairs(pairs)[0]
     found = {False: [], True: []}
     while min(len(pairs) for pairs in found.values()) < count // 2:
-        pairs = _generate(rng, shape, kind, count)
+        pairs = _generate(rng, n, kind, count)
         for pair, meet in zip(pairs, oracle.intersects_pairs(pairs)[0].tolist()):
             found[meet].append(pair)
     pairs = [*found[False][:count // 2], *found[True][:count // 2]]
@@ -68,32 +65,8 @@ def chunked(generate, rng, count, n):
     return pairs
 
 
-def _generate(rng, shape, kind, count):
-    if shape == RECTANGLES:
-        if kind == 'hard':
-            return families.rectangles_on_edge(rng, count, 4)
-        return _rectangles(rng, kind, count)
+def _generate(rng, n, kind, count):
     if kind != 'hard':
-        return chunked(getattr(families, kind), rng, count, shape)
-    pairs = sum((chunked(family, rng, -(-count // len(HARD)), shape) for family in HARD), [])
+        return chunked(getattr(families, kind), rng, count, n)
+    pairs = sum((chunked(family, rng, -(-count // len(HARD)), n) for family in HARD), [])
     return [pairs[i] for i in rng.permutation(len(pairs))]
-
-
-def _rectangles(rng, kind, count):
-    a, b = (_turned_rectangles(rng, count) for _ in range(2))
-    heading = shapes.directions(rng, count)
-    reach, cosine = shapes.reach(a, b, heading)
-    if kind == 'deep':
-        reach *= rng.uniform(0, 0.9, count)
-    else:
-        low, high = (0.2, 4) if kind == 'clear' else (-0.1, 0.1)
-        reach += rng.uniform(low, high, count) / np.maximum(cosine, 0.1)
-    b += (reach[:, None] * heading)[:, None]
-    return list(zip(shapes.convex(a), shapes.convex(b)))
-
-
-def _turned_rectangles(rng, count):
-    along = shapes.directions(rng, count)
-    across = along[:, ::-1] * [-1, 1]
-    length, width = rng.uniform(0.1, 1, (2, count, 1))
-    return shapes.rectangle(np.zeros((count, 2)), length * along, width * across)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The scenes that exactness is priced in: recordings, a docking, and racks in line.
+What exactness and the age of a position cost, in recordings, a docking, and racks in line.
 
 A scene is a list of frames, each a footprint and the obstacles it is compared with, as vertices.
 All coordinates are float32, as messages carry them.
@@ -24,12 +24,15 @@ from pathlib import Path
 import numpy as np
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import get_typestore, Stores
+from sat_collision import intersects_pairs, Polygon, PolygonSet, separation
+import stages
 
 RECORDINGS = Path(__file__).resolve().parents[3] / 'shared' / 'data' / 'bags'
 # How a recording is called on the page, by how its folder's name begins.
 NAMES = {'autoware': 'a vehicle among boxes (Autoware)',
          'commonroad_USA': 'vehicles on a road (CommonROAD, NGSIM)',
          'tysik': 'clusters of a laser scanner'}
+REPEATS = 15
 _DOCK = np.array([(0, -1), (0.5, -1), (0.5, 1), (0, 1), (0, 0.4), (0.3, 0.4), (0.3, -0.4),
                   (0, -0.4)])
 _FOOTPRINT = np.array([(0, -0.3), (0, 0.3), (-0.8, 0.3), (-0.8, -0.3)])
@@ -118,3 +121,60 @@ class _Place:
 def _box(x, y, length, width):
     return np.array([(x - length / 2, y - width / 2), (x + length / 2, y - width / 2),
                      (x + length / 2, y + width / 2), (x - length / 2, y + width / 2)])
+
+
+def cost():
+    """Return for each scene how many pairs the exact stage decides, and its share of the time."""
+    return [{'scene': name, **_exact_stage(frames)} for name, frames in scenes().items()]
+
+
+def _exact_stage(frames):
+    made = {id(body): Polygon(body) for footprint, obstacles in frames
+            for body in (footprint, *obstacles)}
+    pairs = [(made[id(footprint)], made[id(obstacle)])
+             for footprint, obstacles in frames for obstacle in obstacles]
+    a, b = [p for p, _ in pairs], [q for _, q in pairs]
+    axes, exact = stages.tried(a, b)
+    row = {'frames': len(frames), 'pairs': len(pairs),
+           'contacts': int(intersects_pairs(PolygonSet(a), PolygonSet(b)).sum()),
+           'boxes': int((axes == stages.BOX_AXES).sum()), 'exact': int(exact.sum())}
+    whole = stages.seconds(a, b, REPEATS)
+    unsure = np.flatnonzero(exact)
+    there = stages.seconds([a[i] for i in unsure], [b[i] for i in unsure], REPEATS)
+    row['ns'] = whole and round(whole / len(pairs) * 1e9, 1)
+    row['exact_time'] = 0.0 if not len(unsure) else there and round(there / whole, 4)
+    return row
+
+
+def ages():
+    """Return a row of figures for each recording; none where there are none."""
+    return [{'scene': name, **_age_of(stamped(path))} for start, name in NAMES.items()
+            for path in sorted(RECORDINGS.glob(f'{start}*_sqlite3'))]
+
+
+def _age_of(frames):
+    """
+    Return what is wrong with separations, in m, if the footprint is not that of the same stamp.
+
+    Once it is the one of a frame before, once the one half way between the frames before and
+    after, each vertex on a straight line.
+    """
+    before, between, speeds, gaps = [], [], [], []
+    for (t0, p0, _), (t1, p1, obstacles), (t2, p2, _) in zip(frames, frames[1:], frames[2:]):
+        if not obstacles or not len(p0) == len(p1) == len(p2):
+            continue
+        bodies = [Polygon(body) for body in obstacles]
+        share = (t1 - t0) / (t2 - t0)
+        true, old, made = (min(separation(Polygon(p[:, :2]), body) for body in bodies)
+                           for p in (p1, p0, p0 + share * (p2 - p0)))
+        before.append(abs(old - true))
+        between.append(abs(made - true))
+        gaps.append(t1 - t0)
+        speeds.append(float(np.hypot(*(p1 - p0)[:, :2].T).max()) / (t1 - t0))
+    largest = max(float(np.abs(body[:, :2]).max()) for _, footprint, obstacles in frames
+                  for body in (footprint, *obstacles))
+    return {'frames': len(before), 'spacing': float(np.median(gaps)), 'speed': max(speeds),
+            'before': [float(np.median(before)), max(before)],
+            'between': [float(np.median(between)), max(between)],
+            # Half a step in each coordinate of a vertex of either body.
+            'coordinates': float(np.sqrt(2.0) * np.spacing(np.float32(largest)))}

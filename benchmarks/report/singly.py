@@ -18,15 +18,16 @@ from fractions import Fraction
 import functools
 import math
 
-import clock
 import families
 from libraries import LIBRARIES
+from methods import counts
 import numpy as np
 import oracle
 import rationals
 import samples
 from sat_collision import intersects_pairs, Polygon, PolygonSet
 import shapely
+import stages
 
 REPEATS = 5
 SIDES = 4, 16, 64
@@ -53,9 +54,7 @@ def decisions(rng, count):
         for name, library in LIBRARIES.items():
             if kind == 'near' or not library.is_fragile:
                 answers = np.array([library.meets(*map(library.make, pair)) for pair in pairs])
-                rows.append({'library': name, 'kind': kind, 'pairs': len(pairs),
-                             'false_collisions': int((answers & ~meet).sum()),
-                             'false_clears': int((~answers & meet).sum())})
+                rows.append({'library': name, 'kind': kind, **counts(answers, meet)})
     return rows
 
 
@@ -140,7 +139,7 @@ def _times(count, tasks):
     for task in tasks.values():
         task()
     return {name: round(seconds / count * 1e9, 1)
-            for name, seconds in clock.medians(tasks, REPEATS).items()}
+            for name, seconds in stages.medians(tasks, REPEATS).items()}
 
 
 def _separation(a, b):

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Which stage of the improved method decides a pair, and what each stage costs.
+Timing, and which stage of the improved method decides a pair and what each stage costs.
 
 The one place of the report that looks into the method: boxes first, then the search in plain
 doubles, then exact orientations where the search was not sure. Bodies that are not convex are
@@ -21,8 +21,9 @@ decided part by part, as `intersection.bodies_meet` does.
 """
 
 import functools
+import gc
+import time
 
-import clock
 import numpy as np
 from sat_collision.geometry.intersection import bodies_meet
 from sat_collision.geometry.jit import kernel
@@ -34,19 +35,42 @@ from sat_collision.geometry.separating_axis import (
 BOX_AXES = 2
 # Fewer pairs than this are not timed.
 FEWEST_TIMED = 100
+# A task that takes longer than this is not repeated, in seconds.
+LONG = 0.25
+
+
+def times(tasks, repeats):
+    """
+    Run functions without arguments as often as said, in turns; return the seconds of each run.
+
+    Each must have run before, so that nothing compiles now; what takes `LONG` runs once.
+    """
+    taken = {name: [] for name in tasks}
+    gc.collect()
+    gc.disable()
+    try:
+        for _ in range(repeats):
+            for name, task in tasks.items():
+                if not taken[name] or taken[name][0] < LONG:
+                    start = time.perf_counter()
+                    task()
+                    taken[name].append(time.perf_counter() - start)
+    finally:
+        gc.enable()
+    return taken
+
+
+def medians(tasks, repeats):
+    """Do as `times`, and return the median seconds by name."""
+    return {name: float(np.median(taken)) for name, taken in times(tasks, repeats).items()}
 
 
 def tried(a, b):
     """
-    Return for each pair of two lists of `Polygon` what deciding it takes.
+    Return for pairs of two lists of `Polygon` how many axes each takes, and what went further.
 
-    Returns
-    -------
-    axes : (k,) array of int64
-        Axes tried in plain doubles; the boxes count as two.
-    exact : (k,) array of bool
-        Whether exact orientations had to decide.
-
+    These are axes tried in plain doubles, the boxes counted as two, and whether exact orientations
+    had to decide.
     """
     axes, exact = np.empty(len(a), np.int64), np.empty(len(a), np.bool_)
     _count(*_packed(a), *_packed(b), axes, exact)
@@ -59,7 +83,7 @@ def seconds(a, b, repeats=7):
         return None
     task = functools.partial(_decide, *_packed(a), *_packed(b), np.empty(len(a), np.bool_))
     task()
-    return clock.medians({'whole': task}, repeats)['whole']
+    return medians({'whole': task}, repeats)['whole']
 
 
 def _packed(polygons):

@@ -12,18 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-The tables of the report; the sentences around them are written by hand.
-
-A page of docs/report has a table between `<!-- its name -->` and `<!-- until here -->`.
-"""
-
-import re
+"""The tables of the report; the sentences around them are written by hand."""
 
 from libraries import LABELS as LIBRARY_LABELS
 import lookup
 from methods import LABELS, METHODS
-from page_parts import with_part
 from samples import FEWEST_TIMED
 from words import distance, duration, durations, length, power, rate, share, table
 
@@ -33,15 +26,6 @@ READINGS = 'published_a', 'published_b', 'hybrid', 'closest', 'literal'
 # Of the long tables: one small and one large n that the page does not show.
 _KIND_SIDES = 8, 256
 _KINDS = 'clear', 'near', 'deep', 'hard'
-_MARK = re.compile(r'<!-- ([\w ]+) -->\n(?=.*?<!-- until here -->)', re.DOTALL)
-
-
-def written(page, figures):
-    """Return the text of a page with its tables made anew from figures."""
-    for name in _MARK.findall(page):
-        if name != 'until here':
-            page = with_part(page, name, TABLES[name](figures))
-    return page
 
 
 def _speed(figures):
@@ -197,16 +181,6 @@ def _wrong_on_hard(figures):
         [LABELS[m], *map(_both_errors, of)] for m, of in rows.items() if lookup.wrong(of)])
 
 
-def _plain(figures):
-    rows = figures['speed']['plain']
-    columns = [(n, kind) for n in dict.fromkeys(row['shape'] for row in rows)
-               for kind in ('near', 'hard')]
-    return table(['', *(f'n = {n}, {kind}' for n, kind in columns)], [
-        [LABELS[m], *(duration(lookup.ns(figures, n, m, 'plain', (kind,)))
-                      for n, kind in columns)]
-        for m in METHODS if any(row['method'] == m for row in rows)])
-
-
 def _steps(figures):
     lines = []
     sides = list(dict.fromkeys(row['n'] for row in figures['steps']))
@@ -267,6 +241,6 @@ TABLES = {
     'separation': _separation, 'time of contact': _time_of_contact, 'non convex': _non_convex,
     'readings of the paper': _readings, 'scenes': _scenes, 'ages': _ages,
     'measured on': _measured_on, 'times': _times, 'times by kind': _times_by_kind,
-    'wrong on hard pairs': _wrong_on_hard, 'plain Python': _plain, 'steps': _steps,
+    'wrong on hard pairs': _wrong_on_hard, 'steps': _steps,
     'families': _families, 'distance from the origin': _offsets, 'float32': _float32,
     'separation by family': _separation_families, 'long run': _long_run}

@@ -12,10 +12,28 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How figures are written: in tables and in files."""
+"""How figures are written: in tables, on pages and in files."""
 
 import json
 import math
+import re
+
+from page_parts import with_part
+
+_MARK = re.compile(r'<!-- ([\w -]+) -->\n(?=.*?<!-- until here -->)', re.DOTALL)
+
+
+def with_tables(page, tables, figures):
+    """
+    Return the text of a page with its tables made anew.
+
+    A table stands between `<!-- its name -->` and `<!-- until here -->`; `tables` has by name what
+    makes it of the figures.
+    """
+    for name in _MARK.findall(page):
+        if name != 'until here':
+            page = with_part(page, name, tables[name](figures))
+    return page
 
 
 def table(head, rows):

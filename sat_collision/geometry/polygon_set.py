@@ -20,10 +20,11 @@ from collections.abc import Iterable, Sequence
 from operator import index
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry.batch import decide_rows, measure_rows
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.polygon import as_polygon, BodyLike, PackedBody, Polygon, size_of
+from sat_collision.geometry.prediction import first_row_met, motion_of, velocities_of
 from sat_collision.geometry.rows import new_array, use_rows, views_of
 from sat_collision.geometry.run import Run, write_run
 from sat_collision.geometry.scan import (
@@ -275,6 +276,37 @@ class PolygonSet:
         row, separation, ax, ay, bx, by = nearest_row(
             self._array, packed, count, indexable(np.sort(np.fromiter(skipped, np.int64))))
         return None if row < 0 else (row, separation, (ax, ay), (bx, by))
+
+    def first_contact(self, footprint: BodyLike, twist: ArrayLike, horizon: float,
+                      velocities: ArrayLike | None = None, pose: ArrayLike = (0.0, 0.0, 0.0),
+                      tolerance: float = 1e-3) -> tuple[int, float] | None:
+        """
+        Return which row a moving body meets first, and when.
+
+        Parameters
+        ----------
+        footprint, twist, horizon, velocities, pose, tolerance
+            As `time_to_contact` has them, which raises the same; one velocity a row, also of rows
+            that have no body.
+
+        Returns
+        -------
+        int, float
+            The row, of several the first, and the time in seconds. None if there is no contact
+            within the horizon.
+
+        Examples
+        --------
+        >>> row, time = PolygonSet([[(5, 0)], [(4, 0)]]).first_contact([(1, 0)], (2, 0, 0), 3.0)
+        >>> row, round(time, 9)
+        (1, 1.5)
+
+        """
+        motion = motion_of(twist, horizon, pose, tolerance)
+        packed, count = as_polygon(footprint).packed
+        row, time = first_row_met(self._array, packed, count, indexable(motion),
+                                  indexable(velocities_of(velocities, self._used_rows)))
+        return None if row < 0 else (row, time)
 
     def intersects(self, body: BodyLike) -> NDArray[np.bool_]:
         """Return for each row whether its body shares a point with a body: (m,) bool."""

@@ -17,9 +17,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+import math
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry.distance import measure_arrays
 from sat_collision.geometry.intersection import arrays_meet
 from sat_collision.geometry.polygon import as_polygon, BodyLike
@@ -215,3 +216,63 @@ def closest_points(a: BodyLike, b: BodyLike
     q, m = as_polygon(b).packed
     _, ax, ay, bx, by = measure_arrays(p, n, q, m)
     return np.array([ax, ay]), np.array([bx, by])
+
+
+def time_to_contact(footprint: BodyLike, twist: ArrayLike,
+                    obstacles: PolygonSet | Iterable[BodyLike], horizon: float,
+                    velocities: ArrayLike | None = None, pose: ArrayLike = (0.0, 0.0, 0.0),
+                    tolerance: float = 1e-3) -> float:
+    """
+    Return when a body that moves by a constant twist first shares a point with an obstacle.
+
+    All times are looked at, none is stepped over. `PolygonSet.first_contact` also says which
+    obstacle it is.
+
+    Parameters
+    ----------
+    footprint : Polygon, (n, 2) array_like or geometry
+        The body at time 0, convex or not, in the frame of the obstacles; metres.
+    twist : (3,) array_like
+        vx and vy (m/s) along the axes of the body's own frame, x ahead and y to the left, which
+        turn with it, and omega (rad/s, counter-clockwise).
+    obstacles : PolygonSet or sequence of Polygon, (n, 2) array_like or geometry
+        The m bodies that it may meet, at time 0.
+    horizon : float
+        Seconds up to which is looked ahead, with the end.
+    velocities : (m, 2) array_like, optional
+        vx and vy (m/s) of each obstacle in the common frame; they do not turn. By default all
+        stand.
+    pose : (3,) array_like, optional
+        x, y (m) and yaw (rad) of the body's own frame at time 0, about whose origin it turns while
+        this moves. By default that of the coordinates.
+    tolerance : float, optional
+        Where the body turns: how near it may be, in metres, to what it meets at the time returned.
+
+    Returns
+    -------
+    float
+        Seconds. 0.0: they share a point at time 0, exactly when `intersects` says so. Infinity:
+        they share none up to the horizon. Else never later than the first contact. On a straight
+        way it is that, but for rounding: bodies are within 2^-40 of the coordinates and ways then.
+        On a way that turns they are within the tolerance and that, or within 2^-25 a T^2 if this
+        is more: T is the horizon and a = |omega| (|v| + |omega| r), with r the distance of the
+        farthest vertex from the origin of the pose, no less than the acceleration of a vertex.
+
+    Raises
+    ------
+    PolygonError
+        Points that do not make a polygon.
+    ValueError
+        A twist or pose that is not three finite numbers; a horizon that is negative or not finite;
+        velocities that are not finite or not one an obstacle; a tolerance that is not positive and
+        finite; a way beyond the largest double.
+
+    Examples
+    --------
+    >>> round(time_to_contact([(0, 0), (1, 0), (1, 1)], (2, 0, 0), [[(4, 0), (4, 1)]], 3.0), 9)
+    1.5
+
+    """
+    found = _as_set(obstacles).first_contact(footprint, twist, horizon, velocities, pose,
+                                             tolerance)
+    return math.inf if found is None else found[1]

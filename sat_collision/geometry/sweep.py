@@ -133,6 +133,16 @@ def first_contact(a, a_ends, b, b_ends, tolerance, apart):
     """
     if _stands(a) and _stands(b):
         return math.inf
+    return first_contact_of_moving(a, a_ends, b, b_ends, tolerance, apart)
+
+
+@inner
+def first_contact_of_moving(a, a_ends, b, b_ends, tolerance, apart):
+    """
+    Return what `first_contact` does of bodies of which at least one moves.
+
+    Also of those that are within the distance at time 0: the least time above 0.
+    """
     a, b, extent, scale = relative(a, b)
     apart *= scale
     # All bodies are within this tolerance, which does not overflow as the one given may.

@@ -63,8 +63,8 @@ class Outputs:
     markers_current : bool
         Whether the markers made last show the scene as it is; to be unset when a body has changed.
     measures : bool
-        Whether distances are measured; without, states have none, no contacts are published and
-        nothing is drawn.
+        Whether distances are measured; without, states have none and say so, no contacts are
+        published and nothing is drawn.
 
     """
 
@@ -91,8 +91,18 @@ class Outputs:
         self._marker_publisher = node.create_publisher(MarkerArray, '~/markers', 1)
         self._marker_message: Any = None
         self.markers_current = False
-        self.measures = True
         self.configure(settings)
+
+    @property
+    def measures(self) -> bool:
+        """Whether distances are measured, as above."""
+        return self._states.is_measured
+
+    @measures.setter
+    def measures(self, measures: bool) -> None:
+        if measures != self._states.is_measured:
+            self._states.is_measured = measures
+            self._states.note(self._flags)
 
     def configure(self, settings: Settings) -> None:
         """Apply settings, with which every flag may mean something else."""

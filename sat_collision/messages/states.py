@@ -35,6 +35,7 @@ _LEVELS = {
     Status.UNKNOWN: DiagnosticStatus.STALE,
 }
 _NAMED_IN_MESSAGE = 3
+_NOT_MEASURED = 'distances are not measured yet: their kernels are being compiled'
 _MOVING = ('age', 'least separation', 'nearest obstacle', 'nearest obstacle is newer by',
            'contacts are newer by', 'frame', 'age of transform')
 
@@ -66,10 +67,17 @@ class States:
     moving : bool, optional
         Whether they have what changes all the time, too, as those of ~/state.
 
+    Attributes
+    ----------
+    settings : Settings
+    is_measured : bool
+        False while no distances can be measured, which states then say.
+
     """
 
     def __init__(self, node_name: str, settings: Settings, moving: bool = True) -> None:
         self.settings = settings
+        self.is_measured = True
         self._statuses = {
             footprint.name: DiagnosticStatus(name=f'{node_name}: {footprint.name}',
                                              hardware_id=footprint.topic)
@@ -119,11 +127,15 @@ class States:
             status.message += (
                 f'; its coordinates have steps of {step:.2g} m, coarser than the resolution of '
                 f'{self.settings.resolution:g} m: publish in a frame with a nearer origin')
+        reasons = list(state.reasons)
+        if not self.is_measured and state.status is not Status.UNKNOWN:
+            status.message += f'; {_NOT_MEASURED}'
+            reasons.append(_NOT_MEASURED)
         status.values = [
             KeyValue(key='state', value=state.status.value),
             KeyValue(key='obstacles in contact', value=', '.join(map(str, state.contacts))),
             *self._moving[name],
-            KeyValue(key='reason', value='; '.join(state.reasons))]
+            KeyValue(key='reason', value='; '.join(reasons))]
 
     def write_moving(self, name: str, age: float | None,
                      nearest: Nearest | None,

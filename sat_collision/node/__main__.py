@@ -21,21 +21,48 @@ import os
 import sys
 
 from sat_collision import __version__
+from sat_collision.extras import missing
+from sat_collision.node.arguments import split, unknown_arguments, USAGE
 from sat_collision.node.signals import end_on_signals
 
 _STDERR = 2
+_STATUS_OF_BAD_ARGUMENTS = 2  # as argparse has it
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the node until SIGINT, SIGTERM or SIGHUP and return the exit status."""
-    if '--version' in (sys.argv if args is None else args):
+    """
+    Run the node until SIGINT, SIGTERM or SIGHUP.
+
+    Parameters
+    ----------
+    args : sequence of str, optional
+        The arguments without the program's name; those of the process unless given.
+
+    Returns
+    -------
+    int
+        The exit status.
+
+    """
+    own, ros = split(sys.argv[1:] if args is None else args)
+    if '--version' in own:
         print(f'sat_collision {__version__}')
         return 0
+    if '--help' in own or '-h' in own:
+        print(USAGE, end='')
+        return 0
+    if own:
+        print(f'footprint_monitor: {unknown_arguments(own)}', file=sys.stderr)
+        return _STATUS_OF_BAD_ARGUMENTS
     _fill_standard_streams()
     end_on_signals()
     # Not before: it takes so long to import that a signal may come meanwhile.
-    from sat_collision.node.process import run
-    return run(args)
+    try:
+        from sat_collision.node.process import run
+    except ModuleNotFoundError as error:
+        print(f'footprint_monitor: cannot start: {missing(error)}', file=sys.stderr)
+        return 1
+    return run(ros)
 
 
 def _fill_standard_streams() -> None:

@@ -25,6 +25,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
+import math
 import time
 from typing import Any
 
@@ -40,6 +41,8 @@ from sat_collision.node.waiting import Waiting
 _LONGEST_TURN = 0.01
 # Where so many messages would come during a rest, a rest costs less than the wakes it spares.
 _WORTH_A_REST = 2.0
+# Where so many would end each rest, no rest would be left.
+_TOO_OFTEN = 0.5
 # Fewer since the last tick say nothing of how often messages come.
 _FEW = 5
 # After a longer wait a message has come alone, as a rule, in s. To look for another one behind it
@@ -54,10 +57,15 @@ HELD_UP = 0.03
 
 @dataclass
 class Input:
-    """A subscription of a footprint or source of obstacles, and the name of that."""
+    """
+    A subscription, the name of its footprint or source, and whether a message ends a rest.
+
+    A footprint's does, so that it is answered at once.
+    """
 
     name: str
     subscription: Subscription
+    ends_rest: bool = False
 
 
 class Reserved(CallbackGroup):
@@ -86,9 +94,9 @@ class Loop:
     In each turn it waits for messages, takes those of each topic in turn, footprints first, for
     no longer than a budget, and has published once what has changed by all of them; after a long
     wait it takes one of each topic. Where messages are many it rests between turns instead of
-    waiting: fewer wakes, larger batches. Services and events of the middleware are looked at once
-    a tick: each thing waited for costs with every wake. What a service asks for is done by an
-    executor of rclpy's.
+    waiting: fewer wakes, larger batches; a footprint ends the rest. Services and events of the
+    middleware are looked at once a tick: each thing waited for costs with every wake. What a
+    service asks for is done by an executor of rclpy's.
 
     Parameters
     ----------
@@ -119,6 +127,9 @@ class Loop:
         self._next_tick = 0.0
         self._was_held_up = False
         self._taken = 0
+        # Of these, messages that end rests, and whether they are so few that they may.
+        self._taken_at_once = 0
+        self._rest_may_end = True
         self._counted_since = time.monotonic()
 
     def run(self, ended: Callable[[], bool]) -> None:
@@ -126,7 +137,9 @@ class Loop:
         while not ended():
             with ExitStack() as held:
                 self._topics = [_Topic(one, self._receiver) for one in self._inputs]
-                waiting = Waiting(self._node, {topic.pointer for topic in self._topics}, held)
+                waiting = Waiting(
+                    self._node, {topic.pointer for topic in self._topics},
+                    {topic.pointer for topic in self._topics if topic.ends_rest}, held)
                 # What is waited for changes seldom, such as with use_sim_time.
                 while not ended() and not (self._ticked and waiting.is_outdated()):
                     self._turn(waiting)
@@ -146,8 +159,10 @@ class Loop:
         taken = 0
         for topic in self._topics:
             if late >= 0.0 or ready is None or topic.pointer in ready:
-                taken += (topic.take_one(present) if are_alone
-                          else topic.take(self._budget, present))
+                count = (topic.take_one(present) if are_alone
+                         else topic.take(self._budget, present))
+                taken += count
+                self._taken_at_once += count if topic.ends_rest else 0
         if not are_alone:
             self._is_behind = any(topic.is_behind for topic in self._topics)
         now = time.monotonic()
@@ -167,7 +182,11 @@ class Loop:
             self._next_tick = self._receiver.due(present, begun)
         self._has_rested = bool(self._rest and taken)
         if self._has_rested:
-            time.sleep(min(self._rest, max(self._next_tick - time.monotonic(), 0.0)))
+            rest = min(self._rest, max(self._next_tick - time.monotonic(), 0.0))
+            if self._rest_may_end:
+                waiting.rest(rest)
+            else:
+                time.sleep(rest)
 
     def _wait(self, waiting: Waiting) -> tuple[set[int] | None, bool]:
         """Return pointers of subscriptions to look at, None for all; and if the wait was long."""
@@ -182,11 +201,12 @@ class Loop:
 
     def _choose_rest(self, now: float) -> None:
         """Rest between turns where messages came often enough since this was last chosen."""
-        rate = self._taken / max(now - self._counted_since, 1e-9)
         delay = self._max_batch_delay()
-        many = self._taken > _FEW and rate * delay >= _WORTH_A_REST
+        rests = max(now - self._counted_since, 1e-9) / delay if delay else math.inf
+        many = self._taken > _FEW and self._taken >= _WORTH_A_REST * rests
         self._rest = delay if many else 0.0
-        self._taken = 0
+        self._rest_may_end = self._taken_at_once < _TOO_OFTEN * rests
+        self._taken = self._taken_at_once = 0
         self._counted_since = now
 
 
@@ -196,6 +216,7 @@ class _Topic:
     def __init__(self, one: Input, receiver: Receiver) -> None:
         self.is_behind = False
         self.pointer = one.subscription.handle.pointer
+        self.ends_rest = one.ends_rest
         self._name = one.name
         self._receiver = receiver
         self._depth = one.subscription.qos_profile.depth

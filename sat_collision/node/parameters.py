@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -130,11 +131,12 @@ class Parameters:
         for parameter in parameters:
             name = parameter.name
             if name in self._values and parameter.value != self._values[name]:
-                old, self._values[name] = self._values[name], parameter.value
+                old, new = map(_plain, (self._values[name], parameter.value))
+                self._values[name] = parameter.value
                 self._node.get_logger().warning(
-                    f'parameter {name} was changed from {old} to {parameter.value}')
+                    f'parameter {name} was changed from {old} to {new}')
                 if self._note:
-                    self._note(name, old, parameter.value)
+                    self._note(name, old, new)
         if any(parameter.name in self._specs for parameter in parameters):
             self.settings = self._read()
             self._on_change(self.settings)
@@ -145,6 +147,11 @@ class Parameters:
             return changes[name] if name in changes else self._node.get_parameter(name).value
         return read_settings(self._footprints, self._obstacles, value,
                              self._node.resolve_topic_name)
+
+
+def _plain(value: Any) -> Any:
+    """Return the value of a parameter as a file has it: an array of rclpy's as a list."""
+    return list(value) if isinstance(value, array) else value
 
 
 def _descriptor(default: Any, spec: Spec) -> ParameterDescriptor:

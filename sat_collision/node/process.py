@@ -22,26 +22,31 @@ import sys
 
 import rclpy
 from rclpy.context import Context
-from rclpy.logging import get_logger
+from rclpy.logging import (
+    get_logger, get_logger_effective_level, get_logger_level, LoggingSeverity, set_logger_level)
 from rclpy.signals import SignalHandlerOptions
+from sat_collision.node.arguments import unused_files
 from sat_collision.node.footprint_monitor import FootprintMonitor, NAME
 from sat_collision.node.signals import Signalled
 from sat_collision.scene.parameters import ParameterError
 
 
-def run(args: Sequence[str] | None = None) -> int:
-    """Run the node until SIGINT, SIGTERM or SIGHUP and return the exit status."""
+def run(args: Sequence[str]) -> int:
+    """Run the node with arguments of ROS until a signal ends it; return the exit status."""
     try:
         context = _begin_ros(args)
     except RuntimeError as error:  # what rcl raises for an unreadable parameter file
         print(f'{NAME}: cannot start: {_in_one_line(error)}', file=sys.stderr)
         return 1
+    _quieten_rcl()
     try:
         node = FootprintMonitor(context=context)
     except ParameterError as error:
         get_logger(NAME).fatal(str(error))
         rclpy.shutdown(context=context)
         return 1
+    for words in unused_files(args, node.get_fully_qualified_name()):
+        node.get_logger().warning(words)
     # No later collection goes through all that the start has made, which takes some 70 ms.
     gc.freeze()
     node.loop.run(Signalled())
@@ -52,11 +57,11 @@ def run(args: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _begin_ros(args: Sequence[str] | None) -> Context:
+def _begin_ros(args: Sequence[str]) -> Context:
     """Initialise ROS; without a file for the log where there can be none."""
     def begin(*more: str) -> Context:
         context = Context()
-        rclpy.init(args=[*(sys.argv if args is None else args), *more], context=context,
+        rclpy.init(args=['--ros-args', *args, *more], context=context,
                    signal_handler_options=SignalHandlerOptions.NO)
         return context
     try:
@@ -66,7 +71,13 @@ def _begin_ros(args: Sequence[str] | None) -> Context:
             raise
         print(f'{NAME}: the log goes to this stream only, not to a file: {_in_one_line(error)}',
               file=sys.stderr)
-        return begin('--ros-args', '--disable-external-lib-logs')
+        return begin('--disable-external-lib-logs')
+
+
+def _quieten_rcl() -> None:
+    """Have rcl, which logs each take at level debug, do so only where its own level is given."""
+    if get_logger_level('rcl') is LoggingSeverity.UNSET:
+        set_logger_level('rcl', max(LoggingSeverity.INFO, get_logger_effective_level('rcl')))
 
 
 def _in_one_line(error: Exception) -> str:

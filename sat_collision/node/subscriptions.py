@@ -116,7 +116,8 @@ class Subscriptions:
             callback_group=self._group, event_callbacks=events,
             qos_overriding_options=QoSOverridingOptions(OVERRIDABLE))
         try:
-            self.inputs.append(Input(source.name, create()))
+            self.inputs.append(Input(source.name, create(),
+                                     isinstance(source, FootprintSettings)))
         except RuntimeError as error:
             raise ParameterError(f'{source.topic}: {error}') from error
         self._node.get_logger().info(f'{source.name}: {kind.__name__} on {source.topic}')

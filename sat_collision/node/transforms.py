@@ -38,7 +38,8 @@ def transform_type(node: Node, settings: Settings) -> type | None:
         lost = ', '.join(one.name for one in settings.footprints
                          if one.has_outline and not one.odometry)
         node.get_logger().warning(
-            f'tf2_msgs is not installed: bodies are taken in {settings.frame_id} only'
+            f'tf2_msgs is not installed (apt install ros-jazzy-tf2-msgs; pip has none): bodies '
+            f'are taken in {settings.frame_id} only'
             + (f', and it is not known where {lost} is: give <name>.odometry' if lost else ''))
         return None
     return TFMessage  # type: ignore[no-any-return]

@@ -33,6 +33,8 @@ class Waiting:
     node : rclpy.node.Node
     taken_elsewhere : set of int
         Pointers of the subscriptions whose messages the loop takes itself.
+    ending_rest : set of int
+        Pointers of those whose messages end a rest.
     held : ExitStack
         Keeps what is waited for until it is closed.
 
@@ -43,7 +45,8 @@ class Waiting:
 
     """
 
-    def __init__(self, node: Node, taken_elsewhere: set[int], held: ExitStack) -> None:
+    def __init__(self, node: Node, taken_elsewhere: set[int], ending_rest: set[int],
+                 held: ExitStack) -> None:
         self._node = node
         self._entities = self._entities_now()
         self._events = [one for one in node.waitables if isinstance(one, EventHandler)]
@@ -53,6 +56,7 @@ class Waiting:
         for event in self._events:
             held.enter_context(event)
         self._subscriptions = [one.handle for one in node.subscriptions]
+        self._ending_rest = [one for one in self._subscriptions if one.pointer in ending_rest]
         self._services = [one.handle for one in node.services]
         self._wait_set = rclpy_implementation.WaitSet(
             len(self._subscriptions), 0, 0, 0, len(self._services), len(self._events),
@@ -96,6 +100,13 @@ class Waiting:
                 if (info := event.take_data()) is not None:
                     event.callback(info)
         return ready
+
+    def rest(self, seconds: float) -> None:
+        """Wait until there is a message that ends a rest."""
+        self._wait_set.clear_entities()
+        for handle in self._ending_rest:
+            self._wait_set.add_subscription(handle)
+        self._wait_set.wait(int(seconds * 1e9))
 
     def take_others(self, ready: set[int] | None) -> None:
         """Take what else has come, such as /clock, of what is ready, None for of all."""

@@ -21,8 +21,8 @@ from collections.abc import Sequence
 import sys
 import traceback
 
+from sat_collision.extras import missing
 from sat_collision.replay.cli.terminal import insistent_interrupts
-from sat_collision.replay.model.options import missing
 
 _STATUS_OF_INTERRUPTED = 2
 _STATUS_OF_BAD_INPUT = 3

@@ -29,7 +29,7 @@ import struct
 import sys
 import time
 
-from sat_collision.replay.bag.recording import Recording
+from sat_collision.extras import missing
 from sat_collision.replay.bag.storage import Message
 from sat_collision.replay.bag.unpacking import Limits
 
@@ -48,6 +48,7 @@ def choose(bags: Iterable[str], limits: Limits) -> bool:
     mark = _mark()
     if mark is None or mark.exists():
         return False
+    from sat_collision.replay.bag.recording import Recording
     left = _FEW
     for bag in bags:
         with Recording(bag, limits) as recording:
@@ -78,6 +79,11 @@ def prepare(say: Callable[[str], object]) -> None:
 
 def main() -> int:
     """Prepare all kernels, for a first start that compiles nothing; return the exit status."""
+    try:
+        import sat_collision.replay.run  # noqa: F401
+    except ModuleNotFoundError as error:
+        print(f'prepare_kernels: {missing(error)}', file=sys.stderr)
+        return 1
     prepare(lambda words: print(words, flush=True))
     mark = _mark()
     if mark is None:

@@ -24,9 +24,10 @@ from typing import TypeAlias
 import numpy as np
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.query import separation
+from sat_collision.replay.model.deepest import deepen
 from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
 from sat_collision.replay.model.result import (
-    Contact, FootprintResult, Least, middle_of_overlap, Series, Unknown, Unknowns)
+    Contact, FootprintResult, Least, Series, Unknown, Unknowns)
 from sat_collision.scene.footprints import Status
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
@@ -149,10 +150,7 @@ class Timeline:
                 self._measured[name, obstacle] = bodies
                 # Taken from 0.0 rather than negated, which would make -0.0 of touching.
                 depth = 0.0 - separation(*bodies)
-                if contact.deepest == 0 or depth > contact.depth:
-                    contact.depth = depth
-                    contact.deepest = now
-                    contact.x, contact.y = middle_of_overlap(*bodies)
+                if deepen(contact, depth, now, *bodies):
                     self._note_least(name, Least(0.0 - depth, now, contact.obstacle,
                                                  contact.x, contact.y))
                     if self._keyframes:

@@ -100,10 +100,10 @@ def check_names_given(given: Iterable[str], known: Collection[str]) -> None:
             hint = ''
             if remedy := _REMOVED.get(name.rpartition('.')[2]):
                 hint = f' any more: {remedy}'
+            elif stranger := _not_named(name, known):
+                hint = f": name '{stranger}' in footprints or obstacles, where it is not"
             elif nearest := _nearest(name, known):
                 hint = f': did you mean {nearest}?'
-            elif '.' in name:
-                hint = '; a source has some only if footprints or obstacles name it'
             raise ParameterError(f"there is no parameter '{name}'{hint}")
 
 
@@ -191,6 +191,12 @@ def _numbers(name: str, given: Any) -> str | tuple[float, ...]:
         return tuple(map(float, given))
     raise ParameterError(f"parameter '{name}' is {given!r}, but must be a string or an array of "
                          'numbers')
+
+
+def _not_named(name: str, known: Iterable[str]) -> str:
+    """Return the footprint or source that a parameter is of if none has a name like it."""
+    owner = name.rpartition('.')[0]
+    return '' if _nearest(owner, {one.rpartition('.')[0] for one in known}) else owner
 
 
 def _nearest(wrong: str, names: Iterable[str]) -> str:

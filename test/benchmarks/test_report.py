@@ -47,7 +47,7 @@ def text_of(name):
 @pytest.mark.parametrize('name', PAGES)
 def test_stored_tables_are_those_of_their_figures(figures, name):
     """Nobody edited them by hand, and they were written after the figures."""
-    assert tables.written(text_of(name), figures) == text_of(name)
+    assert words.with_tables(text_of(name), tables.TABLES, figures) == text_of(name)
 
 
 def test_each_table_is_on_a_page_once():

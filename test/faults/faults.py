@@ -68,7 +68,7 @@ def tick_or_hang(self, *arguments):
         time.sleep(0.001)
     return tick(self, *arguments)
 FootprintMonitor.tick = tick_or_hang
-sys.exit(main(sys.argv))
+sys.exit(main(sys.argv[2:]))
 """
 
 

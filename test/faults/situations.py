@@ -71,7 +71,7 @@ sys.modules['tf2_msgs'] = types.ModuleType('tf2_msgs')
 sys.modules['tf2_msgs.msg'] = types.ModuleType('tf2_msgs.msg')
 sys.modules['tf2_msgs.msg'].TFMessage = PolygonStamped
 from sat_collision.node.__main__ import main
-sys.exit(main(sys.argv))
+sys.exit(main(sys.argv[1:]))
 """
 
 

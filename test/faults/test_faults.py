@@ -28,6 +28,7 @@ def made():
         yield made
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('fault', FAULTS)
 def test_fault(made, fault):
     """Detected, recovered from, and no flag says clear in between."""

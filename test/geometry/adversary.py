@@ -17,14 +17,15 @@ A search for inputs on which the filters err more than their bounds allow: `make
 From starts at the edge of a filter, where its value is about zero, one or two numbers at a time
 are changed by a power of two of ulps, and a change is kept that does not lessen the error in
 parts of the bound. The largest are confirmed in rationals. Then pairs of polygons are steered to
-the filters' edges, see `steering`, to where separations err most, see `separations`, and points
-moved through chains of frames, see `frame_chains`; and bodies are changed in ways that change no
-answer, see `metamorphic`.
+the filters' edges, see `steering`, and to where separations and contacts err most, see
+`separations` and `contacts`, and points moved through chains of frames, see `frame_chains`; and
+bodies are changed in ways that change no answer, see `metamorphic`.
 """
 
 import argparse
 import time
 
+import contacts
 import filter_bounds
 import frame_chains
 import metamorphic
@@ -166,6 +167,7 @@ def main():
               f'{arguments.evaluations:.0e} | {time.monotonic() - begun:.0f} |', flush=True)
     failures += steering.report(arguments.evaluations, arguments.seed)
     failures += separations.report(arguments.evaluations, arguments.seed)
+    failures += contacts.report(arguments.evaluations, arguments.seed)
     failures += frame_chains.report(arguments.evaluations, arguments.seed)
     failures += metamorphic.report(arguments.pairs, arguments.seed)
     return int(failures > 0)

@@ -19,7 +19,6 @@ the point truly is follows from the numbers received, in integers of any length:
 any length other than zero turns by a matrix of rational numbers.
 """
 
-from fractions import Fraction
 import math
 from operator import mul
 import random
@@ -28,7 +27,7 @@ import numpy as np
 from sat_collision.geometry.packing import moved_points
 from sat_collision.scene.frames import Frames
 
-U = Fraction(1, 2**53)
+U = 2.0 ** -53
 # Frames from the body up to a common one, and from the fixed frame up to it.
 CHAINS = {'one yaw': (1, 0), 'two frames': (2, 0), 'ten frames': (5, 5), 'both under UTM': (1, 1),
           'all but the same frame': (2, 2)}
@@ -80,9 +79,10 @@ def evaluate(name, chain):
     travelled = sum(abs(part) for transform in transforms for part in transform[:3])
     composing = len(transforms) * 2.0 ** -120 * (1.0 + travelled)
     return max(
-        float(abs(Fraction(value) - Fraction(true, w)) / U) / (
-            abs(value) + abs(c / w) + 3.0 * r + composing * 2.0 ** 53)
-        for value, true, c in zip(np.asarray(found).tolist(), (x, y), origin))
+        abs(n * w - true * d) / (d * w) / (
+            U * (abs(n / d) + abs(c / w) + 3.0 * r) + composing)
+        for (n, d), true, c in zip(map(float.as_integer_ratio, np.asarray(found).tolist()),
+                                   (x, y), origin))
 
 
 def moved(ups, downs, point):

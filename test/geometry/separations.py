@@ -39,10 +39,11 @@ BOUNDS = '2 u d + 2⁻⁹⁶ R', '2 u d + 2⁻⁹⁶ R', '6 u R', '6 u R'
 COUNTS = (1, 2), (2, 2), (1, 4), (3, 3), (4, 6), (4, 20)
 STEPS = 5000
 CONFIRMED = 20
+_UNMOVED = (0.0, 0.0)
 
 
 @kernel
-def _to_edges(p, q, least):
+def distance_to_edges(p, q, least):
     """Return the distance of the nearest vertex of Q and edge of P, if that is less."""
     v = p.array
     w = q.array
@@ -72,8 +73,12 @@ def _to_edges(p, q, least):
 
 
 @kernel
-def _reach_beyond_edges(p, q, least):
-    """Return how far Q reaches beyond the edge of P where that is least, if that is less."""
+def reach_beyond_edges(p, q, least, mx, my):
+    """
+    Return how far Q reaches beyond the edge of P where that is least, if that is less.
+
+    Q is moved by m.
+    """
     v = p.array
     w = q.array
     first = first_vertex(p)
@@ -86,7 +91,8 @@ def _reach_beyond_edges(p, q, least):
         ex, ey = scaled(ex, ey, scale_to_one(max(abs(ex[0]), abs(ey[0]))))
         most = (-np.inf, 0.0)
         for j in range(other, other + 2 * q.n, 2):
-            found = cross(ex, ey, difference(w[j], v[a]), difference(w[j + 1], v[a + 1]))
+            found = cross(ex, ey, plus(difference(w[j], v[a]), mx),
+                          plus(difference(w[j + 1], v[a + 1]), my))
             if most[0] == -np.inf or plus(found, negative(most))[0] > 0.0:
                 most = found
         most = quotient(most, root(dot(ex, ey, ex, ey)))
@@ -131,9 +137,10 @@ def error(which, p, q):
         return 0.0, 0.0
     far = (1e300, 0.0)
     if which == DISTANCE:
-        true = _to_edges(q, p, _to_edges(p, q, far))
+        true = distance_to_edges(q, p, distance_to_edges(p, q, far))
     else:
-        true = _reach_beyond_edges(q, p, _reach_beyond_edges(p, q, far))
+        true = reach_beyond_edges(p, q, far, _UNMOVED, _UNMOVED)
+        true = reach_beyond_edges(q, p, true, _UNMOVED, _UNMOVED)
     return (abs(plus(true, (-abs(value), 0.0))[0]),
             2.0 * UNIT * true[0] + 2.0 ** -96 * reach)
 

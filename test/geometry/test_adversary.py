@@ -14,6 +14,7 @@
 """A short run of the search for inputs that break a filter; the long one is `make adversary`."""
 
 import adversary
+import contacts
 import filter_bounds
 import numpy as np
 import pytest
@@ -21,7 +22,8 @@ from sat_collision.geometry.jit import COMPILED
 import separations
 import steering
 
-pytestmark = pytest.mark.skipif(not COMPILED, reason='the search needs compiled kernels')
+pytestmark = [pytest.mark.long,
+              pytest.mark.skipif(not COMPILED, reason='the search needs compiled kernels')]
 
 EVALUATIONS = 100000
 # How much of each bound would be too little: the search finds errors beyond it. In brackets what
@@ -85,3 +87,14 @@ def test_less_of_the_bound_of_a_separation_would_be_too_little(which, share):
     """What is found is in parts of the bound."""
     assert max(separations.largest(which, n, m, EVALUATIONS // 2)
                for n, m in ((2, 2), (3, 3), (4, 6))) > share
+
+
+@pytest.mark.parametrize('which, share', [
+    (contacts.NORMAL, 0.4), (contacts.POINTS, 0.09), (contacts.GAP, 0.04),
+    (contacts.WAY_OUT, 0.004)], ids=contacts.NAMES)
+def test_no_contact_breaks_a_promise(which, share):
+    """And less of a bound would be too little."""
+    found, wrong = zip(*(contacts.largest(which, kind, EVALUATIONS // 5)
+                         for kind in range(len(contacts.COUNTS))))
+    assert sum(wrong) == 0
+    assert share < max(found) <= 1.0

@@ -75,6 +75,7 @@ QUESTIONS = {
     'closest_points': lambda: closest_points(POLYGON, OTHER),
     'contact': lambda: contact(POLYGON, OTHER),
     'time_of_contact': lambda: time_of_contact(BOX, BOX, BOX + 2.0, BOX),
+    'first_contact': lambda: SET.first_contact(POLYGON, (1, 0, 1), 1.0),
     'orientation': lambda: orientation(*BOX[:3]),
     'intersecting_rows': lambda: SET.intersecting_rows(POLYGON),
     'rows_within': lambda: SET.rows_within(POLYGON, 1.0),

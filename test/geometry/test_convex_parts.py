@@ -14,15 +14,12 @@
 
 """Convex parts: few, without new vertices, and of exactly the area of the whole."""
 
-import json
-from pathlib import Path
-
 import numpy as np
+from published import load
 import pytest
 from rationals import twice_area
 from sat_collision import Polygon
 
-DATA = Path(__file__).resolve().parents[3] / 'shared' / 'data'
 L_SHAPE = [(0.0, 0.0), (3.0, 0.0), (3.0, 1.0), (1.0, 1.0), (1.0, 3.0), (0.0, 3.0)]
 
 
@@ -56,11 +53,8 @@ def test_parts_of_random_stars(count):
 
 
 def test_published_outlines():
-    """Outlines with holes cut open, notches and spirals, from the shared fixtures."""
-    path = DATA / 'decomposition_polygons.json'
-    if not path.exists():
-        pytest.skip('needs the shared data')
-    for case in json.loads(path.read_text()):
+    """Outlines with holes cut open, notches and spirals."""
+    for case in load('outlines')['simple']:
         points = np.array(case['polygon'], float)
         polygon = Polygon(points, max_vertices=len(points))
         own = set(map(tuple, points.tolist()))

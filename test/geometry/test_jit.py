@@ -23,7 +23,8 @@ import sys
 import families
 import numpy as np
 from sat_collision import (
-    contact, intersects, intersects_pairs, Polygon, PolygonSet, separation, time_of_contact)
+    contact, intersects, intersects_pairs, Polygon, PolygonSet, separation, time_of_contact,
+    time_to_contact)
 from sat_collision.geometry import sat_methods
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -61,6 +62,9 @@ def library_answers():
             answers[name] += [intersects(p, q), separation(p, q).hex(),
                               packed.tobytes().hex(), *Polygon(q).centroid.tolist(),
                               time_of_contact(p + 2 * np.ptp(q), p, q * [1, 0.75], q),
+                              *(time_to_contact(p + 2 * np.ptp(q), (*twist, 1.5), [q, p], 2.0,
+                                                [twist, (0, 0)]).hex()
+                                for twist in np.ptp(q, axis=0) * [(-1, 0), (1, -2)]),
                               *(np.asarray(one).tobytes().hex() for one in contact(p, q))]
     for name, family in families.CONVEX.items():
         for p, q in family(np.random.default_rng(8), 20, 9):

@@ -14,16 +14,12 @@
 """The orientation of three points and the meeting of two segments against rational numbers."""
 
 from fractions import Fraction
-import json
 import math
-from pathlib import Path
 import random
 
 import pytest
 
 from sat_collision.geometry import predicates
-
-SHARED = Path(__file__).resolve().parents[3] / 'shared' / 'data'
 
 
 def exact_orientation(a, b, c):
@@ -84,16 +80,6 @@ def test_orientation_where_products_overflow_or_vanish():
         for b in points:
             for c in points:
                 assert predicates.orientation(a, b, c) == exact_orientation(a, b, c), (a, b, c)
-
-
-def test_orientation_of_published_hard_triples():
-    """Triples made to defeat the plain determinant, from the shared fixtures."""
-    path = SHARED / 'orient2d.json'
-    if not path.exists():
-        pytest.skip('needs the shared data')
-    for triple in json.loads(path.read_text()):
-        assert (predicates.orientation(triple['a'], triple['b'], triple['c'])
-                == triple['sign_ccw'])
 
 
 def test_segments_meet_on_a_lattice():

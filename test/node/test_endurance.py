@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What comes and goes leaves nothing behind; benchmarks/endurance.py does it a thousand times."""
+"""What comes and goes leaves nothing behind."""
 
 import os
 

@@ -29,8 +29,7 @@ NODE = ['-m', 'sat_collision.node', '--ros-args', '-p', 'obstacles:=[obstacle, f
         '-p', 'obstacle.topic:=obstacles', '-p', 'flood.topic:=flood']
 # The flood ends by itself.
 FLOODED = 55.0
-# A second: less than what has the middleware lose the messages of other topics, too; see
-# benchmarks/floods.py for that.
+# A second: less than what has the middleware lose the messages of other topics, too.
 MOST = 10_000
 # Longer than it takes DDS to send again what the flood has swept away.
 SOON = 10.0
@@ -53,6 +52,7 @@ def process(domain, monkeypatch):
         one.wait()
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not COMPILED, reason='a comb takes plain Python seconds')
 @pytest.mark.parametrize('kind', ['1024-gons', 'combs of 1024', '4-gons', 'truncated', 'NaN'])
 def test_flood_of_one_topic(process, domain, kind):
@@ -60,7 +60,7 @@ def test_flood_of_one_topic(process, domain, kind):
     peer = Peer(domain)
     node = process(*NODE)
     peer.until(peer.status, 'a state', patience=60.0)
-    flooder = process('benchmarks/flooder.py', kind, str(FLOODED), f'--most={MOST}')
+    flooder = process('test/node/flooder.py', kind, str(FLOODED), f'--most={MOST}')
     peer.until(lambda: (health := peer.health())
                and float(values(health).get('flood: rate [Hz]', 0)) > 50, 'a flood')
     near, far = (box(1, 1), ['obstacle/0']), (box(5, 5), [])

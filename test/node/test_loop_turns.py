@@ -78,12 +78,12 @@ class Recorder:
 
 @pytest.fixture
 def looped(domain):
-    """Return a peer and how to run a Loop over two of its topics, 'flood' and 'other'."""
+    """Return a peer and how to run a Loop over its topics 'flood' and 'other', which ends rests."""
     peer = Peer(domain)
     node = rclpy.create_node('receiver', context=peer.context)
     inputs = [loop.Input(name, node.create_subscription(
         PolygonStamped, name, id, QoSProfile(depth=2000), raw=True,
-        callback_group=loop.Reserved())) for name in ('flood', 'other')]
+        callback_group=loop.Reserved()), ends_rest=name == 'other') for name in ('flood', 'other')]
 
     @contextmanager
     def looped(receiver, delay=0.0):
@@ -174,23 +174,52 @@ def test_backlog_tells_about_how_many_messages_wait(looped):
     assert left / 2 < receiver.backlogs[-1][1].messages < left * 2
 
 
-@pytest.mark.parametrize('rate, rests', [(5, False), (500, True)])
-def test_rests_only_where_messages_are_many(looped, domain, monkeypatch, rate, rests):
-    """A rest that would gather nothing only makes answers late."""
+@pytest.mark.parametrize('topic, rate, how', [
+    ('flood', 5, None), ('flood', 500, 'to be ended'), ('other', 500, 'asleep')])
+def test_rests_only_where_messages_are_many(looped, domain, monkeypatch, topic, rate, how):
+    """A rest that gathers nothing only makes answers late; one always ended gathers nothing."""
     peer, looped = looped
-    slept = []
+    rests = []
     clock = SimpleNamespace(**vars(time))
-    clock.sleep = lambda seconds: slept.append(seconds) or time.sleep(seconds)
+    clock.sleep = lambda seconds: rests.append(('asleep', seconds)) or time.sleep(seconds)
     monkeypatch.setattr(loop, 'time', clock)
+    rest = loop.Waiting.rest
+    monkeypatch.setattr(loop.Waiting, 'rest', lambda waiting, seconds: (
+        rests.append(('to be ended', seconds)), rest(waiting, seconds)))
     receiver = Recorder()
-    with looped(receiver, delay=0.02) as one, streaming(domain, 'flood', rate):
-        one.run(lambda: receiver.names.count('flood') > 0)
+    with looped(receiver, delay=0.02) as one, streaming(domain, topic, rate):
+        one.run(lambda: receiver.names.count(topic) > 0)
         receiver.ticks = 0
         one.run(lambda: receiver.ticks > 20)
-    assert bool(slept) == rests
-    assert all(0.0 <= seconds <= 0.02 for seconds in slept)
-    if rests:
-        assert receiver.names.count('flood') / len(receiver.batches) > 2
+    assert {one for one, _ in rests} == ({how} if how else set())
+    assert all(0.0 <= seconds <= 0.02 for _, seconds in rests)
+    if how:
+        assert receiver.names.count(topic) / len(receiver.batches) > 2
+
+
+def test_footprint_ends_a_rest(looped, domain, monkeypatch):
+    """It is taken at once while obstacles gather, and they with it; a tick would be in 10 s."""
+    peer, looped = looped
+    rest = loop.Waiting.rest
+    rests = []
+
+    def rest_meanwhile(waiting, seconds):
+        begun = time.monotonic()
+        sender = threading.Timer(0.1, arrive, (peer,), {'other': 1})
+        if seconds > 5.0:
+            sender.start()
+        rest(waiting, seconds)
+        if seconds > 5.0:
+            rests.append(time.monotonic() - begun)
+            sender.join()
+    monkeypatch.setattr(loop.Waiting, 'rest', rest_meanwhile)
+    receiver = Recorder()
+    receiver.due = lambda now, steady: receiver.ticked + (10.0 if receiver.ticks > 5 else 0.05)
+    peer.publisher('other', qos=QoSProfile(depth=2000))
+    with looped(receiver, delay=30.0) as one, streaming(domain, 'flood', 500):
+        one.run(lambda: 'other' in receiver.names)
+    assert 0.1 < rests[0] < 5.0
+    assert receiver.names[-1] == 'other' and receiver.batches[-1] > 5
 
 
 def test_message_that_comes_alone_is_taken_alone(looped):

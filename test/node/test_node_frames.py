@@ -98,7 +98,7 @@ def test_without_tf2_msgs_that_is_said_once(start, monkeypatch):
     monkeypatch.setitem(sys.modules, 'tf2_msgs', None)
     monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', None)
     running = start(frame_id='odom')
-    assert len(running.logged('tf2_msgs is not installed: bodies are taken in odom only')) == 1
+    assert len(running.logged('tf2_msgs is not installed (apt install ros-jazzy-tf2-msgs')) == 1
     running.send_until('unknown', '/footprint', box(0), frame_id='base')
     assert running.logged('other frame')
 

@@ -23,6 +23,8 @@ import time
 
 from harness import box, Peer
 import pytest
+from sat_collision.node.arguments import unused_files
+import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -188,6 +190,71 @@ def test_version_is_told_without_a_node():
                             capture_output=True, text=True)
     assert (result.returncode, result.stderr) == (0, '')
     assert result.stdout.startswith('sat_collision ')
+
+
+def run_node(*arguments):
+    """Run the node's process, which is to end at once."""
+    return subprocess.run([sys.executable, '-m', 'sat_collision.node', *arguments], cwd=ROOT,
+                          capture_output=True, text=True, timeout=60)
+
+
+@pytest.mark.parametrize('arguments', (
+    ['--params-file', 'my.yaml'], ['use_sim_time:=true'], ['--ros-args', '--', 'my.yaml']))
+def test_arguments_that_nothing_takes_are_refused(arguments):
+    """Without --ros-args rcl would ignore them, and the node watch its defaults."""
+    result = run_node(*arguments)
+    assert (result.returncode, result.stdout) == (2, '')
+    line, = result.stderr.splitlines()
+    assert arguments[-1] in line and '--ros-args --params-file my.yaml' in line
+
+
+@pytest.mark.parametrize('option', ('--help', '-h'))
+def test_help_is_told_without_a_node(option):
+    """With the line that runs it."""
+    result = run_node(option)
+    assert (result.returncode, result.stderr) == (0, '')
+    assert result.stdout.startswith('usage: ')
+    assert 'footprint_monitor --ros-args --params-file my.yaml\n' in result.stdout
+
+
+def test_without_ros_it_is_said_what_to_install():
+    program = ('import sys; sys.modules["rclpy"] = None\n'
+               'from sat_collision.node.__main__ import main; sys.exit(main([]))')
+    result = subprocess.run([sys.executable, '-c', program], cwd=ROOT, capture_output=True,
+                            text=True)
+    line, = result.stderr.splitlines()
+    assert result.returncode == 1 and 'rclpy is not installed: source /opt/ros' in line
+
+
+@pytest.mark.parametrize('names, is_for_us', [
+    ({'/**': {}}, True), ({'footprint_monitor': {}}, True), ({'/ns/*': {}}, False),
+    ({'/*': {}}, True), ({'ns': {'footprint_monitor': {}}}, False),
+    ({'/**/footprint_monitor': {}, 'other': {}}, True), ({'collision_monitor': {}}, False)])
+def test_file_without_a_word_for_the_node_is_warned_of(tmp_path, names, is_for_us):
+    """Names as rcl takes them: nested, with one wildcard a name or any number of names."""
+    def with_parameters(below):
+        return {name: with_parameters(one) if one else {'ros__parameters': {'margin': 1.0}}
+                for name, one in below.items()}
+    path = tmp_path / 'a.yaml'
+    path.write_text(yaml.safe_dump(with_parameters(names)))
+    words = list(unused_files(['-p', 'a:=1', '--params-file', str(path)], '/footprint_monitor'))
+    assert not words if is_for_us else f'{path} has no parameters for' in words[0]
+
+
+def test_warning_names_the_nodes_that_the_file_is_for(launch, tmp_path):
+    """On the console, where whoever started the node looks."""
+    path = tmp_path / 'a.yaml'
+    path.write_text('robot:\n  monitor: {ros__parameters: {margin: 1.0}}\n')
+    process = launch('--params-file', str(path))
+    output_until(process, f'{path} has no parameters for /footprint_monitor, only for '
+                          '/robot/monitor')
+
+
+def test_debug_does_not_log_every_take(launch_ready, peer):
+    """Which rcl does at that level, twice a message."""
+    process = launch_ready('--log-level', 'debug')
+    process.terminate()
+    assert '[rcl]' not in ended(process)[1]
 
 
 def test_closed_output_does_not_end_the_node(domain, peer):

@@ -15,15 +15,13 @@
 """Real recordings, published to a running node as they were recorded."""
 
 import itertools
-import json
-from pathlib import Path
 
 from builders import serialised
 from harness import SECOND, to_ns
+from published import load
 import pytest
+from recordings import published
 from sat_collision.messages.cdr import decode
-
-BAGS = Path(__file__).resolve().parents[3] / 'shared' / 'data' / 'bags'
 
 rosbags = pytest.importorskip('rosbags.highlevel')
 
@@ -38,7 +36,6 @@ def recorded(bag):
         yield stamp, [(topic, data) for _, topic, data in run]
 
 
-@pytest.mark.skipif(not BAGS.is_dir(), reason='the recordings are not here')
 @pytest.mark.parametrize('name, storage', (
     ('autoware_ego_trajectory_boxes', 'mcap'),
     ('commonroad_USA_Lanker-1_1_ego1247', 'sqlite3'),
@@ -51,13 +48,13 @@ def test_contacts_after_each_stamp_are_exactly_those_of_the_recording(start, nam
     ends each set. The clock moves on once the node has counted all messages of a stamp, so that a
     state with the later time has seen them all.
     """
-    expected = json.loads((BAGS / f'{name}_expected.json').read_text())['frames']
+    expected = load('recordings')[name]['contacts']
     monitor = start(use_sim_time=True, publish_rate=50.0)
     states = monitor.listen('~/state')
     counted = monitor.received
     sent = 0
     stamps = []
-    for (stamp, messages), frame in zip(recorded(BAGS / f'{name}_{storage}'), expected):
+    for (stamp, messages), frame in zip(recorded(published(name, storage)), expected):
         stamps.append(stamp)
         monitor.set_clock(stamp)
         for topic, data in (*messages, ('/obstacles', serialised([], stamp))):

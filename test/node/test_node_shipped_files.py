@@ -50,14 +50,19 @@ def test_rviz_shows_our_markers(start):
 
 
 def test_foxglove_shows_our_topics(start):
-    """Each panel that is placed is configured; each topic is ours, each field its message's."""
+    """
+    Each panel that is placed is configured; each topic is ours, each field its message's.
+
+    They are those of the default footprint and of the one that nav2.yaml names.
+    """
     layout = json.loads((ROOT / 'foxglove' / 'footprint_monitor.json').read_text())
     text = json.dumps(layout)
     placed = re.findall(r'"(?:first|second)": "([^"]+)"', text)
     assert sorted(placed) == sorted(layout['configById'])
-    ours = published(start())
+    named = read_yaml('config', 'nav2.yaml')['/**']['ros__parameters']['footprints']
+    ours = published(start(footprints=['footprint', *named]))
     topics = re.findall(r'"(/[^"]+)"', text)
-    assert len(topics) == 5
+    assert len(topics) == 7
     for topic, _, field in (path.partition('.') for path in topics):
         assert hasattr(ours[topic](), field or '__slots__')
 

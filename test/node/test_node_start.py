@@ -125,7 +125,7 @@ def test_flags_before_distances(start, domain):
     lines_until(node, 'distances are measured later')
     peer = Peer(domain)
     flags, separations = peer.listen('~/collision'), peer.listen('~/footprint/separation')
-    markers = peer.markers()
+    states, markers = peer.listen('~/state'), peer.markers()
 
     def is_told(x, collides):
         peer.send('footprint', box(0.0))
@@ -137,14 +137,18 @@ def test_flags_before_distances(start, domain):
     del separations[:]
     peer.until(lambda: len(separations) > 3)
     assert all(math.isnan(one.data) for one in separations) and not markers
+    peer.until(lambda: states[-1].status[0].message.endswith(
+        '; distances are not measured yet: their kernels are being compiled'), 'why in the state')
     lines_until(node, 'distances are measured after')
     peer.until(lambda: is_told(9.0, False) and markers
-               and separations[-1].data == pytest.approx(8.0, abs=1e-9), 'the separation')
+               and separations[-1].data == pytest.approx(8.0, abs=1e-9)
+               and states[-1].status[0].message == 'clear', 'the separation')
     peer.close()
     node.terminate()
     assert node.wait(30) == 0
 
 
+@pytest.mark.long
 def test_margin_awaits_distances(start):
     """It is one: a first start with a margin says nothing before it can measure."""
     if not COMPILED:
@@ -155,6 +159,7 @@ def test_margin_awaits_distances(start):
     assert node.wait(30) == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('number', (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
 def test_signal_at_some_moment_of_the_first_start(start, number):
     """While kernels compile, in this process and in its helper: both end, with status 0."""
@@ -174,6 +179,7 @@ def test_signal_at_some_moment_of_the_first_start(start, number):
         time.sleep(0.01)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not COMPILED, reason='plain Python has the verdict by then')
 @pytest.mark.parametrize('seed', range(3))
 def test_interrupt_at_some_moment_of_the_first_replay(start, place, seed):

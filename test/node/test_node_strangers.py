@@ -59,6 +59,16 @@ def test_without_a_lock_each_change_is_told(start):
     running.until(lambda: health(running).get('margin: changed') == 'from 0.0 to 0.25')
 
 
+def test_change_of_an_outline_is_told_in_plain_words(start):
+    """As the list that a file would have."""
+    running = start(footprint__points=[0.0, 0.0, 1.0, 0.0, 0.0, 1.0],
+                    footprint__frame_id='base', footprint__odometry='odometry',
+                    frame_id='odom')
+    assert running.set_parameters(footprint__points=[0.0, 0.0, 2.0, 0.0, 0.0, 2.0]) == [None]
+    running.logged('parameter footprint.points was changed from [0.0, 0.0, 1.0, 0.0, 0.0, 1.0] '
+                   'to [0.0, 0.0, 2.0, 0.0, 0.0, 2.0]')
+
+
 def test_a_frame_id_cannot_forge_a_line_of_the_log(start):
     """New lines and colours are shown as what they are; only the beginning of a long one is."""
     running = start(frame_id='map')

@@ -57,6 +57,7 @@ def long_recording(path):
                             for topic, x in (('/footprint', 0), ('/obstacles', 3))]))
 
 
+@pytest.mark.long
 def test_all_that_the_commands_need_is_prepared_ahead(start, tmp_path):
     """Then neither replay nor the library compiles anything, nor says so."""
     small = str(write(tmp_path / 'small', drive(1.0)))
@@ -77,6 +78,7 @@ def test_all_that_the_commands_need_is_prepared_ahead(start, tmp_path):
     assert compiled(tmp_path) == prepared
 
 
+@pytest.mark.long
 def test_library_says_that_it_compiles(start, tmp_path):
     """Before each wait, first with where that is kept; nothing where there is none to come."""
     result = start('-c', INTERSECTS, NUMBA_DISABLE_JIT='1')

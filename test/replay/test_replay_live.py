@@ -19,7 +19,7 @@ import time
 
 from harness import to_ns
 import pytest
-from recordings import NAMES, needs_shared, SHARED
+from recordings import NAMES, published
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 from sat_collision.messages.cdr import decode
@@ -64,7 +64,6 @@ def without_repetition(items):
     return [item for item, _ in itertools.groupby(items)]
 
 
-@needs_shared
 @pytest.mark.parametrize('name', NAMES)
 def test_live_node_and_replay_publish_the_same(start, tmp_path, name):
     """
@@ -75,7 +74,7 @@ def test_live_node_and_replay_publish_the_same(start, tmp_path, name):
     compared too, not only the last; but from the third stamp on, for the node knows more of the
     first set: that it is the publisher's first.
     """
-    bag = SHARED / f'{name}_{STORAGES[NAMES.index(name) % 2]}'
+    bag = published(name, STORAGES[NAMES.index(name) % 2])
     monitor = start(use_sim_time=True, publish_rate=50.0)
     heard = monitor.listen('~/state', 10_000)
     flags = monitor.listen('~/collision', 10_000)

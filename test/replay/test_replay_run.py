@@ -14,11 +14,10 @@
 
 """What replay says as live of recordings whose answer is known, and when."""
 
-import json
-
 from builders import SECOND, serialised
+from published import load
 import pytest
-from recordings import box, drive, INSTANCE, NAMES, needs_shared, SHARED, SOURCE, START, write
+from recordings import box, drive, INSTANCE, NAMES, published, SOURCE, START, write
 from sat_collision.messages.cdr import decode
 from sat_collision.replay import run as replay
 from sat_collision.replay.bag.recording import Recording
@@ -41,14 +40,13 @@ def standing(end, topics=('/footprint', '/obstacles'), rate=10):
     return [(topic, k / rate, places[topic]) for k in range(round(end * rate)) for topic in topics]
 
 
-@needs_shared
 @pytest.mark.parametrize('clock', ('receive', 'header'))
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
 @pytest.mark.parametrize('name', NAMES)
 def test_contacts_after_each_stamp_are_exactly_those_of_the_recording(
         monkeypatch, name, storage, clock):
     """When the set of a stamp is whole the contacts are those computed with exact arithmetic."""
-    expected = json.loads((SHARED / f'{name}_expected.json').read_text())['frames']
+    expected = load('recordings')[name]['contacts']
     seen = {}
 
     class Watched(replay.Monitor):
@@ -68,7 +66,7 @@ def test_contacts_after_each_stamp_are_exactly_those_of_the_recording(
             seen[stamp] = [str(one) for one in self.scene.state('footprint').contacts]
 
     monkeypatch.setattr(replay, 'Monitor', Watched)
-    result = check(SHARED / f'{name}_{storage}', Options(as_live=True, clock=clock))
+    result = check(published(name, storage), Options(as_live=True, clock=clock))
     Watched.current.look(result.end)
     assert seen == {frame['stamp_ns']: [f'{SOURCE}/{index}' for index, _, _ in frame['hits']]
                     for frame in expected}
@@ -92,6 +90,7 @@ def test_contact_is_an_interval_with_its_deepest_moment(tmp_path):
     contact, = result.contacts
     assert since(result, contact.first, contact.deepest, contact.last) == [1, 3, 6]
     assert (contact.depth, contact.x, contact.y) == (0.5, 0.75, 0.5)
+    assert (contact.normal, contact.points) == ([-1.0, 0.0], [[1.0, 1.0], [1.0, 0.0]])
     assert not contact.at_end
     assert result.footprints[0].collision == 5 * SECOND
     assert result.footprints[0].least.separation == -0.5

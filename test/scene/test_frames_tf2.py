@@ -14,16 +14,13 @@
 
 """The same look-ups as the real tf2 has answered, in every case where it is not too trusting."""
 
-import json
-from pathlib import Path
-
 import numpy as np
+from published import load
 import pytest
 from sat_collision.scene import frames
 from sat_collision.scene.frames import Frames, NoTransform
 
-LOOKUPS = Path(__file__).resolve().parents[3] / 'shared' / 'data' / 'tf2' / 'lookups.json'
-CASES = json.loads(LOOKUPS.read_text()) if LOOKUPS.is_file() else []
+CASES = load('tf2_lookups')
 ERRORS = {
     'ExtrapolationException': {frames.NO_TRANSFORM},
     'LookupException': {frames.UNKNOWN_FRAME},
@@ -51,7 +48,6 @@ def assert_same(found, translation, quaternion):
     np.testing.assert_allclose((x, y, z, w), np.multiply(sign, quaternion), rtol=0, atol=1e-9)
 
 
-@pytest.mark.skipif(not CASES, reason='no ../shared/data here')
 @pytest.mark.parametrize('case', CASES, ids=lambda case: case['name'].replace(' ', '_'))
 def test_recorded_answers(case):
     buffer = Frames(round(case['cache_time'] * 1e9))
@@ -72,7 +68,6 @@ def test_recorded_answers(case):
             assert source == target or (found.at or 0) == event['at']
 
 
-@pytest.mark.skipif(not CASES, reason='no ../shared/data here')
 def test_all_recorded_answers_are_there():
     lookups = [event for case in CASES for event in case['events'] if event['do'] == 'lookup']
     assert len(CASES) == 23 and len(lookups) == 975

@@ -289,6 +289,7 @@ def ring_of(polygon):
     return RING_OF[frozenset(map(tuple, polygon.vertices.tolist()))]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('machine', (PolygonMachine, MessageMachine))
 def test_scene_agrees_with_a_model_that_recomputes_everything(machine):
     """Sources of every kind, messages of every kind, in any order, with stamps that jump about."""

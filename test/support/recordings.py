@@ -15,8 +15,10 @@
 """Recordings made for a test: polygons by topic and time, written by rosbags."""
 
 from pathlib import Path
+import tempfile
 
 from builders import serialised
+from published import load
 import pytest
 
 pytest.importorskip('rosbags')
@@ -27,10 +29,9 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from sat_collision.messages.rosbags_interfaces import STORE  # noqa: E402
 from sat_collision.replay.model.configuration import settings_of  # noqa: E402
 
-SHARED = Path(__file__).resolve().parents[3] / 'shared' / 'data' / 'bags'
 NAMES = ('autoware_ego_trajectory_boxes', 'commonroad_USA_Lanker-1_1_ego1247',
          'tysik_front_scan_polygons')
-needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason='the recordings are not here')
+_FOLDER = tempfile.TemporaryDirectory(prefix='sat_collision_recordings_')
 
 START = 1_700_000_000 * 10**9
 POLYGON = 'geometry_msgs/msg/PolygonStamped'
@@ -73,6 +74,23 @@ def write(path, messages, storage='mcap', compression=None, types=None, latched=
             data = content if isinstance(content, bytes) else serialised(content, stamp)
             writer.write(topics[topic], stamp, data)
     return Path(path)
+
+
+def published(name, storage='mcap'):
+    """Return a recording of test/data as a bag, which is written when it is first asked for."""
+    path = Path(_FOLDER.name, f'{name}_{storage}')
+    if path.exists():
+        return path
+    recording = load('recordings')[name]
+    with Writer(path, version=9, storage_plugin=StoragePlugin[storage.upper()]) as writer:
+        topics = [writer.add_connection(topic, POLYGON, typestore=STORE)
+                  for topic in ('/footprint', '/obstacles')]
+        for stamp, *outlines in recording['sets']:
+            for k, outline in enumerate(outlines):
+                points = list(zip(outline[::2], outline[1::2]))
+                writer.write(topics[k > 0], stamp + k * recording['apart'],
+                             serialised(points, stamp, recording['frame_id']))
+    return path
 
 
 def drive(duration=10.0, rate=10.0, contact=(4.0, 5.0)):

@@ -26,8 +26,7 @@ from typing import Any, BinaryIO
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 
 _PIECE = 2**20
-_MISSING = ("it is compressed: unpacking {} needs {} (pip install 'sat_collision[replay]') or "
-            'rosbag2_py of ROS')
+_MISSING = 'it is compressed: unpacking {0} needs {1} (pip install {1}) or rosbag2_py of ROS'
 
 
 class Damage(Exception):

@@ -71,8 +71,8 @@ def check_bag_writer() -> None:
 
     """
     if not (is_installed('rosbags.rosbag2') or is_installed('rosbag2_py')):
-        raise OutputError("writing a bag needs rosbags (pip install 'sat_collision[replay]') or "
-                          'rosbag2_py of ROS')
+        raise OutputError(
+            'writing a bag needs rosbags (pip install rosbags) or rosbag2_py of ROS')
 
 
 class _ByRosbags:

@@ -22,6 +22,7 @@ from pathlib import Path
 import sys
 import traceback
 
+from sat_collision.extras import missing
 from sat_collision.replay.bag.unpacking import in_words, Limits
 from sat_collision.replay.bag.writer import check_bag_writer, OutputError
 from sat_collision.replay.cli.arguments import parse
@@ -30,7 +31,7 @@ from sat_collision.replay.cli.parallel import (
 from sat_collision.replay.cli.terminal import Progress, with_colour
 from sat_collision.replay.model.configuration import (
     parameter_of_text, parameters_of_file, settings_of)
-from sat_collision.replay.model.options import missing, Options
+from sat_collision.replay.model.options import Options
 from sat_collision.replay.model.result import overall, Result, Verdict
 from sat_collision.replay.output import files
 from sat_collision.replay.output.baseline import Baseline, BaselineError

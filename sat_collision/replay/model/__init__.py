@@ -19,5 +19,6 @@ options         what to check, and how
 configuration   the node's parameters, from files and single values
 topics          which topics are footprints and which are obstacles
 result          what was found, and the verdict
+deepest         the deepest moment of a contact
 keyframes       where all bodies were at moments worth drawing
 """

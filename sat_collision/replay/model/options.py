@@ -22,9 +22,6 @@ from dataclasses import dataclass, field
 from sat_collision.replay.bag.unpacking import Limits
 
 NODE = '/footprint_monitor'
-# The libraries that pip brings with an extra.
-_EXTRAS = {'argcomplete': 'replay', 'backports': 'replay', 'lz4': 'replay', 'rosbags': 'replay',
-           'yaml': 'replay', 'matplotlib': 'plot', 'distributed': 'cluster', 'dask': 'cluster'}
 RECEIVE = 'receive'
 HEADER = 'header'
 
@@ -80,11 +77,3 @@ class Options:
     write_bag: str | None = None
     limits: Limits = Limits()
     debug: bool = False
-
-
-def missing(error: ModuleNotFoundError) -> str:
-    """Return in words which library is missing, and what to install."""
-    library = str(error.name).partition('.')[0]
-    if library not in _EXTRAS:
-        return f'{error.name} is not installed'
-    return f"{library} is not installed: pip install 'sat_collision[{_EXTRAS[library]}]'"

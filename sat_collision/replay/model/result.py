@@ -23,7 +23,6 @@ from heapq import merge
 from typing import TYPE_CHECKING, TypeAlias
 
 if TYPE_CHECKING:
-    from sat_collision.geometry.polygon import Polygon
     from sat_collision.replay.model.keyframes import Keyframes, ShownBody
 
 
@@ -66,9 +65,10 @@ class Contact:
     BETWEEN_SAMPLES. `between` has the last time before and the first time after at which recorded
     motion has them apart, each None where it is not known. `depth` is the deepest penetration in
     m, at the time `deepest`: 0 if they only touch, negative if they were apart within the margin;
-    (x, y) is the middle of where their bounds overlapped then. `at_end` says that they were still
-    in contact at the end. `deepest_as` is what the obstacle was called when it was deepest, for
-    another body may have its place in another set.
+    (x, y) is the middle of where their bounds overlapped then, `normal` the unit vector from the
+    obstacle to the footprint, and `points` are one or two points of contact of the footprint, each
+    x and y. `at_end` says that they were still in contact at the end. `deepest_as` is what the
+    obstacle was called when it was deepest, for another body may have its place in another set.
     """
 
     footprint: str
@@ -79,6 +79,8 @@ class Contact:
     deepest: int = 0
     x: float = 0.0
     y: float = 0.0
+    normal: list[float] = field(default_factory=list)
+    points: list[list[float]] = field(default_factory=list)
     at_end: bool = False
     found: str = AT_A_MESSAGE
     between: list[int | None] = field(default_factory=lambda: [None, None])
@@ -232,12 +234,6 @@ class Result:
                     self.too_undetermined) or any(source.refused for source in self.sources):
             return Verdict.UNKNOWN
         return Verdict.CLEAR
-
-
-def middle_of_overlap(body: Polygon, other: Polygon) -> tuple[float, float]:
-    """Return the middle of where the bounds of two bodies in contact overlap."""
-    a, b = body.bounds, other.bounds
-    return ((max(a[0], b[0]) + min(a[2], b[2])) / 2, (max(a[1], b[1]) + min(a[3], b[3])) / 2)
 
 
 def overall(results: Iterable[Result]) -> Verdict:

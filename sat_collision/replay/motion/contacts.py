@@ -25,9 +25,10 @@ import numpy as np
 from sat_collision.geometry.polygon import Polygon, PolygonError
 from sat_collision.geometry.query import closest_points, separation
 from sat_collision.geometry.sweep import time_of_contact
+from sat_collision.replay.model.deepest import deepen
 from sat_collision.replay.model.result import (
-    AT_A_SAMPLE, BETWEEN_SAMPLES, Contact, FootprintResult, Least, least_of, middle_of_overlap,
-    Series, Unknown)
+    AT_A_SAMPLE, BETWEEN_SAMPLES, Contact, FootprintResult, Least, least_of, Series,
+    Unknown)
 from sat_collision.replay.motion.kernels import box_gaps
 from sat_collision.replay.motion.tracker import Step
 from sat_collision.replay.motion.trajectories import Bodies, Floats, LinearMotion, Trajectory
@@ -320,11 +321,8 @@ class Contacts:
     def deepen(self, contact: Contact, name: ObstacleId, depth: float, time: int,
                bodies: tuple[Polygon, Polygon]) -> None:
         """Note how deep a contact is at a time, and where; and what the obstacle is called."""
-        if contact.deepest == 0 or depth > contact.depth:
+        if deepen(contact, depth, time, *bodies):
             contact.deepest_as = str(name)
-            contact.depth = depth
-            contact.deepest = time
-            contact.x, contact.y = middle_of_overlap(*bodies)
             self._note_least(Least(0.0 - depth, time, contact.obstacle, contact.x, contact.y,
                                    contact.found))
 

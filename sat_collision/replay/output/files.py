@@ -19,8 +19,8 @@ from collections.abc import Iterable, Iterator, Mapping
 import os
 from pathlib import Path
 
+from sat_collision.extras import missing
 from sat_collision.replay.bag.writer import OutputError
-from sat_collision.replay.model.options import missing
 from sat_collision.replay.model.result import Result
 
 _OF_RECORDING = ('.mcap', '.db3', '.zstd', '.db3-wal', '.db3-shm', '.db3-journal')

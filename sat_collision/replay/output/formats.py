@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 import csv
 import dataclasses
+from itertools import chain
 import json
 from typing import Any
 from xml.etree import ElementTree
@@ -27,6 +28,9 @@ from sat_collision.replay.model.result import FootprintResult, overall, Result
 from sat_collision.replay.output.text import how_found, how_undetermined, report, summary, when
 
 SCHEMA = 'sat_collision.replay/3'
+_COLUMNS = ('bag', 'kind', 'footprint', 'obstacle', 'first_ns', 'last_ns', 'duration_s', 'depth_m',
+            'deepest_ns', 'x_m', 'y_m', 'reason', 'found', 'normal_x', 'normal_y', 'point_x_m',
+            'point_y_m', 'second_point_x_m', 'second_point_y_m')
 
 
 def as_dict(results: list[Result]) -> dict[str, Any]:
@@ -46,20 +50,22 @@ def write_json(results: list[Result], path: str) -> None:
 def write_csv(results: list[Result], path: str) -> None:
     """Write one row for each contact and each unknown interval."""
     with open(path, 'w', encoding='utf-8', newline='') as file:
-        writer = csv.writer(file)
-        writer.writerow(('bag', 'kind', 'footprint', 'obstacle', 'first_ns', 'last_ns',
-                         'duration_s', 'depth_m', 'deepest_ns', 'x_m', 'y_m', 'reason', 'found'))
+        writer = csv.DictWriter(file, _COLUMNS)
+        writer.writeheader()
         for result in results:
-            for contact in result.contacts:
-                writer.writerow((
-                    result.bag, 'contact', contact.footprint, contact.obstacle, contact.first,
-                    contact.last, (contact.last - contact.first) / 1e9, contact.depth,
-                    contact.deepest, contact.x, contact.y, '', contact.found))
-            for unknown in result.unknown:
-                writer.writerow((
-                    result.bag, 'unknown', unknown.footprint, '', unknown.first, unknown.last,
-                    (unknown.last - unknown.first) / 1e9, '', '', '', '',
-                    '; '.join(unknown.reasons), ''))
+            writer.writerows(dict(zip(_COLUMNS, row)) for row in _rows(result))
+
+
+def _rows(result: Result) -> Iterator[tuple[Any, ...]]:
+    """Yield the rows of a table, each as long as it has something to say."""
+    for contact in result.contacts:
+        yield (result.bag, 'contact', contact.footprint, contact.obstacle, contact.first,
+               contact.last, (contact.last - contact.first) / 1e9, contact.depth,
+               contact.deepest, contact.x, contact.y, '', contact.found, *contact.normal,
+               *chain.from_iterable(contact.points))
+    for unknown in result.unknown:
+        yield (result.bag, 'unknown', unknown.footprint, '', unknown.first, unknown.last,
+               (unknown.last - unknown.first) / 1e9, '', '', '', '', '; '.join(unknown.reasons))
 
 
 def write_junit(results: list[Result], path: str) -> None:

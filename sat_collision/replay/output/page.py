@@ -181,8 +181,7 @@ def _contact(contact: Contact, result: Result, rows: dict[ShownBody, int],
         'footprint': names[contact.footprint], 'obstacle': contact.obstacle,
         'words': distance(0.0 - contact.depth), 'value': 0.0 - contact.depth,
         'x': contact.x, 'y': contact.y,
-        # The place of the points and the normal of a contact manifold.
-        'points': [(contact.x, contact.y)], 'normal': None,
+        'points': contact.points, 'normal': contact.normal,
         'first': result.since(contact.first), 'last': result.since(contact.last),
         'deepest': result.since(contact.deepest),
         'bodies': [rows[body] for body in bodies if body in rows]}

@@ -128,15 +128,17 @@ function drawGrid(drawn, {width, height, x, y}) {
   }
 }
 
-// Where a contact is deepest: its points, and from the first one the normal, as long as the depth.
+// Where a contact is deepest: its points, and from each the normal, at least as long as the depth.
 function drawManifold(drawn, contact, {x, y}) {
+  const [nx, ny] = contact.normal, reach = Math.max(-contact.value, 24 / look.scale);
+  // At other times it is faint, for the bodies are elsewhere then.
+  const opacity = Math.abs(now - contact.deepest) < 0.05 ? 1 : 0.3;
+  const group = svg('g', {class: 'manifold', opacity});
   for (const [px, py] of contact.points) {
-    drawn.append(svg('circle', {class: 'manifold', cx: x(px), cy: y(py), r: 3}));
+    group.append(svg('circle', {cx: x(px), cy: y(py), r: 3}),
+      svg('path', {d: `M${x(px)},${y(py)}L${x(px + reach * nx)},${y(py + reach * ny)}`}));
   }
-  if (!contact.normal) return;
-  const [px, py] = contact.points[0], reach = Math.max(-contact.value, 24 / look.scale);
-  const tip = [px + reach * contact.normal[0], py + reach * contact.normal[1]];
-  drawn.append(svg('path', {class: 'manifold', d: `M${x(px)},${y(py)}L${x(tip[0])},${y(tip[1])}`}));
+  drawn.append(group);
 }
 
 // Names of footprints and of what they touch, moved up until none covers another.

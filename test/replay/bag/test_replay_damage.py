@@ -503,5 +503,5 @@ def test_folder_called_like_a_library_is_none(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, 'path', [str(tmp_path)])
     for name in [name for name in sys.modules if name.partition('.')[0] == 'rosbags']:
         monkeypatch.delitem(sys.modules, name)
-    with pytest.raises(OutputError, match=r"pip install 'sat_collision\[replay\]'"):
+    with pytest.raises(OutputError, match='pip install rosbags'):
         check_bag_writer()

@@ -122,6 +122,7 @@ def test_json_has_the_documented_schema(bags, tmp_path):
         [(3.9 + 0.2 / 2.25) * 10**9, (4.9 + 0.025 / 2.25) * 10**9], abs=1000)
     assert contact == {'footprint': 'footprint', 'obstacle': f'{SOURCE}/0', 'depth': 0.25,
                        'deepest': START + 4 * 10**9, 'x': 0.875, 'y': 0.5, 'at_end': False,
+                       'normal': [-1.0, 0.0], 'points': [[1.0, 1.0], [1.0, 0.0]],
                        'found': 'at a sample', 'between': [START + 39 * 10**8, START + 5 * 10**9]}
     assert {bag['question'] for bag in content['bags']} == {'recorded motion'}
     documented = (DOCS / 'replay.md').read_text()
@@ -148,7 +149,11 @@ def test_csv_and_junit(bags, tmp_path):
         rows = list(csv.DictReader(file))
     assert [row['kind'] for row in rows if row['bag'] == bags['collision']] == [
         'contact', 'unknown']
-    assert next(row for row in rows if row['kind'] == 'contact')['depth_m'] == '0.25'
+    contact = next(row for row in rows if row['kind'] == 'contact')
+    assert contact['depth_m'] == '0.25' and contact['found'] == 'at a sample'
+    assert [contact[name] for name in (
+        'normal_x', 'normal_y', 'point_x_m', 'point_y_m', 'second_point_x_m', 'second_point_y_m')
+    ] == ['-1.0', '0.0', '1.0', '1.0', '1.0', '0.0']
     assert all('sent anything' in row['reason'] or 'older' in row['reason'] for row in rows
                if row['bag'] == bags['unknown'])
     root = ElementTree.parse(suites).getroot()

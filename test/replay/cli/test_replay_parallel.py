@@ -20,7 +20,7 @@ from pathlib import Path
 import signal
 
 import pytest
-from recordings import drive, NAMES, needs_shared, SHARED, write
+from recordings import drive, NAMES, published, write
 from sat_collision.replay.cli import command, parallel
 from sat_collision.replay.cli.command import main
 from sat_collision.replay.model.options import Options
@@ -117,10 +117,9 @@ def test_recording_of_a_lost_worker_is_tried_again(bags, tmp_path, monkeypatch, 
     assert all(not result.problems for result in results)
 
 
-@needs_shared
 def test_command_on_jobs_and_cluster(cluster, capsys):
     """The recordings, with the summary and the exit status of one after the other."""
-    recordings = [str(SHARED / f'{name}_mcap') for name in NAMES]
+    recordings = [str(published(name)) for name in NAMES]
     outs = []
     for arguments in ([], ['--jobs', '2'], ['--dask', cluster]):
         assert main([*recordings, *arguments]) == 1

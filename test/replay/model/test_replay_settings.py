@@ -112,7 +112,8 @@ def test_what_the_node_refuses_is_refused(domain, text):
     ('margn:=1.0', "no parameter 'margn': did you mean margin?"),
     ('footprint.timout:=1.0', 'did you mean footprint.timeout?'),
     ('colour:=red', "no parameter 'colour'"),
-    ('zzz.zzz:=1', 'only if footprints or obstacles name it'),
+    ('zzz.zzz:=1', "name 'zzz' in footprints or obstacles"),
+    ('robot.topic:=a', "name 'robot' in footprints or obstacles, where it is not"),
     ('margin:=1', "'margin' is 1, but must be a double: write 1.0"),
     ('frame_id:=5', 'write "5", in quotes'), ('footprints:=robot', r'write \[robot\]')])
 def test_refusal_says_what_to_write(domain, text, words):

@@ -16,7 +16,7 @@
 
 from builders import serialised
 import pytest
-from recordings import box, drive, INSTANCE, nanoseconds, needs_shared, SHARED, write
+from recordings import box, drive, INSTANCE, nanoseconds, published, write
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.query import separation
 from sat_collision.replay.bag.recording import Recording
@@ -24,8 +24,8 @@ from sat_collision.replay.model.options import Options
 from sat_collision.replay.model.result import moments_of
 from sat_collision.replay.run import check
 
-RECORDINGS = ('autoware_ego_trajectory_boxes_mcap', 'commonroad_BEL_Zaventem-1_2_T-1_sqlite3',
-              'commonroad_USA_Lanker-1_1_ego1247_mcap', 'tysik_front_scan_polygons_mcap')
+RECORDINGS = ('autoware_ego_trajectory_boxes', 'commonroad_BEL_Zaventem-1_2_T-1',
+              'commonroad_USA_Lanker-1_1_ego1247', 'tysik_front_scan_polygons')
 WITH_IDS = {'obstacle.type': 'polygon_instance'}
 
 
@@ -66,12 +66,11 @@ def agree(result, as_live):
             assert separation(Polygon(own.ring), Polygon(other.ring)) == -contact.depth
 
 
-@needs_shared
 @pytest.mark.parametrize('as_live', (False, True), ids=('motion', 'live'))
 @pytest.mark.parametrize('name', RECORDINGS)
 def test_keyframes_has_each_contact_as_deep_as_it_is_said_to_be(name, as_live):
     """To the last bit: the deepest moments are there, and so are the bodies of the pair."""
-    agree(with_keyframes(SHARED / name, as_live=as_live), as_live)
+    agree(with_keyframes(published(name), as_live=as_live), as_live)
 
 
 def test_keyframes_has_a_contact_that_ends_at_the_time_at_which_it_begins(tmp_path):

@@ -14,11 +14,10 @@
 
 """What touched by recorded motion: between messages, at equal stamps, and with its own doubts."""
 
-import json
-
 from builders import SECOND, serialised
+from published import load
 import pytest
-from recordings import box, INSTANCE, needs_shared, SHARED, SOURCE, START, write
+from recordings import box, INSTANCE, published, SOURCE, START, write
 from sat_collision.replay.cli.command import main
 from sat_collision.replay.model.options import Options
 from sat_collision.replay.model.result import AT_A_SAMPLE, BETWEEN_SAMPLES, Verdict
@@ -108,13 +107,12 @@ def test_thin_wall_between_two_frames(tmp_path, capsys):
     assert result.footprints[0].collision == contact.last - contact.first
 
 
-@needs_shared
 @pytest.mark.parametrize('clock', ('receive', 'header'))
 @pytest.mark.parametrize('name', NAMES)
 def test_shared_recordings_say_what_is_true_at_equal_stamps(name, clock):
     """Every separation, every least one and every contact, against those found by shapely."""
-    moments = json.loads((SHARED / f'{name}_moments.json').read_text())
-    result = check(SHARED / f'{name}_sqlite3', Options(
+    moments = load('recordings')[name]['moments']
+    result = check(published(name, 'sqlite3'), Options(
         clock=clock, parameters={'footprint.timeout': 3.0, f'{SOURCE}.timeout': 3.0}))
     curve = dict(result.footprints[0].separation)
     for moment in moments:

@@ -96,6 +96,17 @@ def test_how_late_messages_are_received_means_nothing(tmp_path, seed):
     assert found[0] == found[1]
 
 
+def check_manifold(contact, own, other):
+    """At its deepest moment the points are of the footprint, and the normal leads out."""
+    assert np.hypot(*contact.normal) == pytest.approx(1.0, abs=1e-12)
+    assert 1 <= len(contact.points) <= 2
+    for point in contact.points:
+        assert geometry(own).distance(shapely.Point(point)) < NEAR
+    if max(len(own), len(other)) < 8:  # convex
+        moved = own + (max(contact.depth, 0.0) + NEAR) * np.array(contact.normal)
+        assert geometry(moved).distance(geometry(other)) > 0.0
+
+
 def compared(path, seed):
     """Compare what is found in a random recording; return how many contacts it has."""
     rng = np.random.default_rng(seed)
@@ -122,4 +133,5 @@ def compared(path, seed):
             assert first <= contact.first <= contact.last <= last
             for end in (contact.first, contact.last):
                 assert distance(robot, other, end) < NEAR
+            check_manifold(contact, robot.at(contact.deepest), other.at(contact.deepest))
     return met

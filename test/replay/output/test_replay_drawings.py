@@ -23,7 +23,7 @@ pytest.importorskip('matplotlib')
 from matplotlib.colors import to_hex  # noqa: E402, I100
 from matplotlib.patches import Rectangle  # noqa: E402
 from matplotlib.text import Text  # noqa: E402
-from recordings import box, drive, needs_shared, SHARED, write  # noqa: E402
+from recordings import box, drive, published, write  # noqa: E402
 from sat_collision.replay.cli.command import main  # noqa: E402
 from sat_collision.replay.cli.example import write_example  # noqa: E402
 from sat_collision.replay.model.configuration import parameters_of_file  # noqa: E402
@@ -71,15 +71,15 @@ def of_long(path):
                  Options(keyframes=True))
 
 
-def shared(name):
+def of_published(name):
     def made(path):
-        return check(SHARED / name, Options(keyframes=True))
-    return pytest.param(made, id=name, marks=needs_shared)
+        return check(published(name), Options(keyframes=True))
+    return pytest.param(made, id=name)
 
 
-RESULTS = [of_warehouse, of_crowd, of_nothing, of_long, shared('tysik_front_scan_polygons_mcap'),
-           shared('autoware_ego_trajectory_boxes_mcap'),
-           shared('commonroad_BEL_Zaventem-1_2_T-1_sqlite3')]
+RESULTS = [of_warehouse, of_crowd, of_nothing, of_long, of_published('tysik_front_scan_polygons'),
+           of_published('autoware_ego_trajectory_boxes'),
+           of_published('commonroad_BEL_Zaventem-1_2_T-1')]
 
 
 def texts(figure):

@@ -197,6 +197,26 @@ def test_click_on_a_contact_in_the_table_goes_to_where_it_is_deepest(
     assert shown.text('#contacts tr.chosen').startswith(name)
 
 
+@pytest.mark.parametrize('number, count, normal', [(0, 2, [0, 1]), (1, 1, [1, 0]), (2, 2, [0, 1])])
+def test_contact_has_its_points_and_the_normal(page, of_warehouse, number, count, normal):
+    """On the screen y is downwards; what is drawn at other times is faint."""
+    shown = page(of_warehouse)
+    shown.click('#contacts tbody tr', number)
+    drawn = shown.chromium.execute_script("""
+        return [...document.querySelectorAll('#scene .manifold path')].map(one => {
+            const length = one.getTotalLength();
+            const [from, to] = [0, length].map(way => one.getPointAtLength(way));
+            return [(to.x - from.x) / length, (to.y - from.y) / length].map(Math.round);
+        });""")
+    assert drawn == [normal] * count
+    assert len(shown.texts('#scene .manifold circle')) == count
+    group = shown.chromium.find_element(By.CSS_SELECTOR, '#scene .manifold')
+    assert group.get_attribute('opacity') == '1'
+    shown.scrubber.send_keys(*[Keys.ARROW_RIGHT] * 8)
+    group = shown.chromium.find_element(By.CSS_SELECTOR, '#scene .manifold')
+    assert group.get_attribute('opacity') == '0.3'
+
+
 def test_click_on_a_band_goes_to_where_its_contact_is_deepest(page, of_warehouse):
     """The band of each contact, by what is drawn."""
     shown = page(of_warehouse)

@@ -12,32 +12,23 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Every case of ../shared/data, taken from the suites of JTS, GEOS, CGAL and others."""
-
-import json
-from pathlib import Path
+"""Every case of test/data, taken from the suites of JTS, GEOS, CGAL and others."""
 
 import oracle
+from published import load
 import pytest
 
 from sat_collision import intersects, intersects_pairs, Polygon, PolygonError, PolygonSet, Reason
 from sat_collision.geometry.predicates import orientation
-
-DATA = Path(__file__).resolve().parents[3] / 'shared' / 'data'
-pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason='no ../shared/data here')
 
 DEGENERATE = {'fewer-than-3-points', 'fewer-than-3-distinct', 'all-collinear',
               'duplicate-consecutive-point'}
 SELF_INTERSECTING = {'self-intersection', 'self-touch', 'spike-or-foldback'}
 
 
-def load(name):
-    return json.loads((DATA / f'{name}.json').read_text())
-
-
-@pytest.mark.parametrize('name', ['convex_pairs', 'nonconvex_pairs', 'near_touch_pairs'])
+@pytest.mark.parametrize('name', ['convex', 'nonconvex', 'near_touch'])
 def test_pairs(name):
-    cases = load(name)
+    cases = load('pairs')[name]
     expected = [case['intersects'] for case in cases]
     assert [intersects(case['a'], case['b']) for case in cases] == expected
     assert [intersects(case['b'], case['a']) for case in cases] == expected
@@ -47,13 +38,13 @@ def test_pairs(name):
 
 
 def test_orientations_that_defeat_the_plain_determinant():
-    for case in load('orient2d'):
+    for case in load('orientations'):
         assert orientation(case['a'], case['b'], case['c']) == case['sign_ccw']
 
 
 def test_invalid_rings_are_refused_and_degenerate_ones_are_bodies():
     """Points and segments are legal, in whatever ring they come; the rest names its reason."""
-    for case in load('invalid_polygons'):
+    for case in load('outlines')['invalid']:
         reasons = set(case['reasons'])
         if reasons <= DEGENERATE:
             assert len(Polygon(case['polygon']).vertices) >= 1

@@ -13,19 +13,21 @@
 # limitations under the License.
 
 """
-What no node in Python can do without: the same publishes, and nothing else.
+Nodes to compare the monitor with: one that only receives and publishes, one that asks shapely.
 
-Raw subscriptions, callbacks that look at a byte at most; in rclpy's events executor, or with
---loop in the loop of our node, which takes messages in batches.
+`floor` has raw subscriptions, callbacks that look at a byte at most, and the same publishes, in
+rclpy's events executor; `loop` has the same in the loop of our node, which takes messages in
+batches. `shapely` has typed messages, one flag, and checks nothing but intersection.
 """
 
 import sys
 import time
 
-import counts
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PolygonStamped
 import rclpy
 from rclpy.clock import Clock, ClockType
+from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -35,35 +37,51 @@ from rclpy.task import Future
 from sat_collision.node import loop
 from sat_collision.node.quality import flag_qos
 from sat_collision.node.signals import end_on_signals, Signalled
-from sat_collision.scene.settings import Settings
+import shapely
 from std_msgs.msg import Bool
+from traffic import RECEIVED
 
 _SIGN_OF_FIRST_X = 27
 _TICK = 0.1
 
 
-class Floor(Node):
+class Peer(Node):
+    """Counts its obstacles, and reports once a second how many there were, as the monitor does."""
+
+    def __init__(self):
+        super().__init__('footprint_monitor')
+        self.received = 0
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._next_report = 0.0
+
+    def report(self):
+        if time.monotonic() >= self._next_report:
+            self._next_report = time.monotonic() + 1.0
+            count = KeyValue(key=RECEIVED, value=str(self.received))
+            self._diagnostics.publish(
+                DiagnosticArray(status=[DiagnosticStatus(values=[count])]))
+
+
+class Floor(Peer):
     """Answers a footprint by the sign of its first x, with as many flags as the monitor has."""
 
     def __init__(self, in_loop):
-        super().__init__('footprint_monitor')
+        super().__init__()
         self._flags = [serialize_message(Bool(data=raised)) for raised in (False, True)]
         self._flag = self._flags[0]
-        self._received = 0
         self._ticked = 0.0
         # Not _publishers, which is rclpy's own list of all that a node has.
         self._flag_publishers = [
-            self.create_publisher(Bool, topic, flag_qos(Settings((), ())))
+            self.create_publisher(Bool, topic, flag_qos())
             for topic in ('~/footprint/collision', '~/collision')]
         group = loop.Reserved() if in_loop else None
         self.inputs = [
             loop.Input('footprint', self.create_subscription(
-                PolygonStamped, 'footprint', self._answer, 1, raw=True, callback_group=group)),
+                PolygonStamped, 'footprint', self._answer, 1, raw=True, callback_group=group),
+                ends_rest=True),
             loop.Input('obstacles', self.create_subscription(
                 PolygonStamped, 'obstacles', self._count, QoSProfile(depth=1000), raw=True,
                 callback_group=group))]
-        self._counts = counts.Counts(self)
-        self._next_count = 0.0
         if not in_loop:
             self.create_timer(_TICK, self.tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -72,7 +90,7 @@ class Floor(Node):
         self._publish()
 
     def _count(self, data):
-        self._received += 1
+        self.received += 1
 
     present = staticmethod(time.time_ns)
 
@@ -94,9 +112,7 @@ class Floor(Node):
     def tick(self, now=0, is_all_taken=True):
         """Publish the flags, and once a second how many messages there were."""
         self._publish()
-        if time.monotonic() >= self._next_count:
-            self._next_count = time.monotonic() + 1.0
-            self._counts.publish(self._received)
+        self.report()
         self._ticked = time.monotonic()
 
     def due(self, now, steady):
@@ -108,10 +124,43 @@ class Floor(Node):
             publisher.publish(self._flag)
 
 
-def main():
+class Shapely(Peer):
+    """
+    Checks each footprint against all obstacles in one vectorised call.
+
+    Obstacles of one stamp are a set, which replaces the set before.
+    """
+
+    def __init__(self):
+        super().__init__()
+        self._publisher = self.create_publisher(Bool, '~/collision', 10)
+        self._before, self._obstacles = [], []
+        self._stamp = None
+        self.create_timer(1.0, self.report)
+        self.create_subscription(PolygonStamped, 'footprint', self._check, 1)
+        self.create_subscription(PolygonStamped, 'obstacles', self._add, 1000)
+
+    def _check(self, message):
+        obstacles = self._obstacles + self._before[len(self._obstacles):]
+        hit = bool(obstacles) and bool(shapely.intersects(_polygon(message), obstacles).any())
+        self._publisher.publish(Bool(data=hit))
+
+    def _add(self, message):
+        self.received += 1
+        if message.header.stamp != self._stamp:
+            self._stamp = message.header.stamp
+            self._before, self._obstacles = self._obstacles, []
+        self._obstacles.append(_polygon(message))
+
+
+def _polygon(message):
+    return shapely.Polygon([(point.x, point.y) for point in message.polygon.points])
+
+
+def run_floor(in_loop):
+    """Run the floor until a signal comes."""
     end_on_signals()
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    in_loop = '--loop' in sys.argv
     node = Floor(in_loop)
     ended = Signalled()
     if in_loop:
@@ -129,5 +178,17 @@ def main():
     rclpy.shutdown()
 
 
+def run_shapely():
+    """Run the rival as a plain program does."""
+    rclpy.init()
+    try:
+        rclpy.spin(Shapely())
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+
+
 if __name__ == '__main__':
-    sys.exit(main())
+    if sys.argv[1] == 'shapely':
+        run_shapely()
+    else:
+        run_floor(sys.argv[1] == 'loop')

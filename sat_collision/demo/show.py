@@ -1,0 +1,278 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+See the monitor at work: robots in a warehouse, three processes, real DDS.
+
+This process starts the footprint_monitor node and a publisher of the embedded scene, prints each
+change of a flag as it arrives, checks that the flags are those that the scene is built to cause,
+and draws the published markers: those at the first contact into demo.png, all of them into
+demo.gif.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+import math
+import os
+import subprocess
+import sys
+import time
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Point32, PolygonStamped
+from nav_msgs.msg import Odometry
+import rclpy
+from rclpy.node import Node
+from sat_collision.demo import warehouse
+from sat_collision.demo.picture import Frame, write_movie, write_picture
+from std_msgs.msg import Bool
+from visualization_msgs.msg import MarkerArray
+
+_PERIOD = 0.05
+_STATIC_STEPS = 20
+# Of the moving picture: seconds from frame to frame, and how many times faster it goes.
+_FRAME_PERIOD = 0.19
+_HASTE = 2.0
+_START_TIMEOUT = 90.0
+# Long enough that a process held up by a busy machine does not count as silent.
+_TIMEOUT = 5.0
+_BASE, _ODOMETRY = f'{warehouse.BY_ODOMETRY}_base', f'{warehouse.BY_ODOMETRY}_odometry'
+_PARAMETERS: dict[str, object] = {
+    'footprints': list(warehouse.FOOTPRINTS),
+    'obstacles': ['warehouse', 'people'],
+    'frame_id': warehouse.FRAME,
+    'watchdog': _TIMEOUT,
+    f'{warehouse.BY_ODOMETRY}.points': warehouse.FOOTPRINTS[
+        warehouse.BY_ODOMETRY].ravel().tolist(),
+    f'{warehouse.BY_ODOMETRY}.frame_id': _BASE,
+    f'{warehouse.BY_ODOMETRY}.odometry': _ODOMETRY,
+    **{f'{name}.timeout': _TIMEOUT for name in [*warehouse.FOOTPRINTS, 'warehouse', 'people']},
+}
+
+
+class _Publisher(Node):
+    """
+    Publishes the footprints and the person often, and what does not move now and then.
+
+    One robot tells its odometry instead of its footprint, and it is its laser that sees the
+    person: where that is in the warehouse the monitor must find out.
+    """
+
+    def __init__(self) -> None:
+        super().__init__('warehouse')
+        published = [name for name in warehouse.FOOTPRINTS if name != warehouse.BY_ODOMETRY]
+        self._topics = {name: self.create_publisher(PolygonStamped, name, 100)
+                        for name in [*published, 'warehouse', 'people']}
+        self._topics[_ODOMETRY] = self.create_publisher(Odometry, _ODOMETRY, 100)
+
+    def play(self) -> None:
+        while any(topic.get_subscription_count() == 0 for topic in self._topics.values()):
+            time.sleep(_PERIOD)
+        # Scene time goes by steps: a busy machine makes the demo slower, and skips no contact.
+        for step in range(round(warehouse.DURATION / _PERIOD)):
+            elapsed = step * _PERIOD
+            stamp = self.get_clock().now().to_msg()
+            if step % _STATIC_STEPS == 0:
+                self._publish_set('warehouse', warehouse.STATIC, stamp)
+            robot = warehouse.BY_ODOMETRY
+            self._tell_odometry(robot, elapsed, stamp)
+            person = warehouse.seen_by(robot, warehouse.person(elapsed), elapsed)
+            self._publish_set('people', [person], stamp, _BASE)
+            for name in warehouse.FOOTPRINTS:
+                if name != robot:
+                    self._publish(name, warehouse.footprint(name, elapsed), stamp)
+            time.sleep(_PERIOD)
+
+    def _tell_odometry(self, name: str, elapsed: float, stamp: Time) -> None:
+        x, y, heading = warehouse.pose(name, elapsed)
+        message = Odometry(child_frame_id=_BASE)
+        message.header.stamp = stamp
+        message.header.frame_id = warehouse.FRAME
+        pose = message.pose.pose
+        pose.position.x, pose.position.y = x, y
+        pose.orientation.z, pose.orientation.w = math.sin(heading / 2), math.cos(heading / 2)
+        self._topics[_ODOMETRY].publish(message)
+
+    def _publish_set(self, topic: str, outlines: Sequence[warehouse.Outline], stamp: Time,
+                     frame_id: str = warehouse.FRAME) -> None:
+        """Publish obstacles, and the empty polygon that ends their set."""
+        for outline in (*outlines, warehouse.NOTHING):
+            self._publish(topic, outline, stamp, frame_id)
+
+    def _publish(self, topic: str, outline: warehouse.Outline, stamp: Time,
+                 frame_id: str = warehouse.FRAME) -> None:
+        message = PolygonStamped()
+        message.header.stamp = stamp
+        message.header.frame_id = frame_id
+        message.polygon.points = [Point32(x=x, y=y) for x, y in outline.tolist()]
+        self._topics[topic].publish(message)
+
+
+class _Viewer(Node):
+    """Notes the flags, the obstacles in contact, and the markers."""
+
+    def __init__(self) -> None:
+        super().__init__('viewer')
+        self.flags: dict[str, list[bool]] = {name: [] for name in warehouse.FOOTPRINTS}
+        self.touched: dict[str, list[str]] = {name: [] for name in warehouse.FOOTPRINTS}
+        self.frames: list[Frame] = []
+        self.is_shown = False
+        # When the first robot was seen to be clear: the scene has begun.
+        self._start: float | None = None
+        monitor = '/footprint_monitor'
+        for name in self.flags:
+            self.create_subscription(Bool, f'{monitor}/{name}/collision',
+                                     partial(self._note_flag, name), 10)
+        self.create_subscription(DiagnosticArray, f'{monitor}/state', self._note_state, 10)
+        self.create_subscription(MarkerArray, f'{monitor}/markers', self._note_markers, 10)
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the scene has begun, 0 before."""
+        return time.monotonic() - self._start if self._start else 0.0
+
+    def _note_flag(self, name: str, flag: Bool) -> None:
+        flags = self.flags[name]
+        raised = flag.data
+        if not flags or flags[-1] != raised:
+            if not raised and not self._start:
+                self._start = time.monotonic()
+            flags.append(raised)
+            _print(f'{self.elapsed:6.2f} s  {name:8} collision: {raised}')
+
+    def _note_state(self, states: DiagnosticArray) -> None:
+        for name, status in zip(self.flags, states.status):
+            values = {pair.key: pair.value for pair in status.values}
+            obstacles = values['obstacles in contact']
+            touched = self.touched[name]
+            if obstacles and (not touched or touched[-1] != obstacles):
+                touched.append(obstacles)
+                _print(f'{"":8}  {name:8} {status.message}')
+
+    def _note_markers(self, markers: MarkerArray) -> None:
+        self.is_shown = True
+        flags = {name: flags[-1] for name, flags in self.flags.items() if flags}
+        # Before the scene has begun and after it has ended all flags are raised.
+        if False in flags.values():
+            self.frames.append(Frame(self.elapsed, flags, markers))
+
+    def show_progress(self) -> None:
+        share = min(self.elapsed / warehouse.DURATION, 1.0)
+        flags = '  '.join(f'{name} {"COLLISION" if flags[-1] else "clear"}'
+                          for name, flags in self.flags.items() if flags)
+        if sys.stdout.isatty():
+            print(f'\r\033[K[{"#" * round(30 * share):30}] {flags}', end='', flush=True)
+
+
+def _print(line: str) -> None:
+    print(f'\r\033[K{line}' if sys.stdout.isatty() else line, flush=True)
+
+
+def _parameters() -> Iterator[str]:
+    for name, value in _PARAMETERS.items():
+        text = f'[{", ".join(map(str, value))}]' if isinstance(value, list) else value
+        yield from ('-p', f'{name}:={text}')
+
+
+def _spin(viewer: _Viewer, condition: Callable[[], bool], timeout: float) -> bool:
+    """Spin until a condition holds; return whether it came to hold within the timeout (s)."""
+    deadline = time.monotonic() + timeout
+    while not condition():
+        if time.monotonic() > deadline:
+            return False
+        rclpy.spin_once(viewer, timeout_sec=0.1)
+        viewer.show_progress()
+    return True
+
+
+def _watch(viewer: _Viewer) -> bool:
+    """Run node and publisher to the end; return whether they came up and ended well."""
+    monitor = subprocess.Popen([sys.executable, '-m', 'sat_collision.node',
+                                '--ros-args', *_parameters()])
+    publisher = None
+    try:
+        # Nothing is shown until what measures distances is compiled, too.
+        if not _spin(viewer, lambda: all(viewer.flags.values()) and viewer.is_shown,
+                     _START_TIMEOUT):
+            print(f'the monitor published nothing within {_START_TIMEOUT:g} s')
+            return False
+        publisher = subprocess.Popen([sys.executable, '-m', 'sat_collision.demo', '--publish'])
+        return (_spin(viewer, lambda: publisher.poll() is not None, 2 * warehouse.DURATION)
+                and publisher.returncode == 0
+                and _spin(viewer, lambda: all(flags[-1] for flags in viewer.flags.values()),
+                          2 * _TIMEOUT)
+                and monitor.poll() is None)
+    finally:
+        for process in filter(None, (publisher, monitor)):
+            process.terminate()
+            process.wait()
+
+
+def _verdict(viewer: _Viewer) -> bool:
+    """Print and return whether what was received is what the scene causes."""
+    # Nothing is known at first, then clear, and a rise and a fall for each contact; nothing is
+    # known again once the publisher has ended.
+    right = True
+    for name, contacts in warehouse.CONTACTS.items():
+        flags = [True, False] + [True, False] * len(contacts) + [True]
+        touched = [f'{source}/{number}' for source, number in contacts]
+        right &= viewer.flags[name] == flags and viewer.touched[name] == touched
+        _print(f'{name:8} touched {", ".join(viewer.touched[name]) or "nothing"}, '
+               f'expected {", ".join(touched)}; flags {viewer.flags[name]}, expected {flags}')
+    print('the flags are right' if right else 'THE FLAGS ARE WRONG')
+    return right
+
+
+def _draw(frames: Sequence[Frame], picture: str, movie: str) -> bool:
+    """Write picture and moving picture; return whether there was a contact to draw."""
+    contacts = [frame for frame in frames
+                if any(marker.ns.startswith('contacts/') for marker in frame.markers.markers)]
+    if not contacts:
+        return False
+    write_picture(contacts[0], warehouse.BOUNDS, picture)
+    print(f'wrote {picture}', flush=True)
+    shown: list[Frame] = []
+    for frame in frames:
+        if not shown or frame.time - shown[-1].time >= _FRAME_PERIOD:
+            shown.append(frame)
+    rate = round(_HASTE * len(shown) / shown[-1].time)
+    write_movie(shown, warehouse.BOUNDS, rate, movie)
+    print(f'wrote {movie}', flush=True)
+    return True
+
+
+def show(args: Sequence[str] | None = None) -> int:
+    """Run the demo; return the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser.add_argument('--publish', action='store_true', help='only publish the scene')
+    parser.add_argument('--picture', default='demo.png', help='where to draw the first contact')
+    parser.add_argument('--movie', default='demo.gif', help='where to draw the whole scene')
+    options = parser.parse_args(args)
+    if options.publish:
+        rclpy.init()
+        _Publisher().play()
+        rclpy.shutdown()
+        return 0
+    # A robot near by shall neither see the demo nor disturb it.
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
+    rclpy.init()
+    viewer = _Viewer()
+    right = _watch(viewer) and _verdict(viewer)
+    rclpy.shutdown()
+    drawn = _draw(viewer.frames, options.picture, options.movie)
+    return 0 if right and drawn else 1

@@ -1,0 +1,33 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What to install for a library that is missing."""
+
+from __future__ import annotations
+
+_OF_PIP = {'argcomplete': 'argcomplete', 'backports': 'backports.zstd',
+           'dask': "'dask[distributed]'", 'distributed': "'dask[distributed]'", 'lz4': 'lz4',
+           'matplotlib': 'matplotlib', 'numpy': 'numpy', 'rosbags': 'rosbags', 'yaml': 'pyyaml'}
+_OF_ROS = ('builtin_interfaces', 'rcl_interfaces', 'rclpy', '_msgs')
+
+
+def missing(error: ModuleNotFoundError) -> str:
+    """Say in one line which library is missing, and what to install."""
+    library = str(error.name).partition('.')[0]
+    if library in _OF_PIP:
+        return f'{library} is not installed: pip install {_OF_PIP[library]}'
+    if library.endswith(_OF_ROS):
+        return (f'{library} is not installed: source /opt/ros/jazzy/setup.bash, or in a clone '
+                "pip install '.[ros]'")
+    return f'{error.name} is not installed'

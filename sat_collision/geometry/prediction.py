@@ -1,0 +1,367 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+When a body that moves by a constant twist meets bodies that stand or move straight.
+
+The way is cut into pieces in which the body turns by at most 0.1 rad. In a piece each vertex is
+taken along its chord, as `sweep` has it, and the most that an arc leaves its chord, the sagitta,
+is added to the margin: what is clear by that is clear. Where a piece is not, it is cut finer from
+there on, until the sagitta is a part of the tolerance. So the time found is never late, and the
+bodies are within the tolerance then (docs/exactness.md, lemma 23). A straight way is one piece
+without a sagitta.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sat_collision.geometry.arithmetic import require_nearest
+from sat_collision.geometry.jit import (
+    borrowed, inlined, inner, kernel, scratch, scratch_integers)
+from sat_collision.geometry.layout import convex_part, first_vertex, Packed
+from sat_collision.geometry.moving import STRIDE
+from sat_collision.geometry.plane import length
+from sat_collision.geometry.predicates import UNDERFLOW_BOUND
+from sat_collision.geometry.rows import body_of, rows_of
+from sat_collision.geometry.scan import intersecting_rows
+from sat_collision.geometry.sweep import first_contact_of_moving
+
+# The most that a body turns in a piece, rad, unless that takes too many.
+_TURN = 0.1
+_MOST_PIECES = 4096
+# What rounding may do to a gap, in parts of the coordinates and ways of both bodies.
+_ROUNDING = 2.0 ** -44
+_LEAST = 5e-324
+
+
+class Motion(NamedTuple):
+    """
+    How a body moves, and what is asked of it.
+
+    Attributes
+    ----------
+    x, y : float
+        The origin of the body's frame at time 0, m.
+    vx, vy, turn : float
+        Its velocity at time 0, m/s, and rad/s.
+    horizon : float
+        Seconds.
+    tolerance : float
+        Metres.
+
+    """
+
+    x: float
+    y: float
+    vx: float
+    vy: float
+    turn: float
+    horizon: float
+    tolerance: float
+
+
+class Moving(NamedTuple):
+    """
+    The convex parts of a body that moves.
+
+    Attributes
+    ----------
+    array : flat array of float64
+        x, y of each vertex at time 0, part after part, relative to the origin of the motion.
+    ends : (k,) array of int64
+        Where each part ends, in doubles of an array as `moving.MovingBody` has it.
+
+    """
+
+    array: Any
+    ends: Any
+
+
+class Way(NamedTuple):
+    """
+    The way of a body up to the horizon.
+
+    Attributes
+    ----------
+    motion : Motion
+    body : Moving
+    speed : float
+        The greatest of a vertex, m/s; 0 just if it stands.
+    reach : float
+        How far from the origin a vertex gets at most, or its way is long, m.
+    pieces : int
+        How many it is cut into.
+    boxes : flat array of float64
+        min x, min y, max x, max y of each piece, then of all; relative to the origin.
+
+    """
+
+    motion: Motion
+    body: Moving
+    speed: float
+    reach: float
+    pieces: int
+    boxes: Any
+
+
+def motion_of(twist: ArrayLike, horizon: float, pose: ArrayLike,
+              tolerance: float) -> NDArray[np.float64]:
+    """Return a `Motion` as an array; raise `ValueError` naming what is wrong with it."""
+    vx, vy, turn = _finite(twist, 'twist', 'vx and vy in m/s, omega in rad/s').tolist()
+    x, y, yaw = _finite(pose, 'pose', 'x and y in metres, yaw in rad').tolist()
+    if not 0.0 <= horizon < math.inf:
+        raise ValueError(f'horizon {horizon}, but it has to be 0 or more seconds, and finite')
+    if not 0.0 < tolerance < math.inf:
+        raise ValueError(f'tolerance {tolerance}, but it has to be positive and finite')
+    if not math.isfinite((abs(vx) + abs(vy)) * horizon) or not math.isfinite(turn * horizon):
+        raise ValueError(f'twist {(vx, vy, turn)} leads beyond the largest double within the '
+                         f'horizon of {horizon} s')
+    c, s = math.cos(yaw), math.sin(yaw)
+    return np.array([x, y, c * vx - s * vy, s * vx + c * vy, turn, horizon, tolerance])
+
+
+def velocities_of(velocities: ArrayLike | None, rows: int) -> NDArray[np.float64]:
+    """Return velocities of rows as a flat array; raise `ValueError` if these are none."""
+    if velocities is None:
+        return np.zeros(2 * rows)
+    array = np.asarray(velocities, np.float64)
+    if array.shape != (rows, 2):
+        raise ValueError(f'velocities of shape {array.shape}, but of {rows} rows it has to be '
+                         f'({rows}, 2)')
+    if not np.isfinite(array).all():
+        raise ValueError(f'velocity {np.flatnonzero(~np.isfinite(array).all(axis=1))[0]} is not '
+                         'finite')
+    return np.ascontiguousarray(array).ravel()
+
+
+def _finite(values: ArrayLike, name: str, meaning: str) -> NDArray[np.float64]:
+    array = np.asarray(values, np.float64)
+    if array.shape != (3,) or not np.isfinite(array).all():
+        raise ValueError(f'{name} {values!r}, but it has to be three finite numbers: {meaning}')
+    return array
+
+
+@kernel
+def first_row_met(set_array, body, count, motion, velocities):
+    """
+    Find which row of a set a moving body meets first.
+
+    Parameters
+    ----------
+    set_array : flat array of float64
+        See `rows`.
+    body, count
+        A packed polygon.
+    motion : (7,) array of float64
+        A `Motion`.
+    velocities : flat array of float64
+        vx, vy of each row, m/s.
+
+    Returns
+    -------
+    row : int
+        Of several the first; -1 if there is none.
+    time : float
+        Seconds; 0 just where they share a point at time 0, infinity if there is none.
+
+    """
+    require_nearest(count)
+    rows = rows_of(borrowed(set_array))
+    if intersecting_rows(set_array, body, count) > 0:
+        return rows.found[0], 0.0
+    way = _way(Packed(body, 0, count), motion)
+    # Where it is at the end of the list of pieces is the whole way.
+    candidates = 0
+    for row in range(rows.used):
+        if rows.n[row] != 0 and _may_meet(way, way.pieces, rows, row, velocities):
+            rows.found[candidates] = row
+            candidates += 1
+    first = -1
+    time = math.inf
+    piece = 0
+    while first < 0 and piece < way.pieces:
+        for k in range(candidates):
+            row = rows.found[k]
+            if _may_meet(way, piece, rows, row, velocities):
+                found = _first_contact_in_piece(way, piece, rows, row, velocities, time)
+                if found < time:
+                    time = found
+                    first = row
+        piece += 1
+    return first, time
+
+
+@inner
+def _way(p, motion):
+    """Return the way of a packed polygon."""
+    motion = Motion(motion[0], motion[1], motion[2], motion[3], motion[4], motion[5], motion[6])
+    body = _parts(p, motion)
+    radius = 0.0
+    for k in range(0, len(body.array), 2):
+        radius = max(radius, length(body.array[k], body.array[k + 1]))
+    speed = length(motion.vx, motion.vy) + abs(motion.turn) * radius
+    turned = min(abs(motion.turn) * motion.horizon / _TURN, _MOST_PIECES)
+    pieces = max(1, int(math.ceil(turned)))
+    boxes = scratch(4 * pieces + 4)
+    way = Way(motion, body, speed, radius + speed * motion.horizon, pieces, boxes)
+    _bound(way)
+    return way
+
+
+@inner
+def _parts(p, motion):
+    """Return the convex parts of a packed polygon, relative to the origin of a motion."""
+    count = max(1, -p.n)
+    ends = scratch_integers(count)
+    end = 0
+    for i in range(count):
+        end += STRIDE * convex_part(p, i).n
+        ends[i] = end
+    array = scratch(end // 2)
+    end = 0
+    for i in range(count):
+        part = convex_part(p, i)
+        first = first_vertex(part)
+        for k in range(first, first + 2 * part.n, 2):
+            array[end] = part.array[k] - motion.x
+            array[end + 1] = part.array[k + 1] - motion.y
+            end += 2
+    return Moving(array, ends)
+
+
+@inner
+def _bound(way):
+    """Write the boxes of the pieces of a way, and of all of it."""
+    boxes = way.boxes
+    chords = scratch(2 * len(way.body.array))
+    whole = 4 * way.pieces
+    for piece in range(way.pieces):
+        start, end = _times(way, piece)
+        sagitta = _sagitta(way, end - start)
+        _write_pose(way, start, chords, 0)
+        _write_pose(way, end, chords, 2)
+        for axis in range(2):
+            least = math.inf
+            most = -math.inf
+            for k in range(axis, len(chords), 2):
+                least = min(least, chords[k])
+                most = max(most, chords[k])
+            box = 4 * piece + axis
+            boxes[box] = least - sagitta
+            boxes[box + 2] = most + sagitta
+            box = whole + axis
+            boxes[box] = least - sagitta if piece == 0 else min(boxes[box], least - sagitta)
+            boxes[box + 2] = (most + sagitta if piece == 0
+                              else max(boxes[box + 2], most + sagitta))
+
+
+@inlined
+def _times(way, piece):
+    """Return when a piece of a way begins and ends; that behind the last one is all of it."""
+    horizon = way.motion.horizon
+    if piece == way.pieces:
+        return 0.0, horizon
+    start = horizon * (piece / way.pieces)
+    return start, horizon * ((piece + 1) / way.pieces)
+
+
+@inlined
+def _sagitta(way, seconds):
+    """Return how far a vertex is at most from where it would be on a straight way of so long."""
+    return abs(way.motion.turn) * way.speed * seconds * seconds / 8.0
+
+
+@inner
+def _write_pose(way, time, chords, place):
+    """Write x, y of each vertex at a time, to that place of those of its chord."""
+    motion = way.motion
+    half = motion.turn * time / 2.0
+    c = math.cos(half)
+    s = math.sin(half)
+    along = time * s / half if half != 0.0 else time
+    x = along * (c * motion.vx - s * motion.vy)
+    y = along * (s * motion.vx + c * motion.vy)
+    # Turned by 2 half: cosine 1 - 2 s^2, sine 2 s c.
+    v = way.body.array
+    for k in range(0, len(v), 2):
+        chords[2 * k + place] = v[k] - 2.0 * s * (s * v[k] + c * v[k + 1]) + x
+        chords[2 * k + place + 1] = v[k + 1] + 2.0 * s * (c * v[k] - s * v[k + 1]) + y
+
+
+@inner
+def _may_meet(way, piece, rows, row, velocities):
+    """Tell whether boxes leave it open that a piece of the way comes to the body of a row."""
+    motion = way.motion
+    start, end = _times(way, piece)
+    vx = velocities[2 * row]
+    vy = velocities[2 * row + 1]
+    if way.speed == 0.0 and vx == 0.0 and vy == 0.0:
+        return False
+    margin = _rounding(way, rows, row, vx, vy)
+    box = 4 * piece
+    return not (
+        rows.min_x[row] - motion.x + min(vx * start, vx * end) - way.boxes[box + 2] > margin
+        or rows.min_y[row] - motion.y + min(vy * start, vy * end) - way.boxes[box + 3] > margin
+        or way.boxes[box] - (rows.max_x[row] - motion.x + max(vx * start, vx * end)) > margin
+        or way.boxes[box + 1] - (rows.max_y[row] - motion.y + max(vy * start, vy * end)) > margin)
+
+
+@inlined
+def _rounding(way, rows, row, vx, vy):
+    """Return what rounding may do to the gap between the body on its way and that of a row."""
+    x = max(abs(rows.min_x[row] - way.motion.x), abs(rows.max_x[row] - way.motion.x))
+    y = max(abs(rows.min_y[row] - way.motion.y), abs(rows.max_y[row] - way.motion.y))
+    reach = max(x, y) + (abs(vx) + abs(vy)) * way.motion.horizon
+    return _ROUNDING * (way.reach + reach) + UNDERFLOW_BOUND
+
+
+@inner
+def _first_contact_in_piece(way, piece, rows, row, velocities, before):
+    """Return when in a piece the body meets that of a row; infinity if not before a time."""
+    vx = velocities[2 * row]
+    vy = velocities[2 * row + 1]
+    rounding = _rounding(way, rows, row, vx, vy)
+    other = _parts(body_of(rows, row), way.motion)
+    chords = scratch(2 * len(way.body.array))
+    other_chords = scratch(2 * len(other.array))
+    start, end = _times(way, piece)
+    step = end - start
+    finest = way.motion.horizon / _MOST_PIECES
+    while start < end and start < before:
+        stop = min(start + step, end)
+        sagitta = _sagitta(way, stop - start)
+        _write_pose(way, start, chords, 0)
+        _write_pose(way, stop, chords, 2)
+        for k in range(0, len(other.array), 2):
+            other_chords[2 * k] = other.array[k] + vx * start
+            other_chords[2 * k + 1] = other.array[k + 1] + vy * start
+            other_chords[2 * k + 2] = other.array[k] + vx * stop
+            other_chords[2 * k + 3] = other.array[k + 1] + vy * stop
+        share = first_contact_of_moving(chords, way.body.ends, other_chords, other.ends, sagitta,
+                                        sagitta + rounding)
+        if share == math.inf:
+            start = stop
+            step *= 2.0
+            continue
+        time = start + share * (stop - start)
+        if time >= before or sagitta <= way.motion.tolerance / 4.0 or step <= finest:
+            return max(time, _LEAST)
+        # What is clear is left out, but for what the next step has to look at.
+        step = max(step / 4.0, finest)
+        start = max(start, min(time, stop - step))
+    return math.inf

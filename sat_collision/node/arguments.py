@@ -1,0 +1,95 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The command line of the node: what is not for ROS, and what parameter files are for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+import re
+from typing import Any
+
+USAGE = """\
+usage: ros2 run sat_collision footprint_monitor [--help] [--version] [--ros-args ...]
+
+Publishes whether robots' footprints meet obstacles. Parameters come in a file:
+
+  ros2 run sat_collision footprint_monitor --ros-args --params-file my.yaml
+
+Without ROS's commands: python3 -m sat_collision.node --ros-args --params-file my.yaml
+config/footprint_monitor.yaml lists all parameters with their defaults.
+"""
+
+
+def split(args: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the arguments that are not ROS's, and those that are, as rcl tells them apart."""
+    own: list[str] = []
+    ros: list[str] = []
+    taken_by = own
+    for argument in args:
+        if argument == '--ros-args':
+            taken_by = ros
+        elif argument == '--' and taken_by is ros:
+            taken_by = own
+        else:
+            taken_by.append(argument)
+    return own, ros
+
+
+def unknown_arguments(own: Sequence[str]) -> str:
+    """Say that nothing takes these arguments, and what to type."""
+    return (f"nothing takes '{' '.join(own)}': all arguments come after --ros-args, as in "
+            '--ros-args --params-file my.yaml (--help says more)')
+
+
+def unused_files(ros: Sequence[str], node: str) -> Iterator[str]:
+    """
+    Say which parameter files have nothing for a node, and for which nodes they have some.
+
+    Parameters
+    ----------
+    ros : sequence of str
+        Arguments that are ROS's.
+    node : str
+        The full name of the node.
+
+    Yields
+    ------
+    str
+
+    """
+    import yaml  # of rclpy's own
+    for option, path in zip(ros, ros[1:]):
+        if option != '--params-file':
+            continue
+        with open(path) as file:
+            names = list(_nodes(yaml.safe_load(file)))
+        if not any(re.fullmatch(_pattern(name), node) for name in names):
+            yield (f'{path} has no parameters for {node}, only for {", ".join(names) or "none"}: '
+                   'call it /** there, which is any node')
+
+
+def _nodes(content: Any, above: str = '') -> Iterator[str]:
+    """Yield the full names of the nodes in a parameter file, wildcards as they are."""
+    if isinstance(content, dict):
+        if 'ros__parameters' in content:
+            yield above
+        else:
+            for name, below in content.items():
+                yield from _nodes(below, f'{above}/{str(name).strip("/")}')
+
+
+def _pattern(name: str) -> str:
+    """Return what matches the full names that a name with wildcards is for, as rcl has it."""
+    return name.replace('/**', '(/~)*').replace('/*', r'/\w+').replace('~', r'\w+')

@@ -1,0 +1,222 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Pairs of polygons changed in steps of ulps to where a contact errs most: `make adversary`.
+
+Bodies are convex or not. Each evaluation checks all that a contact promises, and that `separation`
+and `intersects` say the same; a climb follows one of the errors. They are computed in twice the
+precision of doubles, of all parts, vertices and edges without any search.
+"""
+
+import numpy as np
+from sat_collision.geometry.contact import contact_of_arrays
+from sat_collision.geometry.convex_parts import convex_parts
+from sat_collision.geometry.distance import measure_arrays
+from sat_collision.geometry.double_double import (
+    difference, dot, negative, plus, square_root, times)
+from sat_collision.geometry.intersection import arrays_meet
+from sat_collision.geometry.jit import kernel
+from sat_collision.geometry.layout import convex_part, first_vertex, HEADER, Packed, packed_size
+from sat_collision.geometry.nearest_features import reach_of
+from sat_collision.geometry.packing import pack
+from sat_collision.geometry.predicates import orient
+from sat_collision.geometry.ring import CONVEX, NON_CONVEX
+import separations
+from separations import distance_to_edges, reach_beyond_edges, UNIT
+
+NORMAL, POINTS, GAP, WAY_OUT = range(4)
+NAMES = ('length of the normal', 'points outside their body', 'way between the points',
+         'overlap once moved by depth × normal')
+BOUNDS = '4 u', '8 u R', '32 u R', '2⁻⁴⁶ R'
+COUNTS = (1, 2), (2, 2), (1, 4), (3, 3), (4, 6), (4, 20), (1, 6), (2, 7), (4, 8), (8, 8)
+# From the sixth on the second body has notches, in the last one both.
+CONVEX_COUNTS = 6
+STEPS = 5000
+_FAR = (1e300, 0.0)
+
+
+@kernel
+def packed_body(points):
+    """Return a body of points x, y, x, y, ..., packed, convex or not; of 0 vertices if refused."""
+    most = len(points) // 2
+    ring = np.empty(packed_size(most))
+    verdict, count, _, _, first = pack(points, ring, most, most)
+    if verdict == CONVEX:
+        return Packed(ring, 0, count)
+    if verdict != NON_CONVEX:
+        return Packed(ring, 0, 0)
+    outline = ring[first:first + 2 * count].copy()
+    corners, ends = convex_parts(outline)
+    start = HEADER + 2 * len(ends)
+    array = np.empty(start + packed_size(len(corners)) + HEADER * len(ends) + 2 * count)
+    array[:HEADER] = ring[:HEADER]
+    begin = 0
+    for i in range(len(ends)):
+        n = ends[i] - begin
+        part = np.empty(2 * n)
+        for k in range(n):
+            part[2 * k:2 * k + 2] = outline[2 * corners[begin + k]:2 * corners[begin + k] + 2]
+        _, n, _, _, _ = pack(part, array[start:], n, n)
+        array[HEADER + 2 * i] = start
+        array[HEADER + 2 * i + 1] = n
+        start += packed_size(n)
+        begin = ends[i]
+    array[0] = start
+    array[1] = start + 2 * count
+    array[start:start + 2 * count] = outline
+    return Packed(array[:start + 2 * count].copy(), 0, -len(ends))
+
+
+@kernel
+def _outside(p, x, y):
+    """Return how far a point is outside a body."""
+    point = np.empty(packed_size(1))
+    point[HEADER] = x
+    point[HEADER + 1] = y
+    least = np.inf
+    for i in range(max(1, -p.n)):
+        part = convex_part(p, i)
+        v = part.array
+        first = first_vertex(part)
+        inside = part.n > 2
+        for k in range(part.n):
+            a = first + 2 * k
+            b = first + 2 * ((k + 1) % part.n)
+            inside = inside and orient(v[a], v[a + 1], v[b], v[b + 1], x, y) >= 0
+        if inside:
+            return 0.0
+        least = min(least, distance_to_edges(part, Packed(point, 0, 1), _FAR)[0])
+    return least
+
+
+@kernel
+def _left_over(p, q, mx, my):
+    """Return how deep any part of P, once moved by m, overlaps one of Q."""
+    most = 0.0
+    for i in range(max(1, -p.n)):
+        a = convex_part(p, i)
+        for j in range(max(1, -q.n)):
+            b = convex_part(q, j)
+            if a.n > 1 or b.n > 1:
+                reach = reach_beyond_edges(a, b, _FAR, negative(mx), negative(my))
+                most = max(most, reach_beyond_edges(b, a, reach, mx, my)[0])
+    return most
+
+
+@kernel
+def errors(p, q):
+    """Return each error of a contact in parts of its bound, and whether it contradicts itself."""
+    value, depth, nx, ny, count, pairs = contact_of_arrays(p.array, p.n, q.array, q.n)
+    convex = p.n > 0 and q.n > 0
+    wrong = (value != measure_arrays(p.array, p.n, q.array, q.n)[0]
+             or (value > 0.0) == arrays_meet(p.array, p.n, q.array, q.n)
+             or (value > 0.0 and depth != 0.0) or not max(-value, 0.0) <= depth < np.inf
+             or (convex and depth != max(-value, 0.0)) or not 1 <= count <= 2)
+    unit = square_root(dot((nx, 0.0), (ny, 0.0), (nx, 0.0), (ny, 0.0)))
+    outside = 0.0
+    least = np.inf
+    aside = 0.0
+    for k in range(count):
+        ax, ay, bx, by = pairs[k]
+        outside = max(outside, _outside(p, ax, ay), _outside(q, bx, by))
+        gx = difference(ax, bx)
+        gy = difference(ay, by)
+        least = min(least, plus(dot(gx, gy, (nx, 0.0), (ny, 0.0)), (-value, 0.0))[0])
+        aside = max(aside, abs(dot(gx, gy, (-ny, 0.0), (nx, 0.0))[0]))
+    rounding = UNIT * reach_of(p, q)
+    left = _left_over(p, q, times((depth, 0.0), (nx, 0.0)), times((depth, 0.0), (ny, 0.0)))
+    return (abs(plus(unit, (-1.0, 0.0))[0]) / (4.0 * UNIT), outside / (8.0 * rounding),
+            max(abs(least), aside) / (32.0 * rounding) if convex else 0.0,
+            left / (128.0 * rounding)), wrong
+
+
+@kernel
+def climb(which, x, n, steps, random):
+    """Change two bodies in place, n points and the others, to a larger error; return it."""
+    bits = x.view(np.int64)
+    best = -1.0
+    wrong = 0
+    kept = x.copy()
+    for step in range(steps):
+        if step > 0:
+            for _ in range(random.integers(1, 3)):
+                k = random.integers(0, len(x))
+                move = 1 << random.integers(0, 50)
+                bits[k] += move if random.random() < 0.5 else -move
+        found = -1.0
+        usual = True
+        for k in range(len(x)):
+            usual = usual and 1e-60 < abs(x[k]) < 1e60
+        if usual:
+            p = packed_body(x[:2 * n])
+            q = packed_body(x[2 * n:])
+            if p.n != 0 and q.n != 0:
+                ratios, contradicts = errors(p, q)
+                wrong += contradicts or max(ratios) > 1.0
+                found = ratios[which]
+        if found >= best:
+            best = found
+            kept[:] = x
+        else:
+            x[:] = kept
+    return best, wrong
+
+
+def starts_of(rng, kind, count):
+    """Return near pairs as flat arrays: some far from the origin, half of them on a lattice."""
+    n, m = COUNTS[kind]
+    x = separations.starts_of(rng, count, n, m) if kind < CONVEX_COUNTS else (
+        _pairs_with_notches(rng, count, n, m))
+    # Where edges are level, features equally near, and no coordinate is 0.
+    return np.where(rng.random((count, 1)) < 0.5, np.rint(4.0 * x) / 4.0 + 17.0, x)
+
+
+def _pairs_with_notches(rng, count, n, m):
+    pair = [_with_notches(rng, count, size) if size > 4 else
+            rng.uniform(-1, 1, (count, 1, 2)) + separations.starts_of(rng, count, size, 1).reshape(
+                count, -1, 2)[:, :size] for size in (n, m)]
+    pair[1] += rng.uniform(-1, 1, (count, 1, 2))
+    offset = rng.normal(size=(count, 1, 2)) * rng.choice([0.0, 1.0, 1e3, 1e6], (count, 1, 1))
+    return (np.concatenate(pair, axis=1) + offset).reshape(count, -1)
+
+
+def _with_notches(rng, count, n):
+    """Return rings around the origin whose vertices are near and far from it in turn."""
+    angle = (np.arange(n) + rng.uniform(0, 0.9, (count, n))) * 2 * np.pi / n
+    radius = rng.uniform(0.8, 1.2, (count, n)) * np.where(np.arange(n) % 2, 1.0, 0.4)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=2)
+
+
+def largest(which, kind, evaluations, seed=1):
+    """Return the largest error in parts of its bound, and how many contacts break a promise."""
+    rng = np.random.default_rng(seed)
+    starts = starts_of(rng, kind, max(evaluations // STEPS, 10))
+    n = COUNTS[kind][0]
+    found = [climb(which, x, n, evaluations // len(starts), rng) for x in starts]
+    return max(ratio for ratio, _ in found), sum(wrong for _, wrong in found)
+
+
+def report(evaluations, seed):
+    """Print a row for each error that is followed; return how many contacts break a promise."""
+    print('\n| of a contact | bound | largest error / bound | wrong | evaluations |\n'
+          '|---|---|---|---|---|')
+    share = evaluations // len(NAMES)
+    failures = 0
+    for which, name in enumerate(NAMES):
+        ratios, wrong = zip(*(largest(which, kind, share // len(COUNTS), seed)
+                              for kind in range(len(COUNTS))))
+        failures += sum(wrong)
+        print(f'| {name} | {BOUNDS[which]} | {max(ratios):.4f} | {sum(wrong)} | '
+              f'{share:.1e} |', flush=True)
+    return failures

@@ -1,0 +1,330 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Times to contact: against figures of third parties, and against exact poses on arcs."""
+
+import json
+import math
+from pathlib import Path
+
+import families
+import numpy as np
+import oracle
+import pytest
+from sat_collision import (
+    intersects, PolygonError, PolygonSet, separation, time_of_contact, time_to_contact)
+import shapes
+
+DATA = json.loads((Path(__file__).parents[1] / 'data' / 'prediction.json').read_text())
+TRANSLATIONS = [dict(zip(DATA['columns'], row)) for row in DATA['translations']]
+
+BOX = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], float)
+BAR = BOX[:2]
+L = np.array([(0, 0), (2, 0), (2, 0.5), (0.5, 0.5), (0.5, 2), (0, 2)])
+BODIES = [BOX[:1], BAR, BOX[:3], BOX, L, shapes.comb(2)]
+# A turn by k / 256 of tan(45 degrees / 2) and more has a rational cosine and sine.
+PARTS = 256
+STEPS = np.arange(PARTS)
+
+
+def ahead(case):
+    """Return our time for a pair of which both move straight."""
+    return time_to_contact(case['a'], (*case['a_velocity'], 0.0), [case['b']], case['horizon'],
+                           [case['b_velocity']])
+
+
+def or_never(time):
+    return math.inf if time is None else time
+
+
+@pytest.mark.parametrize('source', range(len(DATA['sources'])), ids=DATA['sources'])
+def test_translations(source):
+    """Exact times to 1e-9 s and never late, those that others published as they did."""
+    cases = [case for case in TRANSLATIONS if case['source'] == source]
+    assert cases
+    for case in cases:
+        exact, time = or_never(case['first_contact']), ahead(case)
+        assert time == exact or exact - 1e-9 <= time <= exact
+        if 'published' in case:
+            published = or_never(case['published'])
+            assert time == published or abs(time - published) <= case['published_tolerance']
+
+
+def at(polygon, velocity, time):
+    return np.array(polygon) + time * np.array(velocity)
+
+
+@pytest.mark.parametrize('scene', DATA['time_to_collision'], ids=lambda scene: scene['name'])
+def test_times_to_collision_of_nuplan(scene):
+    """Stepped as its metric does they are as published; the exact ones are between two steps."""
+    ego, velocity, horizon = scene['ego'], scene['ego_velocity'], scene['horizon']
+    stepped = math.inf
+    for polygon, own, is_ahead, exact in scene['tracks']:
+        exact = or_never(exact)
+        time = time_to_contact(ego, (*velocity, 0.0), [polygon], horizon, [own])
+        assert time == exact or exact - 1e-9 <= time <= exact
+        touched = next((k for k in range(round(horizon / scene['step']) + 1)
+                        if intersects(at(ego, velocity, k * scene['step']),
+                                      at(polygon, own, k * scene['step']))), math.inf)
+        assert touched == math.inf or (touched - 1) * scene['step'] < time <= (
+            touched * scene['step'])
+        if is_ahead and any(velocity):
+            stepped = min(stepped, touched * scene['step'])
+    published = or_never(scene['published'])
+    assert stepped == published or stepped == pytest.approx(published)
+    polygons, velocities, _, times = zip(*scene['tracks'])
+    row, time = PolygonSet(polygons).first_contact(ego, (*velocity, 0.0), horizon, velocities)
+    assert times[row] == min(map(or_never, times)) == pytest.approx(time, abs=1e-9)
+
+
+@pytest.mark.parametrize('scene', DATA['collisions'], ids=lambda scene: scene['name'])
+def test_collisions_of_nuplan(scene):
+    """Those that it counts: each track once, when it is first in contact."""
+    collided = set()
+    for ego, tracks in scene['frames']:
+        collided |= {name for name, polygon in tracks.items()
+                     if time_to_contact(ego, (1.0, 2.0, 3.0), [polygon], 0.0) == 0.0}
+    assert len(collided) == scene['published_new_collisions']
+
+
+def turned(points, centre, cosine, sine):
+    """Return points turned about a centre, times what cosine and sine are multiplied by."""
+    x, y = (points - centre).T
+    return np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
+
+
+def arcs(seed, count):
+    """
+    Return ways on arcs: body, centre, angular velocity, pose of its frame, twist, an obstacle.
+
+    All coordinates are multiples of 1/8, so that poses are rational where cosine and sine are.
+    """
+    rng = np.random.default_rng(seed)
+    for _ in range(count):
+        body, other = (BODIES[rng.integers(len(BODIES))] * rng.choice([0.5, 1, 2])
+                       + rng.integers(-24, 25, 2) / 8 for _ in range(2))
+        centre = rng.integers(-16, 17, 2) / 8 * rng.choice([0, 1, 8])
+        omega = rng.choice([-1, 1]) * rng.choice([0.125, 0.5, 1, 4])
+        origin, yaw = rng.uniform(-3, 3, 2), rng.uniform(-4, 4)
+        vx, vy = omega * np.array([centre[1] - origin[1], origin[0] - centre[0]])
+        c, s = math.cos(yaw), math.sin(yaw)
+        yield body, centre, omega, (*origin, yaw), (c * vx + s * vy, c * vy - s * vx, omega), other
+
+
+@pytest.mark.parametrize('tolerance', [1e-3, 1e-6])
+def test_turning_ways_against_dense_rational_poses(tolerance):
+    """
+    Never late, and within the tolerance when they are found.
+
+    Poses are those of rational points of the circle, 1024 in a full turn, computed in integers.
+    """
+    outcomes = {'never': 0, 'start': 0, 'later': 0, 'between samples': 0}
+    cosine, sine = PARTS ** 2 - STEPS ** 2, 2 * PARTS * STEPS
+    for body, centre, omega, pose, twist, other in arcs(int(1e6 * tolerance), 400):
+        horizon = 5.0 / abs(omega)
+        time = time_to_contact(body, twist, [other], horizon, pose=pose, tolerance=tolerance)
+        sampled = []
+        for quarter in range(4):
+            c, s = ((cosine, sine), (-sine, cosine), (-cosine, -sine), (sine, -cosine))[quarter]
+            times = (quarter * math.pi / 2 + 2 * np.arctan(STEPS / PARTS)) / abs(omega)
+            sampled += [(t, 8 * turned(body, centre, c[k], math.copysign(1, omega) * s[k]),
+                         8 * (other - centre) * (PARTS ** 2 + k ** 2))
+                        for k, t in enumerate(times.tolist()) if t <= horizon]
+        touching, _ = oracle.intersects_pairs([pair for _, *pair in sampled])
+        first = sampled[touching.argmax()][0] if touching.any() else math.inf
+        assert (time == 0.0) == (first == 0.0) == intersects(body, other)
+        assert time <= first * (1.0 + 1e-15)
+        if 0.0 < time < math.inf:
+            there = centre + turned(body, centre, math.cos(omega * time), math.sin(omega * time))
+            acceleration = abs(omega) * (math.hypot(*twist[:2]) + abs(omega) * np.hypot(
+                *(body - pose[:2]).T).max())
+            bound = max(tolerance, 2.0 ** -25 * acceleration * horizon ** 2)
+            assert 0.0 < separation(there, other) + 1e-12 <= bound
+        outcomes['never' if time == math.inf else 'start' if time == 0.0 else
+                 'later' if first < math.inf else 'between samples'] += 1
+    assert min(outcomes['never'], outcomes['start'], outcomes['later']) > 20, outcomes
+    assert tolerance < 1e-3 or outcomes['between samples'] > 0
+
+
+def posed(body, twist, time):
+    """Return a body after a time, by the exponential map of its twist about (0, 0)."""
+    vx, vy, omega = twist
+    turned = np.expm1(1j * omega * time)
+    along = turned / (1j * omega) if omega else time
+    place = (1.0 + turned) * (body @ [1, 1j]) + along * complex(vx, vy)
+    return np.column_stack([place.real, place.imag])
+
+
+def test_among_many_that_move():
+    """Whom it meets first, never late: no sample before it is deeper than rounding."""
+    rng = np.random.default_rng(3)
+    found = 0
+    for k in range(120):
+        body = BODIES[k % len(BODIES)]
+        twist = (*rng.uniform(-2, 2, 2), rng.choice([0.0, 1e-9, 0.3, -3.0]))
+        others = [BODIES[rng.integers(len(BODIES))] + rng.uniform(-9, 9, 2) for _ in range(12)]
+        velocities = rng.uniform(-1, 1, (12, 2)) * (k % 3)
+        contact = PolygonSet(others).first_contact(body, twist, 3.0, velocities)
+        row, time = contact or (-1, math.inf)
+        for t in np.linspace(0.0, min(time, 3.0), 60)[:-1 if time else 0].tolist():
+            there = posed(body, twist, t)
+            assert min(separation(there, other + t * v)
+                       for other, v in zip(others, velocities)) > -1e-12
+        if 0.0 < time < math.inf:
+            found += 1
+            assert separation(posed(body, twist, time), others[row] + time * velocities[row]) <= (
+                1e-3 if twist[2] else 1e-10)
+        alone = [time_to_contact(body, twist, [other], 3.0, [v])
+                 for other, v in zip(others, velocities)]
+        assert time == min(alone) and (row < 0 or alone[row] == time)
+    assert found > 30
+
+
+def test_straight_ways_of_bodies_that_are_not_convex():
+    """As `time_of_contact` has them."""
+    rng = np.random.default_rng(4)
+    met = 0
+    for _ in range(200):
+        body, other = (BODIES[4 + rng.integers(2)] + rng.uniform(-4, 4, 2) for _ in range(2))
+        twist = (*rng.uniform(-3, 3, 2), 0.0)
+        expected = time_of_contact(body, body + 2.0 * np.array(twist[:2]), other, other, 1e-12)
+        time = time_to_contact(body, twist, [other], 2.0)
+        assert time == pytest.approx(2.0 * or_never(expected), abs=1e-9)
+        met += 0.0 < time < math.inf
+    assert met > 30
+
+
+@pytest.mark.parametrize('name', ['hair_gaps', 'one_ulp', 'edge_on_edge', 'vertex_on_edge',
+                                  'points_and_segments', 'notched'])
+def test_standing_is_decided_exactly(name):
+    """By no twist, or no time: in contact from the start or never."""
+    family = {**families.CONVEX, **families.SIMPLE}[name]
+    times = set()
+    for a, b in family(np.random.default_rng(6), 60, 7):
+        expected = 0.0 if intersects(a, b) else math.inf
+        assert time_to_contact(a, (0, 0, 0), [b], 3.0) == expected
+        assert time_to_contact(a, (1, 2, 3), [b], 0.0) == expected
+        assert (time_to_contact(a, (1, 2, 3), [b], 1.0) == 0.0) == (expected == 0.0)
+        times.add(expected)
+    assert times == {0.0, math.inf}
+
+
+@pytest.mark.parametrize('twist, obstacle, expected', [
+    ((2, 0, 0), (4, 0), 1.5),
+    ((2, 0, 0), (7, 0), 3.0),
+    ((2, 0, 0), (7.001, 0), math.inf),
+    ((2, 0, 0), (4, 1e-9), math.inf),
+    ((-2, 0, 0), (4, 0), math.inf),
+    ((0, 0, 1), (0, 1), math.pi / 2),
+    ((0, 0, -1), (0, -1), math.pi / 2),
+    ((0, 0, 1), (0, 1.002), math.inf),
+    ((0, 0, 1), (-0.5, -0.5), math.inf),
+    ((0, 0, 2), (-0.5, -0.5), 5 * math.pi / 8),
+    ((0, 2, 1), (-2, 2.5), math.pi / 2),
+    ((0, 2, 1), (-2, 3.002), math.inf),
+    ((0, 0, 100), (-1, 0), math.pi / 100),
+], ids=['ahead', 'at the horizon', 'beyond it', 'beside', 'behind', 'left', 'right',
+        'out of reach', 'too late', 'most of a turn', 'about a centre', 'outside that arc',
+        'fast'])
+def test_a_bar_by_hand(twist, obstacle, expected):
+    """From (0, 0) to (1, 0); never late, and early by the tolerance at its speed there."""
+    time = time_to_contact(BAR, twist, [[obstacle]], 3.0)
+    assert expected - (4e-3 / abs(twist[2]) if twist[2] else 1e-9) <= time <= expected or (
+        time == expected)
+
+
+def test_an_arc_that_leaves_its_chord():
+    """The tip touches in the middle of a piece of 0.1 rad, where no chord and no box of one is."""
+    for quarter in range(4):
+        turn = 1j ** quarter
+        tip, post = turn * np.exp(-0.05j), 0.9999 * turn
+        time = time_to_contact([(0, 0), (tip.real, tip.imag)], (0, 0, 1),
+                               [[(post.real, post.imag)]], 3.0, tolerance=1e-5)
+        assert 0.05 - 2e-5 <= time <= 0.05
+
+
+def test_a_turn_too_fast_to_be_followed():
+    """What is in reach counts, what is out of it by the bound does not."""
+    assert 0.0 < time_to_contact(BAR, (0, 0, 1e5), [[(-0.9, 0)]], 3.0) <= math.pi / 1e5
+    assert time_to_contact(BAR, (0, 0, 1e5), [[(1e9, 0)]], 3.0) == math.inf
+
+
+@pytest.mark.parametrize('exponent', [-900, -200, 200, 900])
+def test_every_scale_is_the_same(exponent):
+    """Bit by bit, with the tolerance to scale."""
+    for body, _, omega, pose, twist, other in arcs(8, 60):
+        scaled = [np.ldexp(one, exponent) for one in (body, other)]
+        move, place = (np.array([math.ldexp(one[0], exponent), math.ldexp(one[1], exponent),
+                                 one[2]]) for one in (twist, pose))
+        tolerance = math.ldexp(1e-3, exponent)
+        assert time_to_contact(scaled[0], move, scaled[1:], 3.0, pose=place,
+                               tolerance=tolerance) == (
+            time_to_contact(body, twist, [other], 3.0, pose=pose))
+
+
+@pytest.mark.parametrize('factor', [1e-300, 1e150, 1e300])
+def test_huge_and_tiny_values(factor):
+    """Unknown is never clear: what the bar turns or drives into is found."""
+    wall = factor * (BOX + [2, -0.5])
+    for twist in ((0, 0, 1), (0, 0, 1e-300), (factor, 0, 0), (factor, 0, 1)):
+        time = time_to_contact(factor * BAR, twist, [wall], 9.0)
+        assert (time == math.inf) == (twist[0] == 0.0 or (factor, 0, 1) == twist)
+    near = time_to_contact(factor * BAR, (0, 0, 1), [[(0, factor)]], 9.0, tolerance=5e-324)
+    assert 1.5 < near <= math.pi / 2
+    assert time_to_contact(factor * BAR, (0, 0, -1e-9), [[(factor, -1e-9 * factor)]], 9.0) <= 1.0
+
+
+def test_far_from_the_origin():
+    """The pose of the base frame says about what a footprint in UTM turns."""
+    east, north = 447_000.0, 5_411_000.0
+    body = BOX + [east, north]
+    post = [[(east - 0.4, north + 1.2)]]
+    here = time_to_contact(BOX, (0.5, 0, 1), [[(-0.4, 1.2)]], 3.0)
+    there = time_to_contact(body, (0.5, 0, 1), post, 3.0, pose=(east, north, 0.0))
+    assert 0.0 < here < math.inf and there == pytest.approx(here, abs=1e-3)
+
+
+def test_rows_that_have_no_body():
+    """They are left out, though they have a velocity."""
+    rows = PolygonSet([[(3, 0)], [(5, 0)], [(5, 0), (5, 1)]])
+    rows.remove(0)
+    assert rows.first_contact(BAR, (1, 0, 0), 9.0) == (1, pytest.approx(4.0))
+    assert rows.first_contact(BAR, (1, 0, 0), 9.0, [(0, 0), (1, 0), (-1, 0)]) == (
+        2, pytest.approx(2.0))
+    assert rows.first_contact(BAR, (0, 1, 0), 9.0) is None
+    assert PolygonSet().first_contact(BAR, (1, 0, 0), 9.0) is None
+
+
+@pytest.mark.parametrize('change, words', [
+    ({'twist': (1, 0)}, 'twist .*three finite numbers: vx and vy in m/s, omega in rad/s'),
+    ({'twist': (1, 0, math.nan)}, 'twist .*three finite numbers'),
+    ({'twist': (1e300, 0, 0), 'horizon': 1e9}, 'twist .*beyond the largest double'),
+    ({'twist': (0, 0, 1e300), 'horizon': 1e9}, 'twist .*beyond the largest double'),
+    ({'pose': (1, 0)}, 'pose .*x and y in metres, yaw in rad'),
+    ({'pose': (1, math.inf, 0)}, 'pose .*three finite numbers'),
+    ({'horizon': -1.0}, 'horizon -1.0'),
+    ({'horizon': math.nan}, 'horizon nan'),
+    ({'horizon': math.inf}, 'horizon inf'),
+    ({'tolerance': 0.0}, 'tolerance 0.0'),
+    ({'tolerance': math.nan}, 'tolerance nan'),
+    ({'velocities': (1, 0)}, r'velocities of shape \(2,\), but of 2 rows'),
+    ({'velocities': [(1, 0)]}, r'velocities of shape \(1, 2\), but of 2 rows'),
+    ({'velocities': [(1, 0), (0, math.nan)]}, 'velocity 1 is not finite'),
+    ({'footprint': []}, 'no points'),
+])
+def test_what_is_refused_in_its_own_terms(change, words):
+    """Also where nothing is near."""
+    given = {'footprint': BOX, 'twist': (1, 0, 0), 'obstacles': [BOX + 9, BAR + 9], 'horizon': 1.0}
+    with pytest.raises(PolygonError if 'footprint' in change else ValueError, match=words):
+        time_to_contact(**{**given, **change})

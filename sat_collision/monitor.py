@@ -157,15 +157,16 @@ class Monitor:
         settings = self.scene.settings_of(name)
         if not settings.enabled:
             return rejections
-        batch = Batch(messages)
-        while batch.taken < len(messages):
-            data, number = messages[batch.taken]
+        batch = Batch(messages) if len(messages) > 2 else None
+        taken = 0
+        while taken < len(messages):
+            data, number = messages[taken]
             if refused := self._admit(settings, data, number, now):
                 rejections = [*rejections, *refused]
-            batch.taken += 1
-            if batch.taken + 1 < len(messages) and isinstance(settings, ObstacleSettings) and (
+            taken += 1
+            if batch and isinstance(settings, ObstacleSettings) and (
                     name not in self.waiting and batch.has_no_gap):
-                batch.taken += self.teller.take_run(settings, batch, now)
+                taken += self.teller.take_run(settings, batch, taken, now)
         return rejections
 
     def update_publishers(self, name: str, endpoints: list[Endpoint]) -> None:

@@ -115,5 +115,5 @@ def test_runs_are_taken_at_all(monkeypatch):
         del taken[:]
         monitor.receive_batch('lidar', [(data, None) for data in (*batch, serialised([], stamp))],
                               stamp)
-    assert taken == [9, 9]
+    assert [*filter(None, taken)] == [9, 9]
     assert monitor.scene.state('robot').status.value == 'collision'

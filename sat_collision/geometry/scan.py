@@ -83,21 +83,6 @@ def write_and_measure(set_array, row, body, count, others, margin):
 
 
 @kernel
-def is_same(set_array, row, body, count):
-    """Tell whether the body of a row is this one, number by number."""
-    require_nearest(row)
-    rows = rows_of(borrowed(set_array))
-    size = body_size(Packed(body, 0, count))
-    start = rows.start[row]
-    if rows.n[row] != count or rows.space[row] < size:
-        return False
-    for k in range(size):
-        if rows.packed[start + k] != body[k]:
-            return False
-    return True
-
-
-@kernel
 def intersecting_rows(set_array, body, count):
     """Write the rows that share a point with a body into found, ascending; return how many."""
     require_nearest(count)

@@ -19,7 +19,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from sat_collision.geometry.jit import indexable
@@ -49,14 +48,11 @@ class Batch:
     ----------
     messages : sequence of tuple
         The serialised message, and which one of its publisher it is, where that is known.
-    taken : int
-        How many were taken so far.
 
     """
 
     def __init__(self, messages: Sequence[tuple[bytes, int | None]]) -> None:
         self.messages = messages
-        self.taken = 0
 
     @cached_property
     def joined(self) -> tuple[bytes, object]:
@@ -72,15 +68,6 @@ class Batch:
         first = numbers[0]
         return numbers == ([None] * len(numbers) if first is None
                            else [*range(first, first + len(numbers))])
-
-
-class _Model(NamedTuple):
-    """A message that was taken, where the number of its points stands, its stamp and its map."""
-
-    data: bytes
-    count_at: int
-    stamp: int
-    plane: PlaneMap
 
 
 class Teller:
@@ -117,18 +104,19 @@ class Teller:
         self._with_ids = {source.name for source in settings.obstacles
                           if source.type == POLYGON_INSTANCE}
         self._packer = Packer(settings.max_vertices)
-        # What further messages of a set must be like to be taken as a run.
-        self._model: _Model | None = None
+        # The last obstacle that was received, where in it the number of its points stands, its
+        # stamp and where it was moved: what the messages of a run must be like.
+        self._model: tuple[bytes, int, int, PlaneMap] = b'', 0, 0, _UNMOVED
 
-    def take_run(self, settings: ObstacleSettings, batch: Batch, now: int) -> int:
-        """Tell the scene of what is like the message before; return how many were taken."""
-        model = self._model
-        if model is None or model.data is not batch.messages[batch.taken - 1][0]:
+    def take_run(self, settings: ObstacleSettings, batch: Batch, begin: int, now: int) -> int:
+        """Tell the scene of messages like the one before them; return how many were taken."""
+        model, count_at, stamp, plane = self._model
+        if model is not batch.messages[begin - 1][0]:
             return 0
         data, ends = batch.joined
         return self._scene.obstacle_run(settings.name, Run(
-            data, ends, batch.taken - 1, batch.taken, model.count_at, self._packer.max_vertices,
-            model.plane, self._packer.array), model.stamp, now)
+            data, ends, begin - 1, begin, count_at, self._packer.max_vertices, plane,
+            self._packer.array), stamp, now)
 
     def take(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
              number: int | None, now: int, may_wait: bool = True) -> Rejection | Wait | None:
@@ -172,7 +160,7 @@ class Teller:
                 self._placements.append(Placement(
                     name, stamp or now, stamp != 0, frame_id, points, plane, instance))
             elif points[2] and points[0] is data:
-                self._model = _Model(data, points[1] - 4, stamp, plane or _UNMOVED)
+                self._model = data, points[1] - 4, stamp, plane or _UNMOVED
             return None
         return self.reject(settings, refusal, detail_of(
             refusal, frame_id, scene.frame_id, (now - stamp) / 1e9, settings.timeout))

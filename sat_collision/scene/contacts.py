@@ -98,8 +98,9 @@ class Contacts:
 
     def place_run(self, obstacles: Sequence[Obstacle], run: Run) -> int:
         """Put obstacles where a run has them, until one may meet something; return how many."""
-        placed = self._obstacles.polygons.place_run(
-            run, [one.row for one in obstacles], self._footprints.polygons, self._margin)
+        rows = [one.row for one in obstacles if one.row is not None]
+        placed = self._obstacles.polygons.place_run(run, rows, self._footprints.polygons,
+                                                    self._margin)
         for obstacle in obstacles[:placed]:
             obstacle.moved()
         return placed

@@ -301,8 +301,7 @@ class _Run:
     def _follow(self, now: int) -> None:
         """Take what was placed, and what has changed."""
         if self._placements and self._motion:
-            for placement in self._placements:
-                self._motion.place(placement)
+            self._motion.place(self._placements)
             self._placements.clear()
         changed = self._scene.changes()
         if changed:

@@ -22,48 +22,63 @@ from sat_collision.geometry.moving import STRIDE
 
 
 @kernel
-def describe(points, ends):
+def describe(values, lengths, planes):
     """
-    Return counts, bounding boxes and centres of rings.
+    Return the points of rings, and where each is.
 
     Parameters
     ----------
-    points : (v, 2) array of float64
-        The points of all rings.
-    ends : (n,) array of int64
-        Where each ring ends.
+    values : (3 v,) array of float32
+        x, y and z of the points of all rings, as received.
+    lengths : (n,) array of int64
+        How many points each ring has.
+    planes : (n, 6) array of float64
+        The map that takes each ring to the frame that counts, as a PlaneMap; empty if none is
+        needed.
 
     Returns
     -------
-    counts : (n,) array of int64
-        The points of each ring, without one that closes it.
+    points : (v, 2) array of float64
+    firsts, counts : (n,) array of int64
+        Where each ring starts and how many points it has, without one that closes it.
     boxes : (n, 4) array of float64
         min x, min y, max x, max y.
     centres : (n, 2) array of float64
         The middle of the box: what a ring is known by from one set to the next.
 
     """
-    counts = np.empty(len(ends), np.int64)
-    boxes = np.empty((len(ends), 4))
-    centres = np.empty((len(ends), 2))
+    points = np.empty((len(values) // 3, 2))
+    firsts = np.empty(len(lengths), np.int64)
+    counts = np.empty(len(lengths), np.int64)
+    boxes = np.empty((len(lengths), 4))
+    centres = np.empty((len(lengths), 2))
     start = 0
-    for i in range(len(ends)):
-        end = ends[i]
-        last = end - 1
+    for i in range(len(lengths)):
+        last = start + lengths[i] - 1
+        for k in range(start, last + 1):
+            points[k, 0] = values[3 * k]
+            points[k, 1] = values[3 * k + 1]
+            if len(planes):
+                # As `packing.moved_points`.
+                x = points[k, 0]
+                y = points[k, 1]
+                points[k, 0] = planes[i, 0] * x + planes[i, 1] * y + planes[i, 2]
+                points[k, 1] = planes[i, 3] * x + planes[i, 4] * y + planes[i, 5]
         closed = (last > start and points[start, 0] == points[last, 0]
                   and points[start, 1] == points[last, 1])
-        counts[i] = end - start - (1 if closed else 0)
+        firsts[i] = start
+        counts[i] = lengths[i] - (1 if closed else 0)
         for axis in range(2):
             least = points[start, axis]
             most = least
-            for k in range(start + 1, end):
+            for k in range(start + 1, last + 1):
                 least = min(least, points[k, axis])
                 most = max(most, points[k, axis])
             boxes[i, axis] = least
             boxes[i, 2 + axis] = most
             centres[i, axis] = 0.5 * least + 0.5 * most
-        start = end
-    return counts, boxes, centres
+        start = last + 1
+    return points, firsts, counts, boxes, centres
 
 
 @kernel

@@ -28,6 +28,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from sat_collision.geometry.polygon import PlaneMap
 from sat_collision.messages.placement import Placement
 from sat_collision.replay.motion.kernels import mutual_nearest
 from sat_collision.replay.motion.trajectories import Bodies, LinearMotion, stay
@@ -93,12 +94,10 @@ class Tracker(ABC):
         self._max_vertices = max_vertices
         self._emit = emit
         self._frame_id = ''
-        # What comes in, until it is seen together, by name; of equal names the last counts.
-        self._pending: dict[ObstacleId, Placement] = {}
 
     @abstractmethod
-    def place(self, placement: Placement) -> None:
-        """Take where a body was; no points say that the publisher has told all."""
+    def place(self, run: Sequence[Placement]) -> None:
+        """Take where bodies were at one stamp; no points say that the publisher has told all."""
 
     @abstractmethod
     def rest(self, now: int, is_over: bool = False) -> None:
@@ -108,16 +107,15 @@ class Tracker(ABC):
         """Drop what is in another frame than this."""
         self._frame_id = frame_id
 
-    def _take_pending(self) -> Bodies:
+    def _bodies(self, names: Sequence[ObstacleId], placements: Sequence[Placement]) -> Bodies:
         """Return what has come in, in the frame that counts."""
-        found, self._pending = self._pending, {}
-        frames = {placement.frame_id for placement in found.values()}
+        frames = {placement.frame_id for placement in placements}
         if self._frame_id and frames - {self._frame_id}:
-            found = {name: placement for name, placement in found.items()
-                     if placement.frame_id == self._frame_id}
+            kept = [k for k, one in enumerate(placements) if one.frame_id == self._frame_id]
+            names, placements = [names[k] for k in kept], [placements[k] for k in kept]
             frames = {self._frame_id}
-        return Bodies(list(found), [placement.stamp for placement in found.values()],
-                      [(placement.points, placement.plane) for placement in found.values()],
+        return Bodies(names, [placement.stamp for placement in placements],
+                      [(placement.points, placement.plane) for placement in placements],
                       self._max_vertices, frames.pop() if len(frames) == 1 else '')
 
 
@@ -134,28 +132,28 @@ class SetTracker(Tracker):
         super().__init__(settings, max_vertices, emit)
         self._window = round(settings.set_window * 1e9)
         self._stamp: int | None = None
-        self._shapes: dict[tuple[bytes, object], ObstacleId] = {}
+        # What comes in, until the set is whole, by shape: a body that is there already is the same,
+        # and its last message counts.
+        self._pending: dict[tuple[bytes, PlaneMap | None], Placement] = {}
+        self._names: list[ObstacleId] = []
         # The last set, when each of it was seen, and which rows may be seen again.
         self._last: Bodies | None = None
         self._last_stamp = 0
         self._seen_at: Sequence[int] = ()
         self._alive: set[int] = set()
 
-    def place(self, placement: Placement) -> None:
-        stamp = placement.stamp
-        if self._stamp is None or abs(stamp - self._stamp) > self._window:
+    def place(self, run: Sequence[Placement]) -> None:
+        stamp = run[0].stamp
+        if self._stamp is not None and abs(stamp - self._stamp) > self._window:
             self._close()
-            self._stamp = stamp
-        data, start, count = placement.points
-        if count:
-            # A body that is there already is the same.
-            shape = data[start:start + 12 * count], placement.plane
-            name = self._shapes.get(shape)
-            if name is None:
-                name = self._shapes[shape] = ObstacleId(self._source, len(self._shapes))
-            self._pending[name] = placement
-        else:
-            self._close()
+        for placement in run:
+            if self._stamp is None:
+                self._stamp = stamp
+            data, start, count = placement.points
+            if count:
+                self._pending[data[start:start + 12 * count], placement.plane] = placement
+            else:
+                self._close()
 
     def use_frame(self, frame_id: str) -> None:
         super().use_frame(frame_id)
@@ -188,8 +186,10 @@ class SetTracker(Tracker):
         stamp, self._stamp = self._stamp, None
         if stamp is None:
             return
-        self._shapes = {}
-        seen = self._take_pending()
+        pending, self._pending = [*self._pending.values()], {}
+        self._names += [ObstacleId(self._source, k)
+                        for k in range(len(self._names), len(pending))]
+        seen = self._bodies(self._names[:len(pending)], pending)
         last = self._last
         motions: list[LinearMotion] = []
         until: dict[int, int] = {}
@@ -237,19 +237,22 @@ class KeyTracker(Tracker):
         super().__init__(settings, max_vertices, emit)
         self._by_id = settings.type == POLYGON_INSTANCE
         self._seen: dict[ObstacleId, _Sighting] = {}
+        # What comes in, until it is seen together.
+        self._pending: dict[ObstacleId, Placement] = {}
         self._shapes: dict[tuple[bytes, object], ObstacleId] = {}
         self._first_stamp = self._rested = 0
 
-    def place(self, placement: Placement) -> None:
-        name = self._name(placement)
-        if name is None:
-            return
-        if self._pending and (name in self._pending
-                              or abs(placement.stamp - self._first_stamp) > _TOGETHER):
-            self._close()
-        if not self._pending:
-            self._first_stamp = placement.stamp
-        self._pending[name] = placement
+    def place(self, run: Sequence[Placement]) -> None:
+        for placement in run:
+            name = self._name(placement)
+            if name is None:
+                continue
+            if self._pending and (name in self._pending
+                                  or abs(placement.stamp - self._first_stamp) > _TOGETHER):
+                self._close()
+            if not self._pending:
+                self._first_stamp = placement.stamp
+            self._pending[name] = placement
 
     def use_frame(self, frame_id: str) -> None:
         super().use_frame(frame_id)
@@ -308,7 +311,8 @@ class KeyTracker(Tracker):
 
     def _close(self) -> None:
         """Follow the bodies that were seen together from where they were seen last."""
-        seen = self._take_pending()
+        pending, self._pending = self._pending, {}
+        seen = self._bodies([*pending], [*pending.values()])
         if len(seen):
             self._stand(min(seen.stamps), self._longest)
         followed: defaultdict[int, list[tuple[int, int]]] = defaultdict(list)

@@ -24,7 +24,6 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 from sat_collision.geometry.moving import STRIDE
-from sat_collision.geometry.packing import moved_points
 from sat_collision.geometry.polygon import MAX_VERTICES, PlaneMap, Polygon, PolygonError
 from sat_collision.messages.cdr import Points
 from sat_collision.messages.transform_listener import TransformListener
@@ -39,6 +38,8 @@ Integers: TypeAlias = NDArray[np.int64]
 Ring: TypeAlias = tuple[Points, PlaneMap | None]
 
 NUMBERS = 3  # a point's, in a message
+IDENTITY = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0
+NO_PLANES = np.empty((0, len(IDENTITY)))
 
 
 class Bodies:
@@ -79,18 +80,14 @@ class Bodies:
         self.frame_id = frame_id
         self.is_between = is_between
         self.moving: set[int] = set()
-        data = b''.join(data[start:start + 4 * NUMBERS * count]
-                        for (data, start, count), _ in rings)
-        self.points = np.frombuffer(data, np.float32).reshape(-1, NUMBERS)[:, :2].astype(
-            np.float64)
-        lengths = np.array([points[2] for points, _ in rings], np.int64)
-        ends = np.cumsum(lengths)
-        self.firsts = ends - lengths
-        if any(plane is not None for _, plane in rings):
-            for (points, plane), first, end in zip(rings, self.firsts, ends):
-                if plane is not None:
-                    self.points[first:end] = np.reshape(moved_points(*points, plane), (-1, 2))
-        self.counts, self.boxes, self.centres = describe(self.points, ends)
+        data = b''.join([data[start:start + 4 * NUMBERS * count]
+                         for (data, start, count), _ in rings])
+        planes = NO_PLANES
+        if any([plane is not None for _, plane in rings]):
+            planes = np.array([plane or IDENTITY for _, plane in rings])
+        self.points, self.firsts, self.counts, self.boxes, self.centres = describe(
+            np.frombuffer(data, np.float32),
+            np.array([points[2] for points, _ in rings], np.int64), planes)
         self._max_vertices = max_vertices
         self._polygons: dict[int, Polygon] = {}
 
@@ -299,6 +296,9 @@ class Trajectory:
 
     def bounds(self, start: int, finish: int) -> Floats | None:
         """Return what bounds the footprint between two times, None if it is nowhere then."""
+        if start == finish:
+            piece = self._piece_at(start)
+            return None if piece is None else piece.boxes[0]
         boxes = [piece.boxes[0] for _, _, piece in self.pieces(start, finish)]
         if len(boxes) < 2:
             return boxes[0] if boxes else None
@@ -321,13 +321,20 @@ class Trajectory:
         return self._outline[1]
 
     def _find_outline(self, time: int) -> Polygon | None:
-        # Of pieces that meet at the time, any will do: both end in the same frame.
-        for _, _, piece in self.pieces(time, time):
-            try:
-                return piece.polygon(0, time)
-            except PolygonError:
-                return None
-        return None
+        piece = self._piece_at(time)
+        try:
+            return None if piece is None else piece.polygon(0, time)
+        except PolygonError:
+            return None
+
+    def _piece_at(self, time: int) -> LinearMotion | None:
+        """Return the first piece that has a time; those that meet there end in one frame."""
+        found = None
+        for k in range(bisect_right(self._starts, time) - 1, -1, -1):
+            if self._pieces[k].finishes[0] < time:
+                break
+            found = self._pieces[k]
+        return found
 
     def _append(self, piece: LinearMotion) -> None:
         if self._starts and piece.starts[0] < self._starts[-1]:

@@ -17,8 +17,12 @@
 import math
 
 import numpy as np
-from sat_collision.geometry.jit import kernel
+from sat_collision.geometry.distance import measure
+from sat_collision.geometry.jit import kernel, scratch
+from sat_collision.geometry.layout import Packed, packed_size
 from sat_collision.geometry.moving import STRIDE
+from sat_collision.geometry.packing import pack
+from sat_collision.geometry.ring import CONVEX
 
 
 @kernel
@@ -122,7 +126,7 @@ def nearest_each(centres, others, order):
 
 
 @kernel
-def mutual_nearest(centres, counts, others, other_counts):
+def mutual_nearest(centres, counts, stamps, others, other_counts, other_stamps, longest):
     """
     Return which rings of two sets are nearest to each other and have as many points.
 
@@ -132,6 +136,10 @@ def mutual_nearest(centres, counts, others, other_counts):
         The centres of the rings of the two sets.
     counts, other_counts : (n,) and (m,) array of int64
         How many points they have.
+    stamps, other_stamps : (n,) and (m,) array of int64
+        When each was there, ns.
+    longest : int
+        How much later the other may be at most, ns.
 
     Returns
     -------
@@ -146,7 +154,8 @@ def mutual_nearest(centres, counts, others, other_counts):
     found = 0
     for i in range(len(centres)):
         j = there[i]
-        if j >= 0 and back[j] == i and counts[i] == other_counts[j]:
+        if (j >= 0 and back[j] == i and counts[i] == other_counts[j]
+                and 0 < other_stamps[j] - stamps[i] <= longest):
             rows[found] = i
             other_rows[found] = j
             found += 1
@@ -255,15 +264,100 @@ def _least_motion(points, first, next_points, next_first, count, step):
 
 
 @kernel
-def box_gaps(box, boxes):
-    """
-    Return how far a box is from others, a lower bound of how far what they hold is; (n,) array.
-
-    It is 0 just when they share a point.
-    """
-    gaps = np.empty(len(boxes))
+def rows_near(box, boxes, margin):
+    """Return which boxes are no further than a margin from one."""
+    rows = np.empty(len(boxes), np.int64)
+    found = 0
     for i in range(len(boxes)):
-        x = max(max(boxes[i, 0] - box[2], box[0] - boxes[i, 2]), 0.0)
-        y = max(max(boxes[i, 1] - box[3], box[1] - boxes[i, 3]), 0.0)
-        gaps[i] = math.sqrt(x * x + y * y)
-    return gaps
+        if _gap(box, boxes[i]) <= margin:
+            rows[found] = i
+            found += 1
+    return rows[:found]
+
+
+@kernel
+def measure_near(outline, n, box, rows, boxes, points, firsts, counts, margin):
+    """
+    Measure how far a body is from rings, of all that may be nearest or within a margin.
+
+    Parameters
+    ----------
+    outline : flat array of float64
+        The packed body.
+    n : int
+        Its count; 0 to measure nothing, where each ring has another body to be measured with.
+    box : (4,) array of float64
+        What bounds it.
+    rows : (m,) array of int64
+        The rings to be looked at.
+    boxes, points, firsts, counts
+        Of all rings, as `describe` has them.
+    margin : float
+        In metres.
+
+    Returns
+    -------
+    rows : (k,) array of int64
+    gaps : (k,) array of float64
+        How far the boxes are apart, which is never more than the bodies are.
+    values : (k,) array of float64
+        The separations as `distance.measure` has them; NaN of what is not measured, or not convex.
+
+    """
+    near = np.empty(len(rows), np.int64)
+    gaps = np.empty(len(rows))
+    values = np.empty(len(rows))
+    found = 0
+    least = math.inf
+    nearest = -1
+    if n != 0:
+        # What has the nearest box goes first, so that its separation spares most others.
+        for row in rows:
+            gap = _gap(box, boxes[row])
+            if gap < least:
+                least = gap
+                nearest = row
+        least = math.inf
+    if nearest >= 0:
+        value = _separation(outline, n, points, firsts[nearest], counts[nearest])
+        near[0] = nearest
+        gaps[0] = _gap(box, boxes[nearest])
+        values[0] = value
+        found = 1
+        if value < least:
+            least = value
+    for row in rows:
+        gap = _gap(box, boxes[row])
+        if row == nearest or gap > max(margin, least):
+            continue
+        value = math.nan if n == 0 else _separation(
+            outline, n, points, firsts[row], counts[row])
+        near[found] = row
+        gaps[found] = gap
+        values[found] = value
+        found += 1
+        if value < least:
+            least = value
+    return near[:found], gaps[:found], values[:found]
+
+
+@kernel
+def _gap(box, other):
+    """Return how far two boxes are apart: 0 just when they share a point."""
+    x = max(max(other[0] - box[2], box[0] - other[2]), 0.0)
+    y = max(max(other[1] - box[3], box[1] - other[3]), 0.0)
+    return math.sqrt(x * x + y * y)
+
+
+@kernel
+def _separation(outline, n, points, first, count):
+    """Return the separation of a packed body from a ring, NaN if that is not convex."""
+    ring = scratch(2 * count)
+    for k in range(count):
+        ring[2 * k] = points[first + k, 0]
+        ring[2 * k + 1] = points[first + k, 1]
+    packed = scratch(packed_size(count))
+    verdict, m, _, _, _ = pack(ring, packed, count, 0)
+    if verdict != CONVEX:
+        return math.nan
+    return measure(Packed(outline, 0, n), Packed(packed, 0, m))[0]

@@ -140,7 +140,7 @@ class SetTracker(Tracker):
         self._last: Bodies | None = None
         self._last_stamp = 0
         self._seen_at: Sequence[int] = ()
-        self._alive: set[int] = set()
+        self._alive = np.zeros(0, np.bool_)
 
     def place(self, run: Sequence[Placement]) -> None:
         stamp = run[0].stamp
@@ -164,22 +164,23 @@ class SetTracker(Tracker):
         if self._stamp is not None and (is_over or now > self._stamp + self._longest):
             self._close()
         last = self._last
-        if last is None or not self._alive or not (
+        if last is None or not self._alive.any() or not (
                 is_over or now > self._last_stamp + self._longest):
             return
-        ends = {row: min(now, self._seen_at[row] + self._timeout) for row in self._alive}
+        alive = np.flatnonzero(self._alive).tolist()
+        ends = {row: min(now, self._seen_at[row] + self._timeout) for row in alive}
         until = {row: round(end) for row, end in ends.items()
-                 if row not in last.moving and end > last.stamps[row]}
+                 if not last.moving[row] and end > last.stamps[row]}
         self.undetermined += max([0, *(round(ends[row]) - self._last_stamp
-                                       for row in self._alive - until.keys())])
+                                       for row in alive if row not in until)])
         left = {row for row in until if self._seen_at[row] + self._timeout > now}
         self._emit(self, Step([stay(last, until)] if until else [], None,
-                              [last.names[row] for row in self._alive - left],
+                              [last.names[row] for row in alive if row not in left],
                               max(until.values(), default=self._last_stamp)))
         self._last = last.at([now if row in left else stamp
                               for row, stamp in enumerate(last.stamps)])
         self._last_stamp = now
-        self._alive = left
+        self._alive = np.isin(np.arange(len(last)), [*left])
 
     def _close(self) -> None:
         """Take the set that came in for whole, and follow the bodies of the one before to it."""
@@ -194,28 +195,26 @@ class SetTracker(Tracker):
         motions: list[LinearMotion] = []
         until: dict[int, int] = {}
         if last is not None:
-            rows, next_rows = mutual_nearest(last.centres, last.counts, seen.centres, seen.counts)
-            passed = (np.array(seen.stamps, np.int64)[next_rows]
-                      - np.array(last.stamps, np.int64)[rows])
-            known = (passed > 0) & (passed <= self._longest)
-            followed: set[int] = set()
-            if known.any():
-                motions.append(LinearMotion(last, seen, rows[known], next_rows[known]))
-                seen.moving = {row for row, moved in zip(motions[0].next_rows, motions[0].moved)
-                               if moved}
-                followed.update(motions[0].rows)
-            # What was forgotten before this set was there until then.
-            for row in self._alive - followed - last.moving:
-                end = self._seen_at[row] + self._timeout
-                if last.stamps[row] < end < stamp:
-                    until[row] = round(end)
+            rows, next_rows = mutual_nearest(
+                last.centres, last.counts, np.array(last.stamps, np.int64),
+                seen.centres, seen.counts, np.array(seen.stamps, np.int64), self._longest)
+            lost = self._alive.copy()
+            lost[rows] = False
+            if len(rows):
+                motions.append(LinearMotion(last, seen, rows, next_rows))
+            if lost.any():
+                # What was forgotten before this set was there until then.
+                for row in np.flatnonzero(lost & ~last.moving).tolist():
+                    end = self._seen_at[row] + self._timeout
+                    if last.stamps[row] < end < stamp:
+                        until[row] = round(end)
             if until:
                 motions.append(stay(last, until))
-            if len(followed) < len(seen) or self._alive - followed - until.keys():
+            if len(rows) < len(seen) or len(until) < np.count_nonzero(lost):
                 self.undetermined += min(max(stamp - self._last_stamp, 0), self._longest)
         self._emit(self, Step(motions, seen, None, max([stamp, *seen.stamps, *until.values()])))
         self._last, self._last_stamp, self._seen_at = seen, stamp, seen.stamps
-        self._alive = set(range(len(seen)))
+        self._alive = np.ones(len(seen), np.bool_)
 
 
 class _Sighting(NamedTuple):
@@ -288,7 +287,7 @@ class KeyTracker(Tracker):
                 continue
             end = round(min(now, seen_at + self._timeout))
             is_forgotten = seen_at + self._timeout < now
-            if row not in bodies.moving:
+            if not bodies.moving[row]:
                 if end > sighting.stamp:
                     found[id(bodies)] = bodies
                     standing[id(bodies)][row] = end
@@ -333,10 +332,7 @@ class KeyTracker(Tracker):
         motions = []
         for key, pairs in followed.items():
             rows, next_rows = np.array(pairs, np.int64).T
-            motion = LinearMotion(found[key], seen, np.ascontiguousarray(rows),
-                                  np.ascontiguousarray(next_rows))
-            seen.moving.update(row for row, moved in zip(motion.next_rows, motion.moved)
-                               if moved)
-            motions.append(motion)
+            motions.append(LinearMotion(found[key], seen, np.ascontiguousarray(rows),
+                                        np.ascontiguousarray(next_rows)))
         if len(seen):
             self._emit(self, Step(motions, seen, (), max(seen.stamps)))

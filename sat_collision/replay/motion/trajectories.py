@@ -67,8 +67,8 @@ class Bodies:
     boxes : (n, 4) array
         min x, min y, max x, max y.
     centres : (n, 2) array
-    moving : set of int
-        The bodies that are known to have come here from somewhere else.
+    moving : (n,) array of bool
+        Which bodies are known to have come here from somewhere else.
 
     """
 
@@ -79,7 +79,7 @@ class Bodies:
         self.stamps = stamps
         self.frame_id = frame_id
         self.is_between = is_between
-        self.moving: set[int] = set()
+        self.moving = np.zeros(len(names), np.bool_)
         data = b''.join([data[start:start + 4 * NUMBERS * count]
                          for (data, start, count), _ in rings])
         planes = NO_PLANES
@@ -153,6 +153,8 @@ class LinearMotion:
             after.points, after.firsts, next_rows)
         self._ends: list[int] = ends.tolist()
         self.moved: list[float] = moved.tolist()
+        if after is not before:
+            after.moving[next_rows] |= moved > 0.0
         self.starts = [before.stamps[row] for row in self.rows]
         self.finishes = [after.stamps[row] for row in self.next_rows] if finishes is None else (
             list(finishes))

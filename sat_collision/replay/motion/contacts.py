@@ -139,7 +139,9 @@ class ContactTracker:
         start, finish = min(motion.starts), max(motion.finishes)
         box = self._trajectory.bounds(start, finish)
         names = motion.before.names
-        near = set() if box is None else {*rows_near(box, motion.boxes, self._margin).tolist()}
+        rows = np.empty(len(motion), np.int64)
+        near = set() if box is None else {
+            *rows[:rows_near(box, motion.boxes, self._margin, rows)].tolist()}
         if self._touching:
             for i, row in enumerate(motion.rows):
                 if names[row] in self._touching and i not in near:
@@ -295,9 +297,10 @@ def _by_gap(outline: Polygon | None, box: Floats, bodies: Bodies, rows: Integers
     Without an outline nothing is measured.
     """
     packed, n = outline.packed if outline else (_NOTHING, 0)
-    found, gaps, values = measure_near(packed, n, box, rows, bodies.boxes, bodies.points,
-                                       bodies.firsts, bodies.counts, margin)
-    return sorted(zip(gaps.tolist(), found.tolist(), values.tolist()))
+    near, (gaps, values) = np.empty(len(rows), np.int64), np.empty((2, len(rows)))
+    found = measure_near(packed, n, box, rows, bodies.boxes, bodies.points, bodies.firsts,
+                         bodies.counts, margin, near, gaps, values)
+    return sorted(zip(*(one[:found].tolist() for one in (gaps, near, values))))
 
 
 class Contacts:

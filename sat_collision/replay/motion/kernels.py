@@ -12,7 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rings of points by the thousand: their bounds, who follows whom, and the ways between them."""
+"""
+Rings of points by the thousand: their bounds, who follows whom, and the ways between them.
+
+Arrays are written to, not returned: numba takes a microsecond to hand one to Python.
+"""
 
 import math
 
@@ -26,9 +30,9 @@ from sat_collision.geometry.ring import CONVEX
 
 
 @kernel
-def describe(values, lengths, planes):
+def describe(values, lengths, planes, points, firsts, counts, boxes, centres):
     """
-    Return the points of rings, and where each is.
+    Write the points of rings, and where each is.
 
     Parameters
     ----------
@@ -39,10 +43,8 @@ def describe(values, lengths, planes):
     planes : (n, 6) array of float64
         The map that takes each ring to the frame that counts, as a PlaneMap; empty if none is
         needed.
-
-    Returns
-    -------
     points : (v, 2) array of float64
+        What follows is written.
     firsts, counts : (n,) array of int64
         Where each ring starts and how many points it has, without one that closes it.
     boxes : (n, 4) array of float64
@@ -51,11 +53,6 @@ def describe(values, lengths, planes):
         The middle of the box: what a ring is known by from one set to the next.
 
     """
-    points = np.empty((len(values) // 3, 2))
-    firsts = np.empty(len(lengths), np.int64)
-    counts = np.empty(len(lengths), np.int64)
-    boxes = np.empty((len(lengths), 4))
-    centres = np.empty((len(lengths), 2))
     start = 0
     for i in range(len(lengths)):
         last = start + lengths[i] - 1
@@ -82,7 +79,6 @@ def describe(values, lengths, planes):
             boxes[i, 2 + axis] = most
             centres[i, axis] = 0.5 * least + 0.5 * most
         start = last + 1
-    return points, firsts, counts, boxes, centres
 
 
 @kernel
@@ -126,9 +122,10 @@ def nearest_each(centres, others, order):
 
 
 @kernel
-def mutual_nearest(centres, counts, stamps, others, other_counts, other_stamps, longest):
+def mutual_nearest(centres, counts, stamps, others, other_counts, other_stamps, longest, rows,
+                   other_rows):
     """
-    Return which rings of two sets are nearest to each other and have as many points.
+    Write which rings of two sets are nearest to each other and have as many points.
 
     Parameters
     ----------
@@ -140,17 +137,17 @@ def mutual_nearest(centres, counts, stamps, others, other_counts, other_stamps, 
         When each was there, ns.
     longest : int
         How much later the other may be at most, ns.
+    rows, other_rows : (n,) array of int64
+        Receive the rings of one set, and those of the other.
 
     Returns
     -------
-    (k,) array of int64, (k,) array of int64
-        The rings of one set, and those of the other.
+    int
+        How many there are.
 
     """
     there = nearest_each(centres, others, np.argsort(others[:, 0]))
     back = nearest_each(others, centres, np.argsort(centres[:, 0]))
-    rows = np.empty(len(centres), np.int64)
-    other_rows = np.empty(len(centres), np.int64)
     found = 0
     for i in range(len(centres)):
         j = there[i]
@@ -159,13 +156,14 @@ def mutual_nearest(centres, counts, stamps, others, other_counts, other_stamps, 
             rows[found] = i
             other_rows[found] = j
             found += 1
-    return rows[:found], other_rows[:found]
+    return found
 
 
 @kernel
-def motions_between(points, firsts, counts, rows, next_points, next_firsts, next_rows):
+def motions_between(points, firsts, counts, rows, next_points, next_firsts, next_rows, array, ends,
+                    boxes, moved):
     """
-    Return the ways of rings from one set to the next, vertex by vertex.
+    Write the ways of rings from one set to the next, vertex by vertex.
 
     Which vertex becomes which is not said by a ring that may begin anywhere: of all starts the
     one is taken with the least motion, and of equal ones that of the rings as received. A ring
@@ -181,11 +179,8 @@ def motions_between(points, firsts, counts, rows, next_points, next_firsts, next
         How many points those of the first set have; the partners have as many.
     rows, next_rows : (m,) array of int64
         Which ring becomes which.
-
-    Returns
-    -------
     array : flat array of float64
-        x, y before and x, y after of each vertex, ring after ring, as `moving.MovingBody` has it.
+        What follows is written: x, y before and x, y after of each vertex, ring after ring, as `moving.MovingBody` has it.
     ends : (m,) array of int64
         Where in it each ring ends.
     boxes : (m, 4) array of float64
@@ -194,13 +189,6 @@ def motions_between(points, firsts, counts, rows, next_points, next_firsts, next
         The way of the vertex that moves furthest, metres.
 
     """
-    total = 0
-    for r in range(len(rows)):
-        total += counts[rows[r]]
-    array = np.empty(STRIDE * total)
-    ends = np.empty(len(rows), np.int64)
-    boxes = np.empty((len(rows), 4))
-    moved = np.empty(len(rows))
     at = 0
     for r in range(len(rows)):
         n = counts[rows[r]]
@@ -230,7 +218,6 @@ def motions_between(points, firsts, counts, rows, next_points, next_firsts, next
             boxes[r, 3] = max(boxes[r, 3], max(y0, y1))
         moved[r] = math.sqrt(most)
         ends[r] = at
-    return array, ends, boxes, moved
 
 
 @kernel
@@ -264,19 +251,18 @@ def _least_motion(points, first, next_points, next_first, count, step):
 
 
 @kernel
-def rows_near(box, boxes, margin):
-    """Return which boxes are no further than a margin from one."""
-    rows = np.empty(len(boxes), np.int64)
+def rows_near(box, boxes, margin, rows):
+    """Write which boxes are no further than a margin from one; return how many."""
     found = 0
     for i in range(len(boxes)):
         if _gap(box, boxes[i]) <= margin:
             rows[found] = i
             found += 1
-    return rows[:found]
+    return found
 
 
 @kernel
-def measure_near(outline, n, box, rows, boxes, points, firsts, counts, margin):
+def measure_near(outline, n, box, rows, boxes, points, firsts, counts, margin, near, gaps, values):
     """
     Measure how far a body is from rings, of all that may be nearest or within a margin.
 
@@ -294,19 +280,20 @@ def measure_near(outline, n, box, rows, boxes, points, firsts, counts, margin):
         Of all rings, as `describe` has them.
     margin : float
         In metres.
+    near : (m,) array of int64
+        Receives the rings.
+    gaps : (m,) array of float64
+        Receives how far the boxes are apart, which is never more than the bodies are.
+    values : (m,) array of float64
+        Receives the separations as `distance.measure` has them; NaN of what is not measured, or
+        not convex.
 
     Returns
     -------
-    rows : (k,) array of int64
-    gaps : (k,) array of float64
-        How far the boxes are apart, which is never more than the bodies are.
-    values : (k,) array of float64
-        The separations as `distance.measure` has them; NaN of what is not measured, or not convex.
+    int
+        How many rings there are.
 
     """
-    near = np.empty(len(rows), np.int64)
-    gaps = np.empty(len(rows))
-    values = np.empty(len(rows))
     found = 0
     least = math.inf
     nearest = -1
@@ -338,7 +325,7 @@ def measure_near(outline, n, box, rows, boxes, points, firsts, counts, margin):
         found += 1
         if value < least:
             least = value
-    return near[:found], gaps[:found], values[:found]
+    return found
 
 
 @kernel

@@ -85,9 +85,13 @@ class Bodies:
         planes = NO_PLANES
         if any([plane is not None for _, plane in rings]):
             planes = np.array([plane or IDENTITY for _, plane in rings])
-        self.points, self.firsts, self.counts, self.boxes, self.centres = describe(
-            np.frombuffer(data, np.float32),
-            np.array([points[2] for points, _ in rings], np.int64), planes)
+        values = np.frombuffer(data, np.float32)
+        count = len(names)
+        self.points = np.empty((len(values) // NUMBERS, 2))
+        self.firsts, self.counts = np.empty(count, np.int64), np.empty(count, np.int64)
+        self.boxes, self.centres = np.empty((count, 4)), np.empty((count, 2))
+        describe(values, np.array([points[2] for points, _ in rings], np.int64), planes,
+                 self.points, self.firsts, self.counts, self.boxes, self.centres)
         self._max_vertices = max_vertices
         self._polygons: dict[int, Polygon] = {}
 
@@ -146,11 +150,11 @@ class LinearMotion:
         self.after = after
         self.rows: list[int] = rows.tolist()
         self.next_rows: list[int] = next_rows.tolist()
-        self._array: Floats
-        self.boxes: Floats
-        self._array, ends, self.boxes, moved = motions_between(
-            before.points, before.firsts, before.counts, rows,
-            after.points, after.firsts, next_rows)
+        self._array = np.empty(STRIDE * int(before.counts[rows].sum()))
+        self.boxes = np.empty((len(rows), 4))
+        ends, moved = np.empty(len(rows), np.int64), np.empty(len(rows))
+        motions_between(before.points, before.firsts, before.counts, rows, after.points,
+                        after.firsts, next_rows, self._array, ends, self.boxes, moved)
         self._ends: list[int] = ends.tolist()
         self.moved: list[float] = moved.tolist()
         if after is not before:

@@ -180,7 +180,8 @@ def motions_between(points, firsts, counts, rows, next_points, next_firsts, next
     rows, next_rows : (m,) array of int64
         Which ring becomes which.
     array : flat array of float64
-        What follows is written: x, y before and x, y after of each vertex, ring after ring, as `moving.MovingBody` has it.
+        What follows is written: x, y before and x, y after of each vertex, ring after ring, as
+        `moving.MovingBody` has it.
     ends : (m,) array of int64
         Where in it each ring ends.
     boxes : (m, 4) array of float64

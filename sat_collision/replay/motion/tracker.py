@@ -132,8 +132,8 @@ class SetTracker(Tracker):
         super().__init__(settings, max_vertices, emit)
         self._window = round(settings.set_window * 1e9)
         self._stamp: int | None = None
-        # What comes in, until the set is whole, by shape: a body that is there already is the same,
-        # and its last message counts.
+        # What comes in, until the set is whole, by shape: a body that is there already is the
+        # same, and its last message counts.
         self._pending: dict[tuple[bytes, PlaneMap | None], Placement] = {}
         self._names: list[ObstacleId] = []
         # The last set, when each of it was seen, and which rows may be seen again.

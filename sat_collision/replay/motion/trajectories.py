@@ -83,7 +83,7 @@ class Bodies:
         data = b''.join([data[start:start + 4 * NUMBERS * count]
                          for (data, start, count), _ in rings])
         planes = NO_PLANES
-        if any([plane is not None for _, plane in rings]):
+        if any(plane is not None for _, plane in rings):
             planes = np.array([plane or IDENTITY for _, plane in rings])
         values = np.frombuffer(data, np.float32)
         count = len(names)

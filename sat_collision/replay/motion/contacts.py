@@ -30,7 +30,7 @@ from sat_collision.geometry.sweep import time_of_contact
 from sat_collision.replay.model.result import (
     AT_A_SAMPLE, BETWEEN_SAMPLES, Contact, FootprintResult, Least, least_of, middle_of_overlap,
     Series, Unknown)
-from sat_collision.replay.motion.kernels import measure_near, rows_near
+from sat_collision.replay.motion.nearby import measure_near, rows_near
 from sat_collision.replay.motion.tracker import Step
 from sat_collision.replay.motion.trajectories import (
     Bodies, Floats, Integers, LinearMotion, Trajectory)
@@ -296,10 +296,10 @@ def _by_gap(outline: Polygon | None, box: Floats, bodies: Bodies, rows: Integers
 
     Without an outline nothing is measured.
     """
-    packed, n = outline.packed if outline else (_NOTHING, 0)
+    body = outline.packed if outline else (_NOTHING, 0)
     near, (gaps, values) = np.empty(len(rows), np.int64), np.empty((2, len(rows)))
-    found = measure_near(packed, n, box, rows, bodies.boxes, bodies.points, bodies.firsts,
-                         bodies.counts, margin, near, gaps, values)
+    rings = bodies.boxes, bodies.points, bodies.firsts, bodies.counts
+    found = measure_near(body, box, rows, rings, margin, (near, gaps, values))
     return sorted(zip(*(one[:found].tolist() for one in (gaps, near, values))))
 
 

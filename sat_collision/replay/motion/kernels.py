@@ -21,16 +21,12 @@ Arrays are written to, not returned: numba takes a microsecond to hand one to Py
 import math
 
 import numpy as np
-from sat_collision.geometry.distance import measure
-from sat_collision.geometry.jit import kernel, scratch
-from sat_collision.geometry.layout import Packed, packed_size
+from sat_collision.geometry.jit import kernel
 from sat_collision.geometry.moving import STRIDE
-from sat_collision.geometry.packing import pack
-from sat_collision.geometry.ring import CONVEX
 
 
 @kernel
-def describe(values, lengths, planes, points, firsts, counts, boxes, centres):
+def describe(values, lengths, planes, out):
     """
     Write the points of rings, and where each is.
 
@@ -43,8 +39,9 @@ def describe(values, lengths, planes, points, firsts, counts, boxes, centres):
     planes : (n, 6) array of float64
         The map that takes each ring to the frame that counts, as a PlaneMap; empty if none is
         needed.
+    out : tuple
+        What is written: points, firsts, counts, boxes, centres.
     points : (v, 2) array of float64
-        What follows is written.
     firsts, counts : (n,) array of int64
         Where each ring starts and how many points it has, without one that closes it.
     boxes : (n, 4) array of float64
@@ -53,6 +50,7 @@ def describe(values, lengths, planes, points, firsts, counts, boxes, centres):
         The middle of the box: what a ring is known by from one set to the next.
 
     """
+    points, firsts, counts, boxes, centres = out
     start = 0
     for i in range(len(lengths)):
         last = start + lengths[i] - 1
@@ -122,13 +120,14 @@ def nearest_each(centres, others, order):
 
 
 @kernel
-def mutual_nearest(centres, counts, stamps, others, other_counts, other_stamps, longest, rows,
-                   other_rows):
+def mutual_nearest(rings, other_rings, longest, rows, other_rows):
     """
     Write which rings of two sets are nearest to each other and have as many points.
 
     Parameters
     ----------
+    rings, other_rings : tuple
+        Centres, counts and stamps of the two sets, as follows.
     centres, others : (n, 2) and (m, 2) array of float64
         The centres of the rings of the two sets.
     counts, other_counts : (n,) and (m,) array of int64
@@ -146,6 +145,8 @@ def mutual_nearest(centres, counts, stamps, others, other_counts, other_stamps, 
         How many there are.
 
     """
+    centres, counts, stamps = rings
+    others, other_counts, other_stamps = other_rings
     there = nearest_each(centres, others, np.argsort(others[:, 0]))
     back = nearest_each(others, centres, np.argsort(centres[:, 0]))
     found = 0
@@ -160,8 +161,7 @@ def mutual_nearest(centres, counts, stamps, others, other_counts, other_stamps, 
 
 
 @kernel
-def motions_between(points, firsts, counts, rows, next_points, next_firsts, next_rows, array, ends,
-                    boxes, moved):
+def motions_between(rings, rows, next_rings, next_rows, out):
     """
     Write the ways of rings from one set to the next, vertex by vertex.
 
@@ -171,6 +171,10 @@ def motions_between(points, firsts, counts, rows, next_points, next_firsts, next
 
     Parameters
     ----------
+    rings, next_rings : tuple
+        Points, firsts and counts of each set, as follows.
+    out : tuple
+        What is written: array, ends, boxes, moved.
     points, next_points : (v, 2) array of float64
         The points of all rings of a set, and of the next one.
     firsts, next_firsts : (n,) array of int64
@@ -180,7 +184,7 @@ def motions_between(points, firsts, counts, rows, next_points, next_firsts, next
     rows, next_rows : (m,) array of int64
         Which ring becomes which.
     array : flat array of float64
-        What follows is written: x, y before and x, y after of each vertex, ring after ring, as
+        x, y before and x, y after of each vertex, ring after ring, as
         `moving.MovingBody` has it.
     ends : (m,) array of int64
         Where in it each ring ends.
@@ -190,6 +194,9 @@ def motions_between(points, firsts, counts, rows, next_points, next_firsts, next
         The way of the vertex that moves furthest, metres.
 
     """
+    points, firsts, counts = rings
+    next_points, next_firsts, _ = next_rings
+    array, ends, boxes, moved = out
     at = 0
     for r in range(len(rows)):
         n = counts[rows[r]]
@@ -249,103 +256,3 @@ def _least_motion(points, first, next_points, next_first, count, step):
             best = total
             found = shift
     return found
-
-
-@kernel
-def rows_near(box, boxes, margin, rows):
-    """Write which boxes are no further than a margin from one; return how many."""
-    found = 0
-    for i in range(len(boxes)):
-        if _gap(box, boxes[i]) <= margin:
-            rows[found] = i
-            found += 1
-    return found
-
-
-@kernel
-def measure_near(outline, n, box, rows, boxes, points, firsts, counts, margin, near, gaps, values):
-    """
-    Measure how far a body is from rings, of all that may be nearest or within a margin.
-
-    Parameters
-    ----------
-    outline : flat array of float64
-        The packed body.
-    n : int
-        Its count; 0 to measure nothing, where each ring has another body to be measured with.
-    box : (4,) array of float64
-        What bounds it.
-    rows : (m,) array of int64
-        The rings to be looked at.
-    boxes, points, firsts, counts
-        Of all rings, as `describe` has them.
-    margin : float
-        In metres.
-    near : (m,) array of int64
-        Receives the rings.
-    gaps : (m,) array of float64
-        Receives how far the boxes are apart, which is never more than the bodies are.
-    values : (m,) array of float64
-        Receives the separations as `distance.measure` has them; NaN of what is not measured, or
-        not convex.
-
-    Returns
-    -------
-    int
-        How many rings there are.
-
-    """
-    found = 0
-    least = math.inf
-    nearest = -1
-    if n != 0:
-        # What has the nearest box goes first, so that its separation spares most others.
-        for row in rows:
-            gap = _gap(box, boxes[row])
-            if gap < least:
-                least = gap
-                nearest = row
-        least = math.inf
-    if nearest >= 0:
-        value = _separation(outline, n, points, firsts[nearest], counts[nearest])
-        near[0] = nearest
-        gaps[0] = _gap(box, boxes[nearest])
-        values[0] = value
-        found = 1
-        if value < least:
-            least = value
-    for row in rows:
-        gap = _gap(box, boxes[row])
-        if row == nearest or gap > max(margin, least):
-            continue
-        value = math.nan if n == 0 else _separation(
-            outline, n, points, firsts[row], counts[row])
-        near[found] = row
-        gaps[found] = gap
-        values[found] = value
-        found += 1
-        if value < least:
-            least = value
-    return found
-
-
-@kernel
-def _gap(box, other):
-    """Return how far two boxes are apart: 0 just when they share a point."""
-    x = max(max(other[0] - box[2], box[0] - other[2]), 0.0)
-    y = max(max(other[1] - box[3], box[1] - other[3]), 0.0)
-    return math.sqrt(x * x + y * y)
-
-
-@kernel
-def _separation(outline, n, points, first, count):
-    """Return the separation of a packed body from a ring, NaN if that is not convex."""
-    ring = scratch(2 * count)
-    for k in range(count):
-        ring[2 * k] = points[first + k, 0]
-        ring[2 * k + 1] = points[first + k, 1]
-    packed = scratch(packed_size(count))
-    verdict, m, _, _, _ = pack(ring, packed, count, 0)
-    if verdict != CONVEX:
-        return math.nan
-    return measure(Packed(outline, 0, n), Packed(packed, 0, m))[0]

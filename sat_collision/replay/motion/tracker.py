@@ -197,8 +197,9 @@ class SetTracker(Tracker):
         if last is not None:
             rows, next_rows = np.empty((2, len(last)), np.int64)
             found = mutual_nearest(
-                last.centres, last.counts, np.array(last.stamps, np.int64), seen.centres,
-                seen.counts, np.array(seen.stamps, np.int64), self._longest, rows, next_rows)
+                (last.centres, last.counts, np.array(last.stamps, np.int64)),
+                (seen.centres, seen.counts, np.array(seen.stamps, np.int64)),
+                self._longest, rows, next_rows)
             rows, next_rows = rows[:found], next_rows[:found]
             lost = self._alive.copy()
             lost[rows] = False

@@ -91,7 +91,7 @@ class Bodies:
         self.firsts, self.counts = np.empty(count, np.int64), np.empty(count, np.int64)
         self.boxes, self.centres = np.empty((count, 4)), np.empty((count, 2))
         describe(values, np.array([points[2] for points, _ in rings], np.int64), planes,
-                 self.points, self.firsts, self.counts, self.boxes, self.centres)
+                 (self.points, self.firsts, self.counts, self.boxes, self.centres))
         self._max_vertices = max_vertices
         self._polygons: dict[int, Polygon] = {}
 
@@ -153,8 +153,9 @@ class LinearMotion:
         self._array = np.empty(STRIDE * int(before.counts[rows].sum()))
         self.boxes = np.empty((len(rows), 4))
         ends, moved = np.empty(len(rows), np.int64), np.empty(len(rows))
-        motions_between(before.points, before.firsts, before.counts, rows, after.points,
-                        after.firsts, next_rows, self._array, ends, self.boxes, moved)
+        motions_between((before.points, before.firsts, before.counts), rows,
+                        (after.points, after.firsts, after.counts), next_rows,
+                        (self._array, ends, self.boxes, moved))
         self._ends: list[int] = ends.tolist()
         self.moved: list[float] = moved.tolist()
         if after is not before:

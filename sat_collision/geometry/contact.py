@@ -48,8 +48,6 @@ FACING = 0.01
 # What rounding may do to a length, in parts of the largest coordinate.
 _ROUNDING = 2.0 ** -48
 _LEAST = 5e-324
-# Up to this growth a move along an edge counts as level with it.
-_LEVEL = 1e-9
 # Of how many pairs of parts, the deepest, the normals are tried as ways out, and how many pushes
 # of pairs make one more.
 _WAYS = 16
@@ -359,10 +357,10 @@ def _overlap_along(a, b, ux, uy, rounding):
             # So far Q reaches behind this edge, and so much more with each metre.
             reach = ex * (w[j + 1] - v[k + 1]) - ey * (w[j] - v[k])
             growth = side * (ux * ey - uy * ex)
-            if reach <= rounding and growth <= _LEVEL:
-                return enter, enter
+            if reach <= rounding and growth <= 0.0:
+                return leave, leave
             if growth > 0.0:
-                enter = max(enter, -reach / growth)
+                enter = max(enter, (rounding - reach) / growth)
             elif growth < 0.0:
                 leave = min(leave, -reach / growth)
     return enter, leave

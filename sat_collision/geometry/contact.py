@@ -72,6 +72,7 @@ class Contact(NamedTuple):
         that fits into another exactly has depth 0, one that is a little larger may have much.
     points_a, points_b : (k, 2) ndarray
         One or two points of a, and of b, of the pair of convex parts that is nearest or deepest.
+        Each is a vertex or a point of an edge, to 2^-50 of the largest coordinate: 1e-9 m at 1e6.
         Two where an edge of each is across the normal, within 0.01 rad: the ends of what these
         share, in the order of the normal turned left. From a point of b to that of a it is along
         the normal of the two parts, for one of them as far as the separation.

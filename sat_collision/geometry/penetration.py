@@ -31,7 +31,7 @@ from sat_collision.geometry.part_axes import ROUNDING
 from sat_collision.geometry.plane import scale_to_one, unit
 from sat_collision.geometry.separating_axis import support
 
-# A way along an edge that is nothing, in parts of the largest coordinate and the edge.
+# A way along an edge, in parts of the largest coordinate, that counts as none.
 _NEGLIGIBLE = 2.0 ** -92
 
 
@@ -69,8 +69,9 @@ def _least_reach(p, q, slack):
     """
     Return how far Q reaches beyond the edge of P behind which it reaches least.
 
-    Returned are this depth (in twice the precision; infinite if P is a point, or like one by underflow), where the edge
-    starts in P's array, and where the vertex of Q that reaches so far stands.
+    Returned are this depth, in twice the precision (infinite if P is a point, or like one by
+    underflow), where the edge starts in P's array, and where the vertex of Q that reaches so far
+    stands.
     """
     v = p.array
     w = q.array
@@ -139,11 +140,11 @@ def _before(p, a):
 @inner
 def _move(p, q, a, j):
     """
-    Return a point of P's edge at a, one of Q as far beyond it as its vertex at j, and the normal.
+    Return a point of P, one of Q as far beyond P's edge at a as its vertex at j, and the normal.
 
-    That vertex may stand over another edge that is level, or all but level, with this one, and Q
-    may have one, too: so the boundary of the Minkowski difference is followed from the edge on to
-    where one point is over the other. Each coordinate is rounded once.
+    The vertex need not stand over that edge if another of either body is level with it, or all but
+    level: from the edge on the boundary of the Minkowski difference is followed to where a point
+    of Q is over one of P. Each coordinate is rounded once.
     """
     v = p.array
     w = q.array
@@ -168,7 +169,7 @@ def _move(p, q, a, j):
         fx, fy = difference(v[c], v[i]), difference(v[c + 1], v[i + 1])
         gx, gy = difference(w[d], w[k]), difference(w[d + 1], w[k + 1])
         turn = cross(fx, fy, gx, gy)[0]
-        # Of the edges that lead on the one comes first that turns less.
+        # Of the two edges, if both lead on, the one that turns less comes first.
         if not dot(ex, ey, gx, gy)[0] < 0.0 or (
                 dot(ex, ey, fx, fy)[0] > 0.0 and (turn <= 0.0 if forward else turn >= 0.0)):
             d = k

@@ -78,7 +78,7 @@ class Recorder:
 
 @pytest.fixture
 def looped(domain):
-    """Return a peer and how to run a Loop over its topics 'flood' and 'other', which ends rests."""
+    """Return a peer, and how to run a Loop over its topics flood and other, which ends rests."""
     peer = Peer(domain)
     node = rclpy.create_node('receiver', context=peer.context)
     inputs = [loop.Input(name, node.create_subscription(

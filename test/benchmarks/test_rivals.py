@@ -96,6 +96,7 @@ def test_inexact_rivals_are_wrong_on_hard_pairs_and_right_on_near_ones(method, n
     assert (answers(method, near) == oracle.intersects_pairs(near)[0]).all()
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not COMPILED, reason='nothing to compare with')
 def test_plain_python_answers_as_compiled_code_does():
     """The same pairs in a process where numba is switched off: equal answers, filters right."""

@@ -43,6 +43,7 @@ def test_contacts_of_the_scene(name):
     assert touched == expected
 
 
+@pytest.mark.long
 def test_demo_succeeds(tmp_path):
     """Node, publisher and viewer as three processes over DDS; log and pictures are as promised."""
     pytest.importorskip('rclpy')

@@ -201,7 +201,7 @@ class Loop:
         until_tick = max(self._next_tick - begun, 0.0)
         ready = waiting.wait(0.0 if look_at_all else until_tick, self._ticked)
         self._ticked = False
-        return ready, time.monotonic() - begun > _LONG_WAIT
+        return ready, not look_at_all and time.monotonic() - begun > _LONG_WAIT
 
     def _choose_rest(self, now: float) -> None:
         """Rest between turns where messages came often enough since this was last chosen."""

@@ -19,19 +19,15 @@ A scene is a list of frames, each a footprint and the obstacles it is compared w
 All coordinates are float32, as messages carry them.
 """
 
-from pathlib import Path
-
 import numpy as np
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import get_typestore, Stores
+from published import load
 from sat_collision import intersects_pairs, Polygon, PolygonSet, separation
 import stages
 
-RECORDINGS = Path(__file__).resolve().parents[3] / 'shared' / 'data' / 'bags'
-# How a recording is called on the page, by how its folder's name begins.
-NAMES = {'autoware': 'a vehicle among boxes (Autoware)',
-         'commonroad_USA': 'vehicles on a road (CommonROAD, NGSIM)',
-         'tysik': 'clusters of a laser scanner'}
+# How a recording of test/data is called on the page.
+NAMES = {'autoware_ego_trajectory_boxes': 'a vehicle among boxes (Autoware)',
+         'commonroad_USA_Lanker-1_1_ego1247': 'vehicles on a road (CommonROAD, NGSIM)',
+         'tysik_front_scan_polygons': 'clusters of a laser scanner'}
 REPEATS = 15
 _DOCK = np.array([(0, -1), (0.5, -1), (0.5, 1), (0, 1), (0, 0.4), (0.3, 0.4), (0.3, -0.4),
                   (0, -0.4)])
@@ -39,39 +35,28 @@ _FOOTPRINT = np.array([(0, -0.3), (0, 0.3), (-0.8, 0.3), (-0.8, -0.3)])
 
 
 def scenes():
-    """Return the frames of each scene by name; recordings only where they are."""
-    found = {}
-    for start, name in NAMES.items():
-        for path in sorted(RECORDINGS.glob(f'{start}*_sqlite3')):
-            found[name] = recorded(path)
+    """Return the frames of each scene by name."""
+    found = {title: recorded(name) for name, title in NAMES.items()}
     for name, scene in (('docking', docking), ('racks in line', racks)):
         found[name] = scene(0.0)
         found[f'{name}, turned by 30°'] = scene(np.pi / 6)
     return found
 
 
-def recorded(path):
-    """Return the frames of a recording, footprint and obstacles of equal stamps, with z."""
-    return [frame[1:] for frame in stamped(path)]
+def recorded(name):
+    """Return the frames of a recording, footprint and obstacles of equal stamps."""
+    return [frame[1:] for frame in stamped(name)]
 
 
-def stamped(path):
+def stamped(name):
     """Return (stamp in s since the first, footprint, obstacles) of each frame of a recording."""
-    footprints, obstacles = {}, {}
-    with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-        for connection, _, data in reader.messages():
-            if connection.topic in ('/footprint', '/obstacles'):
-                message = reader.deserialize(data, connection.msgtype)
-                stamp = 10**9 * message.header.stamp.sec + message.header.stamp.nanosec
-                points = np.array([(point.x, point.y, point.z)
-                                   for point in message.polygon.points])
-                if connection.topic == '/footprint':
-                    footprints[stamp] = points
-                else:
-                    obstacles.setdefault(stamp, []).append(points)
-    first = min(footprints)
-    return [((stamp - first) / 1e9, footprints[stamp], obstacles.get(stamp, []))
-            for stamp in sorted(footprints)]
+    sets = load('recordings')[name]['sets']
+    frames = []
+    for stamp, *outlines in sets:
+        footprint, *obstacles = (
+            np.reshape(outline, (-1, 2)).astype(np.float32).astype(float) for outline in outlines)
+        frames.append(((stamp - sets[0][0]) / 1e9, footprint, obstacles))
+    return frames
 
 
 def docking(angle):
@@ -147,9 +132,8 @@ def _exact_stage(frames):
 
 
 def ages():
-    """Return a row of figures for each recording; none where there are none."""
-    return [{'scene': name, **_age_of(stamped(path))} for start, name in NAMES.items()
-            for path in sorted(RECORDINGS.glob(f'{start}*_sqlite3'))]
+    """Return a row of figures for each recording."""
+    return [{'scene': title, **_age_of(stamped(name))} for name, title in NAMES.items()]
 
 
 def _age_of(frames):
@@ -165,13 +149,13 @@ def _age_of(frames):
             continue
         bodies = [Polygon(body) for body in obstacles]
         share = (t1 - t0) / (t2 - t0)
-        true, old, made = (min(separation(Polygon(p[:, :2]), body) for body in bodies)
+        true, old, made = (min(separation(Polygon(p), body) for body in bodies)
                            for p in (p1, p0, p0 + share * (p2 - p0)))
         before.append(abs(old - true))
         between.append(abs(made - true))
         gaps.append(t1 - t0)
-        speeds.append(float(np.hypot(*(p1 - p0)[:, :2].T).max()) / (t1 - t0))
-    largest = max(float(np.abs(body[:, :2]).max()) for _, footprint, obstacles in frames
+        speeds.append(float(np.hypot(*(p1 - p0).T).max()) / (t1 - t0))
+    largest = max(float(np.abs(body).max()) for _, footprint, obstacles in frames
                   for body in (footprint, *obstacles))
     return {'frames': len(before), 'spacing': float(np.median(gaps)), 'speed': max(speeds),
             'before': [float(np.median(before)), max(before)],

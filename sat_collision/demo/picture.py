@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from visualization_msgs.msg import MarkerArray
 
+# Texts are drawn so many times as large as markers have them: one walks up to these in a viewer.
+_ENLARGED = 1.3
 _WORDS = {False: ('clear', '#1a9933'), True: ('COLLISION', '#d11919')}
 
 
@@ -60,7 +62,7 @@ def write_movie(frames: Sequence[Frame], bounds: Sequence[float], rate: int,
     from matplotlib.animation import PillowWriter
     figure = _figure()
     writer = PillowWriter(fps=rate)
-    with writer.saving(figure, path, dpi=80):
+    with writer.saving(figure, path, dpi=92):
         for frame in frames:
             figure.clear()
             _draw(frame, bounds, figure)
@@ -70,7 +72,7 @@ def write_movie(frames: Sequence[Frame], bounds: Sequence[float], rate: int,
 def _figure() -> Figure:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
-    figure = Figure(figsize=(9.0, 5.2))
+    figure = Figure(figsize=(9.0, 5.0))
     FigureCanvasAgg(figure)
     return figure
 
@@ -123,12 +125,13 @@ def draw_markers(markers: MarkerArray, axes: Axes) -> None:
             x, y = points.T
             axes.scatter(x, y, color=[colour], s=1500.0 * marker.scale.x**2, zorder=height)
         elif marker.type == marker.TEXT_VIEW_FACING:
-            # Its middle at its place and its height in metres, as viewers of ROS have it.
-            text = TextPath((0.0, 0.0), marker.text, size=marker.scale.z)
+            # Its middle at its place, as viewers of ROS have it.
+            size = _ENLARGED * marker.scale.z
+            text = TextPath((0.0, 0.0), marker.text, size=size)
             (left, low), (right, high) = text.get_extents().get_points()
             place = marker.pose.position
             begin = place.x - (left + right) / 2, place.y - (low + high) / 2
-            axes.add_patch(PathPatch(TextPath(begin, marker.text, size=marker.scale.z),
+            axes.add_patch(PathPatch(TextPath(begin, marker.text, size=size),
                                      facecolor=colour, linewidth=0.0, zorder=height))
     axes.autoscale_view()
     axes.set_aspect('equal')

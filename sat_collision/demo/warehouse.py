@@ -30,8 +30,8 @@ _Path: TypeAlias = Sequence[tuple[float, float, float, float]]
 
 FRAME = 'map'
 DURATION = 16.0
-# Least x and y and greatest x and y of all there is, and some room.
-BOUNDS = (0.3, 1.5, 19.4, 11.5)
+# Least x and y and greatest x and y of all there is and of the texts beside it.
+BOUNDS = (0.3, 1.5, 20.7, 11.5)
 
 
 def _box(min_x: float, min_y: float, max_x: float, max_y: float) -> Outline:

@@ -201,7 +201,7 @@ class Loop:
         until_tick = max(self._next_tick - begun, 0.0)
         ready = waiting.wait(0.0 if look_at_all else until_tick, self._ticked)
         self._ticked = False
-        return ready, time.monotonic() - begun > _LONG_WAIT
+        return ready, not look_at_all and time.monotonic() - begun > _LONG_WAIT
 
     def _choose_rest(self, now: float) -> None:
         """Rest between turns where messages came often enough since this was last chosen."""
@@ -249,7 +249,7 @@ class _Topic:
         count, limit = 0, _FEWEST_TOGETHER
         while batch := self._next_batch(limit):
             if not count:
-                self._first = self._last
+                self._first = self._first_of_batch
             count += len(batch)
             self._receiver.receive(self._name, batch, now)
             if self._beginning is None:
@@ -276,6 +276,8 @@ class _Topic:
                     self._beginning = taken
                     return batch
                 self._receiver.begin_stream(self._name)
+            if not batch:
+                self._first_of_batch = taken[1]
             self._last = taken[1]
             batch.append((taken[0], number))
             if len(batch) == limit:

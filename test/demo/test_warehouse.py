@@ -43,6 +43,7 @@ def test_contacts_of_the_scene(name):
     assert touched == expected
 
 
+@pytest.mark.long
 def test_demo_succeeds(tmp_path):
     """Node, publisher and viewer as three processes over DDS; log and pictures are as promised."""
     pytest.importorskip('rclpy')
@@ -58,4 +59,7 @@ def test_demo_succeeds(tmp_path):
     assert picture.read_bytes().startswith(b'\x89PNG')
     with Image.open(movie) as frames:
         assert frames.format == 'GIF' and frames.n_frames > 20
+        # It begins with a contact, in red.
+        red, green, blue = np.moveaxis(np.asarray(frames.convert('RGB')), 2, 0)
+        assert ((red > 200) & (green < 60) & (blue < 60)).any()
     assert movie.stat().st_size < 3e6

@@ -504,8 +504,7 @@ _REFUSED = {
     'a frame nobody tells of': {'frame_id': 'nowhere'}}
 
 SITUATIONS = {
-    'the monitor is stopped for 60 to 300 ms again and again': Situation(
-        _monitor_stopped, is_short=True),
+    'the monitor is stopped for 60 to 300 ms again and again': Situation(_monitor_stopped),
     'the publisher is stopped for 60 to 300 ms again and again': Situation(_publisher_stopped),
     'the publisher is killed in the middle of a set, and respawned': Situation(
         _killed_in_a_set, is_short=True),
@@ -522,7 +521,7 @@ SITUATIONS = {
        for what, options in _REFUSED.items()},
     'the obstacles of a best-effort publisher are not heard, those of another are': Situation(
         _beside('/obstacles', {'script': publishers.sets, 'count': 1, 'qos': BEST_EFFORT},
-                {'script': publishers.sets, 'sees': False}), is_short=True),
+                {'script': publishers.sets, 'sees': False})),
     'the footprints of a best-effort publisher are not heard, those of another are': Situation(
         _beside('/footprint', {'script': publishers.robot, 'qos': BEST_EFFORT},
                 {'script': publishers.robot, 'x': 50.0}, {'script': publishers.sets}),
@@ -542,7 +541,7 @@ SITUATIONS = {
     'an id with an older stamp after a newer one': Situation(
         _lasting(3.0, publishers.track_out_of_order, **_IDS), 1.0, {**_BY_ID, **_SHORT}),
     'a tracker is killed 1.4 s after it told of the contact': Situation(
-        _tracker_killed, 2.0, _BY_ID, is_short=True),
+        _tracker_killed, 2.0, _BY_ID),
     'a footprint stamped 0.9 s ahead': Situation(
         _ahead(publishers.robot_ahead, '/footprint'), footprint=False, is_short=True),
     'odometry stamped 0.9 s ahead': Situation(

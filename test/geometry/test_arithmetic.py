@@ -114,8 +114,10 @@ def run(program, **environment):
                           env={**os.environ, 'PYTHONPATH': os.pathsep.join(path), **environment})
 
 
-@pytest.mark.parametrize('plain', ['0', '1'])
-@pytest.mark.parametrize('mode', ['flush to zero', 'down'])
+@pytest.mark.parametrize('mode, plain', [
+    ('flush to zero', '0'), ('down', '1'),
+    pytest.param('flush to zero', '1', marks=pytest.mark.long),
+    pytest.param('down', '0', marks=pytest.mark.long)])
 def test_import_is_refused(mode, plain, tmp_path):
     """And nothing compiled in that mode is kept: the next process is in order."""
     program = (f'import ctypes\nmode = {MODES[mode]}\n'
@@ -132,7 +134,8 @@ def test_import_is_refused(mode, plain, tmp_path):
     assert run('from sat_collision import intersects', **environment).returncode == 0
 
 
-@pytest.mark.parametrize('machine, plain', [('x86_64', '0'), ('other', '0'), ('x86_64', '1')])
+@pytest.mark.parametrize('machine, plain', [
+    ('x86_64', '0'), pytest.param('other', '0', marks=pytest.mark.long), ('x86_64', '1')])
 def test_a_library_that_sets_the_mode_when_it_is_loaded(tmp_path, machine, plain):
     """As one linked with -ffast-math does: noticed on every machine, compiled and in Python."""
     if not shutil.which('gcc'):

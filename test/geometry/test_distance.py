@@ -36,7 +36,7 @@ def random_convex(rng, count):
     return Polygon(np.column_stack([np.cos(angles), np.sin(angles)]) * rng.uniform(0.5, 2))
 
 
-@pytest.mark.parametrize('count', [3, 4, 9, 40])
+@pytest.mark.parametrize('count', [3, 4, 9, pytest.param(40, marks=pytest.mark.long)])
 @pytest.mark.parametrize('offset', [0.0, 1e3, 1e6])
 def test_convex_pairs_are_accurate_to_two_u(count, offset):
     """Random pairs apart and overlapping, also far from the origin."""
@@ -134,7 +134,7 @@ def test_error_is_a_share_of_the_separation_not_of_the_coordinates(a, b):
     assert error(a, b) <= 1
 
 
-@pytest.mark.parametrize('n', [4, 20])
+@pytest.mark.parametrize('n', [4, pytest.param(20, marks=pytest.mark.long)])
 @pytest.mark.parametrize('name', families.CONVEX)
 def test_every_family_is_accurate_to_two_u(name, n):
     assert max(errors(families.CONVEX[name](np.random.default_rng(3), 25, n))) <= 1

@@ -140,7 +140,8 @@ print(sum(one(1.0) for one in kernels), sum(sum(one.stats.cache_hits.values()) f
 """ % len(DAMAGES)
 
 
-@pytest.mark.parametrize('files', ['*.nbc', '*.nbi', '*.nb[ci]'])
+@pytest.mark.parametrize('files', [
+    '*.nb[ci]', *(pytest.param(one, marks=pytest.mark.long) for one in ('*.nbc', '*.nbi'))])
 def test_damaged_files_are_replaced(package, files):
     """Compiled again, which is said once; the next process finds all in order."""
     (package / 'caller.py').write_text(MANY)
@@ -156,7 +157,7 @@ def test_damaged_files_are_replaced(package, files):
     assert run(package, PROGRAM_OF_MANY) == (right, len(DAMAGES), 'None')
 
 
-@pytest.mark.parametrize('files', ['*.nbc', '*.nbi'])
+@pytest.mark.parametrize('files', ['*.nbc', pytest.param('*.nbi', marks=pytest.mark.long)])
 def test_missing_files_are_made_again(package, files):
     """As after somebody has tidied up."""
     run(package)
@@ -166,6 +167,7 @@ def test_missing_files_are_made_again(package, files):
     assert run(package) == (6.0, 1, 'None')
 
 
+@pytest.mark.long
 def test_a_disk_that_is_full(package, tmp_path):
     """Of 100 kB: what cannot be saved is compiled in each process, and the disk is left clean."""
     disk = tmp_path / 'disk'
@@ -230,6 +232,7 @@ def test_without_a_compiler_there_is_no_problem(package):
     assert run(package) == (6.0, 0, 'None')
 
 
+@pytest.mark.long
 def test_a_user_who_may_write_nowhere(package, tmp_path):
     """Package and home belong to somebody else, or are on a disk that is only read."""
     (tmp_path / 'home').mkdir()
@@ -240,6 +243,7 @@ def test_a_user_who_may_write_nowhere(package, tmp_path):
     assert (answer, hits) == (6.0, 0) and 'NUMBA_CACHE_DIR' in problem
 
 
+@pytest.mark.long
 def test_nowhere_to_keep_them(package, tmp_path):
     """Neither the package nor the user's cache can be written to: all is compiled each time."""
     (package / '__pycache__').touch()

@@ -116,6 +116,7 @@ def test_node_with_a_compiler_that_does_not_work(start, place):
     assert node.wait(30) == 0
 
 
+@pytest.mark.long
 def test_flags_before_distances(start, domain):
     """A first start decides as soon as it can; no separation is published until it is measured."""
     if not COMPILED:

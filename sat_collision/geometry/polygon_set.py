@@ -274,12 +274,13 @@ class PolygonSet:
         """
         packed, count = as_polygon(body).packed
         row, separation, ax, ay, bx, by = nearest_row(
-            self._array, packed, count, indexable(np.sort(np.fromiter(skipped, np.int64))))
+            self._array, packed, count, _ascending(skipped))
         return None if row < 0 else (row, separation, (ax, ay), (bx, by))
 
     def first_contact(self, footprint: BodyLike, twist: ArrayLike, horizon: float,
                       velocities: ArrayLike | None = None, pose: ArrayLike = (0.0, 0.0, 0.0),
-                      tolerance: float = 1e-3) -> tuple[int, float] | None:
+                      tolerance: float = 1e-3, skipped: Iterable[int] = ()
+                      ) -> tuple[int, float] | None:
         """
         Return which row a moving body meets first, and when.
 
@@ -288,6 +289,8 @@ class PolygonSet:
         footprint, twist, horizon, velocities, pose, tolerance
             As `time_to_contact` has them, which raises the same; one velocity a row, also of rows
             that have no body.
+        skipped : iterable of int, optional
+            Rows to leave out, as `nearest` does.
 
         Returns
         -------
@@ -305,7 +308,8 @@ class PolygonSet:
         motion = motion_of(twist, horizon, pose, tolerance)
         packed, count = as_polygon(footprint).packed
         row, time = first_row_met(self._array, packed, count, indexable(motion),
-                                  indexable(velocities_of(velocities, self._used_rows)))
+                                  indexable(velocities_of(velocities, self._used_rows)),
+                                  _ascending(skipped))
         return None if row < 0 else (row, time)
 
     def intersects(self, body: BodyLike) -> NDArray[np.bool_]:
@@ -400,6 +404,12 @@ class PackedSet(PolygonSet):
     def hide(self, rows: Sequence[int]) -> None:
         """Empty rows, each of which stays in use until it is filled anew or removed."""
         self._rows.n[rows] = 0
+
+
+def _ascending(rows: Iterable[int]) -> NDArray[np.int64]:
+    """Return rows as the kernels read them."""
+    array: NDArray[np.int64] = indexable(np.sort(np.fromiter(rows, np.int64)))
+    return array
 
 
 _EMPTY = PolygonSet()

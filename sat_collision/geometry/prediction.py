@@ -38,7 +38,7 @@ from sat_collision.geometry.moving import STRIDE
 from sat_collision.geometry.plane import length
 from sat_collision.geometry.predicates import UNDERFLOW_BOUND
 from sat_collision.geometry.rows import body_of, rows_of
-from sat_collision.geometry.scan import intersecting_rows
+from sat_collision.geometry.scan import contains, intersecting_rows
 from sat_collision.geometry.sweep import first_contact_of_moving
 
 # The most that a body turns in a piece, rad, unless that takes too many.
@@ -157,7 +157,7 @@ def _finite(values: ArrayLike, name: str, meaning: str) -> NDArray[np.float64]:
 
 
 @kernel
-def first_row_met(set_array, body, count, motion, velocities):
+def first_row_met(set_array, body, count, motion, velocities, skipped):
     """
     Find which row of a set a moving body meets first.
 
@@ -171,6 +171,8 @@ def first_row_met(set_array, body, count, motion, velocities):
         A `Motion`.
     velocities : flat array of float64
         vx, vy of each row, m/s.
+    skipped : flat array of int64
+        Rows to leave out, ascending.
 
     Returns
     -------
@@ -182,13 +184,15 @@ def first_row_met(set_array, body, count, motion, velocities):
     """
     require_nearest(count)
     rows = rows_of(borrowed(set_array))
-    if intersecting_rows(set_array, body, count) > 0:
-        return rows.found[0], 0.0
+    for k in range(intersecting_rows(set_array, body, count)):
+        if not contains(skipped, rows.found[k]):
+            return rows.found[k], 0.0
     way = _way(Packed(body, 0, count), motion)
     # Where it is at the end of the list of pieces is the whole way.
     candidates = 0
     for row in range(rows.used):
-        if rows.n[row] != 0 and _may_meet(way, way.pieces, rows, row, velocities):
+        if (rows.n[row] != 0 and _may_meet(way, way.pieces, rows, row, velocities)
+                and not contains(skipped, row)):
             rows.found[candidates] = row
             candidates += 1
     first = -1

@@ -178,7 +178,7 @@ def nearest_row(set_array, body, count, skipped):
     for row in range(rows.used):
         # A gap may be infinite.
         if (rows.n[row] != 0 and (best < 0 or box_gap(rows, row, body) < gap)
-                and not _contains(skipped, row)):
+                and not contains(skipped, row)):
             gap = box_gap(rows, row, body)
             best = row
     if best < 0:
@@ -188,7 +188,7 @@ def nearest_row(set_array, body, count, skipped):
     for row in range(rows.used):
         if (row != first and rows.n[row] != 0
                 and box_gap(rows, row, body) < found[0]
-                and not _contains(skipped, row)):
+                and not contains(skipped, row)):
             other = measure(body_of(rows, row), Packed(body, 0, count))
             if other[0] < found[0]:
                 found = other
@@ -197,7 +197,7 @@ def nearest_row(set_array, body, count, skipped):
 
 
 @inner
-def _contains(numbers, number):
+def contains(numbers, number):
     """Tell whether a number is among others, which ascend."""
     begin, end = 0, len(numbers)
     while begin < end:

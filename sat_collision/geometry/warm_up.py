@@ -32,7 +32,7 @@ from sat_collision.geometry.packing import pack_convex, pack_convex_moved
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.polygon_set import PackedSet, PolygonSet
 from sat_collision.geometry.query import (
-    closest_points, intersects, intersects_pairs, separations, time_to_contact)
+    closest_points, intersects, intersects_pairs, separations)
 from sat_collision.geometry.run import Run
 from sat_collision.geometry.sweep import time_of_contact
 
@@ -84,6 +84,7 @@ def prepare_distances() -> None:
     bodies.nearest(point)
     bodies.place(0, point.packed, PolygonSet([point]), 1.0)
     bodies.rows_within(point, 1.0)
+    bodies.first_contact(point, (1, 0, 1), 1.0)
     # Last: `is_prepared` asks for it.
     contact(point, point)
 
@@ -97,7 +98,6 @@ def prepare_pairs() -> None:
     separations(bodies, bodies)
     closest_points(body, body)
     time_of_contact(_TRIANGLE, _TRIANGLE + 2, _TRIANGLE + 4, _TRIANGLE)
-    time_to_contact(body, (1, 0, 1), [_TRIANGLE + 2], 1.0)
 
 
 def _origin() -> Polygon:

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import chain, islice
+import math
 from operator import itemgetter
 from typing import Any, NamedTuple, TypeAlias
 
@@ -32,6 +33,7 @@ from sat_collision.messages.shared_region import contact_marks, Ring
 from sat_collision.messages.states import in_words
 from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.prediction import Prediction
 from sat_collision.scene.scene import Scene
 
 _Body: TypeAlias = 'str | ObstacleId'
@@ -43,10 +45,13 @@ _GREY = (0.6, 0.6, 0.6)
 _SLATE = (0.3, 0.4, 0.55)
 _AMBER = (0.95, 0.6, 0.0)
 _MAROON = (0.45, 0.0, 0.1)
-_COLOURS = {Status.CLEAR: _GREEN, Status.COLLISION: _RED, Status.UNKNOWN: _GREY}
+_COLOURS = {Status.CLEAR: _GREEN, Status.IMMINENT: _AMBER, Status.COLLISION: _RED,
+            Status.UNKNOWN: _GREY}
 _LINE = 0.03
 _DOT = 0.1
 _TEXT = 0.25
+# In so many places a footprint is shown on its way to a contact.
+_PLACES_AHEAD = 8
 # How many periods markers are shown: a dead monitor shall not leave a green robot behind.
 _PERIODS = 3
 
@@ -97,7 +102,8 @@ class Markers:
     Every message deletes all and draws all. Namespaces: `<name>/fill`, `<name>/outline` and
     `<name>/points` for each footprint and source of obstacles, of which id 1 has those in contact
     and id 0 the rest; `<footprint>/name` says its name and state. `contacts/...` show where bodies
-    meet, and which way the footprint would have to move; `nearest/...` the nearest pair apart.
+    meet, and which way the footprint would have to move; `nearest/...` the nearest pair apart;
+    `<footprint>/ahead` its way to a contact that is predicted, and `<footprint>/time` when.
     """
 
     def __init__(self) -> None:
@@ -123,6 +129,8 @@ class Markers:
                               _TEXT)
         known = [name for name, state in states.items() if state.status is not Status.UNKNOWN]
         self._draw_nearest(scene, known)
+        for name in known:
+            self._draw_ahead(name, scene.prediction(name))
         for name, state in states.items():
             self._name(name, state, scene.settings.margin)
         self._draw_contacts(contact for name, state in states.items()
@@ -158,8 +166,8 @@ class Markers:
         text = name
         if state.status is Status.COLLISION:
             text += f': {in_words(state, margin)}'
-        elif state.status is Status.UNKNOWN:
-            text += ': unknown'
+        elif state.status is not Status.CLEAR:
+            text += f': {state.status.value}'
         self._write(f'{name}/name', _COLOURS[state.status], self._shapes[name].polygon.bounds,
                     text)
 
@@ -193,6 +201,20 @@ class Markers:
         self._add('nearest/points', 0, _CLOSEST, _AMBER, _points(ends))
         self._write('nearest/distance', _AMBER, (*ends.min(0).tolist(), *ends.max(0).tolist()),
                     f'{name} - {obstacle}: {distance:.3g} m')
+
+    def _draw_ahead(self, name: str, prediction: Prediction | None) -> None:
+        """Draw where a footprint is on its way to a contact, and when it is there."""
+        if not (prediction and prediction.velocity and 0.0 < prediction.seconds < math.inf):
+            return
+        vertices = self._shapes[name].polygon.vertices
+        rings = [prediction.velocity.carry(vertices, prediction.way * k / _PLACES_AHEAD)
+                 for k in range(1, _PLACES_AHEAD + 1)]
+        self._add(f'{name}/ahead', 0, _OUTLINE, _AMBER, [
+            end for ring in rings
+            for end in _points(np.stack([ring, np.roll(ring, -1, 0)], 1).reshape(-1, 2))])
+        self._write(f'{name}/time', _AMBER, (*rings[-1].min(0).tolist(),
+                                             *rings[-1].max(0).tolist()),
+                    f'{name} - {prediction.obstacle}: {prediction.seconds:.1f} s')
 
     def _add(self, ns: str, number: int, style: _Style, colour: _Colour,
              points: list[Any]) -> None:

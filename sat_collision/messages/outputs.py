@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the node publishes of a scene: flags, separations, contacts, states and markers."""
+"""What the node publishes of a scene: flags, separations, times, contacts, states, markers."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from sat_collision.messages.interfaces import (
 from sat_collision.messages.markers import Markers
 from sat_collision.messages.states import States
 from sat_collision.scene.footprints import State, Status
+from sat_collision.scene.prediction import Prediction
 from sat_collision.scene.scene import Nearest, Scene
 from sat_collision.scene.settings import Settings
 
@@ -79,6 +80,9 @@ class Outputs:
         self._separations = {
             name: node.create_publisher(Float64, f'~/{name}/separation', 10)
             for name in self._flags}
+        self._times = {
+            name: node.create_publisher(Float64, f'~/{name}/time_to_collision', 10)
+            for name in self._flags}
         self._clouds = {
             name: node.create_publisher(PointCloud2, f'~/{name}/contacts', 10)
             for name in self._flags}
@@ -107,8 +111,9 @@ class Outputs:
     def configure(self, settings: Settings) -> None:
         """Apply settings, with which every flag may mean something else."""
         self._states.settings = self._brief_states.settings = settings
-        self._raising = ((Status.COLLISION, Status.UNKNOWN) if settings.unknown_is_collision
-                         else (Status.COLLISION,))
+        self._raising = {Status.COLLISION, Status.IMMINENT}
+        if settings.unknown_is_collision:
+            self._raising.add(Status.UNKNOWN)
         # If none is enabled, nothing is known: all are unknown.
         self._watched = ({footprint.name for footprint in settings.footprints if footprint.enabled}
                          or set(self._flags))
@@ -134,6 +139,7 @@ class Outputs:
 
     def publish(self, names: Iterable[str] | None = None) -> None:
         """Publish the common flag, what is known of some footprints or all, and all states."""
+        is_periodic = names is None
         names = list(self._flags if names is None else names)
         for name in names:
             self._flags[name].publish(_FLAGS[name in self._raised])
@@ -142,11 +148,19 @@ class Outputs:
         with_states = self._state_publisher.get_subscription_count() > 0
         nearest = {name: self._nearest(name)
                    for name in (self._flags if with_states else measured)}
+        timed = [name for name in names if self._times[name].get_subscription_count()]
+        if is_periodic:
+            self._scene.tracks_motion = self._states.settings.horizon > 0.0 and bool(
+                with_states or timed or self._marker_publisher.get_subscription_count())
+        predictions = {name: self._scene.prediction(name) if self._is_measured(name) else None
+                       for name in (self._flags if with_states else timed)}
         for name in measured:
             self._publish_separation(name, nearest[name])
+        for name in timed:
+            self._publish_time(name, predictions[name])
         stamp = self._clock.now().to_msg()
         if with_states:
-            self._publish_states(nearest, stamp)
+            self._publish_states(nearest, predictions, stamp)
         for name in names:
             if self.measures and self._clouds[name].get_subscription_count():
                 self._clouds[name].publish(contact_cloud(self._scene, name, stamp))
@@ -165,7 +179,7 @@ class Outputs:
         """
         for publisher in (self._common_flag, *self._flags.values()):
             publisher.publish(_FLAGS[True])
-        for publisher in self._separations.values():
+        for publisher in (*self._separations.values(), *self._times.values()):
             publisher.publish(_UNKNOWN)
         states = States(self._node_name, self._states.settings)
         state = State(Status.UNKNOWN, (), (reason,), None)
@@ -190,13 +204,19 @@ class Outputs:
         else:
             self._separations[name].publish(_UNKNOWN)
 
-    def _publish_states(self, nearest: Mapping[str, Nearest | None], stamp: Any) -> None:
-        self._states.update(self._scene)
+    def _publish_time(self, name: str, prediction: Prediction | None) -> None:
+        """Publish when a footprint collides, infinity for not within the horizon."""
+        self._times[name].publish(
+            serialize(Float64(data=prediction.seconds)) if prediction else _UNKNOWN)
+
+    def _publish_states(self, nearest: Mapping[str, Nearest | None],
+                        predictions: Mapping[str, Prediction | None], stamp: Any) -> None:
+        self._states.update(self._scene, predictions)
         for name, found in nearest.items():
             state = self._scene.state(name)
             named = {*state.contacts, *((found[0],) if found else ())}
             self._states.write_moving(name, state.age, found, self._scene.newer_by(name, named),
-                                      self._scene.origin(name))
+                                      self._scene.origin(name), predictions[name])
         self._state_publisher.publish(self._states.message(stamp))
 
     def publish_markers(self) -> None:

@@ -26,22 +26,38 @@ from sat_collision.messages.interfaces import DiagnosticArray, DiagnosticStatus,
 from sat_collision.scene import frame_ids
 from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.prediction import Prediction
 from sat_collision.scene.scene import Nearest, Scene
 from sat_collision.scene.settings import Settings
 
 _LEVELS = {
     Status.CLEAR: DiagnosticStatus.OK,
+    Status.IMMINENT: DiagnosticStatus.WARN,
     Status.COLLISION: DiagnosticStatus.ERROR,
     Status.UNKNOWN: DiagnosticStatus.STALE,
 }
 _NAMED_IN_MESSAGE = 3
 _NOT_MEASURED = 'distances are not measured yet: their kernels are being compiled'
 _MOVING = ('age', 'least separation', 'nearest obstacle', 'nearest obstacle is newer by',
-           'contacts are newer by', 'frame', 'age of transform')
+           'contacts are newer by', 'frame', 'age of transform', 'time to collision',
+           'first contact with', 'velocity')
 
 
-def in_words(state: State, margin: float = 0.0) -> str:
-    """Say a footprint's state in a few words, given the margin (m) that counts as a collision."""
+def in_words(state: State, margin: float = 0.0, prediction: Prediction | None = None) -> str:
+    """
+    Say a footprint's state in a few words.
+
+    Parameters
+    ----------
+    state : State
+    margin : float, optional
+        Metres that count as a collision.
+    prediction : Prediction, optional
+        When a collision that is imminent comes.
+
+    """
+    if state.status is Status.IMMINENT and prediction and prediction.obstacle:
+        return f'collision with {prediction.obstacle} in {prediction.seconds:.1f} s'
     if state.status is Status.COLLISION and state.contacts:
         names = [str(obstacle) for obstacle in state.contacts[:_NAMED_IN_MESSAGE]]
         more = len(state.contacts) - len(names)
@@ -93,17 +109,24 @@ class States:
         """Take note that the states of footprints have changed."""
         self._unwritten.update(names)
 
-    def update(self, scene: Scene) -> None:
-        """Write down all states that have changed, or whose coordinates have other steps."""
+    def update(self, scene: Scene, predictions: Mapping[str, Prediction | None] = {}) -> None:
+        """
+        Write down all states that have changed, or whose coordinates have other steps.
+
+        What is imminent changes all the time, where there are predictions by name.
+        """
         polygons = dict(scene.footprints)
         for name in self._statuses:
             step = coordinate_step(polygons.get(name))
             coarse = step > self.settings.resolution
-            if name in self._unwritten or self._coarse[name] != coarse:
-                self.write(name, scene.state(name), step)
+            prediction = predictions.get(name)
+            is_imminent = prediction and scene.status(name) is Status.IMMINENT
+            if name in self._unwritten or is_imminent or self._coarse[name] != coarse:
+                self.write(name, scene.state(name), step, prediction)
         self._unwritten.clear()
 
-    def write(self, name: str, state: State, step: float) -> None:
+    def write(self, name: str, state: State, step: float,
+              prediction: Prediction | None = None) -> None:
         """
         Write down a footprint's new state.
 
@@ -113,6 +136,8 @@ class States:
         state : State
         step : float
             The float32 step of its coordinates in metres.
+        prediction : Prediction, optional
+            When it collides.
 
         """
         coarse = step > self.settings.resolution
@@ -120,7 +145,7 @@ class States:
         self._contacts[name] = state.contacts
         status = self._statuses[name]
         status.level = _LEVELS[state.status]
-        status.message = in_words(state, self.settings.margin)
+        status.message = in_words(state, self.settings.margin, prediction)
         if coarse:
             if state.status is Status.CLEAR:
                 status.level = DiagnosticStatus.WARN
@@ -140,7 +165,8 @@ class States:
     def write_moving(self, name: str, age: float | None,
                      nearest: Nearest | None,
                      newer: Mapping[ObstacleId, float],
-                     origin: tuple[str, float | None]) -> None:
+                     origin: tuple[str, float | None],
+                     prediction: Prediction | None) -> None:
         """
         Write down what changes all the time.
 
@@ -155,10 +181,12 @@ class States:
             By how many s the nearest obstacle, and each in contact, is newer than the footprint.
         origin : tuple
             As `Scene.origin` returns it.
+        prediction : Prediction or None
+            As `Scene.prediction` returns it.
 
         """
         (age_value, separation_value, obstacle_value, nearest_value, contacts_value, frame_value,
-         transform_value) = self._moving[name]
+         transform_value, time_value, first_value, velocity_value) = self._moving[name]
         frame_id, transform_age = origin
         frame_value.value = frame_ids.in_words(frame_id) if frame_id else ''
         transform_value.value = '' if transform_age is None else f'{transform_age:.3f}'
@@ -170,6 +198,13 @@ class States:
         contacts_value.value = ', '.join(f'{obstacle} {newer[obstacle]:.3f}'
                                          for obstacle in self._contacts[name]
                                          if obstacle in newer)
+        time_value.value = f'{prediction.seconds:.3f}' if prediction else ''
+        first_value.value = str(prediction.obstacle or '') if prediction else ''
+        velocity_value.value = 'unknown'
+        if prediction and prediction.velocity:
+            vx, vy, omega = prediction.velocity.twist
+            velocity_value.value = (f'{vx:.3f} m/s, {vy:.3f} m/s, {omega:.3f} rad/s by '
+                                    f'{prediction.velocity.origin}')
 
     @property
     def statuses(self) -> list[Any]:

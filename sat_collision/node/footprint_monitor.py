@@ -81,7 +81,7 @@ class FootprintMonitor(Node):
         parameters = Parameters(self)
         settings = parameters.settings
         self._preparation = Preparation(self.get_logger().info, self.get_logger().warning)
-        if settings.margin:
+        if settings.margin or any(one.min_time_to_collision for one in settings.footprints):
             self._preparation.complete()
         self._choose_clock()
         self._clock_changes = self.get_clock().create_jump_callback(
@@ -246,6 +246,7 @@ class FootprintMonitor(Node):
                 self.get_logger().warning(rejection.text)
 
     def _publish_changes(self) -> None:
+        self._scene.look_ahead()
         brief = self._scene.brief_contacts()
         changed = self._scene.changes()
         if changed:

@@ -24,6 +24,7 @@ from sat_collision.geometry.polygon_set import PackedSet, Point
 from sat_collision.geometry.run import Run
 from sat_collision.scene.footprints import Footprint
 from sat_collision.scene.obstacles import Body, Obstacle
+from sat_collision.scene.velocity import Velocity
 
 _Kind = TypeVar('_Kind', bound=Body[Any])
 _Other = TypeVar('_Other', bound=Body[Any])
@@ -146,11 +147,26 @@ class Contacts:
         if footprint.polygon is None:
             return None
         left_out = [body.row for body in skipped if body.row is not None]
-        if footprint.settings.obstacles:
-            left_out += [row for row, obstacle in self._obstacles.bodies.items()
-                         if not footprint.settings.monitors(obstacle.name.source)]
-        found = self._obstacles.polygons.nearest(footprint.polygon, left_out)
+        found = self._obstacles.polygons.nearest(
+            footprint.polygon, left_out + self._unmonitored(footprint))
         return found and (self._obstacles.bodies[found[0]], *found[1:])
+
+    def first_contact(self, footprint: Footprint, velocity: Velocity,
+                      seconds: float) -> tuple[Obstacle, float] | None:
+        """Return what a footprint meets first in so long, and after how many s; None if none."""
+        if footprint.polygon is None:
+            return None
+        found = self._obstacles.polygons.first_contact(
+            footprint.polygon, velocity.twist, seconds, pose=velocity.pose,
+            skipped=self._unmonitored(footprint))
+        return found and (self._obstacles.bodies[found[0]], found[1])
+
+    def _unmonitored(self, footprint: Footprint) -> list[int]:
+        """Return the rows of the obstacles that do not concern a footprint."""
+        if not footprint.settings.obstacles:
+            return []
+        return [row for row, obstacle in self._obstacles.bodies.items()
+                if not footprint.settings.monitors(obstacle.name.source)]
 
     def _monitored(self, footprint: Footprint, rows: list[int]) -> list[Obstacle]:
         """Return the obstacles of some rows that concern a footprint."""

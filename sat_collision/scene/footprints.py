@@ -24,12 +24,14 @@ from sat_collision.scene.obstacles import Body, Obstacle, ObstacleId
 from sat_collision.scene.settings import FootprintSettings
 from sat_collision.scene.streams import Stream
 from sat_collision.scene.times import BY_ANOTHER_CLOCK, FAR, NEVER
+from sat_collision.scene.velocity import MotionTracker
 
 
 class Status(enum.Enum):
     """What is known of a footprint."""
 
     CLEAR = 'clear'
+    IMMINENT = 'imminent'
     COLLISION = 'collision'
     UNKNOWN = 'unknown'
 
@@ -44,7 +46,8 @@ class State(NamedTuple):
     contacts : tuple of ObstacleId
         The obstacles that share a point with it, sorted; empty unless in collision.
     reasons : tuple of str
-        Sentences: why the status is unknown, or what else is in doubt beside a collision. They
+        Sentences: why the status is unknown or imminent, or what else is in doubt beside a
+        collision. They
         hold no running figures, so that a state does not change only because time passes.
     age : float or None
         Seconds since the footprint's stamp; None if there is no good footprint.
@@ -88,6 +91,10 @@ class Footprint(Body[Obstacle]):
         Why there is no good footprint; empty if there is one, be it stale.
     stale : bool
         Whether the good footprint is past its timeout.
+    motion : MotionTracker
+        What its velocity is known from, if that is tracked.
+    is_imminent : bool
+        Whether it is about to collide, as its min_time_to_collision has it.
     status : Status
         The status reported: CLEAR only after the release delay.
     evaluation : Evaluation
@@ -101,7 +108,8 @@ class Footprint(Body[Obstacle]):
 
     __slots__ = ('settings', 'stream', 'timeout', 'time', 'frame_id', 'origin', 'received',
                  'fault', 'stale', 'status', 'evaluation', 'unknown_reasons', 'gained_or_lost',
-                 '_clear_since', '_release', '_held', '_names', '_stream_faults')
+                 'motion', 'is_imminent', '_clear_since', '_release', '_held', '_names',
+                 '_stream_faults')
 
     evaluation: Evaluation
 
@@ -115,6 +123,8 @@ class Footprint(Body[Obstacle]):
         self.received: int | None = None
         self.fault = ''
         self.stale = False
+        self.motion = MotionTracker()
+        self.is_imminent = False
         self.status = Status.UNKNOWN
         self.unknown_reasons: tuple[str, ...] = ()
         self.gained_or_lost: set[ObstacleId] = set()
@@ -207,9 +217,15 @@ class Footprint(Body[Obstacle]):
             status, reasons = Status.UNKNOWN, (*self._faults_in_words(), *source_faults)
         elif self.contacts:
             status = Status.COLLISION
+        elif source_faults:
+            status = Status.UNKNOWN
+        elif self.is_imminent:
+            status, reasons = Status.IMMINENT, (
+                'moving on as it does, it is in contact within min_time_to_collision, '
+                f'{self.settings.min_time_to_collision:g} s',)
         else:
-            status = Status.UNKNOWN if source_faults else Status.CLEAR
-        self.unknown_reasons = reasons
+            status = Status.CLEAR
+        self.unknown_reasons = () if status is Status.IMMINENT else reasons
         if status is not Status.CLEAR:
             self._clear_since = None
         else:

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Container, Mapping, Sequence, Set
 from itertools import chain
+import math
 from typing import TypeAlias
 
 from sat_collision.geometry.polygon import PackedBody, Polygon
@@ -29,15 +30,20 @@ from sat_collision.scene.footprints import Evaluation, Footprint, Origin, State,
 from sat_collision.scene.frame_ids import in_quotes
 from sat_collision.scene.obstacle_store import OTHER_FRAME
 from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.prediction import predict, Prediction, velocity_of
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from sat_collision.scene.sources import Source
 from sat_collision.scene.streams import CONTINUES, Endpoint
 from sat_collision.scene.times import NEVER
+from sat_collision.scene.velocity import Velocity, Vertices
 
 FROM_FUTURE = 'from the future'
 OVERTAKEN = 'older than the last'
 
 _AGREEMENT = 10**9
+# So much further than it must `look_ahead` looks, in s, to know when to look again. It is called
+# more often than that.
+_AHEAD = 0.5
 _DISABLED = 'checking is disabled'
 _NO_CLOCK = 'no clock yet: the time reads 0, as with use_sim_time before the first /clock'
 _CLOCK_STANDS = 'the clock stands still: /clock tells the same time, or comes no more'
@@ -64,6 +70,7 @@ class Scene:
       proved contact stays true whatever else is in doubt;
     - else UNKNOWN if a source of obstacles is not known, see `knowledge`, or none is enabled:
       there may be an obstacle that was not received;
+    - else IMMINENT if `look_ahead` found that it is in contact within its min_time_to_collision;
     - else CLEAR, which is reported once it has been so for `release_delay`.
 
     Where a footprint has sources of its own, these alone count for it.
@@ -86,6 +93,8 @@ class Scene:
         The time in ns until which, at least, nothing changes by itself; NEVER if at no time.
     waiting : container of str
         Names of those of which messages wait to be taken: maps of theirs do not settle.
+    tracks_motion : bool
+        Whether what velocities are worked out from is kept of every footprint.
 
     """
 
@@ -94,6 +103,7 @@ class Scene:
         self.frame_id = settings.frame_id
         self.deadline: float = NEVER
         self.waiting: Container[str] = ()
+        self.tracks_motion = False
         self._now = 0
         self._clock_stands = False
         self._contacts = Contacts(settings.margin)
@@ -119,6 +129,8 @@ class Scene:
         self.settings = settings
         self._release_delay = round(settings.release_delay * 1e9)
         self._future_tolerance = round(settings.future_tolerance * 1e9)
+        self._looks_ahead = {one.name: one.min_time_to_collision for one in settings.footprints
+                             if one.min_time_to_collision}
 
     def update(self, settings: Settings) -> None:
         """
@@ -135,6 +147,7 @@ class Scene:
                 self._invalidate(footprint, _NOT_RECEIVED)
             monitored = footprint.settings.obstacles
             footprint.configure(new)
+            footprint.is_imminent &= new.min_time_to_collision > 0.0
             if new.obstacles != monitored:
                 self._contacts.decide(footprint)
         self._contacts.use_margin(settings.margin)
@@ -201,6 +214,45 @@ class Scene:
         if self._contacts.changed:
             self._evaluate()
         return None
+
+    def is_tracked(self, name: str) -> bool:
+        """Tell whether the motion of a footprint is to be tracked: nobody may ask for it."""
+        return self.tracks_motion or name in self._looks_ahead
+
+    def track(self, name: str, vertices: Vertices, given: Velocity | None = None) -> None:
+        """Take the vertices, in the order sent, and the velocity of a footprint just taken."""
+        footprint = self._footprints[name]
+        if footprint.time is not None:
+            footprint.motion.place(footprint.time, vertices, given)
+
+    def velocity(self, name: str) -> Velocity | None:
+        """Return the velocity of a footprint at its stamp, None while unknown."""
+        return velocity_of(self._footprints[name])
+
+    def prediction(self, name: str) -> Prediction | None:
+        """
+        Return when a footprint is in contact, as of the time that was passed last.
+
+        None while its state or its velocity is unknown, and where nothing is to be predicted.
+        """
+        footprint = self._footprints[name]
+        horizon = max(self.settings.horizon, footprint.settings.min_time_to_collision)
+        return predict(footprint, self._contacts, self._now, horizon) if horizon else None
+
+    def look_ahead(self) -> None:
+        """Find out which footprints are about to collide, as their settings have it."""
+        for name, threshold in self._looks_ahead.items():
+            footprint = self._footprints[name]
+            found = predict(footprint, self._contacts, self._now, threshold + _AHEAD)
+            seconds = found.seconds if found else math.inf
+            if footprint.is_imminent != (seconds <= threshold):
+                footprint.is_imminent = seconds <= threshold
+                self._contacts.changed.add(footprint)
+            elif threshold < seconds < math.inf:
+                self.deadline = min(self.deadline,
+                                    self._now + int((seconds - threshold) * 1e9) - 1)
+        if self._contacts.changed:
+            self._evaluate()
 
     def obstacle(self, name: str, body: PackedBody | None, frame_id: str, stamp: int, now: int,
                  instance: int | None = None, number: int | None = None) -> str | None:
@@ -487,6 +539,7 @@ class Scene:
 
     def _invalidate(self, footprint: Footprint, fault: str) -> None:
         footprint.time = None
+        footprint.motion.clear()
         footprint.fault = fault
         self._contacts.remove_footprint(footprint)
         self._contacts.changed.add(footprint)

@@ -112,6 +112,10 @@ class FootprintSettings:
     odometry: str = field(default='', metadata=_setting(
         'topic of nav_msgs/Odometry that tells where the frame is instead of /tf; empty for '
         '/tf'))
+    min_time_to_collision: float = field(default=0.0, metadata=_setting(
+        's; the flag is raised, too, when the footprint, moving on as it does, is in contact '
+        'within this time; 0.0 for contact alone', live=True, safety=True,
+        limits=(0.0, 60.0)))
 
     @property
     def has_outline(self) -> bool:
@@ -194,6 +198,9 @@ class Settings:
     margin: float = field(default=0.0, metadata=_setting(
         'm; a footprint collides when its separation from an obstacle is no more; 0.0 is contact, '
         'decided exactly', live=True, safety=True, limits=(0.0, 1000.0)))
+    horizon: float = field(default=3.0, metadata=_setting(
+        's; contacts are predicted so far ahead where somebody subscribes to what tells of them; '
+        '0.0 for none', live=True, limits=(0.0, 60.0)))
     resolution: float = field(default=0.001, metadata=_setting(
         'm; ~/state warns of footprints whose coordinates have larger float32 steps',
         live=True, limits=(0.0, 1000.0)))

@@ -14,11 +14,15 @@
 
 """What a running node shows and tells beside its flags: markers, health, live parameters."""
 
+import math
+import re
+
 from diagnostic_msgs.msg import DiagnosticStatus
-from harness import box, Peer, values
+from harness import box, Peer, SECOND, values
 import numpy as np
 from rclpy.parameter_client import AsyncParameterClient
 from sat_collision import KERNEL
+from sat_collision.geometry.polygon_set import PolygonSet
 from sat_collision.messages import outputs
 from sat_collision.messages.contact_cloud import contact_cloud
 from sat_collision.messages.markers import Markers
@@ -105,6 +109,68 @@ def test_points_of_contact_come_while_somebody_subscribes(start, monkeypatch):
     assert values(state.status[0])['obstacles in contact'] == 'obstacle/0'
     monitor.send_set('obstacles', APART)
     monitor.until(lambda: clouds[-1].width == 0, 'an empty cloud')
+
+
+def drive(monitor, condition, what):
+    """Let a robot come at 1 m/s until something holds; after each second it starts anew."""
+    begun = monitor.now()
+
+    def there():
+        stamp = monitor.now()
+        x = (stamp - begun) % SECOND / SECOND
+        monitor.send('footprint', [(x + u, v) for u, v in ROBOT], stamp)
+        monitor.spin(0.05)
+        return condition()
+    monitor.until(there, what)
+
+
+def test_the_time_to_a_collision_comes_while_somebody_subscribes(start, monkeypatch):
+    """Not a number at first; nothing is predicted, nor any motion tracked, before."""
+    asked = []
+    first_contact = PolygonSet.first_contact
+    monitor = start(**LASTING)
+    monitor.until(lambda: monitor.monitor._outputs.measures, 'kernels')
+    monkeypatch.setattr(PolygonSet, 'first_contact',
+                        lambda *a, **b: asked.append(1) or first_contact(*a, **b))
+    monitor.send_set('obstacles', box(3, 0))
+    drive(monitor, lambda: monitor.flag() is False, 'a clear state')
+    monitor.spin(0.3)
+    scene = monitor.monitor._scene
+    assert not asked and not scene.tracks_motion
+    assert scene.velocity('footprint') is None
+    times = monitor.listen('~/footprint/time_to_collision')
+    drive(monitor, lambda: times and times[-1].data < 3.0, 'a time')
+    assert math.isnan(times[0].data) and asked
+    assert all(math.isnan(time.data) or 0.5 < time.data <= 3.0 or time.data == math.inf
+               for time in times)
+    assert monitor.set_parameters(horizon=0.0) == [None]
+    monitor.until(lambda: math.isnan(times[-1].data), 'no prediction')
+
+
+def test_states_and_markers_tell_of_a_collision_ahead(start):
+    """With a threshold that is met: a warning, a raised flag, and the way there in amber."""
+    monitor = start(footprint__min_time_to_collision=2.5, **LASTING)
+    monitor.send_set('obstacles', box(3, 0))
+    drive(monitor, lambda: monitor.state() == 'imminent', 'a warning')
+    status = monitor.status()
+    assert status.level == DiagnosticStatus.WARN
+    assert re.fullmatch(r'collision with obstacle/0 in [12]\.\d s', status.message)
+    told = values(status)
+    assert 1.0 < float(told['time to collision']) <= 2.5
+    assert told['first contact with'] == 'obstacle/0'
+    assert re.match(r'1\.0\d\d m/s|0\.9\d\d m/s', told['velocity'])
+    assert told['velocity'].endswith('rad/s by footprints')
+    drive(monitor, lambda: monitor.flag() and monitor.flag('footprint'), 'flags')
+    drive(monitor, lambda: monitor.markers() and {'footprint/ahead', 'footprint/time'} <= spaces(
+        monitor.markers()[-1]), 'a way ahead')
+    assert any(marker.text == 'footprint: imminent' for marker in monitor.markers()[-1].markers)
+    for _ in range(2):
+        monitor.send('footprint', ROBOT)
+        monitor.spin(0.1)
+    monitor.await_state('clear')
+    monitor.until(lambda: monitor.flag() is False and 'footprint/ahead' not in spaces(
+        monitor.markers()[-1]), 'a lowered flag')
+    assert values(monitor.status())['time to collision'] == 'inf'
 
 
 def test_health_tells_rates_rejections_check_time_and_kernel(start):

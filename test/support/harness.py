@@ -36,7 +36,7 @@ from visualization_msgs.msg import MarkerArray
 PATIENCE = 10.0
 SECOND = 10**9
 
-_KINDS_BY_END = {'separation': Float64, 'contacts': PointCloud2}
+_KINDS_BY_END = {'separation': Float64, 'time_to_collision': Float64, 'contacts': PointCloud2}
 _KINDS = {'~/state': DiagnosticArray, '/diagnostics': DiagnosticArray, '~/markers': MarkerArray,
           '/rosout': Log}
 

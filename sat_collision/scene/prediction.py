@@ -1,0 +1,91 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""When a footprint is in contact, if it moves on as it does."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from sat_collision.scene.contacts import Contacts
+from sat_collision.scene.footprints import Footprint, Status
+from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.velocity import FOOTPRINTS, TRANSFORMS, Velocity
+
+# What moves is where its velocity takes it for so long, in ns; what stands stays there.
+_VELOCITY_LASTS = 2 * 10**9
+
+
+class Prediction(NamedTuple):
+    """
+    When a footprint is in contact, moving on as it does while all obstacles stand.
+
+    Attributes
+    ----------
+    seconds : float
+        From now; 0 in contact, infinity if there is none within the horizon.
+    obstacle : ObstacleId or None
+        What it is in contact with then, None if there is no contact.
+    velocity : Velocity or None
+        At the stamp of the footprint. None only while in contact, where none is needed.
+    way : float
+        From the stamp until the contact, in s.
+
+    """
+
+    seconds: float
+    obstacle: ObstacleId | None
+    velocity: Velocity | None
+    way: float
+
+
+def velocity_of(footprint: Footprint) -> Velocity | None:
+    """Return the velocity of a footprint at its stamp, None while unknown."""
+    if footprint.time is None:
+        return None
+    return footprint.motion.velocity(
+        footprint.time, TRANSFORMS if footprint.settings.has_outline else FOOTPRINTS)
+
+
+def predict(footprint: Footprint, contacts: Contacts, now: int,
+            horizon: float) -> Prediction | None:
+    """
+    Return when a footprint is in contact, None while its state or its velocity is unknown.
+
+    Parameters
+    ----------
+    footprint : Footprint
+    contacts : Contacts
+    now : int
+        Present time in ns.
+    horizon : float
+        How far to look ahead, in s.
+
+    """
+    if footprint.status is Status.UNKNOWN or footprint.time is None:
+        return None
+    velocity = velocity_of(footprint)
+    if footprint.contacts:
+        first = min(obstacle.name for obstacle in footprint.contacts)
+        return Prediction(0.0, first, velocity, 0.0)
+    # The footprint was where it is known to be at its stamp: from there on it is carried.
+    age = now - footprint.time
+    if velocity is None or age > _VELOCITY_LASTS and any(velocity.twist):
+        return None
+    found = contacts.first_contact(footprint, velocity, horizon + age / 1e9)
+    seconds = max(found[1] - age / 1e9, 0.0) if found else math.inf
+    if not found or seconds > horizon:
+        return Prediction(math.inf, None, velocity, math.inf)
+    return Prediction(seconds, found[0].name, velocity, found[1])

@@ -1,0 +1,278 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""When a footprint is in contact, by what a monitor has received: never late, never guessed."""
+
+from dataclasses import replace
+import math
+
+from builders import box, SECOND, serialised
+import numpy as np
+import pytest
+from sat_collision.monitor import Monitor
+from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from shapely import affinity
+from shapely.geometry import Polygon
+
+START = 1000 * SECOND
+MAP = ObstacleSettings('map', '/map', type='polygon_instance', timeout=0.0)
+DOCK = replace(MAP, name='dock', topic='/dock')
+ROBOT = [(-0.5, -0.5), (0.5, -0.5), (0.7, 0.0), (0.5, 0.5), (-0.5, 0.5)]
+# What rounding to float32 and the tolerance of a prediction make of a place a horizon ahead, m.
+GRAZE = 2e-3
+
+
+class World:
+    """A monitor that is asked for predictions; times are seconds since START."""
+
+    def __init__(self, bodies, dock=(), horizon=3.0, release_delay=0.0, **footprint):
+        self.settings = Settings(
+            footprints=(FootprintSettings('robot', '/robot', **footprint),),
+            obstacles=(MAP, DOCK), horizon=horizon, release_delay=release_delay)
+        self.monitor = Monitor(self.settings)
+        self.scene = self.monitor.scene
+        self.scene.tracks_motion = True
+        self.time = 0.0
+        for name, polygons in (('map', bodies), ('dock', dock)):
+            for k, points in enumerate((*polygons, ())):
+                self.monitor.receive(name, serialised(points, 0, 'map', k), self.now, k + 1)
+
+    @property
+    def now(self):
+        return START + round(self.time * SECOND)
+
+    def wait_until(self, time):
+        self.time = time
+        self.monitor.advance(self.now)
+        self.scene.look_ahead()
+
+    def send(self, time, points, age=0.0):
+        """Let a footprint come that is so old already."""
+        self.wait_until(time)
+        self.monitor.receive('robot', serialised(points, self.now - round(age * SECOND)), self.now)
+        self.scene.look_ahead()
+
+    def drive(self, *times, speed=1.0, y=0.0):
+        """Let a footprint come again and again that drives along x, at x = 0 at time 0."""
+        for time in times:
+            self.send(time, [(x + speed * time, v + y) for x, v in ROBOT])
+
+    @property
+    def prediction(self):
+        return self.scene.prediction('robot')
+
+    @property
+    def seconds(self):
+        return self.prediction.seconds
+
+    @property
+    def status(self):
+        return self.scene.status('robot').value
+
+
+AHEAD = box(2.7, -0.5)
+FAR = box(50.0)
+
+
+def test_seconds_are_counted_from_now_and_not_from_the_stamp():
+    """The front is 2 m away at 1 m/s; what came late and what has waited is that much later."""
+    world = World([FAR, AHEAD])
+    world.drive(0.0)
+    assert world.status == 'clear' and world.prediction is None
+    world.drive(0.1)
+    assert world.prediction[:2] == (pytest.approx(1.9, abs=1e-3), ObstacleId('map', 1))
+    assert world.prediction.velocity.origin == 'footprints'
+    world.wait_until(0.5)
+    assert world.seconds == pytest.approx(1.5, abs=1e-3)
+    world.send(0.8, [(x + 0.4, y) for x, y in ROBOT], age=0.4)
+    assert world.seconds == pytest.approx(1.2, abs=1e-3)
+    assert world.prediction.way == pytest.approx(1.6, abs=1e-3)
+
+
+def test_zero_in_contact_and_where_contact_was_due():
+    """The last footprint is 0.5 s old and was 0.1 s from the obstacle; then one touches."""
+    world = World([AHEAD])
+    world.drive(1.8, 1.9)
+    world.wait_until(2.4)
+    assert world.status == 'clear' and world.seconds == 0.0
+    world = World([AHEAD])
+    world.drive(2.25)
+    assert world.status == 'collision'
+    assert world.prediction == (0.0, ObstacleId('map', 0), None, 0.0)
+
+
+def test_infinity_beyond_the_horizon_and_for_what_stands():
+    world = World([AHEAD], horizon=1.0)
+    world.drive(0.0, 0.5)
+    assert world.seconds == math.inf and world.prediction.obstacle is None
+    world.drive(1.001)
+    assert world.seconds == pytest.approx(0.999, abs=1e-3)
+    world.drive(1.1, 1.2, speed=0.0)
+    assert world.prediction == (
+        math.inf, None, ((0, 0, 0), pytest.approx((0.14, 0, 0)), 'footprints'), math.inf)
+
+
+def test_only_what_concerns_the_footprint_is_in_its_way():
+    world = World([FAR], [AHEAD], obstacles=('map',))
+    world.drive(0.0, 0.1)
+    assert world.seconds == math.inf
+    world.monitor.update(replace(world.settings, footprints=(
+        replace(world.settings.footprints[0], obstacles=()),)))
+    assert world.prediction[:2] == (pytest.approx(1.9, abs=1e-3), ObstacleId('dock', 0))
+
+
+def test_unknown_while_the_state_is_and_where_nothing_is_asked():
+    world = World([AHEAD], horizon=0.0)
+    world.drive(0.0, 0.1)
+    assert world.prediction is None
+    world = World([AHEAD])
+    world.drive(0.0, 0.1)
+    assert world.seconds < 3
+    world.wait_until(1.2)
+    assert world.status == 'unknown' and world.prediction is None
+    world.drive(1.3)
+    assert world.seconds == pytest.approx(0.7, abs=1e-3)
+    world.monitor.update(replace(world.settings, enabled=False))
+    assert world.prediction is None
+
+
+def test_motion_goes_on_for_two_seconds_at_most():
+    """Of a footprint that never grows old; one that stands goes on standing."""
+    world = World([box(9.0)], horizon=60.0, timeout=0.0)
+    world.drive(0.0, 0.1)
+    world.wait_until(2.0)
+    assert world.seconds < math.inf
+    world.wait_until(2.2)
+    assert world.status == 'clear' and world.prediction is None
+    world.drive(3.0, 3.1, speed=0.0)
+    world.wait_until(50.0)
+    assert world.seconds == math.inf
+
+
+def test_a_flag_ahead_of_contact():
+    """Imminent from 1 s before contact by time alone, and until it is clear for long enough."""
+    world = World([AHEAD], min_time_to_collision=1.0, release_delay=0.5)
+    world.scene.tracks_motion = False
+    world.drive(0.0, 0.6, 0.7)
+    assert world.status == 'clear'
+    due = (world.scene.deadline - START) / SECOND
+    assert due == pytest.approx(1.0, abs=2e-3)
+    world.wait_until(due - 0.01)
+    assert world.status == 'clear'
+    world.wait_until(due + 0.001)
+    assert world.status == 'imminent'
+    assert world.scene.state('robot').reasons == (
+        'moving on as it does, it is in contact within min_time_to_collision, 1 s',)
+    assert world.scene.unknown_reasons('robot') == ()
+    world.drive(2.25)
+    assert world.status == 'collision'
+    world.drive(2.3, 2.4, speed=0.1)
+    assert world.status == 'imminent'
+    assert 'release_delay' in world.scene.state('robot').reasons[0]
+    world.drive(2.79, speed=0.1)
+    assert world.status == 'imminent'
+    world.wait_until(2.81)
+    assert world.status == 'clear'
+
+
+def test_the_flag_falls_when_the_footprint_brakes_and_where_its_velocity_is_unknown():
+    """With the delay of any release; without a threshold it is not raised at all."""
+    world = World([AHEAD], min_time_to_collision=1.0, horizon=0.0)
+    world.drive(1.5, 1.6)
+    assert world.status == 'imminent' and world.seconds == pytest.approx(0.4, abs=1e-3)
+    world.send(1.7, [(x + 1.6, y) for x, y in ROBOT])
+    assert world.status == 'clear' and world.seconds == math.inf
+    world.send(1.8, [(x + 1.7, y) for x, y in ROBOT])
+    assert world.status == 'imminent'
+    world.send(1.9, [(x + 1.7, y) for x, y in ROBOT[:4]])
+    assert world.status == 'clear' and world.prediction is None
+    world.drive(2.0, 2.1, speed=0.9)
+    assert world.status == 'imminent'
+    world.monitor.update(replace(world.settings, footprints=(
+        replace(world.settings.footprints[0], min_time_to_collision=0.0),)))
+    assert world.status == 'clear'
+
+
+def test_unknown_is_unknown_whatever_is_imminent():
+    """And its flag is what it is without a threshold."""
+    world = World([AHEAD], min_time_to_collision=2.0)
+    world.drive(0.0, 0.1)
+    assert world.status == 'imminent'
+    world.wait_until(1.2)
+    assert world.status == 'unknown'
+    world.drive(1.3)
+    assert world.status == 'imminent'
+
+
+def where(outline, twist, seconds):
+    """Return where an outline is so much later: it moves straight, or round a fixed centre."""
+    vx, vy, omega = twist
+    if not omega:
+        return affinity.translate(outline, vx * seconds, vy * seconds)
+    return affinity.rotate(outline, omega * seconds, (-vy / omega, vx / omega), use_radians=True)
+
+
+@pytest.mark.parametrize('seed', range(25))
+def test_no_time_is_late_and_none_is_given_while_unknown(seed):
+    """Random ways among random obstacles, with gaps, other shapes and clocks set back."""
+    rng = np.random.default_rng(seed)
+    obstacles = [Polygon(rng.uniform(-0.4, 0.4, (3, 2)) + rng.uniform(-6, 6, 2)).convex_hull
+                 for _ in range(6)]
+    world = World([list(one.exterior.coords) for one in obstacles])
+    outline = Polygon(ROBOT)
+    whole = [Polygon(np.float32(one.exterior.coords)) for one in obstacles]
+    twist = (*rng.uniform(-1.5, 1.5, 2), rng.choice([0.0, rng.uniform(-1.5, 1.5)]))
+    count, found, last = 60, 0, []
+    for _ in range(count):
+        event = rng.choice(['go on'] * 8 + ['gap', 'shape', 'back', 'turn'])
+        time = world.time + rng.uniform(0.02, 0.2)
+        if event == 'gap':
+            time += rng.uniform(0.0, 2.5)
+        elif event == 'back':
+            time, last = max(time - rng.uniform(0.3, 1.0), 0.01), []
+            world.wait_until(time)
+        elif event == 'turn':
+            # All that was before is of another way.
+            twist, last = (*rng.uniform(-1.5, 1.5, 2), rng.uniform(-1.5, 1.5)), []
+            world.wait_until(time := time + 2.1)
+        place = where(outline, twist, time)
+        points = list(place.exterior.coords)[:-1]
+        if event == 'shape':
+            points = points[:-1]
+        world.send(time, points)
+        last = [*last, (time, len(points))][-2:]
+        world.wait_until(time + rng.choice([0.0, rng.uniform(0.0, 1.3)]))
+        (before, n), (_, m) = last[0], last[-1]
+        age = world.time - time
+        is_known = n == m and 0.0 < time - before <= 2.0 and age <= 1.0
+        if world.status == 'collision':
+            assert world.seconds == 0.0
+            continue
+        assert (world.prediction is not None) == is_known, (event, last, world.time)
+        if not is_known:
+            continue
+        sent = Polygon(points)
+        samples = np.arange(0.0, 3.0 + age, 0.02)
+        touched = [seconds for seconds in samples if any(
+            where(sent, twist, seconds).buffer(-GRAZE).intersects(one)
+            for one in whole)]
+        seconds = world.seconds
+        if touched and touched[0] - age <= 3.0:
+            assert seconds <= max(touched[0] - age, 0.0), 'late'
+        if seconds < math.inf:
+            found += 1
+            there = where(sent, twist, world.prediction.way)
+            assert min(map(there.distance, whole)) < GRAZE, 'early'
+    assert found or seed

@@ -259,12 +259,17 @@ class _Run:
                     self._keep(monitor.receive_transforms(topic, data, now))
                     if now:
                         self._follow(now)
-            numbered = [(data, numbers.pop(topic, None) if numbers else None) for data in batch]
+            number = numbers.pop(topic, None) if numbers else None
+            run = [(batch[0], number)]
+            if len(batch) > 1:
+                run += [(data, None) for data in batch[1:]]
             for name in names[topic]:
+                if len(batch) == 1 or name not in footprints:
+                    self._receive(name, run, now)
+                    continue
                 # A footprint that is refused is nowhere until the next one, so each counts.
-                for part in [[one] for one in numbered] if name in footprints else [numbered]:
-                    self._keep(monitor.receive_batch(name, part, now))
-                    self._follow(now)
+                for message in run:
+                    self._receive(name, [message], now)
         if self._result.start is None:
             return
         end = now if by_header else max(now, end - max(ordered.delay if ordered else 0, 0))
@@ -276,6 +281,11 @@ class _Run:
         self._result.end = end
         if self._outputs:
             self._outputs.close()
+
+    def _receive(self, name: str, messages: list[tuple[bytes, int | None]], now: int) -> None:
+        if rejections := self._monitor.receive_batch(name, messages, now):
+            self._keep(rejections)
+        self._follow(now)
 
     def _first_stamp(self, names: Iterable[str]) -> int | None:
         """Return the header stamp with which the recording begins, None if there is none."""

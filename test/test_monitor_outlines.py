@@ -64,11 +64,11 @@ class World:
         self.wait_until(time)
         self.tell(TF, (parent, child, self.now, x, y, yaw))
 
-    def report(self, time, x, y=0.0, yaw=0.0, child='base', parent='odom'):
+    def report(self, time, x, y=0.0, yaw=0.0, child='base', parent='odom', **twist):
         """Let odometry come at its time."""
         self.wait_until(time)
         rejection = self.monitor.receive(
-            'robot', odometry(parent, child, self.now, x, y, yaw), self.now)
+            'robot', odometry(parent, child, self.now, x, y, yaw, **twist), self.now)
         self.rejections += [rejection] if rejection else []
 
     def wait_until(self, time):
@@ -350,3 +350,59 @@ def test_a_pose_in_a_gap_between_transforms_is_refused():
     assert world.reasons == [frames.GAP] and world.status() == 'unknown'
     world.tell(TF, ('odom', 'middle', nanoseconds(0.5), 0.0, 0.0))
     assert world.status() == 'clear' and world.bounds() == (4.5, -0.5, 5.5, 0.5)
+
+
+def test_its_velocity_is_that_of_the_transforms():
+    """Tracked from when somebody asks: two places on, on an arc; none after a time jump."""
+    world = World()
+    world.move(0.1, 0.0)
+    world.move(0.2, 0.1)
+    assert world.monitor.scene.velocity('robot') is None
+    world.monitor.scene.tracks_motion = True
+    world.move(0.3, 0.2)
+    assert world.monitor.scene.velocity('robot') is None
+    world.move(0.4, 0.3, yaw=0.05)
+    twist, pose, origin = world.monitor.scene.velocity('robot')
+    assert twist[2] == pytest.approx(0.5) and pose == pytest.approx((0.3, 0.0, 0.0))
+    assert math.hypot(*twist[:2]) == pytest.approx(1.0, rel=1e-3) and origin == 'transforms'
+    world.wait_until(0.1)
+    world.move(0.2, 5.0)
+    assert world.monitor.scene.velocity('robot') is None
+
+
+def test_its_velocity_is_that_of_odometry():
+    """In the frame that the message names, which another one may be fixed to."""
+    world = World(replace(ROBOT, odometry='odometry', frame_id='body'))
+    world.monitor.scene.tracks_motion = True
+    world.tell(TF_STATIC, ('base', 'body', 0, 0.5, 0.0))
+    world.report(0.1, 1.0, 2.0, 0.5, twist=(0.7, 0.1, -0.2))
+    assert world.monitor.scene.velocity('robot') == (
+        (0.7, 0.1, -0.2), pytest.approx((1.0, 2.0, 0.5)), 'odometry')
+    world.report(0.2, 1.1, 2.0, 0.5, twist=(math.nan, 0.0, 0.0))
+    assert world.monitor.scene.velocity('robot')[2] == 'transforms'
+
+
+def test_an_outline_in_a_fixed_frame_stands():
+    world = World()
+    world.monitor.scene.tracks_motion = True
+    world.tell(TF_STATIC, ('odom', 'base', 0, 3.0, 0.0))
+    assert world.monitor.scene.velocity('robot').twist == (0, 0, 0)
+
+
+def test_the_velocity_of_a_published_footprint_is_that_of_two_messages():
+    """Of two of one shape and one publisher, also where vertices change their place in order."""
+    monitor = Monitor(Settings(frame_id='', footprints=(FootprintSettings('robot', '/robot'),),
+                               obstacles=(SOURCE,)))
+    monitor.scene.tracks_motion = True
+
+    def velocity(time, points):
+        stamp = nanoseconds(time)
+        assert monitor.receive('robot', serialised(points, stamp), stamp) is None
+        return monitor.scene.velocity('robot')
+    square = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    assert velocity(0.0, square) is None
+    turned = [(1.1 - y, x) for x, y in square]
+    assert velocity(0.5, turned).twist[2] == pytest.approx(math.pi)
+    assert velocity(0.6, [(x + 0.1, y) for x, y in turned]) == (
+        pytest.approx((1, 0, 0)), pytest.approx((0.7, 0.5, 0)), 'footprints')
+    assert velocity(0.7, square[:3]) is None

@@ -17,16 +17,19 @@
 from __future__ import annotations
 
 from collections import Counter
+from functools import partial
 import struct
 
 from sat_collision.messages.cdr import Points
 from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.teller import Teller
 from sat_collision.messages.transform_listener import TransformListener
-from sat_collision.scene.frames import NoTransform
+from sat_collision.messages.transforms import decode_odometry, decode_twist
+from sat_collision.scene.frames import Mapped, NoTransform
 from sat_collision.scene.outlines import Outline, outline_of
 from sat_collision.scene.settings import FootprintSettings, Settings
 from sat_collision.scene.times import NEVER
+from sat_collision.scene.velocity import ODOMETRY, pose_of, TRANSFORMS, Velocity
 
 # An outline in a static frame is placed again so often within its timeout.
 _TIMES_PLACED = 3
@@ -77,7 +80,10 @@ class Outlines:
     def receive(self, name: str, data: bytes, now: int) -> list[Rejection]:
         """Take a message of odometry for a footprint."""
         problem = self._transforms.hear_odometry(data, now)
-        return [self._teller.reject(self._outlines[name].settings, *problem)] if problem else []
+        if problem:
+            return [self._teller.reject(self._outlines[name].settings, *problem)]
+        self._outlines[name].odometry = data
+        return []
 
     def follow(self, now: int) -> list[Rejection]:
         """Place what has moved."""
@@ -114,8 +120,22 @@ class Outlines:
         one.stamp, one.is_static, one.fault = min(found.at or now, now), found.at is None, ''
         if not settings.odometry:
             self._received[settings.name] += 1
-        rejection = self._teller.place(settings, one.points, found, now)
+        rejection = self._teller.place(settings, one.points, found, now,
+                                       partial(self._velocity, one))
         return [rejection] if rejection else []
+
+    def _velocity(self, one: _Placed, found: Mapped) -> Velocity | None:
+        """Return the velocity of an outline where its frame is found; None if none is given."""
+        if found.at is None:
+            return Velocity((0.0, 0.0, 0.0), pose_of(found.plane), TRANSFORMS)
+        if not one.odometry:
+            return None
+        _, child, _, _ = decode_odometry(one.odometry)
+        where = (found if child == one.settings.frame_id
+                 else self._transforms.plane(child, found.at, found.at, 0.0))
+        if isinstance(where, NoTransform):
+            return None
+        return Velocity(decode_twist(one.odometry), pose_of(where.plane), ODOMETRY)
 
 
 class _Placed:
@@ -130,6 +150,8 @@ class _Placed:
         How long it stays at least where it was placed, on average, in ns.
     next : int
         When it is due again, if it moves until then and all is as regular as it can be.
+    odometry : bytes
+        The message of odometry that came last, empty if none.
     is_pending : bool
         Whether it may have moved, but it was too soon to place it.
     stamp : int or None
@@ -165,6 +187,7 @@ class _Placed:
         self.stamp: int | None = None
         self.is_static = self.is_pending = False
         self.next = 0
+        self.odometry = b''
         self.fault = fault
         self._begun = None
 

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from sat_collision.geometry.jit import COMPILED, indexable
 from sat_collision.geometry.layout import packed_size
 from sat_collision.geometry.packing import pack_convex, pack_convex_moved
@@ -82,3 +83,15 @@ class Packer:
             raise PolygonError(Reason.TOO_MANY_VERTICES,
                                f'{count} points, of which at most {most} are looked at')
         return Polygon.from_float32(*points, self._max_vertices, self._max_notched, plane).packed
+
+
+def vertices_of(points: Points, plane: PlaneMap | None = None) -> NDArray[np.float64]:
+    """Return points in the order sent as (n, 2) array, moved by a map of the plane if given."""
+    data, start, count = points
+    received = np.frombuffer(data, np.float32, 3 * count, start).reshape(-1, 3)
+    vertices = received[:, :2].astype(np.float64)
+    if plane is None:
+        return vertices
+    a, b, x, c, d, y = plane
+    moved: NDArray[np.float64] = vertices @ np.array([(a, c), (b, d)]) + (x, y)
+    return moved

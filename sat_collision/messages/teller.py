@@ -21,7 +21,7 @@ from collections.abc import Callable
 
 from sat_collision.geometry.polygon import PlaneMap, PolygonError
 from sat_collision.messages.cdr import decode, MessageError, Points
-from sat_collision.messages.packer import Packer
+from sat_collision.messages.packer import Packer, vertices_of
 from sat_collision.messages.placement import Placement
 from sat_collision.messages.rejections import (
     detail_of, EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE)
@@ -31,6 +31,7 @@ from sat_collision.scene.frames import Mapped, NoTransform
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
+from sat_collision.scene.velocity import Velocity
 from sat_collision.scene.waiting import WAIT, Wait
 
 
@@ -98,6 +99,8 @@ class Teller:
             if isinstance(settings, FootprintSettings):
                 refusal = scene.footprint(name, self._packer.pack(points, plane), frame_id,
                                           stamp, now, origin, number)
+                if refusal is None and scene.is_tracked(name):
+                    scene.track(name, vertices_of(points, plane))
             else:
                 body = self._packer.pack(points, plane) if points[2] else None
                 refusal = scene.obstacle(name, body, frame_id, stamp, now, instance, number)
@@ -114,9 +117,13 @@ class Teller:
         return self.reject(settings, refusal, detail_of(
             refusal, frame_id, scene.frame_id, (now - stamp) / 1e9, settings.timeout))
 
-    def place(self, settings: FootprintSettings, points: Points, found: Mapped,
-              now: int) -> Rejection | None:
-        """Tell the scene where the outline of a footprint is: in its frame, which is found."""
+    def place(self, settings: FootprintSettings, points: Points, found: Mapped, now: int,
+              velocity_at: Callable[[Mapped], Velocity | None]) -> Rejection | None:
+        """
+        Tell the scene where the outline of a footprint is: in its frame, which is found.
+
+        Its velocity there is asked for only where it is tracked.
+        """
         stamp = now if found.at is None else found.at
         try:
             refusal = self._scene.footprint(
@@ -125,6 +132,9 @@ class Teller:
         except PolygonError as error:
             return self.refuse(settings, error.reason.value, str(error), now, stamp)
         if refusal is None:
+            if self._scene.is_tracked(settings.name):
+                self._scene.track(settings.name, vertices_of(points, found.plane),
+                                  velocity_at(found))
             if self._placements is not None:
                 self._placements.append(Placement(
                     settings.name, stamp, True, self._fixed, points, found.plane, None))

@@ -29,6 +29,8 @@ _LENGTH_SIZE = 4
 _TRANSFORM_SIZE = 56
 # Pose and twist, each with a covariance.
 _ODOMETRY_SIZE = 8 * 2 * 36 + 8 * (7 + 6)
+# From its twist on.
+_TWIST_SIZE = 8 * 36 + 8 * 6
 _SECOND = 1_000_000_000
 
 # Names come again and again. One that is cut off by the end of a message may be among them: then
@@ -44,6 +46,7 @@ class _Order:
         self.count = struct.Struct(f'{sign}I').unpack_from
         self.head = struct.Struct(f'{sign}iII').unpack_from
         self.transform = struct.Struct(f'{sign}7d').unpack_from
+        self.twist = struct.Struct(f'{sign}2d24x1d').unpack_from
 
 
 _ORDERS = {b'\x00\x01\x00\x00': _Order('<'), b'\x00\x00\x00\x00': _Order('>')}
@@ -125,6 +128,12 @@ def decode_odometry(data: bytes) -> StampedTransform:
     if at + _ODOMETRY_SIZE != len(data):
         raise MessageError(f'{len(data)} bytes where the contents need {at + _ODOMETRY_SIZE}')
     return parent, child, seconds * _SECOND + nanoseconds, transform
+
+
+def decode_twist(data: bytes) -> tuple[float, float, float]:
+    """Read vx, vy (m/s) and omega (rad/s) in the child frame from a whole Odometry."""
+    vx, vy, omega = _ORDERS[data[:4]].twist(data, len(data) - _TWIST_SIZE)
+    return vx, vy, omega
 
 
 def _name(text: bytes, length: int) -> str:

@@ -24,6 +24,7 @@ from sat_collision.scene.obstacles import Body, Obstacle, ObstacleId
 from sat_collision.scene.settings import FootprintSettings
 from sat_collision.scene.streams import Stream
 from sat_collision.scene.times import BY_ANOTHER_CLOCK, FAR, NEVER
+from sat_collision.scene.velocity import MotionTracker
 
 
 class Status(enum.Enum):
@@ -88,6 +89,8 @@ class Footprint(Body[Obstacle]):
         Why there is no good footprint; empty if there is one, be it stale.
     stale : bool
         Whether the good footprint is past its timeout.
+    motion : MotionTracker
+        What its velocity is known from, if that is tracked.
     status : Status
         The status reported: CLEAR only after the release delay.
     evaluation : Evaluation
@@ -101,7 +104,7 @@ class Footprint(Body[Obstacle]):
 
     __slots__ = ('settings', 'stream', 'timeout', 'time', 'frame_id', 'origin', 'received',
                  'fault', 'stale', 'status', 'evaluation', 'unknown_reasons', 'gained_or_lost',
-                 '_clear_since', '_release', '_held', '_names', '_stream_faults')
+                 'motion', '_clear_since', '_release', '_held', '_names', '_stream_faults')
 
     evaluation: Evaluation
 
@@ -115,6 +118,7 @@ class Footprint(Body[Obstacle]):
         self.received: int | None = None
         self.fault = ''
         self.stale = False
+        self.motion = MotionTracker()
         self.status = Status.UNKNOWN
         self.unknown_reasons: tuple[str, ...] = ()
         self.gained_or_lost: set[ObstacleId] = set()

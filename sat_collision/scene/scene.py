@@ -32,6 +32,7 @@ from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Se
 from sat_collision.scene.sources import Source
 from sat_collision.scene.streams import CONTINUES, Endpoint
 from sat_collision.scene.times import NEVER
+from sat_collision.scene.velocity import FOOTPRINTS, TRANSFORMS, Velocity, Vertices
 
 FROM_FUTURE = 'from the future'
 OVERTAKEN = 'older than the last'
@@ -85,6 +86,8 @@ class Scene:
         The time in ns until which, at least, nothing changes by itself; NEVER if at no time.
     waiting : container of str
         Names of those of which messages wait to be taken: maps of theirs do not settle.
+    tracks_motion : bool
+        Whether what velocities are worked out from is kept of every footprint.
 
     """
 
@@ -93,6 +96,7 @@ class Scene:
         self.frame_id = settings.frame_id
         self.deadline: float = NEVER
         self.waiting: Container[str] = ()
+        self.tracks_motion = False
         self._now = 0
         self._clock_stands = False
         self._contacts = Contacts(settings.margin)
@@ -200,6 +204,24 @@ class Scene:
         if self._contacts.changed:
             self._evaluate()
         return None
+
+    def is_tracked(self, name: str) -> bool:
+        """Tell whether the motion of a footprint is to be tracked: nobody may ask for it."""
+        return self.tracks_motion
+
+    def track(self, name: str, vertices: Vertices, given: Velocity | None = None) -> None:
+        """Take the vertices, in the order sent, and the velocity of a footprint just taken."""
+        footprint = self._footprints[name]
+        if footprint.time is not None:
+            footprint.motion.place(footprint.time, vertices, given)
+
+    def velocity(self, name: str) -> Velocity | None:
+        """Return the velocity of a footprint at its stamp, None while unknown."""
+        footprint = self._footprints[name]
+        if footprint.time is None:
+            return None
+        return footprint.motion.velocity(
+            footprint.time, TRANSFORMS if footprint.settings.has_outline else FOOTPRINTS)
 
     def obstacle(self, name: str, body: PackedBody | None, frame_id: str, stamp: int, now: int,
                  instance: int | None = None, number: int | None = None) -> str | None:
@@ -482,6 +504,7 @@ class Scene:
 
     def _invalidate(self, footprint: Footprint, fault: str) -> None:
         footprint.time = None
+        footprint.motion.clear()
         footprint.fault = fault
         self._contacts.remove_footprint(footprint)
         self._contacts.changed.add(footprint)

@@ -60,15 +60,16 @@ def transforms(*links):
     return b'\0\1\0\0' + body
 
 
-def odometry(parent, child, stamp, x, y, yaw=0.0, order='<'):
-    """Write an Odometry that stands still."""
+def odometry(parent, child, stamp, x, y, yaw=0.0, order='<', twist=(0.0, 0.0, 0.0)):
+    """Write an Odometry, which stands still unless a twist (vx, vy, omega) is given."""
     body = struct.pack(order + 'iI', *divmod(stamp, SECOND))
     for name in (parent, child):
         text = name.encode() + b'\0'
         body += bytes(-len(body) % 4) + struct.pack(order + 'I', len(text)) + text
     body += bytes(-len(body) % 8) + struct.pack(
         order + '7d', x, y, 0.0, 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
-    body += struct.pack(order + '78d', *[0.0] * 78)
+    vx, vy, omega = twist
+    body += struct.pack(order + '78d', *[0.0] * 36, vx, vy, 0.0, 0.0, 0.0, omega, *[0.0] * 36)
     return {'<': b'\0\1\0\0', '>': b'\0\0\0\0'}[order] + body
 
 

@@ -1,0 +1,112 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The velocity of a footprint: fitted to its last two places, or as given with them."""
+
+import math
+
+import numpy as np
+import pytest
+from sat_collision.scene.velocity import (
+    fitted, FOOTPRINTS, MotionTracker, ODOMETRY, TRANSFORMS, Velocity)
+
+SECOND = 10**9
+ROBOT = np.array([(-0.5, -0.3), (0.5, -0.3), (0.6, 0.0), (0.5, 0.3), (-0.5, 0.3)])
+
+
+def steered(vertices, twist, pose, seconds, steps=4096):
+    """Follow a twist by small steps of the midpoint rule, as an oracle that has no closed form."""
+    vx, vy, omega = twist
+    x, y, yaw = pose
+    step = seconds / steps
+    for k in range(steps):
+        middle = yaw + (k + 0.5) * omega * step
+        x += (vx * math.cos(middle) - vy * math.sin(middle)) * step
+        y += (vx * math.sin(middle) + vy * math.cos(middle)) * step
+    c, s = math.cos(omega * seconds), math.sin(omega * seconds)
+    return (vertices - pose[:2]) @ np.array([(c, s), (-s, c)]) + (x, y)
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_two_places_on_an_arc_tell_its_twist_and_where_it_leads(seed):
+    """Fitted to two places 0.1 s apart, the motion goes through a third a second later."""
+    rng = np.random.default_rng(seed)
+    twist, pose = rng.uniform(-2, 2, 3), rng.uniform(-50, 50, 3)
+    places = [steered(ROBOT, twist, pose, seconds) for seconds in (0.0, 0.1, 1.1)]
+    velocity = fitted(places[0], places[1], 0.1, FOOTPRINTS)
+    assert velocity.twist[2] == pytest.approx(twist[2], abs=1e-9)
+    assert velocity.carry(places[1], 1.0) == pytest.approx(places[2], abs=1e-5)
+    given = Velocity(tuple(twist), tuple(pose), ODOMETRY)
+    assert given.carry(places[0], 1.1) == pytest.approx(places[2], abs=1e-5)
+
+
+def test_noise_of_a_centimetre_at_10_hz():
+    """Common to all vertices it makes 0.14 m/s; independent, less by the root of their number."""
+    rng = np.random.default_rng(1)
+
+    def spread(shape):
+        errors = [fitted(ROBOT + rng.normal(0, 0.01, shape), ROBOT + rng.normal(0, 0.01, shape),
+                         0.1, FOOTPRINTS).twist for _ in range(2000)]
+        return np.std(errors, axis=0)
+    common, independent = spread(2), spread(ROBOT.shape)
+    assert common[:2] == pytest.approx(0.141, rel=0.1) and common[2] < 1e-9
+    assert independent[:2] == pytest.approx(0.141 / math.sqrt(5), rel=0.1)
+    assert independent[2] == pytest.approx(
+        0.141 / np.linalg.norm(ROBOT - ROBOT.mean(0)), rel=0.1)
+
+
+def test_another_shape_has_no_velocity():
+    """Other vertices, an arm that comes out, and what is beyond all robots."""
+    assert fitted(ROBOT, ROBOT[:-1], 0.1, FOOTPRINTS) is None
+    assert fitted(ROBOT, ROBOT + [(0, 0), (0, 0), (0.5, 0), (0, 0), (0, 0)], 0.1, '') is None
+    assert fitted(ROBOT, ROBOT + 1000, 0.1, FOOTPRINTS) is None
+    assert fitted(ROBOT[:1], ROBOT[:1] + (0.1, 0), 0.1, FOOTPRINTS).twist == (
+        pytest.approx((1, 0, 0)))
+
+
+def tracked(*places):
+    tracker = MotionTracker()
+    for time, x in places:
+        tracker.place(round(time * SECOND), ROBOT + (x, 0))
+    return tracker.velocity(round(places[-1][0] * SECOND), TRANSFORMS)
+
+
+def test_unknown_until_two_places_apart_in_time():
+    """One, two of one stamp, and two too far apart say nothing; of a jump back none is left."""
+    assert tracked((1.0, 0)) is None
+    assert tracked((1.0, 0), (1.0, 1)) is None
+    assert tracked((1.0, 0), (3.1, 1)) is None
+    assert tracked((1.0, 0), (1.1, 1), (0.5, 2)) is None
+    assert tracked((1.0, 0), (0.5, 2), (0.6, 2.1)).twist == pytest.approx((1, 0, 0))
+    assert tracked((1.0, 0), (1.1, 0.1)) == (
+        pytest.approx((1, 0, 0)), pytest.approx((*(ROBOT.mean(0) + (0.1, 0)), 0)), TRANSFORMS)
+
+
+def test_places_that_follow_at_once_are_measured_from_an_earlier_one():
+    """Three within a millisecond: the one before them counts."""
+    assert tracked((1.0, 0), (1.1, 0.1), (1.1005, 0.2), (1.101, 0.3)).twist[0] == (
+        pytest.approx(0.3 / 0.101))
+
+
+def test_what_is_given_comes_first_if_it_makes_sense():
+    """And only with the place that it was given with."""
+    tracker, given = MotionTracker(), Velocity((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), ODOMETRY)
+    tracker.place(SECOND, ROBOT, given)
+    assert tracker.velocity(SECOND, TRANSFORMS) is given
+    assert tracker.velocity(SECOND + 1, TRANSFORMS) is None
+    for nonsense in (math.nan, math.inf, -1e300):
+        tracker.place(SECOND, ROBOT, given._replace(twist=(0.0, nonsense, 0.0)))
+        assert tracker.velocity(SECOND, TRANSFORMS) is None
+    tracker.place(2 * SECOND, ROBOT)
+    assert tracker.velocity(2 * SECOND, TRANSFORMS).twist == (0, 0, 0)

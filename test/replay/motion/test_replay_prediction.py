@@ -132,8 +132,8 @@ def test_scenes_of_nuplan(tmp_path, scene):
 
 
 def test_none_is_given_while_the_footprint_is_unknown(tmp_path):
-    """The obstacles are silent for 2 s, in which the robot goes on towards where the wall is."""
-    messages = [(topic, time, content) for topic, time, content in approach(back=45)
+    """The wall is 2.4 s ahead before it is known to be all; then it is silent for 2 s."""
+    messages = [(topic, time, content) for topic, time, content in approach(Fraction(3), back=20)
                 if topic == '/footprint' or not 1.0 < time < 3.0]
     result = check(write(tmp_path / 'bag', messages),
                    Options(min_ttc=0.0, parameters={f'{SOURCE}.timeout': 0.5}))
@@ -156,7 +156,9 @@ def test_gate_fails_in_words(tmp_path, capsys):
     assert not {'soonest', 'time_to_collision'} & {*footprint}
     assert main([bag, '--min-ttc', '1']) == main([bag, '--min-ttc', '0']) == 0
     capsys.readouterr()
-    assert main([bag, *outputs, '--min-ttc', '1.5']) == 1
+    page = tmp_path / 'page.html'
+    assert main([bag, *outputs, '--plot', str(page), '--min-ttc', '1.5']) == 1
+    assert '"ahead":[[0.0,null],[0.1,null],' in page.read_text()
     words = f'a collision with {SOURCE}/0 was 1.100 s ahead at 2.900 s, --min-ttc is 1.5 s'
     assert f'footprint: {words}' in capsys.readouterr().out
     failure = ElementTree.parse(files['junit']).find('.//testcase[@name="footprint"]/failure')

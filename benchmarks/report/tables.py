@@ -108,6 +108,14 @@ def _time_of_contact(figures):
          length(row['worst'])] for row in figures['contact_times']])
 
 
+def _stepping(figures):
+    return table(['', 'missed', 'late, mean', 'late, at most', 'an obstacle'], [
+        [f'steps of {row["step"]:g} s' if row['step'] else '**continuous**',
+         f'{row["missed"]:,} of {row["contacts"]:,}',
+         *(duration(1e9 * row[what]) if row['step'] else '0' for what in ('mean', 'worst')),
+         duration(row['ns'])] for row in figures['stepping']])
+
+
 def _non_convex(figures):
     rows = figures['non_convex']
     sides = list(dict.fromkeys(row['n'] for row in rows))
@@ -238,8 +246,9 @@ def _each(seconds, pairs):
 
 TABLES = {
     'speed against error': _speed, 'bodies used once': _once, 'asked from Python': _asked,
-    'separation': _separation, 'time of contact': _time_of_contact, 'non convex': _non_convex,
-    'readings of the paper': _readings, 'scenes': _scenes, 'ages': _ages,
+    'separation': _separation, 'time of contact': _time_of_contact, 'stepping': _stepping,
+    'non convex': _non_convex, 'readings of the paper': _readings, 'scenes': _scenes,
+    'ages': _ages,
     'measured on': _measured_on, 'times': _times, 'times by kind': _times_by_kind,
     'wrong on hard pairs': _wrong_on_hard, 'steps': _steps,
     'families': _families, 'distance from the origin': _offsets, 'float32': _float32,

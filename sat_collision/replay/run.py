@@ -39,6 +39,7 @@ from sat_collision.replay.model.result import FootprintResult, moments_of, Resul
 from sat_collision.replay.model.topics import (
     all_sources, is_subscribed, missing_topics, settings_for, TRANSFORM_TYPE, wrong_types)
 from sat_collision.replay.motion.order import Rows, Run, StampOrder, WINDOW
+from sat_collision.replay.motion.prediction import HORIZON
 from sat_collision.replay.motion.tape import Tape
 from sat_collision.replay.motion.walk import Motion, MotionTimeline
 from sat_collision.scene.parameters import ParameterError
@@ -120,7 +121,7 @@ def check_recording(recording: Recorded, options: Options,
     """Check what is open, as `check` does, and fill keyframes or a tape if there is one."""
     path = recording.path
     result = Result(str(path), options.clock, options.max_unknown, options.as_live,
-                    max_undetermined=options.max_undetermined)
+                    max_undetermined=options.max_undetermined, min_ttc=options.min_ttc)
     try:
         settings = settings_for(recording.topics, options.parameters, options.footprints,
                                 options.obstacles, options.node)
@@ -150,7 +151,8 @@ class _Run:
         self._scene = self._monitor.scene
         self._motion = None if options.as_live else Motion(
             settings, self._monitor.transforms, footprints,
-            keyframes if isinstance(keyframes, Tape) else None)
+            keyframes if isinstance(keyframes, Tape) else None,
+            None if options.min_ttc is None else max(HORIZON, options.min_ttc))
         self._timers: list[Timer] = []
         self._live: Timeline | None = None
         self._timeline: Timeline | MotionTimeline

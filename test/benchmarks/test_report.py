@@ -86,6 +86,8 @@ def test_what_the_text_says_holds_in_the_figures(figures):
     assert all(figure['wrong'] == 0 for figure in figures['non_convex'])
     assert not any(row['missed'] + row['invented'] for row in figures['contact_times']
                    if row['library'] == 'improved')
+    assert {row['step'] for row in figures['stepping']
+            if not row['missed'] and not row['worst']} == {0.0}
     assert not any(step['clears'] for row in figures['steps'] for step in row['steps']
                    if step['step'] == 'lines to the nearest points')
 

@@ -36,8 +36,9 @@ _UNRECOGNIZED = 'unrecognized arguments: '
 _DESCRIPTION = """\
 Check recordings for collisions with the scene of the live node.
 
-Exit status: 0 clear; 1 collision; 2 unknown (for longer than --max-unknown, or no data); 3 bad
-input. Where several apply, a collision comes before bad input, and bad input before unknown.
+Exit status: 0 clear; 1 collision, or less than --min-ttc before one; 2 unknown (for longer than
+--max-unknown, or no data); 3 bad input. Where several apply, a collision comes before bad input,
+and bad input before unknown.
 With --expect: 0 as expected; 1 different; 3 bad input. An unexpected error is bad input too.
 """
 
@@ -57,6 +58,8 @@ def parse(args: Sequence[str] | None = None) -> argparse.Namespace:
         parser.error('name at least one recording (BAG)')
     if options.write_bag and not options.as_live:
         parser.error('--write-bag writes what the node would have published: it needs --as-live')
+    if options.min_ttc is not None and options.as_live:
+        parser.error('--min-ttc goes by recorded motion: it cannot be had with --as-live')
     return options
 
 
@@ -110,6 +113,8 @@ def _parser() -> argparse.ArgumentParser:
         help='how many seconds in all a footprint may be unknown (%(default)s)')
     add('--max-undetermined', type=_seconds, metavar='S',
         help='for how many seconds in all it may be undetermined how something moved (any)')
+    add('--min-ttc', type=_seconds, metavar='S',
+        help='measure times to collision, and fail on one of less than S seconds; 0 fails on none')
     add('--expect', metavar='FILE', help='compare with a result that --json wrote before')
     output = parser.add_argument_group('output')
     add = output.add_argument

@@ -161,7 +161,8 @@ def _options(arguments: argparse.Namespace) -> Options:
         obstacles=tuple(arguments.obstacles), node=arguments.node, as_live=arguments.as_live,
         clock=arguments.clock, start=arguments.start, duration=arguments.duration,
         max_unknown=arguments.max_unknown, max_undetermined=arguments.max_undetermined,
-        sample=arguments.sample, keyframes=bool(arguments.plot), write_bag=arguments.write_bag,
+        min_ttc=arguments.min_ttc, sample=arguments.sample, keyframes=bool(arguments.plot),
+        write_bag=arguments.write_bag,
         limits=Limits(arguments.max_memory, arguments.max_disk), debug=arguments.debug)
 
 

@@ -122,7 +122,7 @@ def failed(path: str, options: Options, error: BaseException, attempts: int = 1)
     if options.debug:
         traceback.print_exception(type(error), error, error.__traceback__)
     result = Result(str(path), options.clock, options.max_unknown, options.as_live,
-                    max_undetermined=options.max_undetermined)
+                    max_undetermined=options.max_undetermined, min_ttc=options.min_ttc)
     tried = f', {attempts} attempts failed' if attempts > 1 else ''
     result.problems.append(f'{path}: not checked{tried}: {unexpected(error)}')
     return result

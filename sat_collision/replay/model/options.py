@@ -49,6 +49,8 @@ class Options:
         For how long in all a footprint may be unknown.
     max_undetermined : float or None
         For how long in all the motion of a footprint or source may be undetermined; None for any.
+    min_ttc : float or None
+        The least time to collision that is allowed, 0 for any; None not to predict any.
     sample : float
         As live, how often to measure the separation from the nearest obstacle.
     keyframes : bool
@@ -72,6 +74,7 @@ class Options:
     duration: float | None = None
     max_unknown: float = 1.0
     max_undetermined: float | None = None
+    min_ttc: float | None = None
     sample: float = 0.1
     keyframes: bool = False
     write_bag: str | None = None

@@ -113,12 +113,22 @@ class Least:
 
 
 @dataclass
+class Soonest:
+    """The least time to collision in s of a footprint, predicted at a time, and with what."""
+
+    time_to_collision: float
+    time: int
+    obstacle: str
+
+
+@dataclass
 class FootprintResult:
     """
     How long (ns) a footprint was in each state, and how near the nearest obstacle was.
 
     `separation` has samples (time, separation in m or None), thinned out to their least where
-    there are very many.
+    there are very many; `time_to_collision` has the same in s, None where it is unknown or none is
+    within the horizon.
     """
 
     name: str
@@ -130,6 +140,8 @@ class FootprintResult:
     ever_known: bool = False
     least: Least | None = None
     separation: list[tuple[int, float | None]] = field(default_factory=list)
+    soonest: Soonest | None = None
+    time_to_collision: list[tuple[int, float | None]] = field(default_factory=list)
 
     @property
     def coverage(self) -> float | None:
@@ -167,7 +179,8 @@ class Result:
     what is wrong with the recording, `notes` what else a reader should know.
     `keyframes` has the bodies at moments worth drawing, if asked for. `content` is what the
     messages are known by, wherever they lie. `max_undetermined` is for how long (s) the motion of
-    each footprint and source may be undetermined, None for any time.
+    each footprint and source may be undetermined, None for any time. `min_ttc` is the least time
+    to collision (s) that is allowed, None if none was asked for.
     """
 
     bag: str
@@ -186,6 +199,7 @@ class Result:
     notes: list[str] = field(default_factory=list)
     keyframes: Keyframes | None = None
     max_undetermined: float | None = None
+    min_ttc: float | None = None
 
     @property
     def duration(self) -> float:
@@ -222,9 +236,15 @@ class Result:
         return [source for source in self.sources if source.undetermined > most]
 
     @property
+    def too_soon(self) -> list[FootprintResult]:
+        """Those whose least time to collision is less than is allowed."""
+        return [footprint for footprint in self.footprints if self.min_ttc is not None
+                and footprint.soonest and footprint.soonest.time_to_collision < self.min_ttc]
+
+    @property
     def verdict(self) -> Verdict:
-        """The verdict: a proved contact counts whatever else is wrong."""
-        if self.contacts:
+        """The verdict: a proved contact, or one too near ahead, counts whatever else is wrong."""
+        if self.contacts or self.too_soon:
             return Verdict.COLLISION
         if self.problems:
             return Verdict.BAD_INPUT

@@ -19,6 +19,7 @@ trajectories  bodies at a moment, between two moments, and the trajectory of a f
 tracker       who is who from one message to the next
 contacts      where and when a footprint touches obstacles on the way
 kernels       rings by the thousand: bounds, neighbours, motions
+prediction    how soon a footprint would touch something as it moves
 walk          all of this over a recording
 tape          what is kept to draw it
 """

@@ -29,8 +29,7 @@ from sat_collision.geometry.query import closest_points, separation
 from sat_collision.geometry.sweep import time_of_contact
 from sat_collision.replay.model.deepest import deepen
 from sat_collision.replay.model.result import (
-    AT_A_SAMPLE, BETWEEN_SAMPLES, Contact, FootprintResult, Least, least_of, Series,
-    Unknown)
+    AT_A_SAMPLE, BETWEEN_SAMPLES, Contact, FootprintResult, Least, least_of, Series, Unknown)
 from sat_collision.replay.motion.kernels import measure_near, rows_near
 from sat_collision.replay.motion.tracker import Step
 from sat_collision.replay.motion.trajectories import (

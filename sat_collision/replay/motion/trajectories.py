@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 import copy
 from typing import Any, TypeAlias
@@ -320,6 +320,13 @@ class Trajectory:
         if self.latest is not None and after < self.latest <= until:
             found.append(self.latest)
         return sorted(set(found))
+
+    def way_from(self, time: int) -> LinearMotion | None:
+        """Return the piece that begins at a time and leads on from there, None if none does."""
+        for k in range(bisect_left(self._starts, time), bisect_right(self._starts, time)):
+            if self._pieces[k].finishes[0] > time:
+                return self._pieces[k]
+        return None
 
     def outline(self, time: int) -> Polygon | None:
         """Return where the footprint was at a time, None if that is not known."""

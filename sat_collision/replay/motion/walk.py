@@ -30,6 +30,7 @@ from sat_collision.messages.placement import Placement
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.model.result import Contact, FootprintResult, Unknown, Unknowns
 from sat_collision.replay.motion.contacts import Contacts, ContactTracker
+from sat_collision.replay.motion.prediction import Prediction
 from sat_collision.replay.motion.tape import Tape
 from sat_collision.replay.motion.tracker import (
     Emit, KeyTracker, LONGEST, SetTracker, Step, Tracker)
@@ -56,27 +57,34 @@ class Sweep:
         Metres up to which bodies apart count as in contact.
     keep : int
         For how long its way is of interest, ns.
+    horizon : float or None
+        How far ahead to look for collisions, s; None not to.
 
     Attributes
     ----------
     settings : FootprintSettings
+    result : FootprintResult
     timeout : int or float
         In ns, or NEVER.
     trajectory : Trajectory
     contacts : Contacts
+    prediction : Prediction or None
     is_decided : bool
         Whether there was a decision against all sources that had bodies.
 
     """
 
     def __init__(self, settings: FootprintSettings, result: FootprintResult,
-                 contacts: list[Contact], margin: float, keep: int) -> None:
+                 contacts: list[Contact], margin: float, keep: int,
+                 horizon: float | None) -> None:
         self.settings = settings
+        self.result = result
         self.timeout = round(settings.timeout * 1e9) or NEVER
         self._margin = margin
         self._keep = keep
         self.trajectory = Trajectory(self.timeout, LONGEST)
         self.contacts = Contacts(result, contacts, self.trajectory)
+        self.prediction = None if horizon is None else Prediction(self.trajectory, horizon)
         self._waiting: dict[Tracker, deque[Step]] = {}
         self._contact_trackers: dict[Tracker, ContactTracker] = {}
 
@@ -107,7 +115,7 @@ class Sweep:
         for tracker, waiting in self._waiting.items():
             while waiting and self._is_due(waiting[0], now):
                 self.trajectory.stand(waiting[0].finish)
-                self._contact_trackers[tracker].decide(waiting.popleft())
+                self._decide(tracker, waiting.popleft())
         if self.trajectory.latest is not None:
             self.trajectory.drop_before(self.trajectory.latest - self._keep)
 
@@ -121,8 +129,13 @@ class Sweep:
         self.trajectory.stand(end)
         for tracker, waiting in self._waiting.items():
             for step in waiting:
-                self._contact_trackers[tracker].decide(step)
+                self._decide(tracker, step)
             self._contact_trackers[tracker].finish()
+
+    def _decide(self, tracker: Tracker, step: Step) -> None:
+        self._contact_trackers[tracker].decide(step)
+        if self.prediction:
+            self.prediction.look_ahead(step)
 
     def _is_due(self, step: Step, now: int) -> bool:
         """Tell whether the way through a step is known, or no frame of it will come any more."""
@@ -145,6 +158,8 @@ class Motion:
         To be filled in.
     tape : Tape, optional
         To be filled, for a drawing.
+    horizon : float, optional
+        How far ahead to look for collisions, s; without, none are predicted.
 
     Attributes
     ----------
@@ -154,7 +169,8 @@ class Motion:
     """
 
     def __init__(self, settings: Settings, transforms: TransformListener,
-                 results: list[FootprintResult], tape: Tape | None = None) -> None:
+                 results: list[FootprintResult], tape: Tape | None = None,
+                 horizon: float | None = None) -> None:
         self.contacts: list[Contact] = []
         self._now = 0
         self._transforms = transforms
@@ -167,7 +183,7 @@ class Motion:
         keep = 3 * max(map(_longest, settings.obstacles), default=0)
         footprints = {one.name: one for one in settings.footprints}
         self._sweeps = {result.name: Sweep(
-            footprints[result.name], result, self.contacts, settings.margin, keep)
+            footprints[result.name], result, self.contacts, settings.margin, keep, horizon)
             for result in results}
         if tape:
             for name, sweep in self._sweeps.items():
@@ -214,9 +230,11 @@ class Motion:
             sweep.finish(end)
 
     def draw_curves(self, unknown: Iterable[Unknown]) -> None:
-        """Fill in the separations over time, given when nothing was known."""
+        """Fill in separations and times to collision, given when nothing was known."""
         for sweep in self._sweeps.values():
             sweep.contacts.draw_curve(unknown)
+            if sweep.prediction:
+                sweep.prediction.finish(sweep.result, unknown)
 
     def undetermined(self, name: str) -> int:
         """Return for how long (ns) it was not known how a footprint or obstacles moved."""

@@ -29,10 +29,12 @@ _Bag: TypeAlias = dict[str, Any]
 
 # Separations are rounded: another processor or NumPy may round otherwise.
 _TOLERANCE = 1e-9
-_PLACES = {'x', 'y', 'depth', 'separation'}
+_PLACES = {'x', 'y', 'depth', 'separation', 'time_to_collision'}
 # Where two ways out are equally short, rounding decides which.
 _MANIFOLD = {'normal', 'points'}
-_LEFT_OUT = {'bag', 'content', 'problems', 'notes', 'max_unknown', 'max_undetermined'}
+_CURVES = {'separation', 'time_to_collision'}
+_LEFT_OUT = {'bag', 'content', 'problems', 'notes', 'max_unknown', 'max_undetermined',
+             'min_ttc'}
 
 
 class BaselineError(ValueError):
@@ -113,7 +115,7 @@ def _comparable(bag: _Bag) -> _Bag:
     return {
         **{key: value for key, value in bag.items() if key not in _LEFT_OUT},
         'footprints': {footprint['name']: {key: value for key, value in footprint.items()
-                                           if key != 'separation'}
+                                           if key not in _CURVES}
                        for footprint in bag['footprints']},
         'sources': {source['name']: {key: value for key, value in source.items()
                                      if key != 'examples'} for source in bag['sources']},

@@ -25,12 +25,13 @@ from typing import Any
 from xml.etree import ElementTree
 
 from sat_collision.replay.model.result import FootprintResult, overall, Result
-from sat_collision.replay.output.text import how_found, how_undetermined, report, summary, when
+from sat_collision.replay.output.text import (
+    how_found, how_soon, how_undetermined, report, summary, when)
 
 SCHEMA = 'sat_collision.replay/3'
 _COLUMNS = ('bag', 'kind', 'footprint', 'obstacle', 'first_ns', 'last_ns', 'duration_s', 'depth_m',
             'deepest_ns', 'x_m', 'y_m', 'reason', 'found', 'normal_x', 'normal_y', 'point_x_m',
-            'point_y_m', 'second_point_x_m', 'second_point_y_m')
+            'point_y_m', 'second_point_x_m', 'second_point_y_m', 'time_to_collision_s')
 
 
 def as_dict(results: list[Result]) -> dict[str, Any]:
@@ -48,7 +49,7 @@ def write_json(results: list[Result], path: str) -> None:
 
 
 def write_csv(results: list[Result], path: str) -> None:
-    """Write one row for each contact and each unknown interval."""
+    """Write a row for each contact, each unknown interval and each time to collision."""
     with open(path, 'w', encoding='utf-8', newline='') as file:
         writer = csv.DictWriter(file, _COLUMNS)
         writer.writeheader()
@@ -66,6 +67,11 @@ def _rows(result: Result) -> Iterator[tuple[Any, ...]]:
     for unknown in result.unknown:
         yield (result.bag, 'unknown', unknown.footprint, '', unknown.first, unknown.last,
                (unknown.last - unknown.first) / 1e9, '', '', '', '', '; '.join(unknown.reasons))
+    for footprint in result.footprints:
+        for time, seconds in footprint.time_to_collision:
+            if seconds is not None:
+                yield (result.bag, 'time to collision', footprint.name, '', time, time,
+                       *[''] * (len(_COLUMNS) - 7), seconds)
 
 
 def write_junit(results: list[Result], path: str) -> None:
@@ -130,6 +136,8 @@ def _failures(footprint: FootprintResult, result: Result) -> Iterator[str]:
         if contact.footprint == footprint.name:
             yield (f'in contact with {contact.obstacle} {when(contact, result)}, '
                    f'{contact.depth:.4f} m deep, found {how_found(contact, result)}')
+    if footprint in result.too_soon:
+        yield how_soon(footprint, result)
     if footprint.unknown > 1e9 * result.max_unknown or not footprint.ever_known:
         yield f'unknown for {footprint.unknown / 1e9:.3f} s'
 
@@ -145,4 +153,6 @@ def _bag(result: Result) -> dict[str, Any]:
         del contact['deepest_as']
     for footprint, values in zip(result.footprints, bag['footprints']):
         values['coverage'] = footprint.coverage
+        if result.min_ttc is None:
+            del values['soonest'], values['time_to_collision']
     return bag

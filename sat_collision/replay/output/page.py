@@ -28,7 +28,7 @@ from sat_collision.replay.model.result import (
     Contact, deepest_contacts, FootprintResult, GRAVITY, MOST_CONTACTS, overall, Result, Sample)
 from sat_collision.replay.output.rows import joined, rows_of
 from sat_collision.replay.output.style import colours, distance, name_of
-from sat_collision.replay.output.text import CLOCKS, how_found, lasting
+from sat_collision.replay.output.text import CLOCKS, how_found, lasting, SOONEST, soonest_rows
 
 _SCRIPTS = ('page.js', 'timeline.js', 'scene.js')
 # How large the data of a page may be, in characters; the rest of it is small.
@@ -138,6 +138,8 @@ def _recording(result: Result, keyframes: Keyframes, numbers: list[int],
             {'name': footprint.name, 'colour': colour,
              'times': [round(result.since(time), 6) for time, _ in samples],
              'values': [value and float(f'{value:.6g}') for _, value in samples],
+             'ahead': [[round(result.since(time), 6), value and float(f'{value:.6g}')]
+                       for time, value in _thinned(footprint.time_to_collision, count)],
              'unknown': _unknown_of(result, footprint.name)}
             for footprint, colour in zip(result.footprints, colours(result).values())
             for samples in [_thinned(footprint.separation, count)]],
@@ -275,6 +277,9 @@ def _tables_of(result: Result, contacts: list[Contact]) -> list[dict[str, Any]]:
         'head': ['footprint', 'topic', 'known', 'clear [s]', 'collision [s]', 'unknown [s]',
                  'least separation'],
         'rows': [_footprint(footprint, result) for footprint in result.footprints],
+    }, {
+        'title': 'Least time to collision', 'note': '',
+        'head': list(SOONEST), 'rows': [list(row) for row in soonest_rows(result)],
     }, {
         'title': 'Messages', 'note': '',
         'head': ['source', 'topic', 'received', 'motion undetermined [s]'],

@@ -24,6 +24,7 @@ from sat_collision.replay.model.result import (
 
 _MOST_ROWS = 20
 _MOMENT = 500_000
+SOONEST = 'footprint', 'obstacle', 'at [s]', 'time to collision [s]'
 CLOCKS = {'receive': 'receive time', 'header': 'header stamps'}
 
 
@@ -40,9 +41,12 @@ def report(result: Result) -> list[str]:
     lines += _rejections(result)
     lines += [f'  {source.name}: {how_undetermined(source)}' for source in result.sources
               if source.undetermined]
+    lines += [f'  {footprint.name}: {how_soon(footprint, result)}'
+              for footprint in result.too_soon]
     lines += _table(
         ('footprint', 'known', 'clear [s]', 'collision [s]', 'unknown [s]', 'least separation'),
         [_footprint_row(footprint, result) for footprint in result.footprints], 'footprints')
+    lines += _table(SOONEST, soonest_rows(result), 'least time to collision')
     lines += _table(
         ('footprint', 'obstacle', 'first [s]', 'duration [s]', 'depth [m]', 'x [m]', 'y [m]',
          'found'),
@@ -62,6 +66,21 @@ def how_undetermined(source: SourceResult) -> str:
     """Return for how long the motion of a footprint or source is undetermined."""
     return (f'for {source.undetermined / 1e9:.3f} s it is not known how something moved; only its '
             'frames were decided')
+
+
+def how_soon(footprint: FootprintResult, result: Result) -> str:
+    """Return in words how soon a footprint would have collided, which is too soon."""
+    least = footprint.soonest
+    return '' if least is None else (
+        f'a collision with {least.obstacle} was {least.time_to_collision:.3f} s ahead at '
+        f'{result.since(least.time):.3f} s, --min-ttc is {result.min_ttc:g} s')
+
+
+def soonest_rows(result: Result) -> list[tuple[str, ...]]:
+    """Return a row of SOONEST for each footprint that was to collide."""
+    return [(footprint.name, least.obstacle, f'{result.since(least.time):.3f}',
+             f'{least.time_to_collision:.3f}')
+            for footprint in result.footprints if (least := footprint.soonest)]
 
 
 def lasting(duration: int) -> str:

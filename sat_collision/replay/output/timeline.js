@@ -1,6 +1,7 @@
-// Time from left to right: curves of separations, and rows of bands for each footprint.
+// Time from left to right: curves of separations and of times to collision, and rows of bands for
+// each footprint.
 const timeline = at('timeline');
-const ROW = 22, MARGIN = {left: 96, right: 14, top: 8, bottom: 40}, GAP = 14;
+const ROW = 22, MARGIN = {left: 96, right: 14, top: 8, bottom: 40}, GAP = 14, AHEAD = 90;
 let shownTimes = [0, 1], cursor = null;
 
 const SVG = 'http://www.w3.org/2000/svg';
@@ -38,7 +39,9 @@ function showAllTimes() {
 function drawTimeline() {
   const {rows, footprints, contacts} = recording;
   const count = rows.length ? rows[rows.length - 1].end : 1;
-  timeline.style.minHeight = `${MARGIN.top + 230 + GAP + ROW * count + MARGIN.bottom}px`;
+  const ahead = footprints.flatMap(one => one.ahead.map(([, value]) => value));
+  const below = ahead.length ? AHEAD + GAP : 0;
+  timeline.style.minHeight = `${MARGIN.top + 230 + below + GAP + ROW * count + MARGIN.bottom}px`;
   const {clientWidth: width, clientHeight: height} = timeline;
   const bottom = height - MARGIN.bottom, top = bottom - ROW * count;
   const {x} = timeScale();
@@ -46,7 +49,10 @@ function drawTimeline() {
     .concat(contacts.map(one => one.value), 0);
   const low = Math.min(...values.slice(-contacts.length - 1), least(values));
   const high = most(values) || 1;
-  const y = value => top - GAP - (top - GAP - MARGIN.top) * (value - low) / ((high - low) || 1);
+  const floor = top - GAP - below;
+  const y = value => floor - (floor - MARGIN.top) * (value - low) / ((high - low) || 1);
+  const longest = most(ahead) || 1;
+  const ySeconds = value => top - GAP - AHEAD * value / longest;
   const drawn = svg('svg', {'aria-hidden': 'true'});
   const clip = svg('clipPath', {id: 'within'});
   clip.append(svg('rect', {x: MARGIN.left, y: 0, width: width - MARGIN.left - MARGIN.right, height}));
@@ -58,10 +64,13 @@ function drawTimeline() {
       svg('text', {x: x(time), y: bottom + 15, 'text-anchor': 'middle'},
         time.toFixed(across.decimals)));
   }
-  for (const value of up.found) {
-    drawn.append(svg('path', {class: 'grid', d: `M${MARGIN.left},${y(value)}H${width - MARGIN.right}`}),
-      svg('text', {x: MARGIN.left - 6, y: y(value) + 4, 'text-anchor': 'end'},
-        value.toFixed(up.decimals) + ' m'));
+  const level = (height, text) => drawn.append(
+    svg('path', {class: 'grid', d: `M${MARGIN.left},${height}H${width - MARGIN.right}`}),
+    svg('text', {x: MARGIN.left - 6, y: height + 4, 'text-anchor': 'end'}, text));
+  up.found.forEach(value => level(y(value), value.toFixed(up.decimals) + ' m'));
+  if (below) {
+    const {found, decimals} = ticks(0, longest, 2);
+    found.forEach(value => level(ySeconds(value), value.toFixed(decimals) + ' s ahead'));
   }
   drawn.append(svg('text', {x: (MARGIN.left + width - MARGIN.right) / 2, y: height - 6,
     'text-anchor': 'middle'}, 'time since the recording begins [s]'));
@@ -72,15 +81,10 @@ function drawTimeline() {
       height: top - GAP - MARGIN.top}));
   }
   inner.append(svg('path', {class: 'zero', d: `M${MARGIN.left},${y(0)}H${width}`}));
-  for (const {colour, times, values: own} of footprints) {
-    let path = '';
-    times.forEach((time, k) => {
-      if (own[k] === null) return;
-      const joined = k && own[k - 1] !== null;
-      path += joined && recording.asLive ? `H${x(time).toFixed(1)}V${y(own[k]).toFixed(1)}` :
-        `${joined ? 'L' : 'M'}${x(time).toFixed(1)},${y(own[k]).toFixed(1)}`;
-    });
-    inner.append(svg('path', {class: 'curve', d: path, stroke: colour}));
+  for (const {colour, times, values: own, ahead} of footprints) {
+    inner.append(svg('path', {class: 'curve', stroke: colour,
+      d: path(times.map((time, k) => [time, own[k]]), x, y, recording.asLive)}));
+    inner.append(svg('path', {class: 'curve ahead', stroke: colour, d: path(ahead, x, ySeconds)}));
   }
   rows.forEach((row, k) => {
     const middle = top + ROW * (row.first + row.end) / 2;
@@ -104,6 +108,16 @@ function drawTimeline() {
   drawn.append(inner);
   timeline.replaceChildren(drawn);
   moveCursor();
+}
+
+// A curve of [time, value], interrupted where there is no value.
+function path(samples, x, y, inSteps = false) {
+  return samples.map(([time, value], k) => {
+    if (value === null) return '';
+    const [right, up] = [x(time).toFixed(1), y(value).toFixed(1)];
+    if (!k || samples[k - 1][1] === null) return `M${right},${up}`;
+    return inSteps ? `H${right}V${up}` : `L${right},${up}`;
+  }).join('');
 }
 
 const least = values => values.reduce((a, b) => Math.min(a, b), Infinity);

@@ -1,0 +1,140 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+How soon a footprint would have touched something, had all gone on as it moved then.
+
+At a message of a footprint its velocity is that of its way from there on, a constant twist, and
+each obstacle moves on straight at the velocity with which it was on its own way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import hypot, inf
+from typing import TypeAlias
+
+import numpy as np
+from sat_collision.geometry.polygon import Polygon, PolygonError
+from sat_collision.geometry.polygon_set import PolygonSet
+from sat_collision.replay.model.result import FootprintResult, Sample, Series, Soonest, Unknown
+from sat_collision.replay.motion.tracker import Step
+from sat_collision.replay.motion.trajectories import Floats, LinearMotion, Trajectory
+from sat_collision.scene.velocity import fitted, FOOTPRINTS, Velocity
+
+# How far ahead to look unless a longer time is asked for, s.
+HORIZON = 3.0
+# Of the messages of a footprint in each such time, ns, the first is looked at.
+_EVERY = 10**8
+# What is further away than it can come by more than this, m, is not met.
+_SLACK = 1e-3
+
+# Seconds to a contact, infinity if there is none within the horizon, and with which obstacle.
+_Found: TypeAlias = tuple[float, str]
+
+
+class Prediction:
+    """
+    Predicts from the messages of one footprint when it would have touched an obstacle.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Of the footprint.
+    horizon : float
+        How far ahead to look, s.
+
+    """
+
+    def __init__(self, trajectory: Trajectory, horizon: float) -> None:
+        self._trajectory = trajectory
+        self._horizon = horizon
+        self._found: dict[int, _Found] = {}
+
+    def look_ahead(self, step: Step) -> None:
+        """Predict from where bodies are in a step; the footprint's way through it is known."""
+        for motion in step.motions:
+            for time in self._times(min(motion.starts), max(motion.finishes)):
+                way = self._trajectory.way_from(time)
+                own = self._trajectory.outline(time)
+                velocity = way and _velocity(way)
+                if own and velocity:
+                    found = self._first(own, velocity, motion, time)
+                    self._found[time] = min(found, self._found.get(time, found))
+
+    def finish(self, result: FootprintResult, unknown: Iterable[Unknown]) -> None:
+        """Fill in the times to collision, but for when the footprint is unknown."""
+        gaps = [(one.first, one.last) for one in unknown if one.footprint == result.name]
+        samples: dict[int, float | None] = {first: None for first, _ in gaps}
+        for time, (seconds, obstacle) in self._found.items():
+            if any(first <= time < last for first, last in gaps):
+                continue
+            samples[time] = None if seconds == inf else seconds
+            least = result.soonest
+            if seconds < (least.time_to_collision if least else inf):
+                result.soonest = Soonest(seconds, time, obstacle)
+        series = Series(result.time_to_collision)
+        for sample in sorted(samples.items(), key=_time):
+            series.add(*sample)
+
+    def _times(self, start: int, finish: int) -> list[int]:
+        """Return the messages of the footprint to look at, from a time until before another."""
+        frames = self._trajectory.frames(start - start % _EVERY - 1, finish - 1)
+        firsts = {time // _EVERY: time for time in reversed(frames)}
+        return [time for time in firsts.values() if time >= start]
+
+    def _first(self, own: Polygon, velocity: Velocity, motion: LinearMotion,
+               time: int) -> _Found:
+        """Return when the footprint first touches any of the bodies that move from a time on."""
+        starts, finishes = np.array(motion.starts), np.array(motion.finishes)
+        moved = motion.after.centres[motion.next_rows] - motion.before.centres[motion.rows]
+        velocities = moved / np.maximum(finishes - starts, 1)[:, None] * 1e9
+        near = _gaps(np.array(own.bounds), motion.boxes) <= _SLACK + self._horizon * (
+            _fastest(own, velocity) + np.hypot(*velocities.T))
+        names, polygons, rows = [], [], []
+        for i in np.flatnonzero(near & (starts <= time) & (time < finishes)).tolist():
+            try:
+                polygons.append(motion.polygon(i, time))
+            except PolygonError:
+                continue
+            names.append(str(motion.before.names[motion.rows[i]]))
+            rows.append(i)
+        found = polygons and PolygonSet(polygons).first_contact(
+            own, velocity.twist, self._horizon, velocities[rows], velocity.pose)
+        return (found[1], names[found[0]]) if found else (inf, '')
+
+
+def _velocity(way: LinearMotion) -> Velocity | None:
+    """Return the velocity at the beginning of a way: that of its end, gone backwards."""
+    start, finish = way.starts[0], way.finishes[0]
+    return fitted(way.ring(0, finish), way.ring(0, start), (start - finish) / 1e9, FOOTPRINTS)
+
+
+def _fastest(own: Polygon, velocity: Velocity) -> float:
+    """Return a bound of the speed of any vertex, m/s."""
+    (vx, vy, turn), (x, y, _) = velocity.twist, velocity.pose
+    low_x, low_y, high_x, high_y = own.bounds
+    radius = hypot(max(x - low_x, high_x - x), max(y - low_y, high_y - y))
+    return hypot(vx, vy) + abs(turn) * radius
+
+
+def _gaps(box: Floats, boxes: Floats) -> Floats:
+    """Return by how much boxes are apart from one along the axes, at most."""
+    gaps: Floats = np.maximum(boxes[:, :2] - box[2:], box[:2] - boxes[:, 2:]).max(axis=1)
+    return gaps
+
+
+def _time(sample: Sample) -> int:
+    return sample[0]

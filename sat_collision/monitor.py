@@ -44,27 +44,26 @@ class Monitor:
     """
     Takes serialised messages and keeps the scene that they make.
 
-    A message of no use is counted and returned as a Rejection, and never raises. The scene is
-    told of it, because it stands for a body whose place is not known.
+    A message of no use is counted and returned as a Rejection, and never raises. The scene
+    receives it, too, because it stands for a body whose place is not known.
 
-    A message in another frame than the fixed one is told to the scene when the transform at its
+    A message in another frame than the fixed one is passed to the scene when the transform at its
     stamp has come; until then it waits, and behind it what comes later for the same footprint or
-    source. After `transform_timeout` it is refused. Calls that end a waiting return the
-    Rejections of those that had waited, too. A footprint that has an outline moves with its
-    frame, by what is told of that.
+    source. After `transform_timeout` it is refused. Calls that end a wait return the Rejections of
+    the messages that had waited, too. A footprint that has an outline moves with its frame.
 
     Parameters
     ----------
     settings : Settings
     transforms : bool, optional
-        Whether /tf is heard; else what is not in the fixed frame is refused.
+        Whether /tf is received; else what is not in the fixed frame is refused.
     placements : list of Placement, optional
         Gets the messages that were taken.
 
     Attributes
     ----------
     scene : Scene
-        Tells the states, and is where settings are changed.
+        Has the states, and is where settings are changed.
     teller : Teller
         Has what the scene is told of at last.
     received : Counter
@@ -95,12 +94,12 @@ class Monitor:
         self.outlines = Outlines(settings, self.teller, self.transforms, self.received)
         self.waiting: Waiting[_Item, Rejection] = Waiting(self._take_waiting)
         self.scene.waiting = self.waiting
-        self._patience = round(settings.transform_timeout * 1e9)
+        self._timeout = round(settings.transform_timeout * 1e9)
         self._now = 0
 
     def update(self, settings: Settings) -> list[Rejection]:
         """Apply other settings, of the same names, topics and types."""
-        self._patience = round(settings.transform_timeout * 1e9)
+        self._timeout = round(settings.transform_timeout * 1e9)
         self.transforms.configure(settings)
         self.outlines.configure(settings)
         self.scene.update(settings)
@@ -173,7 +172,7 @@ class Monitor:
                            number: int | None = None) -> list[Rejection]:
         """Take a message of /tf or /tf_static, and what has waited for it."""
         self._watch_clock(now)
-        return self.transforms.listen(topic, data, now, number) + self._take_moved(now)
+        return self.transforms.receive(topic, data, now, number) + self._take_moved(now)
 
     def advance(self, now: int, is_all_taken: bool = True) -> list[Rejection]:
         """Let time pass, as `Scene.pass_time`, and refuse what waited too long."""
@@ -191,7 +190,7 @@ class Monitor:
         return min(deadline, self.outlines.deadline) if self.outlines.names else deadline
 
     def _take_moved(self, now: int) -> list[Rejection]:
-        """Take what has waited for what was told of frames, and place what it moves."""
+        """Take the messages whose transforms have come, and place the outlines that have moved."""
         rejections = self._follow(now)
         if self.waiting.earliest < NEVER:
             rejections += self.waiting.take(now)
@@ -231,7 +230,7 @@ class Monitor:
         self._watch_clock(now)
         most = (_SETS_WAIT * settings.max_count if isinstance(settings, ObstacleSettings)
                 else _FOOTPRINTS_WAIT)
-        return self.waiting.add(settings.name, item, now, self._patience, most)
+        return self.waiting.add(settings.name, item, now, self._timeout, most)
 
     def _take_waiting(self, name: str, item: _Item, now: int,
                       may_wait: bool) -> Rejection | Wait | None:

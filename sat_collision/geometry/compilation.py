@@ -18,7 +18,7 @@ from __future__ import annotations
 import logging
 
 _is_said = False
-_is_told_elsewhere = False
+_is_reported_elsewhere = False
 _under_way = 0
 
 
@@ -36,7 +36,7 @@ def begin_compiling(name: str, kept_in: str) -> None:
     """
     global _is_said, _under_way
     _under_way += 1
-    if _under_way > 1 or _is_told_elsewhere:
+    if _under_way > 1 or _is_reported_elsewhere:
         return
     words = f'sat_collision: compiling kernels, for {name}'
     if not _is_said:
@@ -55,5 +55,5 @@ def end_compiling() -> None:
 
 def say_nothing() -> None:
     """Leave it to the caller to say that kernels are compiled."""
-    global _is_told_elsewhere
-    _is_told_elsewhere = True
+    global _is_reported_elsewhere
+    _is_reported_elsewhere = True

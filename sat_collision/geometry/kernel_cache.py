@@ -45,7 +45,7 @@ _DIGEST_SIZE = hashlib.sha256().digest_size
 
 
 def is_kept(kernel: Any) -> bool:
-    """Tell whether anything compiled of a numba kernel can be loaded from disk."""
+    """Return whether anything compiled of a numba kernel can be loaded from disk."""
     return isinstance(kernel._cache, _KernelCache) and kernel._cache.is_filled()
 
 
@@ -106,7 +106,7 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
                                         (__version__, _SOURCES, locator.get_source_stamp()))
 
     def is_filled(self) -> bool:
-        """Tell whether there is anything to load."""
+        """Return whether there is anything to load."""
         try:
             return bool(self._cache_file._load_index())
         except Exception:  # reading damaged files may raise anything

@@ -26,7 +26,7 @@ def kernel_problem() -> str | None:
 
 
 def report_problem(problem: str) -> None:
-    """Take note of a problem and say it, if it is the first: each kernel may have the same."""
+    """Record a problem and log it, if it is the first: each kernel may have the same."""
     problem = ' '.join(problem.split())
     if not _problems:
         logging.getLogger(__name__).warning(problem)

@@ -397,7 +397,7 @@ class PackedSet(PolygonSet):
         self._rows.n[rows] = 0
 
     def is_same(self, row: int, body: PackedBody) -> bool:
-        """Tell whether the body of a row is this one, in the very same vertices."""
+        """Return whether the body of a row is this one, in the very same vertices."""
         return bool(is_same(self._array, row, *body))
 
 

@@ -68,7 +68,7 @@ class Preparation:
             warn(problem)
 
     def is_complete(self) -> bool:
-        """Tell whether what measures distances is ready; to be called again and again."""
+        """Return whether what measures distances is ready; to be called again and again."""
         if self._other and self._other.poll() is not None:
             self.complete()
         return not self._other

@@ -84,7 +84,7 @@ def write_and_measure(set_array, row, body, count, others, margin):
 
 @kernel
 def is_same(set_array, row, body, count):
-    """Tell whether the body of a row is this one, number by number."""
+    """Return whether the body of a row is this one, number by number."""
     require_nearest(row)
     rows = rows_of(borrowed(set_array))
     size = body_size(Packed(body, 0, count))
@@ -213,7 +213,7 @@ def nearest_row(set_array, body, count, skipped):
 
 @inner
 def _contains(numbers, number):
-    """Tell whether a number is among others, which ascend."""
+    """Return whether a number is among others, which ascend."""
     begin, end = 0, len(numbers)
     while begin < end:
         middle = (begin + end) // 2

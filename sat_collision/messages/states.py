@@ -41,7 +41,7 @@ _MOVING = ('age', 'least separation', 'nearest obstacle', 'nearest obstacle is n
 
 
 def in_words(state: State, margin: float = 0.0) -> str:
-    """Say a footprint's state in a few words, given the margin (m) that counts as a collision."""
+    """Return a footprint's state in a few words; within the margin (m) counts as a collision."""
     if state.status is Status.COLLISION and state.contacts:
         names = [str(obstacle) for obstacle in state.contacts[:_NAMED_IN_MESSAGE]]
         more = len(state.contacts) - len(names)
@@ -90,7 +90,7 @@ class States:
         self._message = DiagnosticArray(status=list(self._statuses.values()))
 
     def note(self, names: Iterable[str]) -> None:
-        """Take note that the states of footprints have changed."""
+        """Mark the states of footprints as changed."""
         self._unwritten.update(names)
 
     def update(self, scene: Scene) -> None:

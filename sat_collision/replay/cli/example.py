@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The embedded warehouse scene as a recording, to try the check on."""
+"""The warehouse scene as an example recording."""
 
 from __future__ import annotations
 

@@ -124,7 +124,7 @@ class Sweep:
             self._contact_trackers[tracker].finish()
 
     def _is_due(self, step: Step, now: int) -> bool:
-        """Tell whether the way through a step is known, or no frame of it will come any more."""
+        """Return whether the way through a step is known, or no frame of it will come any more."""
         latest = self.trajectory.latest
         if latest is not None and step.finish <= latest:
             return True
@@ -220,7 +220,7 @@ class Motion:
                    if source == name)
 
     def is_decided(self, name: str) -> bool:
-        """Tell whether a footprint was ever decided against all obstacles that there were."""
+        """Return whether a footprint was ever decided against all obstacles that there were."""
         return self._sweeps[name].is_decided
 
     def _place_footprint(self, placement: Placement) -> None:

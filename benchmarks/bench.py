@@ -127,8 +127,9 @@ def _scene(figures):
 
 
 def _messages(figures):
-    return table(['obstacles', 'obstacle message', 'footprint message'], [
-        [f'{row["obstacles"]:,}', f'{row["obstacle_us"]:.1f}', f'{row["footprint_us"]:.1f}']
+    return table(['obstacles', 'obstacle message, alone', 'one of 64', 'footprint message'], [
+        [f'{row["obstacles"]:,}', f'{row["obstacle_us"]:.1f}', f'{row["together_us"]:.1f}',
+         f'{row["footprint_us"]:.1f}']
         for row in figures['scene']['message']])
 
 

@@ -39,6 +39,8 @@ MESSAGE_SIZES = 10, 100, 1_000, 10_000
 MAP = 200.0
 _FOOTPRINTS = 100
 _START = 1_700_000_000 * 10**9
+# The most that the node takes in one call.
+_TOGETHER = 64
 _PERIOD = 10**8
 
 
@@ -112,22 +114,26 @@ def _rounds(rng, size, vertices, count):
 def _message(rng, size, repeats):
     """Return what a message costs in a scene of some size, from bytes to the changed state."""
     monitor = _monitor(size)
-    count = 2 + repeats * max(1, 500 // size)
-    obstacle_times, footprint_times = [], []
+    count = 2 + 2 * repeats * max(1, 500 // size)
+    times, footprint_times = {'alone': [], 'together': []}, []
     monitor.receive('footprint', pack(regular(4, 0.0, 0.0, 1.0), _START), _START)
     for now, messages in _rounds(rng, size, 4, count):
+        how = 'together' if len(times['together']) < len(times['alone']) else 'alone'
+        most = 1 if how == 'alone' else _TOGETHER
+        numbered = [(message, None) for message in (*messages, pack(np.empty((0, 2)), now))]
         start = time.perf_counter()
-        for message in messages:
-            monitor.receive('obstacles', message, now)
+        for k in range(0, len(numbered), most):
+            monitor.receive_batch('obstacles', numbered[k:k + most], now)
             monitor.scene.changes()
-        obstacle_times.append((time.perf_counter() - start) / size)
+        times[how].append((time.perf_counter() - start) / len(numbered))
         for outline in _outlines(rng, 10, 4, 1.0):
             message = pack(outline, now)
             start = time.perf_counter()
             monitor.receive('footprint', message, now)
             monitor.scene.changes()
             footprint_times.append(time.perf_counter() - start)
-    return {'obstacles': size, 'obstacle_us': 1e6 * float(np.median(obstacle_times[2:])),
+    return {'obstacles': size, 'obstacle_us': 1e6 * float(np.median(times['alone'][1:])),
+            'together_us': 1e6 * float(np.median(times['together'][1:])),
             'footprint_us': 1e6 * float(np.median(footprint_times[20:]))}
 
 

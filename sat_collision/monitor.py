@@ -17,13 +17,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TypeAlias
 
 from sat_collision.messages.outlines import Outlines
 from sat_collision.messages.placement import Placement
 from sat_collision.messages.rejections import Rejection
-from sat_collision.messages.teller import Teller
+from sat_collision.messages.teller import Batch, Teller
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
@@ -134,7 +134,7 @@ class Monitor:
         rejections = self.receive_batch(name, ((data, number),), now)
         return rejections[0] if rejections else None
 
-    def receive_batch(self, name: str, messages: Iterable[tuple[bytes, int | None]],
+    def receive_batch(self, name: str, messages: Sequence[tuple[bytes, int | None]],
                       now: int) -> Sequence[Rejection]:
         """
         Take messages as `receive` does.
@@ -142,7 +142,7 @@ class Monitor:
         Parameters
         ----------
         name : str
-        messages : iterable of tuple
+        messages : sequence of tuple
             The serialised message, and which one of its publisher it is, where that is known.
         now : int
 
@@ -151,14 +151,21 @@ class Monitor:
         sequence of Rejection
 
         """
+        self.received[name] += len(messages)
         rejections: Sequence[Rejection] = _NOTHING
         settings = self.scene.settings_of(name)
-        received = 0
-        for data, number in messages:
-            received += 1
-            if settings.enabled and (refused := self._admit(settings, data, number, now)):
+        if not settings.enabled:
+            return rejections
+        batch = Batch(messages) if len(messages) > 2 else None
+        taken = 0
+        while taken < len(messages):
+            data, number = messages[taken]
+            if refused := self._admit(settings, data, number, now):
                 rejections = [*rejections, *refused]
-        self.received[name] += received
+            taken += 1
+            if batch and isinstance(settings, ObstacleSettings) and (
+                    name not in self.waiting and batch.has_no_gap):
+                taken += self.teller.take_run(settings, batch, taken, now)
         return rejections
 
     def update_publishers(self, name: str, endpoints: list[Endpoint]) -> None:

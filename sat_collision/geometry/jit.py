@@ -178,6 +178,12 @@ if COMPILED:
         """Return the numbers that stand in bytes from start on, as this machine writes float32."""
         return np.frombuffer(data, np.uint8)[start:].view(np.float32)
 
+    @kernel
+    def words_and_floats(data):
+        """Return bytes, but for the last few, as 32-bit words, and as this machine's float32."""
+        whole = np.frombuffer(data, np.uint8)[:len(data) // 4 * 4]
+        return whole.view(np.uint32), whole.view(np.float32)
+
     @inlined
     def integers(array):
         """Return a flat array of doubles taken as 64-bit integers, bit by bit."""
@@ -205,6 +211,11 @@ else:
     def float32_values(data, start):
         """Return the numbers that stand in bytes from start on, as this machine writes float32."""
         return memoryview(data)[start:].cast('f')
+
+    def words_and_floats(data):
+        """Return bytes, but for the last few, as 32-bit words, and as this machine's float32."""
+        whole = memoryview(data)[:len(data) // 4 * 4]
+        return whole.cast('I'), whole.cast('f')
 
     def integers(array):
         """Return a flat array of doubles taken as 64-bit integers, bit by bit."""

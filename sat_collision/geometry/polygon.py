@@ -199,7 +199,7 @@ class Polygon:
             raise PolygonError(Reason.TOO_MANY_VERTICES,
                                f'{count} vertices, but at most {most} are accepted')
         else:
-            raise _error(verdict, array.reshape(-1, 2).tolist(), i, j)
+            raise _error(verdict, array[:2 * count].reshape(-1, 2).tolist(), i, j)
 
     @property
     def vertices(self) -> NDArray[np.float64]:

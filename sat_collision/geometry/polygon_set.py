@@ -26,8 +26,9 @@ from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.polygon import as_polygon, BodyLike, PackedBody, Polygon, size_of
 from sat_collision.geometry.prediction import first_row_met, motion_of, velocities_of
 from sat_collision.geometry.rows import new_array, use_rows, views_of
+from sat_collision.geometry.run import Run, write_run
 from sat_collision.geometry.scan import (
-    intersecting_rows, is_same, nearest_row, NO_ROOM, rows_within, UNCHANGED, write_and_intersect,
+    intersecting_rows, nearest_row, NO_ROOM, rows_within, UNCHANGED, write_and_intersect,
     write_and_measure)
 from sat_collision.geometry.separating_axis import MEET
 
@@ -392,13 +393,13 @@ class PackedSet(PolygonSet):
     remove = PolygonSet._remove
     polygon = PolygonSet._polygon
 
+    def place_run(self, run: Run, rows: Sequence[int], others: PackedSet, margin: float) -> int:
+        """Put the polygons of a run in place of those of rows, and return how many were put."""
+        return int(write_run(run, self._array, indexable(np.array(rows)), others._array, margin))
+
     def hide(self, rows: Sequence[int]) -> None:
         """Empty rows, each of which stays in use until it is filled anew or removed."""
         self._rows.n[rows] = 0
-
-    def is_same(self, row: int, body: PackedBody) -> bool:
-        """Return whether the body of a row is this one, in the very same vertices."""
-        return bool(is_same(self._array, row, *body))
 
 
 _EMPTY = PolygonSet()

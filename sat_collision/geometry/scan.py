@@ -83,21 +83,6 @@ def write_and_measure(set_array, row, body, count, others, margin):
 
 
 @kernel
-def is_same(set_array, row, body, count):
-    """Return whether the body of a row is this one, number by number."""
-    require_nearest(row)
-    rows = rows_of(borrowed(set_array))
-    size = body_size(Packed(body, 0, count))
-    start = rows.start[row]
-    if rows.n[row] != count or rows.space[row] < size:
-        return False
-    for k in range(size):
-        if rows.packed[start + k] != body[k]:
-            return False
-    return True
-
-
-@kernel
 def intersecting_rows(set_array, body, count):
     """Write the rows that share a point with a body into found, ascending; return how many."""
     require_nearest(count)
@@ -165,7 +150,7 @@ def rows_within(set_array, body, count, margin):
     rows = rows_of(borrowed(set_array))
     hits = 0
     for row in range(rows.used):
-        if (rows.n[row] != 0 and _box_gap(rows, row, body) <= margin
+        if (rows.n[row] != 0 and box_gap(rows, row, body) <= margin
                 and measure(body_of(rows, row), Packed(body, 0, count))[0] <= margin):
             rows.found[hits] = row
             hits += 1
@@ -192,9 +177,9 @@ def nearest_row(set_array, body, count, skipped):
     gap = math.inf
     for row in range(rows.used):
         # A gap may be infinite.
-        if (rows.n[row] != 0 and (best < 0 or _box_gap(rows, row, body) < gap)
+        if (rows.n[row] != 0 and (best < 0 or box_gap(rows, row, body) < gap)
                 and not _contains(skipped, row)):
-            gap = _box_gap(rows, row, body)
+            gap = box_gap(rows, row, body)
             best = row
     if best < 0:
         return best, gap, 0.0, 0.0, 0.0, 0.0
@@ -202,7 +187,7 @@ def nearest_row(set_array, body, count, skipped):
     found = measure(body_of(rows, first), Packed(body, 0, count))
     for row in range(rows.used):
         if (row != first and rows.n[row] != 0
-                and _box_gap(rows, row, body) < found[0]
+                and box_gap(rows, row, body) < found[0]
                 and not _contains(skipped, row)):
             other = measure(body_of(rows, row), Packed(body, 0, count))
             if other[0] < found[0]:
@@ -225,7 +210,7 @@ def _contains(numbers, number):
 
 
 @inner
-def _box_gap(rows, row, body):
+def box_gap(rows, row, body):
     """Return how far along x or y bounds are apart, < 0 if not: never more than the separation."""
     return max(max(rows.min_x[row] - body[4], body[2] - rows.max_x[row]),
                max(rows.min_y[row] - body[5], body[3] - rows.max_y[row]))

@@ -33,6 +33,7 @@ from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.polygon_set import PackedSet, PolygonSet
 from sat_collision.geometry.query import (
     closest_points, intersects, intersects_pairs, separations, time_to_contact)
+from sat_collision.geometry.run import Run
 from sat_collision.geometry.sweep import time_of_contact
 
 _TRIANGLE = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
@@ -57,6 +58,11 @@ def prepare_packing() -> None:
     pack_convex_moved(*points, packed, len(_TRIANGLE), _UNMOVED)
     Polygon(_TRIANGLE)
     Polygon.from_float32(*points, plane=_UNMOVED)
+    message = np.array((0, len(_TRIANGLE)), np.uint32).tobytes() + points[0]
+    ends = indexable(np.array((len(message), 2 * len(message))))
+    bodies = PackedSet([_origin()])
+    bodies.place_run(Run(2 * message, ends, 0, 1, 4, len(_TRIANGLE), _UNMOVED, packed), [0],
+                     PackedSet(), 0.0)
 
 
 def prepare_parts() -> None:
@@ -69,7 +75,6 @@ def prepare_contacts() -> None:
     point = _origin()
     bodies = PackedSet()
     bodies.place(bodies.new_row(), point.packed, bodies)
-    bodies.is_same(0, point.packed)
 
 
 def prepare_distances() -> None:

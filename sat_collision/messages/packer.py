@@ -47,11 +47,11 @@ class Packer:
     """
 
     def __init__(self, max_vertices: int) -> None:
-        self._max_vertices = max_vertices
+        self.max_vertices = max_vertices
         self._max_notched = most_notched(max_vertices)
         # One more for a closing point; messages with yet more points may be slow.
         self._most_points = max_vertices + 1
-        self._array = indexable(np.empty(packed_size(self._most_points)))
+        self.array = indexable(np.empty(packed_size(self._most_points)))
 
     def pack(self, points: Points, plane: PlaneMap | None = None) -> PackedBody:
         """
@@ -72,13 +72,13 @@ class Packer:
         count = points[2]
         if 0 < count <= self._most_points:
             if plane is None:
-                vertices = pack_convex(*points, self._array, self._max_vertices)
+                vertices = pack_convex(*points, self.array, self.max_vertices)
             else:
-                vertices = pack_convex_moved(*points, self._array, self._max_vertices, plane)
+                vertices = pack_convex_moved(*points, self.array, self.max_vertices, plane)
             if vertices:
-                return self._array, vertices
-        most = _POINTS_FOR_A_VERTEX * self._max_vertices
+                return self.array, vertices
+        most = _POINTS_FOR_A_VERTEX * self.max_vertices
         if count > most:
             raise PolygonError(Reason.TOO_MANY_VERTICES,
                                f'{count} points, of which at most {most} are looked at')
-        return Polygon.from_float32(*points, self._max_vertices, self._max_notched, plane).packed
+        return Polygon.from_float32(*points, self.max_vertices, self._max_notched, plane).packed

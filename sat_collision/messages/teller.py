@@ -17,9 +17,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import cached_property
 
+import numpy as np
+from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.polygon import PlaneMap, PolygonError
+from sat_collision.geometry.run import Run
 from sat_collision.messages.cdr import decode, MessageError, Points
 from sat_collision.messages.packer import Packer
 from sat_collision.messages.placement import Placement
@@ -32,6 +36,38 @@ from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
 from sat_collision.scene.waiting import WAIT, Wait
+
+_UNMOVED: PlaneMap = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+
+
+class Batch:
+    """
+    Messages that are taken together.
+
+    Attributes
+    ----------
+    messages : sequence of tuple
+        The serialised message, and which one of its publisher it is, where that is known.
+
+    """
+
+    def __init__(self, messages: Sequence[tuple[bytes, int | None]]) -> None:
+        self.messages = messages
+
+    @cached_property
+    def joined(self) -> tuple[bytes, object]:
+        """All messages, one behind the other, and where each ends: (m,) array of int64."""
+        data = [data for data, _ in self.messages]
+        ends = np.cumsum(np.fromiter(map(len, data), np.int64, len(data)))
+        return b''.join(data), indexable(ends)
+
+    @cached_property
+    def has_no_gap(self) -> bool:
+        """Whether each message is the next one of the publisher of the one before."""
+        numbers = [number for _, number in self.messages]
+        first = numbers[0]
+        return numbers == ([None] * len(numbers) if first is None
+                           else [*range(first, first + len(numbers))])
 
 
 class Teller:
@@ -68,6 +104,19 @@ class Teller:
         self._with_ids = {source.name for source in settings.obstacles
                           if source.type == POLYGON_INSTANCE}
         self._packer = Packer(settings.max_vertices)
+        # The last obstacle that was received, where in it the number of its points stands, its
+        # stamp and where it was moved: what the messages of a run must be like.
+        self._model: tuple[bytes, int, int, PlaneMap] = b'', 0, 0, _UNMOVED
+
+    def take_run(self, settings: ObstacleSettings, batch: Batch, begin: int, now: int) -> int:
+        """Tell the scene of messages like the one before them; return how many were taken."""
+        model, count_at, stamp, plane = self._model
+        if model is not batch.messages[begin - 1][0]:
+            return 0
+        data, ends = batch.joined
+        return self._scene.obstacle_run(settings.name, Run(
+            data, ends, begin - 1, begin, count_at, self._packer.max_vertices, plane,
+            self._packer.array), stamp, now)
 
     def take(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
              number: int | None, now: int, may_wait: bool = True) -> Rejection | Wait | None:
@@ -110,6 +159,8 @@ class Teller:
             if self._placements is not None:
                 self._placements.append(Placement(
                     name, stamp or now, stamp != 0, frame_id, points, plane, instance))
+            elif points[2] and points[0] is data:
+                self._model = data, points[1] - 4, stamp, plane or _UNMOVED
             return None
         return self.reject(settings, refusal, detail_of(
             refusal, frame_id, scene.frame_id, (now - stamp) / 1e9, settings.timeout))

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 import time
 from typing import Any
 
@@ -135,7 +135,7 @@ class FootprintMonitor(Node):
         if clock.ros_time_is_active:
             self.present = lambda: int(clock.now().nanoseconds)
 
-    def receive(self, name: str, messages: Iterable[tuple[bytes, int | None]], now: int) -> None:
+    def receive(self, name: str, messages: Sequence[tuple[bytes, int | None]], now: int) -> None:
         """Take messages as `Monitor` does."""
         if name in TRANSFORM_TOPICS:
             for data, number in messages:

@@ -21,7 +21,7 @@ subscriptions, and leaves all that is no message of a footprint or obstacle to r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -48,6 +48,10 @@ _FEW = 5
 # After a longer wait a message has come alone, as a rule, in s. To look for another one behind it
 # costs as much as taking it; if there is one, the next wait is short.
 _LONG_WAIT = 1e-4
+# So many messages are taken from the middleware before they are received together: few at first,
+# because each may take long to check.
+_FEWEST_TOGETHER = 4
+_MOST_TOGETHER = 64
 # What the middleware calls the number of a message among those of its publisher.
 _NUMBER = 'publication_sequence_number'
 # A process that comes so much too late was held up, and what was sent meanwhile may still be on
@@ -222,6 +226,9 @@ class _Topic:
         self._depth = one.subscription.qos_profile.depth
         self._take: Callable[[], tuple[bytes, dict[str, Any]] | None] = partial(
             one.subscription.handle.take_message, one.subscription.msg_type, True)
+        # The first message of a publisher, which the batch before it does not hold.
+        self._beginning: tuple[bytes, dict[str, Any]] | None = None
+        self._is_empty = True
 
     def take_one(self, now: int) -> int:
         """Have the message that has come received; return how many there were: 0 or 1."""
@@ -238,36 +245,49 @@ class _Topic:
     def take(self, budget: float, now: int) -> int:
         """Have what has come received, for so many s at most; return how many messages."""
         was_behind, self.is_behind = self.is_behind, False
-        first = self._take()
-        self._count = 0
-        if first is not None:
-            self._first = first[1]
-            self._receiver.receive(
-                self._name, self._messages(first, time.monotonic() + budget), now)
+        end = time.monotonic() + budget
+        count, limit = 0, _FEWEST_TOGETHER
+        while batch := self._next_batch(limit):
+            if not count:
+                self._first = self._last
+            count += len(batch)
+            self._receiver.receive(self._name, batch, now)
+            if self._beginning is None:
+                if self._is_empty:
+                    break
+                if time.monotonic() >= end:
+                    self.is_behind = True
+                    break
+            limit = min(4 * limit, _MOST_TOGETHER)
         if self.is_behind:
-            self._receiver.note_backlog(self._name, self._backlog())
+            self._receiver.note_backlog(self._name, self._backlog(count))
         elif was_behind:
             self._receiver.note_backlog(self._name, None)
-        return self._count
+        return count
 
-    def _messages(self, taken: tuple[bytes, dict[str, Any]] | None,
-                  end: float) -> Iterator[tuple[bytes, int | None]]:
-        """Give this message and all that come until there is none or time comes to an end."""
+    def _next_batch(self, limit: int) -> list[tuple[bytes, int | None]]:
+        """Take messages of one publisher, up to a limit, or until there are no more."""
+        batch: list[tuple[bytes, int | None]] = []
+        taken, self._beginning = self._beginning or self._take(), None
         while taken is not None:
-            data, self._last = taken
-            self._count += 1
-            number = self._last[_NUMBER]
+            number = taken[1][_NUMBER]
             if number == 1:
+                if batch:
+                    self._beginning = taken
+                    return batch
                 self._receiver.begin_stream(self._name)
-            yield data, number
-            if time.monotonic() >= end:
-                self.is_behind = True
-                break
+            self._last = taken[1]
+            batch.append((taken[0], number))
+            if len(batch) == limit:
+                self._is_empty = False
+                return batch
             taken = self._take()
+        self._is_empty = True
+        return batch
 
-    def _backlog(self) -> Backlog:
+    def _backlog(self, count: int) -> Backlog:
         """Return how far behind the last message is, and how many wait, going by their rate."""
         first, last = (info['received_timestamp'] for info in (self._first, self._last))
         behind = max(time.time_ns() - last, 0)
-        waiting = 1 + round(behind * (self._count - 1) / max(last - first, 1))
+        waiting = 1 + round(behind * (count - 1) / max(last - first, 1))
         return Backlog(behind / 1e9, min(waiting, self._depth))

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 
@@ -30,16 +30,15 @@ class Backlog(NamedTuple):
 class Receiver(Protocol):
     """What the loop calls."""
 
-    def receive(self, name: str, messages: Iterable[tuple[bytes, int | None]], now: int) -> None:
+    def receive(self, name: str, messages: Sequence[tuple[bytes, int | None]], now: int) -> None:
         """
         Take all messages of a footprint or source.
 
         Parameters
         ----------
         name : str
-        messages : iterable of tuple
+        messages : sequence of tuple
             The serialised message, and which one of its publisher it is, where that is known.
-            Each is taken from the middleware when it is asked for.
         now : int
             Present time in ns.
 

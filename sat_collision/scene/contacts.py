@@ -16,11 +16,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, Generic, TypeVar
 
 from sat_collision.geometry.polygon import PackedBody
 from sat_collision.geometry.polygon_set import PackedSet, Point
+from sat_collision.geometry.run import Run
 from sat_collision.scene.footprints import Footprint
 from sat_collision.scene.obstacles import Body, Obstacle
 
@@ -94,6 +95,15 @@ class Contacts:
                 footprint for footprint in self._footprints.of_rows(met)
                 if footprint.settings.monitors(obstacle.name.source)]))
         return True
+
+    def place_run(self, obstacles: Sequence[Obstacle], run: Run) -> int:
+        """Put obstacles where a run has them, until one may meet something; return how many."""
+        rows = [one.row for one in obstacles if one.row is not None]
+        placed = self._obstacles.polygons.place_run(run, rows, self._footprints.polygons,
+                                                    self._margin)
+        for obstacle in obstacles[:placed]:
+            obstacle.moved()
+        return placed
 
     def remove_footprint(self, footprint: Footprint) -> None:
         """Take a footprint away, if it is placed."""

@@ -160,6 +160,13 @@ class Sets(_Listing):
                 self._end(current, now)
         return current.group
 
+    def set_to_extend(self, stamp: int) -> _Set | None:
+        """Return the current set, if messages of a stamp add to it, and do nothing else."""
+        current = self.current
+        if current is None or stamp != current.last or self._is_spoiled or stamp < current.time:
+            return None
+        return current
+
     def end(self, news: News, stamp: int, time: int, now: int) -> None:
         """Take an empty polygon: the set of its stamp ends; none, where that is 0."""
         if not stamp:

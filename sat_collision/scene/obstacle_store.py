@@ -21,6 +21,7 @@ from collections.abc import Iterable, Iterator
 from itertools import chain
 
 from sat_collision.geometry.polygon import PackedBody
+from sat_collision.geometry.run import Run
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.obstacles import Key, Obstacle
 from sat_collision.scene.times import NEVER
@@ -158,6 +159,26 @@ class SetGroup(ObstacleGroup):
     def __iter__(self) -> Iterator[Obstacle]:
         """Go through all obstacles, those that stand for a refused message included."""
         return (one for one in self._places[:self._taken] if one.row is not None or one.refused)
+
+    def take_run(self, run: Run, limit: int, time: int) -> int:
+        """
+        Take at most so many obstacles, which are in the frame of the one before.
+
+        Return how many were taken: all before the first one that may meet something.
+        """
+        begin = self._taken
+        places = self._places[begin:begin + max(limit, 0)]
+        for k, obstacle in enumerate(places):
+            if obstacle.row is None or obstacle.refused:
+                del places[k:]
+                break
+        taken = self._contacts.place_run(places, run) if places else 0
+        frame_id = self._places[begin - 1].frame_id
+        for obstacle in places[:taken]:
+            obstacle.frame_id = frame_id
+            obstacle.time = time
+        self._taken += taken
+        return taken
 
     def take(self, key: Key, body: PackedBody | None, frame_id: str, time: int,
              refusal: str | None) -> str | None:

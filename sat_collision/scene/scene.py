@@ -23,6 +23,7 @@ from typing import TypeAlias
 
 from sat_collision.geometry.polygon import PackedBody, Polygon
 from sat_collision.geometry.polygon_set import Point
+from sat_collision.geometry.run import Run
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.footprints import Evaluation, Footprint, Origin, State, Status
 from sat_collision.scene.frame_ids import in_quotes
@@ -243,6 +244,10 @@ class Scene:
         elif self._contacts.changed:
             self._evaluate()
         return refusal
+
+    def obstacle_run(self, name: str, run: Run, stamp: int, now: int) -> int:
+        """Take a run of obstacles that continues a set; return how many messages were taken."""
+        return self._sources[name].receive_run(run, stamp, now) if now == self._now else 0
 
     def refuse(self, name: str, reason: str, now: int, stamp: int | None = None,
                instance: int | None = None, number: int | None = None) -> None:

@@ -21,6 +21,7 @@ from typing import TypeAlias
 
 import numpy as np
 from sat_collision.geometry.polygon import PackedBody, size_of
+from sat_collision.geometry.run import Run
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.knowledge import Keys, LOSS, Maps, Sets
 from sat_collision.scene.obstacle_store import KeyedGroup, ObstacleStore, SetGroup, TOO_MANY
@@ -202,6 +203,23 @@ class Source:
                 self.faults or refusal):
             self._find_faults(now)
         return refusal
+
+    def receive_run(self, run: Run, stamp: int, now: int) -> int:
+        """
+        Take messages that add to the set of the one before, as `receive` would one by one.
+
+        Return how many were taken; the next one may be refused, may meet something, or ends the
+        set, and has to be received by itself.
+        """
+        if not isinstance(self.listing, Sets) or stamp > now:
+            return 0
+        current = self.listing.set_to_extend(stamp)
+        if current is None or self.stream.next is None:
+            return 0
+        taken = current.group.take_run(run, self.settings.max_count - 1 - current.count, stamp)
+        current.count += taken
+        self.stream.next += taken
+        return taken
 
     def refuse_other_frames(self, frame_id: str, now: int) -> None:
         """Refuse the obstacles in another frame than this, which was not known when they came."""

@@ -31,7 +31,6 @@ from sat_collision.geometry import arithmetic
 from sat_collision.geometry.jit import COMPILED
 from sat_collision.geometry.polygon_set import PackedSet
 from sat_collision.geometry.predicates import orient, orientation
-from sat_collision.geometry.scan import is_same
 
 ROOT = Path(__file__).resolve().parents[2]
 if not (platform.machine() == 'x86_64' and platform.libc_ver()[0] == 'glibc'):
@@ -82,7 +81,6 @@ QUESTIONS = {
     'nearest': lambda: SET.nearest(POLYGON),
     'place': lambda: SET.place(0, POLYGON.packed, SET),
     'place with a margin': lambda: SET.place(0, POLYGON.packed, SET, 1.0),
-    'is_same': lambda: is_same(SET._array, 0, *POLYGON.packed),
 }
 
 

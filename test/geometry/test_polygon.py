@@ -14,6 +14,9 @@
 
 """What makes a polygon, what does not, and what is told of one."""
 
+import itertools
+import re
+
 import numpy as np
 import pytest
 from sat_collision import Polygon, PolygonError, Reason
@@ -105,3 +108,19 @@ def test_centroid_of_an_offset_triangle_and_of_a_segment():
                        rtol=0, atol=1e-9)
     assert Polygon([(1, 1), (3, 5)]).centroid.tolist() == [2.0, 3.0]
     assert Polygon(L_SHAPE).centroid.tolist() == pytest.approx([1.1, 1.1])
+
+
+@pytest.mark.parametrize('order', [*itertools.permutations(range(4))])
+def test_a_crossing_is_told_with_the_vertices_of_its_edges(order):
+    """Of the edge back to the first vertex, too."""
+    corners = [(5, 5), (6, 5), (6, 6), (5, 6)]
+    points = [corners[k] for k in order]
+    try:
+        Polygon(points)
+    except PolygonError as error:
+        told = re.findall(r'\((\S+), (\S+)\)', str(error))
+        ends = [tuple(map(float, point)) for point in told[:4]]
+        assert sorted(ends) == corners[:1] + [corners[3]] + corners[1:3]
+        assert tuple(map(float, told[4])) == (5.5, 5.5)
+    else:
+        assert abs(order[0] - order[2]) == 2

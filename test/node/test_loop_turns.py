@@ -78,7 +78,7 @@ class Recorder:
 
 @pytest.fixture
 def looped(domain):
-    """Return a peer and how to run a Loop over its topics 'flood' and 'other', which ends rests."""
+    """Return a peer and how to run a Loop over 'flood' and 'other', which ends rests."""
     peer = Peer(domain)
     node = rclpy.create_node('receiver', context=peer.context)
     inputs = [loop.Input(name, node.create_subscription(
@@ -147,6 +147,24 @@ def test_first_message_of_a_publisher_is_told_of(looped):
         arrive(peer, flood=20)
         one.run(lambda: receiver.names.count('flood') == 20)
     assert receiver.begun == ['other', 'flood']
+
+
+def test_first_message_in_the_middle_of_a_queue(looped):
+    """What came before it is received first, then the publisher is told of, then it is."""
+    peer, looped = looped
+    receiver = Recorder()
+    begin = receiver.begin_stream
+    receiver.begin_stream = lambda name: (receiver.names.append('begin'), begin(name))
+    arrive(peer, flood=3)
+    another = peer.node.create_publisher(PolygonStamped, 'flood', 2000)
+    peer.until(another.get_subscription_count)
+    for _ in range(30):
+        another.publish(PolygonStamped())
+    assert another.wait_for_all_acked(Duration(seconds=10))
+    with looped(receiver) as one:
+        one.run(lambda: receiver.names.count('flood') == 33)
+    names = [name for name in receiver.names if name != 'tick']
+    assert names == ['begin', *3 * ['flood'], 'begin', *30 * ['flood']]
 
 
 def test_end_is_not_put_off_by_a_flood(looped):

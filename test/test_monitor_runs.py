@@ -1,0 +1,119 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Messages that are taken as a run: the same as one after the other."""
+
+from dataclasses import replace
+import random
+
+from builders import box, SECOND, serialised, transforms
+from monitors import BOW_TIE, NOW, SETTINGS
+import pytest
+from sat_collision.monitor import Monitor
+from sat_collision.scene.streams import Endpoint
+
+MOVING = [(0, 3), (2, 3), (2, 5), (0, 5), (1, 4)]
+
+
+def snapshot(monitor):
+    """Return all that can be seen of a monitor."""
+    scene = monitor.scene
+    obstacles = [(str(name), polygon.vertices.tolist()) for name, polygon in scene.obstacles]
+    names = {name for name, _ in scene.obstacles}
+    return (scene.state('robot'), sorted(obstacles), scene.newer_by('robot', names),
+            scene.deadline, scene.source_faults, monitor.rejected, monitor.received,
+            monitor.lost, 'lidar' in monitor.waiting)
+
+
+def random_set(source, stamp, frame_id):
+    """Return messages of one stamp: far, near, touching, refused, not convex, ended or not."""
+    count = source.choice((1, 2, 5, 30))
+    messages = [serialised(box(10 + k, source.uniform(-5, 5)), stamp, frame_id)
+                for k in range(count)]
+    for _ in range(source.choice((0, 0, 1, 3))):
+        k = source.randrange(count)
+        messages[k] = source.choice((
+            serialised(box(0.5), stamp, frame_id),
+            serialised(box(1.2), stamp, frame_id),
+            serialised(BOW_TIE, stamp, frame_id),
+            serialised(MOVING, stamp, frame_id),
+            serialised([(4, 4)] * 5, stamp, frame_id),
+            serialised(box(float('nan')), stamp, frame_id),
+            serialised(box(10), stamp, 'elsewhere'),
+            serialised(box(10), stamp + source.choice((1, SECOND // 200, 3 * SECOND)), frame_id),
+            serialised(box(10), stamp - 3 * SECOND, frame_id),
+            serialised(box(10), 0, frame_id),
+            serialised(box(10), stamp, frame_id, order='>'),
+            serialised(box(10), stamp, frame_id)[:-1],
+            serialised(box(10), stamp, frame_id) + b'\0\0\0\0',
+            messages[k][:20] + b'\xff\xff\xff\xff' + messages[k][24:],
+            b''))
+    return messages + [serialised([], stamp, frame_id)] * source.choice((0, 1, 1, 1, 2))
+
+
+@pytest.mark.parametrize('seed', range(60))
+def test_batches_are_taken_as_their_messages_one_by_one(seed):
+    """With gaps in their numbers, other frames, a margin, and sets cut between two batches."""
+    source = random.Random(seed)
+    settings = replace(SETTINGS, margin=source.choice((0.0, 0.0, 0.5)), obstacles=(
+        replace(SETTINGS.obstacles[0], max_count=source.choice((10, 100)),
+                timeout=source.choice((0.0, 1.0, 1.0)),
+                set_window=source.choice((0.0, 0.0, 0.02))),))
+    together, singly = Monitor(settings, transforms=True), Monitor(settings, transforms=True)
+    now, number = NOW, source.choice((1, 7, None))
+    for monitor in (together, singly):
+        monitor.receive_transforms('/tf_static', transforms(('map', 'laser', 0, 0.25, 3.0, 1.5)),
+                                   now)
+        monitor.update_publishers('lidar', [Endpoint('gid', '/tracker')])
+    left = []
+    for _ in range(12):
+        now += source.choice((SECOND // 20, SECOND // 10, 2 * SECOND))
+        robot = serialised(box(source.choice((0, 0, -5))), now)
+        stamp = now + source.choice((0, 0, 0, SECOND // 20, -SECOND // 2))
+        left += random_set(source, stamp, source.choice(('map', 'map', 'laser')))
+        cut = source.choice((len(left), source.randrange(len(left) + 1)))
+        batch = []
+        for data in left[:cut]:
+            batch.append((data, number))
+            if number is not None:
+                number += source.choice((1,) * 40 + (2,))
+        left = left[cut:]
+        assert together.receive('robot', robot, now) == singly.receive('robot', robot, now)
+        rejections = together.receive_batch('lidar', batch, now)
+        expected = [singly.receive('lidar', data, now, number) for data, number in batch]
+        assert [*rejections] == [one for one in expected if one]
+        assert snapshot(together) == snapshot(singly)
+        assert together.scene.changes() == singly.scene.changes()
+
+
+def test_runs_are_taken_at_all(monkeypatch):
+    """All but the first message of a set and what may touch; else this file shows nothing."""
+    monitor = Monitor(SETTINGS)
+    taken = []
+    take_run = monitor.teller.take_run
+
+    def take(*arguments):
+        taken.append(take_run(*arguments))
+        return taken[-1]
+
+    monkeypatch.setattr(monitor.teller, 'take_run', take)
+    monitor.receive('robot', serialised(box(0)), NOW)
+    for stamp in (NOW, NOW + SECOND // 10, NOW + SECOND // 5):
+        batch = [serialised(box(10 + k), stamp) for k in range(20)]
+        batch[10] = serialised(box(1), stamp)
+        del taken[:]
+        monitor.receive_batch('lidar', [(data, None) for data in (*batch, serialised([], stamp))],
+                              stamp)
+    assert [*filter(None, taken)] == [9, 9]
+    assert monitor.scene.state('robot').status.value == 'collision'

@@ -20,10 +20,10 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TypeAlias
 
+from sat_collision.messages.ingest import Batch, Ingest
 from sat_collision.messages.outlines import Outlines
 from sat_collision.messages.placement import Placement
 from sat_collision.messages.rejections import Rejection
-from sat_collision.messages.teller import Batch, Teller
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
@@ -64,8 +64,8 @@ class Monitor:
     ----------
     scene : Scene
         Has the states, and is where settings are changed.
-    teller : Teller
-        Has what the scene is told of at last.
+    ingest : Ingest
+        Passes messages to the scene.
     received : Counter
         All messages, by name of the footprint or source; of an outline its poses.
     rejected : Counter
@@ -87,11 +87,11 @@ class Monitor:
         self.received: Counter[str] = Counter()
         self.is_numbered = True
         self.transforms = TransformListener(settings)
-        hears_of_frames = transforms or any(one.odometry for one in settings.footprints)
-        self.teller = Teller(settings, self.scene, self.transforms if hears_of_frames else None,
+        has_transforms = transforms or any(one.odometry for one in settings.footprints)
+        self.ingest = Ingest(settings, self.scene, self.transforms if has_transforms else None,
                              self._watch_clock, placements)
-        self.rejected = self.teller.rejected
-        self.outlines = Outlines(settings, self.teller, self.transforms, self.received)
+        self.rejected = self.ingest.rejected
+        self.outlines = Outlines(settings, self.ingest, self.transforms, self.received)
         self.waiting: Waiting[_Item, Rejection] = Waiting(self._take_waiting)
         self.scene.waiting = self.waiting
         self._timeout = round(settings.transform_timeout * 1e9)
@@ -165,7 +165,7 @@ class Monitor:
             taken += 1
             if batch and isinstance(settings, ObstacleSettings) and (
                     name not in self.waiting and batch.has_no_gap):
-                taken += self.teller.take_run(settings, batch, taken, now)
+                taken += self.ingest.take_run(settings, batch, taken, now)
         return rejections
 
     def update_publishers(self, name: str, endpoints: list[Endpoint]) -> None:
@@ -226,7 +226,7 @@ class Monitor:
                 self.scene.receive_number(settings.name, number, now)
             return self.outlines.receive(settings.name, data, now) + self._take_moved(now)
         if self.waiting.earliest == NEVER or settings.name not in self.waiting:
-            outcome = self.teller.take(settings, data, number, now)
+            outcome = self.ingest.take(settings, data, number, now)
             if outcome is not WAIT:
                 return [outcome] if outcome else _NOTHING
         return self._hold(settings, (data, number), now)
@@ -246,5 +246,5 @@ class Monitor:
         if isinstance(item, list):
             self.scene.update_publishers(name, item)
         elif settings.enabled:
-            return self.teller.take(settings, *item, now, may_wait)
+            return self.ingest.take(settings, *item, now, may_wait)
         return None

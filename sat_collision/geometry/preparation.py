@@ -21,9 +21,8 @@ import sys
 import time
 
 from sat_collision.geometry import warm_up
-from sat_collision.geometry.compilation import say_nothing
+from sat_collision.geometry.compilation import kernel_problem, say_nothing
 from sat_collision.geometry.jit import KERNEL
-from sat_collision.geometry.kernel_problem import kernel_problem
 
 
 class Preparation:

@@ -20,8 +20,8 @@ from collections import Counter
 import struct
 
 from sat_collision.messages.cdr import Points
+from sat_collision.messages.ingest import Ingest
 from sat_collision.messages.rejections import Rejection
-from sat_collision.messages.teller import Teller
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.frames import NoTransform
 from sat_collision.scene.outlines import Outline, outline_of
@@ -39,7 +39,7 @@ class Outlines:
     Parameters
     ----------
     settings : Settings
-    teller : Teller
+    ingest : Ingest
     transforms : TransformListener
         Receives odometry, too.
     received : Counter
@@ -52,9 +52,9 @@ class Outlines:
 
     """
 
-    def __init__(self, settings: Settings, teller: Teller, transforms: TransformListener,
+    def __init__(self, settings: Settings, ingest: Ingest, transforms: TransformListener,
                  received: Counter[str]) -> None:
-        self._teller = teller
+        self._ingest = ingest
         self._received = received
         self._transforms = transforms
         self._outlines = {one.name: _Placed(one, settings.max_vertices)
@@ -77,7 +77,7 @@ class Outlines:
     def receive(self, name: str, data: bytes, now: int) -> list[Rejection]:
         """Take a message of odometry for a footprint."""
         problem = self._transforms.receive_odometry(data, now)
-        return [self._teller.reject(self._outlines[name].settings, *problem)] if problem else []
+        return [self._ingest.reject(self._outlines[name].settings, *problem)] if problem else []
 
     def follow(self, now: int) -> list[Rejection]:
         """Place what has moved."""
@@ -107,14 +107,14 @@ class Outlines:
                     now, self._timeout)):
                 return []
             one.forget(found.reason)
-            return [self._teller.refuse(settings, found.reason, found.detail, now)]
+            return [self._ingest.refuse(settings, found.reason, found.detail, now)]
         if not one.is_moved(found.at, now):
             return []
         one.next = max(one.next, now) + one.period
         one.stamp, one.is_static, one.fault = min(found.at or now, now), found.at is None, ''
         if not settings.odometry:
             self._received[settings.name] += 1
-        rejection = self._teller.place(settings, one.points, found, now)
+        rejection = self._ingest.place(settings, one.points, found, now)
         return [rejection] if rejection else []
 
 

@@ -22,8 +22,8 @@ from typing import Any
 
 from rclpy.clock import JumpThreshold, TimeJump
 from rclpy.node import Node
+from sat_collision.geometry.compilation import kernel_problem
 from sat_collision.geometry.jit import KERNEL
-from sat_collision.geometry.kernel_problem import kernel_problem
 from sat_collision.geometry.preparation import Preparation
 from sat_collision.messages.outputs import Outputs
 from sat_collision.messages.rejections import Rejection

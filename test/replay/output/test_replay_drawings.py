@@ -129,8 +129,8 @@ def test_each_bar_lies_in_the_row_of_its_footprint(tmp_path):
     result = of_warehouse(tmp_path)
     _, rows, *_ = draw_picture(result).axes
     bars = {rows.get_yticklabels()[round(patch.get_y() + patch.get_height() / 2)].get_text():
-             (patch.get_x(), patch.get_x() + patch.get_width()) for patch in rows.patches
-             if isinstance(patch, Rectangle) and to_hex(patch.get_facecolor()) == CONTACT}
+            (patch.get_x(), patch.get_x() + patch.get_width()) for patch in rows.patches
+            if isinstance(patch, Rectangle) and to_hex(patch.get_facecolor()) == CONTACT}
     assert bars == {contact.footprint: pytest.approx(
         (result.since(contact.first), result.since(contact.last))) for contact in result.contacts}
 

@@ -35,8 +35,7 @@ from numba import __version__, config
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.registry import cpu_target
 from numba.core.sigutils import normalize_signature
-from sat_collision.geometry.compilation import (
-    begin_compiling, end_compiling, report_problem)
+from sat_collision.geometry.compilation import begin_compiling, end_compiling, report_problem
 
 # What is compiled of these, whenever the package is imported, takes a fraction of a second.
 _QUICK = ('sat_collision.geometry.arithmetic', 'sat_collision.geometry.jit',

@@ -163,10 +163,39 @@ class Monitor:
             if refused := self._admit(settings, data, number, now):
                 rejections = [*rejections, *refused]
             taken += 1
-            if batch and isinstance(settings, ObstacleSettings) and (
-                    name not in self.waiting and batch.has_no_gap):
-                taken += self.ingest.take_run(settings, batch, taken, now)
+            if batch:
+                taken += self._take_run(settings, batch, taken, now)
         return rejections
+
+    def receive_run(self, name: str, batch: Batch, begin: int, now: int) -> int:
+        """
+        Take those messages of a batch that only add to the set of the message before them.
+
+        Parameters
+        ----------
+        name : str
+        batch : Batch
+        begin : int
+            The first one; the one before it was taken last.
+        now : int
+            The time at which that was.
+
+        Returns
+        -------
+        int
+            How many were taken. The next one has to be received by itself.
+
+        """
+        taken = self._take_run(self.scene.settings_of(name), batch, begin, now)
+        self.received[name] += taken
+        return taken
+
+    def _take_run(self, settings: FootprintSettings | ObstacleSettings, batch: Batch, begin: int,
+                  now: int) -> int:
+        if not isinstance(settings, ObstacleSettings) or begin == len(batch.messages) or (
+                not settings.enabled or settings.name in self.waiting or not batch.has_no_gap):
+            return 0
+        return self.ingest.take_run(settings, batch, begin, now)
 
     def update_publishers(self, name: str, endpoints: list[Endpoint]) -> None:
         """Take the publishers that a footprint or source has now, once what they sent is taken."""

@@ -70,7 +70,10 @@ def test_batches_are_taken_as_their_messages_one_by_one(seed):
         replace(SETTINGS.obstacles[0], max_count=source.choice((10, 100)),
                 timeout=source.choice((0.0, 1.0, 1.0)),
                 set_window=source.choice((0.0, 0.0, 0.02))),))
-    together, singly = Monitor(settings, transforms=True), Monitor(settings, transforms=True)
+    follows = source.choice((False, True))
+    places = [], []
+    together, singly = (Monitor(settings, transforms=True, placements=one if follows else None)
+                        for one in places)
     now, number = NOW, source.choice((1, 7, None))
     for monitor in (together, singly):
         monitor.receive_transforms('/tf_static', transforms(('map', 'laser', 0, 0.25, 3.0, 1.5)),
@@ -95,6 +98,7 @@ def test_batches_are_taken_as_their_messages_one_by_one(seed):
         assert [*rejections] == [one for one in expected if one]
         assert snapshot(together) == snapshot(singly)
         assert together.scene.changes() == singly.scene.changes()
+    assert places[0] == places[1] and bool(places[0]) == follows
 
 
 def test_runs_are_taken_at_all(monkeypatch):

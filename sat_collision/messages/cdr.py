@@ -35,9 +35,9 @@ _read_count = struct.Struct('=I').unpack_from
 _read_id = struct.Struct('=q').unpack_from
 _read_stamp = struct.Struct('=4siI').unpack_from
 _STAMP_SIZE = 12
-_COUNT_SIZE = 4
+COUNT_SIZE = 4
 _ID_SIZE = 8
-_POINT_BYTES = 12
+POINT_SIZE = 12
 _SECOND = 1_000_000_000
 _MOST_SHOWN = 200
 
@@ -80,13 +80,13 @@ def decode(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
     encapsulation, seconds, nanoseconds, length = _read_header(data)
     text_end = _HEADER_SIZE + length
     count_at = (text_end + 3) & ~3
-    points_at = count_at + _COUNT_SIZE
+    points_at = count_at + COUNT_SIZE
     # The first NUL must be the last byte of the string.
     if (encapsulation != _OWN_CDR or length == 0 or points_at > size
             or data.find(b'\0', _HEADER_SIZE, text_end) != text_end - 1):
         return _decode_with_library(data, instance)
     count, = _read_count(data, count_at)
-    end = points_at + count * _POINT_BYTES
+    end = points_at + count * POINT_SIZE
     identity = None
     if instance:
         # Alignment counts from behind the encapsulation, hence the 4.
@@ -148,7 +148,7 @@ def _decode_with_library(data: bytes, instance: bool) -> tuple[int, str, Points,
     polygon = message.polygon.polygon if instance else message.polygon
     points = polygon.points
     count_at = (_HEADER_SIZE + len(frame_id.encode()) + 1 + 3) & ~3
-    stated = data[count_at:count_at + _COUNT_SIZE]
+    stated = data[count_at:count_at + COUNT_SIZE]
     if len(points) not in (int.from_bytes(stated, 'little'), int.from_bytes(stated, 'big')):
         raise MessageError('the points end before their stated number')
     stamp = message.header.stamp
@@ -166,12 +166,12 @@ def _check_lengths(data: bytes) -> None:
     order: Literal['little', 'big'] = 'little' if data[1] & 1 else 'big'
 
     def number(start: int) -> int:
-        return int.from_bytes(data[start:start + _COUNT_SIZE], order)
-    length = number(_HEADER_SIZE - _COUNT_SIZE)
-    points_at = ((_HEADER_SIZE + length + 3) & ~3) + _COUNT_SIZE
+        return int.from_bytes(data[start:start + COUNT_SIZE], order)
+    length = number(_HEADER_SIZE - COUNT_SIZE)
+    points_at = ((_HEADER_SIZE + length + 3) & ~3) + COUNT_SIZE
     if points_at > len(data):
         raise MessageError(f'a frame_id of {length} bytes in a message of {len(data)}')
-    count = number(points_at - _COUNT_SIZE)
-    room = (len(data) - points_at) // _POINT_BYTES
+    count = number(points_at - COUNT_SIZE)
+    room = (len(data) - points_at) // POINT_SIZE
     if count > room:
         raise MessageError(f'{count} points where there are bytes for {room}')

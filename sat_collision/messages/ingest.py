@@ -24,7 +24,8 @@ import numpy as np
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.polygon import PlaneMap, PolygonError
 from sat_collision.geometry.run import Run
-from sat_collision.messages.cdr import decode, MessageError, Points
+from sat_collision.messages.cdr import (
+    COUNT_SIZE, decode, MessageError, POINT_SIZE, Points)
 from sat_collision.messages.packer import Packer
 from sat_collision.messages.placement import Placement
 from sat_collision.messages.rejections import (
@@ -104,19 +105,25 @@ class Ingest:
         self._with_ids = {source.name for source in settings.obstacles
                           if source.type == POLYGON_INSTANCE}
         self._packer = Packer(settings.max_vertices)
-        # The last obstacle that was received, where in it the number of its points stands, its
-        # stamp and where it was moved: what the messages of a run must be like.
-        self._model: tuple[bytes, int, int, PlaneMap] = b'', 0, 0, _UNMOVED
+        # The last obstacle that was received, which the messages of a run must be like: its
+        # bytes, where in them the points start, its stamp, its frame and where it was moved.
+        self._model: tuple[bytes, int, int, str, PlaneMap | None] = b'', 0, 0, '', None
 
     def take_run(self, settings: ObstacleSettings, batch: Batch, begin: int, now: int) -> int:
         """Pass messages like the one before them to the scene; return how many were taken."""
-        model, count_at, stamp, plane = self._model
+        model, points_at, stamp, frame_id, plane = self._model
         if model is not batch.messages[begin - 1][0]:
             return 0
         data, ends = batch.joined
-        return self._scene.obstacle_run(settings.name, Run(
-            data, ends, begin - 1, begin, count_at, self._packer.max_vertices, plane,
-            self._packer.array), stamp, now)
+        taken = self._scene.obstacle_run(settings.name, Run(
+            data, ends, begin - 1, begin, points_at - COUNT_SIZE, self._packer.max_vertices,
+            plane or _UNMOVED, self._packer.array), stamp, now)
+        if self._placements is not None:
+            self._placements += [
+                Placement(settings.name, stamp, True, frame_id,
+                          (data, points_at, (len(data) - points_at) // POINT_SIZE), plane, None)
+                for data, _ in batch.messages[begin:begin + taken]]
+        return taken
 
     def take(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
              number: int | None, now: int, may_wait: bool = True) -> Rejection | Wait | None:
@@ -159,8 +166,8 @@ class Ingest:
             if self._placements is not None:
                 self._placements.append(Placement(
                     name, stamp or now, stamp != 0, frame_id, points, plane, instance))
-            elif points[2] and points[0] is data:
-                self._model = data, points[1] - 4, stamp, plane or _UNMOVED
+            if points[2] and points[0] is data:
+                self._model = data, points[1], stamp, frame_id, plane
             return None
         return self.reject(settings, refusal, detail_of(
             refusal, frame_id, scene.frame_id, (now - stamp) / 1e9, settings.timeout))

@@ -38,7 +38,7 @@ from sat_collision.replay.model.options import HEADER, Options, RECEIVE
 from sat_collision.replay.model.result import FootprintResult, moments_of, Result, SourceResult
 from sat_collision.replay.model.topics import (
     all_sources, is_subscribed, missing_topics, settings_for, TRANSFORM_TYPE, wrong_types)
-from sat_collision.replay.motion.order import StampOrder, WINDOW
+from sat_collision.replay.motion.order import Run, StampOrder, WINDOW
 from sat_collision.replay.motion.tape import Tape
 from sat_collision.replay.motion.walk import Motion, MotionTimeline
 from sat_collision.scene.parameters import ParameterError
@@ -227,11 +227,9 @@ class _Run:
             total = sum(self._recording.counts[topic] for topic in names)
             messages = _with_progress(messages, total, progress)
         ordered = StampOrder(messages, by_header) if self._motion else None
-        if ordered:
-            messages = ordered
-        elif by_header:
-            messages = ((topic, header_stamp(data) if topic not in TRANSFORM_TOPICS else 0, data)
-                        for topic, _, data in messages)
+        runs: Iterable[Run] = ordered or (
+            (topic, (0 if topic in TRANSFORM_TOPICS else header_stamp(data)) if by_header
+             else time, [data]) for topic, time, data in messages)
         if self._options.write_bag:
             self._write_outputs(self._options.write_bag)
         # The first message of a latched topic is the first one that its publisher sent.
@@ -239,11 +237,12 @@ class _Run:
         if not by_header:
             self._begin(start)
         now, monitor = self._now, self._monitor
+        footprints = {one.name for one in self._settings.footprints}
         if self._options.start and TF_STATIC in self._transforms:
             # What was told before would be latched.
             for topic, _, data in self._recording.messages([TF_STATIC], None, start):
                 self._keep(monitor.receive_transforms(topic, data, now))
-        for topic, time, data in messages:
+        for topic, time, batch in runs:
             if by_header and not now:
                 if not time or topic in TRANSFORM_TOPICS:
                     time = 0
@@ -256,15 +255,21 @@ class _Run:
                 if now > monitor.deadline or now >= self._due:
                     self._pass_until(now)
             if topic in TRANSFORM_TOPICS:
-                self._keep(monitor.receive_transforms(topic, data, now))
-                if now:
-                    self._follow(now)
-            number = numbers.pop(topic, None)
+                for data in batch:
+                    self._keep(monitor.receive_transforms(topic, data, now))
+                    if now:
+                        self._follow(now)
+            number = numbers.pop(topic, None) if numbers else None
+            run = [(batch[0], number)]
+            if len(batch) > 1:
+                run += [(data, None) for data in batch[1:]]
             for name in names[topic]:
-                rejection = monitor.receive(name, data, now, number)
-                if rejection:
-                    self._keep([rejection])
-                self._follow(now)
+                if len(batch) == 1 or name not in footprints:
+                    self._receive(name, run, now)
+                    continue
+                # A footprint that is refused is nowhere until the next one, so each counts.
+                for message in run:
+                    self._receive(name, [message], now)
         if self._result.start is None:
             return
         end = now if by_header else max(now, end - max(ordered.delay if ordered else 0, 0))
@@ -276,6 +281,11 @@ class _Run:
         self._result.end = end
         if self._outputs:
             self._outputs.close()
+
+    def _receive(self, name: str, messages: list[tuple[bytes, int | None]], now: int) -> None:
+        if rejections := self._monitor.receive_batch(name, messages, now):
+            self._keep(rejections)
+        self._follow(now)
 
     def _first_stamp(self, names: Iterable[str]) -> int | None:
         """Return the header stamp with which the recording begins, None if there is none."""
@@ -301,8 +311,7 @@ class _Run:
     def _follow(self, now: int) -> None:
         """Take what was placed, and what has changed."""
         if self._placements and self._motion:
-            for placement in self._placements:
-                self._motion.place(placement)
+            self._motion.place(self._placements)
             self._placements.clear()
         changed = self._scene.changes()
         if changed:

@@ -18,10 +18,12 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Container, Iterable
+from math import isnan
 from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
+from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.polygon import Polygon, PolygonError
 from sat_collision.geometry.query import closest_points, separation
 from sat_collision.geometry.sweep import time_of_contact
@@ -29,13 +31,15 @@ from sat_collision.replay.model.deepest import deepen
 from sat_collision.replay.model.result import (
     AT_A_SAMPLE, BETWEEN_SAMPLES, Contact, FootprintResult, Least, least_of, Series,
     Unknown)
-from sat_collision.replay.motion.kernels import box_gaps
+from sat_collision.replay.motion.kernels import measure_near, rows_near
 from sat_collision.replay.motion.tracker import Step
-from sat_collision.replay.motion.trajectories import Bodies, Floats, LinearMotion, Trajectory
+from sat_collision.replay.motion.trajectories import (
+    Bodies, Floats, Integers, LinearMotion, Trajectory)
 from sat_collision.scene.obstacles import ObstacleId
 
 # What rounding may take from a separation or add to a way, in parts of the largest coordinate.
 _SLACK = 1e-12
+_NOTHING = indexable(np.zeros(1))
 
 
 class ContactTracker:
@@ -104,14 +108,16 @@ class ContactTracker:
             return touching
         self.decided = True
         least: tuple[float, int] | None = None
-        for row, gap in _by_gap(box, seen.boxes):
+        outline = self._trajectory.outline(seen.stamps[0]) if len({*seen.stamps}) == 1 else None
+        for gap, row, value in _by_gap(outline, box, seen, np.arange(len(seen)), self._margin):
             if gap > self._margin and least is not None and gap > least[0]:
                 break
             time, name = seen.stamps[row], seen.names[row]
             outline = self._trajectory.outline(time)
             if outline is None:
                 continue
-            value = separation(outline, seen.polygon(row))
+            if isnan(value):
+                value = separation(outline, seen.polygon(row))
             if value <= self._margin:
                 contact = self._touching.get(name) or before.get(name) or (
                     self._contacts.begin(name, time))
@@ -134,8 +140,9 @@ class ContactTracker:
         start, finish = min(motion.starts), max(motion.finishes)
         box = self._trajectory.bounds(start, finish)
         names = motion.before.names
-        near = set() if box is None else set(np.flatnonzero(
-            box_gaps(box, motion.boxes) <= self._margin).tolist())
+        rows = np.empty(len(motion), np.int64)
+        near = set() if box is None else {
+            *rows[:rows_near(box, motion.boxes, self._margin, rows)].tolist()}
         if self._touching:
             for i, row in enumerate(motion.rows):
                 if names[row] in self._touching and i not in near:
@@ -163,27 +170,27 @@ class ContactTracker:
         times = [time for time in self._trajectory.frames(start, finish) if time not in seen]
         if not times:
             return
-        still = np.flatnonzero(np.array(motion.moved) == 0.0)
-        boxes = motion.boxes[still]
-        rows = still.tolist()
+        still = [i for i, moved in enumerate(motion.moved) if not moved]
         for time in times:
             outline = self._trajectory.outline(time)
             if outline is None:
                 continue
+            rows = [motion.rows[i] for i in still
+                    if motion.starts[i] <= time <= motion.finishes[i]]
             least = None
-            for k, gap in _by_gap(np.array(outline.bounds), boxes):
+            for gap, row, value in _by_gap(outline, np.array(outline.bounds), motion.before,
+                                           np.array(rows, np.int64), -np.inf):
                 if least is not None and gap > least[0]:
                     break
-                i = rows[k]
-                if motion.starts[i] <= time <= motion.finishes[i]:
-                    value = separation(outline, motion.polygon(i, time))
-                    if least is None or value < least[0]:
-                        least = value, motion.rows[i]
+                if isnan(value):
+                    value = separation(outline, motion.before.polygon(row))
+                if least is None or value < least[0]:
+                    least = value, row
             if least:
                 value, row = least
                 self._contacts.measure(motion.before.names[row], time, value,
                                        motion.before.polygon(row))
-                if len(rows) == len(motion.before):
+                if len(still) == len(motion.before):
                     self._series.add(time, value)
 
     def _cross(self, pair: _Pair, contact: Contact | None) -> Contact | None:
@@ -283,11 +290,18 @@ def _between(first: int, last: int) -> list[int]:
     return [first + (last - first) * part // 8 for part in (4, 2, 6, 1, 3, 5, 7)]
 
 
-def _by_gap(box: Floats, boxes: Floats) -> list[tuple[int, float]]:
-    """Return which boxes are how far from one, the nearest first."""
-    gaps = box_gaps(box, boxes)
-    order = np.argsort(gaps, kind='stable')
-    return list(zip(order.tolist(), gaps[order].tolist()))
+def _by_gap(outline: Polygon | None, box: Floats, bodies: Bodies, rows: Integers,
+            margin: float) -> list[tuple[float, int, float]]:
+    """
+    Return what `measure_near` finds, the nearest boxes first: gap, row and separation.
+
+    Without an outline nothing is measured.
+    """
+    body = outline.packed if outline else (_NOTHING, 0)
+    near, (gaps, values) = np.empty(len(rows), np.int64), np.empty((2, len(rows)))
+    rings = bodies.boxes, bodies.points, bodies.firsts, bodies.counts
+    found = measure_near(body, box, rows, rings, margin, (near, gaps, values))
+    return sorted(zip(*(one[:found].tolist() for one in (gaps, near, values))))
 
 
 class Contacts:

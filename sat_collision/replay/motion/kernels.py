@@ -12,58 +12,75 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rings of points by the thousand: their bounds, who follows whom, and the ways between them."""
+"""
+Rings of points by the thousand: their bounds, who follows whom, and the ways between them.
+
+Arrays are written to, not returned: numba takes a microsecond to hand one to Python.
+"""
 
 import math
 
 import numpy as np
-from sat_collision.geometry.jit import kernel
+from sat_collision.geometry.distance import measure
+from sat_collision.geometry.jit import kernel, scratch
+from sat_collision.geometry.layout import Packed, packed_size
 from sat_collision.geometry.moving import STRIDE
+from sat_collision.geometry.packing import pack
+from sat_collision.geometry.ring import CONVEX
 
 
 @kernel
-def describe(points, ends):
+def describe(values, lengths, planes, out):
     """
-    Return counts, bounding boxes and centres of rings.
+    Write the points of rings, and where each is.
 
     Parameters
     ----------
+    values : (3 v,) array of float32
+        x, y and z of the points of all rings, as received.
+    lengths : (n,) array of int64
+        How many points each ring has.
+    planes : (n, 6) array of float64
+        The map that takes each ring to the frame that counts, as a PlaneMap; empty if none is
+        needed.
+    out : tuple
+        What is written: points, firsts, counts, boxes, centres.
     points : (v, 2) array of float64
-        The points of all rings.
-    ends : (n,) array of int64
-        Where each ring ends.
-
-    Returns
-    -------
-    counts : (n,) array of int64
-        The points of each ring, without one that closes it.
+    firsts, counts : (n,) array of int64
+        Where each ring starts and how many points it has, without one that closes it.
     boxes : (n, 4) array of float64
         min x, min y, max x, max y.
     centres : (n, 2) array of float64
         The middle of the box: what a ring is known by from one set to the next.
 
     """
-    counts = np.empty(len(ends), np.int64)
-    boxes = np.empty((len(ends), 4))
-    centres = np.empty((len(ends), 2))
+    points, firsts, counts, boxes, centres = out
     start = 0
-    for i in range(len(ends)):
-        end = ends[i]
-        last = end - 1
+    for i in range(len(lengths)):
+        last = start + lengths[i] - 1
+        for k in range(start, last + 1):
+            points[k, 0] = values[3 * k]
+            points[k, 1] = values[3 * k + 1]
+            if len(planes):
+                # As `packing.moved_points`.
+                x = points[k, 0]
+                y = points[k, 1]
+                points[k, 0] = planes[i, 0] * x + planes[i, 1] * y + planes[i, 2]
+                points[k, 1] = planes[i, 3] * x + planes[i, 4] * y + planes[i, 5]
         closed = (last > start and points[start, 0] == points[last, 0]
                   and points[start, 1] == points[last, 1])
-        counts[i] = end - start - (1 if closed else 0)
+        firsts[i] = start
+        counts[i] = lengths[i] - (1 if closed else 0)
         for axis in range(2):
             least = points[start, axis]
             most = least
-            for k in range(start + 1, end):
+            for k in range(start + 1, last + 1):
                 least = min(least, points[k, axis])
                 most = max(most, points[k, axis])
             boxes[i, axis] = least
             boxes[i, 2 + axis] = most
             centres[i, axis] = 0.5 * least + 0.5 * most
-        start = end
-    return counts, boxes, centres
+        start = last + 1
 
 
 @kernel
@@ -107,41 +124,50 @@ def nearest_each(centres, others, order):
 
 
 @kernel
-def mutual_nearest(centres, counts, others, other_counts):
+def mutual_nearest(rings, other_rings, longest, rows, other_rows):
     """
-    Return which rings of two sets are nearest to each other and have as many points.
+    Write which rings of two sets are nearest to each other and have as many points.
 
     Parameters
     ----------
+    rings, other_rings : tuple
+        Centres, counts and stamps of the two sets, as follows.
     centres, others : (n, 2) and (m, 2) array of float64
         The centres of the rings of the two sets.
     counts, other_counts : (n,) and (m,) array of int64
         How many points they have.
+    stamps, other_stamps : (n,) and (m,) array of int64
+        When each was there, ns.
+    longest : int
+        How much later the other may be at most, ns.
+    rows, other_rows : (n,) array of int64
+        Receive the rings of one set, and those of the other.
 
     Returns
     -------
-    (k,) array of int64, (k,) array of int64
-        The rings of one set, and those of the other.
+    int
+        How many there are.
 
     """
+    centres, counts, stamps = rings
+    others, other_counts, other_stamps = other_rings
     there = nearest_each(centres, others, np.argsort(others[:, 0]))
     back = nearest_each(others, centres, np.argsort(centres[:, 0]))
-    rows = np.empty(len(centres), np.int64)
-    other_rows = np.empty(len(centres), np.int64)
     found = 0
     for i in range(len(centres)):
         j = there[i]
-        if j >= 0 and back[j] == i and counts[i] == other_counts[j]:
+        if (j >= 0 and back[j] == i and counts[i] == other_counts[j]
+                and 0 < other_stamps[j] - stamps[i] <= longest):
             rows[found] = i
             other_rows[found] = j
             found += 1
-    return rows[:found], other_rows[:found]
+    return found
 
 
 @kernel
-def motions_between(points, firsts, counts, rows, next_points, next_firsts, next_rows):
+def motions_between(rings, rows, next_rings, next_rows, out):
     """
-    Return the ways of rings from one set to the next, vertex by vertex.
+    Write the ways of rings from one set to the next, vertex by vertex.
 
     Which vertex becomes which is not said by a ring that may begin anywhere: of all starts the
     one is taken with the least motion, and of equal ones that of the rings as received. A ring
@@ -149,6 +175,10 @@ def motions_between(points, firsts, counts, rows, next_points, next_firsts, next
 
     Parameters
     ----------
+    rings, next_rings : tuple
+        Points, firsts and counts of each set, as follows.
+    out : tuple
+        What is written: array, ends, boxes, moved.
     points, next_points : (v, 2) array of float64
         The points of all rings of a set, and of the next one.
     firsts, next_firsts : (n,) array of int64
@@ -157,11 +187,9 @@ def motions_between(points, firsts, counts, rows, next_points, next_firsts, next
         How many points those of the first set have; the partners have as many.
     rows, next_rows : (m,) array of int64
         Which ring becomes which.
-
-    Returns
-    -------
     array : flat array of float64
-        x, y before and x, y after of each vertex, ring after ring, as `moving.MovingBody` has it.
+        x, y before and x, y after of each vertex, ring after ring, as
+        `moving.MovingBody` has it.
     ends : (m,) array of int64
         Where in it each ring ends.
     boxes : (m, 4) array of float64
@@ -170,13 +198,9 @@ def motions_between(points, firsts, counts, rows, next_points, next_firsts, next
         The way of the vertex that moves furthest, metres.
 
     """
-    total = 0
-    for r in range(len(rows)):
-        total += counts[rows[r]]
-    array = np.empty(STRIDE * total)
-    ends = np.empty(len(rows), np.int64)
-    boxes = np.empty((len(rows), 4))
-    moved = np.empty(len(rows))
+    points, firsts, counts = rings
+    next_points, next_firsts, _ = next_rings
+    array, ends, boxes, moved = out
     at = 0
     for r in range(len(rows)):
         n = counts[rows[r]]
@@ -206,7 +230,6 @@ def motions_between(points, firsts, counts, rows, next_points, next_firsts, next
             boxes[r, 3] = max(boxes[r, 3], max(y0, y1))
         moved[r] = math.sqrt(most)
         ends[r] = at
-    return array, ends, boxes, moved
 
 
 @kernel
@@ -240,15 +263,104 @@ def _least_motion(points, first, next_points, next_first, count, step):
 
 
 @kernel
-def box_gaps(box, boxes):
-    """
-    Return how far a box is from others, a lower bound of how far what they hold is; (n,) array.
-
-    It is 0 just when they share a point.
-    """
-    gaps = np.empty(len(boxes))
+def rows_near(box, boxes, margin, rows):
+    """Write which boxes are no further than a margin from one; return how many."""
+    found = 0
     for i in range(len(boxes)):
-        x = max(max(boxes[i, 0] - box[2], box[0] - boxes[i, 2]), 0.0)
-        y = max(max(boxes[i, 1] - box[3], box[1] - boxes[i, 3]), 0.0)
-        gaps[i] = math.sqrt(x * x + y * y)
-    return gaps
+        if _gap(box, boxes[i]) <= margin:
+            rows[found] = i
+            found += 1
+    return found
+
+
+@kernel
+def measure_near(body, box, rows, rings, margin, out):
+    """
+    Measure how far a body is from rings, of all that may be nearest or within a margin.
+
+    Parameters
+    ----------
+    body : (flat array of float64, int)
+        The packed body and its count; 0 to measure nothing, where each ring has another body
+        to be measured with.
+    box : (4,) array of float64
+        What bounds it.
+    rows : (m,) array of int64
+        The rings to be looked at.
+    rings : tuple
+        Boxes, points, firsts and counts of all, as `describe` has them.
+    margin : float
+        In metres.
+    out : tuple
+        What is written: near, gaps, values.
+    near : (m,) array of int64
+        Receives the rings.
+    gaps : (m,) array of float64
+        Receives how far the boxes are apart, which is never more than the bodies are.
+    values : (m,) array of float64
+        Receives the separations as `distance.measure` has them; NaN of what is not measured, or
+        not convex.
+
+    Returns
+    -------
+    int
+        How many rings there are.
+
+    """
+    outline, n = body
+    boxes, points, firsts, counts = rings
+    near, gaps, values = out
+    found = 0
+    least = math.inf
+    nearest = -1
+    if n != 0:
+        # What has the nearest box goes first, so that its separation spares most others.
+        for row in rows:
+            gap = _gap(box, boxes[row])
+            if gap < least:
+                least = gap
+                nearest = row
+        least = math.inf
+    if nearest >= 0:
+        value = _separation(outline, n, points, firsts[nearest], counts[nearest])
+        near[0] = nearest
+        gaps[0] = _gap(box, boxes[nearest])
+        values[0] = value
+        found = 1
+        if value < least:
+            least = value
+    for row in rows:
+        gap = _gap(box, boxes[row])
+        if row == nearest or gap > max(margin, least):
+            continue
+        value = math.nan if n == 0 else _separation(
+            outline, n, points, firsts[row], counts[row])
+        near[found] = row
+        gaps[found] = gap
+        values[found] = value
+        found += 1
+        if value < least:
+            least = value
+    return found
+
+
+@kernel
+def _gap(box, other):
+    """Return how far two boxes are apart: 0 just when they share a point."""
+    x = max(max(other[0] - box[2], box[0] - other[2]), 0.0)
+    y = max(max(other[1] - box[3], box[1] - other[3]), 0.0)
+    return math.sqrt(x * x + y * y)
+
+
+@kernel
+def _separation(outline, n, points, first, count):
+    """Return the separation of a packed body from a ring, NaN if that is not convex."""
+    ring = scratch(2 * count)
+    for k in range(count):
+        ring[2 * k] = points[first + k, 0]
+        ring[2 * k + 1] = points[first + k, 1]
+    packed = scratch(packed_size(count))
+    verdict, m, _, _, _ = pack(ring, packed, count, 0)
+    if verdict != CONVEX:
+        return math.nan
+    return measure(Packed(outline, 0, n), Packed(packed, 0, m))[0]

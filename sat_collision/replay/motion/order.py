@@ -18,11 +18,17 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterable, Iterator
+from itertools import groupby
+from operator import itemgetter
+from typing import TypeAlias
 
 from sat_collision.messages.cdr import header_stamp
 from sat_collision.messages.transform_listener import TF_STATIC
 from sat_collision.replay.bag.storage import Message
 from sat_collision.scene.settings import TF
+
+# Messages in a row of one topic that count at one time, in ns.
+Run: TypeAlias = tuple[str, int, list[bytes]]
 
 # How late a message may be received to count at its own stamp, ns.
 WINDOW = 10 * 10**9
@@ -30,7 +36,7 @@ WINDOW = 10 * 10**9
 
 class StampOrder:
     """
-    Yields (topic, time in ns, data) by the time of the stamp, from messages by time received.
+    Yields Runs by the time of the stamp, from messages by time received.
 
     A message without a stamp counts when it is received; so does one whose stamp is further than
     WINDOW from that, as those of another clock are, unless the stamps are the clock. Then the time
@@ -55,7 +61,7 @@ class StampOrder:
         self._by_header = by_header
         self._waiting: list[tuple[int, int, str, bytes]] = []
 
-    def __iter__(self) -> Iterator[Message]:
+    def __iter__(self) -> Iterator[Run]:
         by_header, waiting = self._by_header, self._waiting
         latest = released = 0
         for count, (topic, received, data) in enumerate(self._messages):
@@ -63,14 +69,14 @@ class StampOrder:
                 # It holds at any time.
                 waiting.append((0, count, topic, data))
                 continue
-            time = _stamp(topic, data)
+            time = _tf_stamp(data) if topic == TF else header_stamp(data)
             if by_header:
                 if time and time < latest - WINDOW:
                     # The clock was set back: what is from before comes first.
                     yield from self._take(None)
                     latest = released = 0
                 time = received = time or latest
-            elif abs(received - time) > WINDOW or not time:
+            elif not (time and -WINDOW <= received - time <= WINDOW):
                 time = received
             self.delay = received - time
             if received > latest:
@@ -81,20 +87,18 @@ class StampOrder:
                 yield from self._take(released)
         yield from self._take(None)
 
-    def _take(self, until: int | None) -> Iterator[Message]:
+    def _take(self, until: int | None) -> Iterator[Run]:
         """Take what is from before a time, or all, out of what waits."""
         waiting = self._waiting
         waiting.sort()
         end = len(waiting) if until is None else bisect_left(waiting, (until,))
         ready = waiting[:end]
         del waiting[:end]
-        for time, _, topic, data in ready:
-            yield topic, time, data
+        for (topic, time), run in groupby(ready, itemgetter(2, 0)):
+            yield topic, time, [message[3] for message in run]
 
 
-def _stamp(topic: str, data: bytes) -> int:
-    """Return when that was of which a message tells, in ns; 0 where it does not say."""
-    if topic == TF:
-        # Behind the number of transforms comes the header of the first one.
-        return header_stamp(data[:4] + data[8:16]) if data[4:8] != bytes(4) else 0
-    return header_stamp(data)
+def _tf_stamp(data: bytes) -> int:
+    """Return the stamp of the first transform in ns; 0 where there is none."""
+    # Behind the number of transforms comes the header of the first one.
+    return header_stamp(data[:4] + data[8:16]) if data[4:8] != bytes(4) else 0

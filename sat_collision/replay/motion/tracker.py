@@ -28,6 +28,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from sat_collision.geometry.polygon import PlaneMap
 from sat_collision.messages.placement import Placement
 from sat_collision.replay.motion.kernels import mutual_nearest
 from sat_collision.replay.motion.trajectories import Bodies, LinearMotion, stay
@@ -93,12 +94,10 @@ class Tracker(ABC):
         self._max_vertices = max_vertices
         self._emit = emit
         self._frame_id = ''
-        # What comes in, until it is seen together, by name; of equal names the last counts.
-        self._pending: dict[ObstacleId, Placement] = {}
 
     @abstractmethod
-    def place(self, placement: Placement) -> None:
-        """Take where a body was; no points say that the publisher has told all."""
+    def place(self, run: Sequence[Placement]) -> None:
+        """Take where bodies were at one stamp; no points say that the publisher has told all."""
 
     @abstractmethod
     def rest(self, now: int, is_over: bool = False) -> None:
@@ -108,16 +107,15 @@ class Tracker(ABC):
         """Drop what is in another frame than this."""
         self._frame_id = frame_id
 
-    def _take_pending(self) -> Bodies:
+    def _bodies(self, names: Sequence[ObstacleId], placements: Sequence[Placement]) -> Bodies:
         """Return what has come in, in the frame that counts."""
-        found, self._pending = self._pending, {}
-        frames = {placement.frame_id for placement in found.values()}
+        frames = {placement.frame_id for placement in placements}
         if self._frame_id and frames - {self._frame_id}:
-            found = {name: placement for name, placement in found.items()
-                     if placement.frame_id == self._frame_id}
+            kept = [k for k, one in enumerate(placements) if one.frame_id == self._frame_id]
+            names, placements = [names[k] for k in kept], [placements[k] for k in kept]
             frames = {self._frame_id}
-        return Bodies(list(found), [placement.stamp for placement in found.values()],
-                      [(placement.points, placement.plane) for placement in found.values()],
+        return Bodies(names, [placement.stamp for placement in placements],
+                      [(placement.points, placement.plane) for placement in placements],
                       self._max_vertices, frames.pop() if len(frames) == 1 else '')
 
 
@@ -134,28 +132,28 @@ class SetTracker(Tracker):
         super().__init__(settings, max_vertices, emit)
         self._window = round(settings.set_window * 1e9)
         self._stamp: int | None = None
-        self._shapes: dict[tuple[bytes, object], ObstacleId] = {}
+        # What comes in, until the set is whole, by shape: a body that is there already is the
+        # same, and its last message counts.
+        self._pending: dict[tuple[bytes, PlaneMap | None], Placement] = {}
+        self._names: list[ObstacleId] = []
         # The last set, when each of it was seen, and which rows may be seen again.
         self._last: Bodies | None = None
         self._last_stamp = 0
         self._seen_at: Sequence[int] = ()
-        self._alive: set[int] = set()
+        self._alive = np.zeros(0, np.bool_)
 
-    def place(self, placement: Placement) -> None:
-        stamp = placement.stamp
-        if self._stamp is None or abs(stamp - self._stamp) > self._window:
+    def place(self, run: Sequence[Placement]) -> None:
+        stamp = run[0].stamp
+        if self._stamp is not None and abs(stamp - self._stamp) > self._window:
             self._close()
-            self._stamp = stamp
-        data, start, count = placement.points
-        if count:
-            # A body that is there already is the same.
-            shape = data[start:start + 12 * count], placement.plane
-            name = self._shapes.get(shape)
-            if name is None:
-                name = self._shapes[shape] = ObstacleId(self._source, len(self._shapes))
-            self._pending[name] = placement
-        else:
-            self._close()
+        for placement in run:
+            if self._stamp is None:
+                self._stamp = stamp
+            data, start, count = placement.points
+            if count:
+                self._pending[data[start:start + 12 * count], placement.plane] = placement
+            else:
+                self._close()
 
     def use_frame(self, frame_id: str) -> None:
         super().use_frame(frame_id)
@@ -166,56 +164,60 @@ class SetTracker(Tracker):
         if self._stamp is not None and (is_over or now > self._stamp + self._longest):
             self._close()
         last = self._last
-        if last is None or not self._alive or not (
+        if last is None or not self._alive.any() or not (
                 is_over or now > self._last_stamp + self._longest):
             return
-        ends = {row: min(now, self._seen_at[row] + self._timeout) for row in self._alive}
+        alive = np.flatnonzero(self._alive).tolist()
+        ends = {row: min(now, self._seen_at[row] + self._timeout) for row in alive}
         until = {row: round(end) for row, end in ends.items()
-                 if row not in last.moving and end > last.stamps[row]}
+                 if not last.moving[row] and end > last.stamps[row]}
         self.undetermined += max([0, *(round(ends[row]) - self._last_stamp
-                                       for row in self._alive - until.keys())])
+                                       for row in alive if row not in until)])
         left = {row for row in until if self._seen_at[row] + self._timeout > now}
         self._emit(self, Step([stay(last, until)] if until else [], None,
-                              [last.names[row] for row in self._alive - left],
+                              [last.names[row] for row in alive if row not in left],
                               max(until.values(), default=self._last_stamp)))
         self._last = last.at([now if row in left else stamp
                               for row, stamp in enumerate(last.stamps)])
         self._last_stamp = now
-        self._alive = left
+        self._alive = np.isin(np.arange(len(last)), [*left])
 
     def _close(self) -> None:
         """Take the set that came in for whole, and follow the bodies of the one before to it."""
         stamp, self._stamp = self._stamp, None
         if stamp is None:
             return
-        self._shapes = {}
-        seen = self._take_pending()
+        pending, self._pending = [*self._pending.values()], {}
+        self._names += [ObstacleId(self._source, k)
+                        for k in range(len(self._names), len(pending))]
+        seen = self._bodies(self._names[:len(pending)], pending)
         last = self._last
         motions: list[LinearMotion] = []
         until: dict[int, int] = {}
         if last is not None:
-            rows, next_rows = mutual_nearest(last.centres, last.counts, seen.centres, seen.counts)
-            passed = (np.array(seen.stamps, np.int64)[next_rows]
-                      - np.array(last.stamps, np.int64)[rows])
-            known = (passed > 0) & (passed <= self._longest)
-            followed: set[int] = set()
-            if known.any():
-                motions.append(LinearMotion(last, seen, rows[known], next_rows[known]))
-                seen.moving = {row for row, moved in zip(motions[0].next_rows, motions[0].moved)
-                               if moved}
-                followed.update(motions[0].rows)
-            # What was forgotten before this set was there until then.
-            for row in self._alive - followed - last.moving:
-                end = self._seen_at[row] + self._timeout
-                if last.stamps[row] < end < stamp:
-                    until[row] = round(end)
+            rows, next_rows = np.empty((2, len(last)), np.int64)
+            found = mutual_nearest(
+                (last.centres, last.counts, np.array(last.stamps, np.int64)),
+                (seen.centres, seen.counts, np.array(seen.stamps, np.int64)),
+                self._longest, rows, next_rows)
+            rows, next_rows = rows[:found], next_rows[:found]
+            lost = self._alive.copy()
+            lost[rows] = False
+            if len(rows):
+                motions.append(LinearMotion(last, seen, rows, next_rows))
+            if lost.any():
+                # What was forgotten before this set was there until then.
+                for row in np.flatnonzero(lost & ~last.moving).tolist():
+                    end = self._seen_at[row] + self._timeout
+                    if last.stamps[row] < end < stamp:
+                        until[row] = round(end)
             if until:
                 motions.append(stay(last, until))
-            if len(followed) < len(seen) or self._alive - followed - until.keys():
+            if len(rows) < len(seen) or len(until) < np.count_nonzero(lost):
                 self.undetermined += min(max(stamp - self._last_stamp, 0), self._longest)
         self._emit(self, Step(motions, seen, None, max([stamp, *seen.stamps, *until.values()])))
         self._last, self._last_stamp, self._seen_at = seen, stamp, seen.stamps
-        self._alive = set(range(len(seen)))
+        self._alive = np.ones(len(seen), np.bool_)
 
 
 class _Sighting(NamedTuple):
@@ -237,19 +239,22 @@ class KeyTracker(Tracker):
         super().__init__(settings, max_vertices, emit)
         self._by_id = settings.type == POLYGON_INSTANCE
         self._seen: dict[ObstacleId, _Sighting] = {}
+        # What comes in, until it is seen together.
+        self._pending: dict[ObstacleId, Placement] = {}
         self._shapes: dict[tuple[bytes, object], ObstacleId] = {}
         self._first_stamp = self._rested = 0
 
-    def place(self, placement: Placement) -> None:
-        name = self._name(placement)
-        if name is None:
-            return
-        if self._pending and (name in self._pending
-                              or abs(placement.stamp - self._first_stamp) > _TOGETHER):
-            self._close()
-        if not self._pending:
-            self._first_stamp = placement.stamp
-        self._pending[name] = placement
+    def place(self, run: Sequence[Placement]) -> None:
+        for placement in run:
+            name = self._name(placement)
+            if name is None:
+                continue
+            if self._pending and (name in self._pending
+                                  or abs(placement.stamp - self._first_stamp) > _TOGETHER):
+                self._close()
+            if not self._pending:
+                self._first_stamp = placement.stamp
+            self._pending[name] = placement
 
     def use_frame(self, frame_id: str) -> None:
         super().use_frame(frame_id)
@@ -285,7 +290,7 @@ class KeyTracker(Tracker):
                 continue
             end = round(min(now, seen_at + self._timeout))
             is_forgotten = seen_at + self._timeout < now
-            if row not in bodies.moving:
+            if not bodies.moving[row]:
                 if end > sighting.stamp:
                     found[id(bodies)] = bodies
                     standing[id(bodies)][row] = end
@@ -308,7 +313,8 @@ class KeyTracker(Tracker):
 
     def _close(self) -> None:
         """Follow the bodies that were seen together from where they were seen last."""
-        seen = self._take_pending()
+        pending, self._pending = self._pending, {}
+        seen = self._bodies([*pending], [*pending.values()])
         if len(seen):
             self._stand(min(seen.stamps), self._longest)
         followed: defaultdict[int, list[tuple[int, int]]] = defaultdict(list)
@@ -329,10 +335,7 @@ class KeyTracker(Tracker):
         motions = []
         for key, pairs in followed.items():
             rows, next_rows = np.array(pairs, np.int64).T
-            motion = LinearMotion(found[key], seen, np.ascontiguousarray(rows),
-                                  np.ascontiguousarray(next_rows))
-            seen.moving.update(row for row, moved in zip(motion.next_rows, motion.moved)
-                               if moved)
-            motions.append(motion)
+            motions.append(LinearMotion(found[key], seen, np.ascontiguousarray(rows),
+                                        np.ascontiguousarray(next_rows)))
         if len(seen):
             self._emit(self, Step(motions, seen, (), max(seen.stamps)))

@@ -24,7 +24,6 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 from sat_collision.geometry.moving import STRIDE
-from sat_collision.geometry.packing import moved_points
 from sat_collision.geometry.polygon import MAX_VERTICES, PlaneMap, Polygon, PolygonError
 from sat_collision.messages.cdr import Points
 from sat_collision.messages.transform_listener import TransformListener
@@ -39,6 +38,8 @@ Integers: TypeAlias = NDArray[np.int64]
 Ring: TypeAlias = tuple[Points, PlaneMap | None]
 
 NUMBERS = 3  # a point's, in a message
+IDENTITY = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0
+NO_PLANES = np.empty((0, len(IDENTITY)))
 
 
 class Bodies:
@@ -66,8 +67,8 @@ class Bodies:
     boxes : (n, 4) array
         min x, min y, max x, max y.
     centres : (n, 2) array
-    moving : set of int
-        The bodies that are known to have come here from somewhere else.
+    moving : (n,) array of bool
+        Which bodies are known to have come here from somewhere else.
 
     """
 
@@ -78,19 +79,19 @@ class Bodies:
         self.stamps = stamps
         self.frame_id = frame_id
         self.is_between = is_between
-        self.moving: set[int] = set()
-        data = b''.join(data[start:start + 4 * NUMBERS * count]
-                        for (data, start, count), _ in rings)
-        self.points = np.frombuffer(data, np.float32).reshape(-1, NUMBERS)[:, :2].astype(
-            np.float64)
-        lengths = np.array([points[2] for points, _ in rings], np.int64)
-        ends = np.cumsum(lengths)
-        self.firsts = ends - lengths
+        self.moving = np.zeros(len(names), np.bool_)
+        data = b''.join([data[start:start + 4 * NUMBERS * count]
+                         for (data, start, count), _ in rings])
+        planes = NO_PLANES
         if any(plane is not None for _, plane in rings):
-            for (points, plane), first, end in zip(rings, self.firsts, ends):
-                if plane is not None:
-                    self.points[first:end] = np.reshape(moved_points(*points, plane), (-1, 2))
-        self.counts, self.boxes, self.centres = describe(self.points, ends)
+            planes = np.array([plane or IDENTITY for _, plane in rings])
+        values = np.frombuffer(data, np.float32)
+        count = len(names)
+        self.points = np.empty((len(values) // NUMBERS, 2))
+        self.firsts, self.counts = np.empty(count, np.int64), np.empty(count, np.int64)
+        self.boxes, self.centres = np.empty((count, 4)), np.empty((count, 2))
+        describe(values, np.array([points[2] for points, _ in rings], np.int64), planes,
+                 (self.points, self.firsts, self.counts, self.boxes, self.centres))
         self._max_vertices = max_vertices
         self._polygons: dict[int, Polygon] = {}
 
@@ -149,13 +150,16 @@ class LinearMotion:
         self.after = after
         self.rows: list[int] = rows.tolist()
         self.next_rows: list[int] = next_rows.tolist()
-        self._array: Floats
-        self.boxes: Floats
-        self._array, ends, self.boxes, moved = motions_between(
-            before.points, before.firsts, before.counts, rows,
-            after.points, after.firsts, next_rows)
+        self._array = np.empty(STRIDE * int(before.counts[rows].sum()))
+        self.boxes = np.empty((len(rows), 4))
+        ends, moved = np.empty(len(rows), np.int64), np.empty(len(rows))
+        motions_between((before.points, before.firsts, before.counts), rows,
+                        (after.points, after.firsts, after.counts), next_rows,
+                        (self._array, ends, self.boxes, moved))
         self._ends: list[int] = ends.tolist()
         self.moved: list[float] = moved.tolist()
+        if after is not before:
+            after.moving[next_rows] |= moved > 0.0
         self.starts = [before.stamps[row] for row in self.rows]
         self.finishes = [after.stamps[row] for row in self.next_rows] if finishes is None else (
             list(finishes))
@@ -299,6 +303,9 @@ class Trajectory:
 
     def bounds(self, start: int, finish: int) -> Floats | None:
         """Return what bounds the footprint between two times, None if it is nowhere then."""
+        if start == finish:
+            piece = self._piece_at(start)
+            return None if piece is None else piece.boxes[0]
         boxes = [piece.boxes[0] for _, _, piece in self.pieces(start, finish)]
         if len(boxes) < 2:
             return boxes[0] if boxes else None
@@ -321,13 +328,20 @@ class Trajectory:
         return self._outline[1]
 
     def _find_outline(self, time: int) -> Polygon | None:
-        # Of pieces that meet at the time, any will do: both end in the same frame.
-        for _, _, piece in self.pieces(time, time):
-            try:
-                return piece.polygon(0, time)
-            except PolygonError:
-                return None
-        return None
+        piece = self._piece_at(time)
+        try:
+            return None if piece is None else piece.polygon(0, time)
+        except PolygonError:
+            return None
+
+    def _piece_at(self, time: int) -> LinearMotion | None:
+        """Return the first piece that has a time; those that meet there end in one frame."""
+        found = None
+        for k in range(bisect_right(self._starts, time) - 1, -1, -1):
+            if self._pieces[k].finishes[0] < time:
+                break
+            found = self._pieces[k]
+        return found
 
     def _append(self, piece: LinearMotion) -> None:
         if self._starts and piece.starts[0] < self._starts[-1]:

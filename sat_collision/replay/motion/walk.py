@@ -23,7 +23,8 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator
-from operator import attrgetter
+from itertools import groupby
+from operator import attrgetter, itemgetter
 
 from sat_collision.messages.placement import Placement
 from sat_collision.messages.transform_listener import TransformListener
@@ -172,22 +173,27 @@ class Motion:
             for name, sweep in self._sweeps.items():
                 tape.name(name, sweep.timeout)
 
-    def place(self, placement: Placement) -> None:
-        """Take where a body was, in the order of stamps."""
-        self._now = max(self._now, placement.stamp)
-        if placement.name in self._sweeps:
-            self._place_footprint(placement)
-            return
-        source = self._sources[placement.name]
-        in_sets = placement.is_stamped and not source.accumulate and (
-            source.type != POLYGON_INSTANCE)
-        tracker = self._trackers.get((source.name, in_sets))
+    def place(self, placements: Iterable[Placement]) -> None:
+        """Take where bodies were, in the order of stamps."""
+        for (name, stamp, is_stamped), run in groupby(placements, itemgetter(0, 1, 2)):
+            self._now = max(self._now, stamp)
+            if name in self._sweeps:
+                for placement in run:
+                    self._place_footprint(placement)
+            else:
+                self._tracker(name, is_stamped).place([*run])
+
+    def _tracker(self, name: str, is_stamped: bool) -> Tracker:
+        """Return what follows the bodies of a source, those with stamps or those without."""
+        source = self._sources[name]
+        in_sets = is_stamped and not source.accumulate and source.type != POLYGON_INSTANCE
+        tracker = self._trackers.get((name, in_sets))
         if tracker is None:
             kind = SetTracker if in_sets else KeyTracker
-            tracker = self._trackers[source.name, in_sets] = kind(
-                source, self._max_vertices, self._emit_of(source.name))
+            tracker = self._trackers[name, in_sets] = kind(
+                source, self._max_vertices, self._emit_of(name))
             tracker.use_frame(self._frame_id)
-        tracker.place(placement)
+        return tracker
 
     def lose(self, name: str) -> None:
         """Update that it is not known where a footprint is, until its next message."""

@@ -193,7 +193,7 @@ class Monitor:
     def _take_run(self, settings: FootprintSettings | ObstacleSettings, batch: Batch, begin: int,
                   now: int) -> int:
         if not isinstance(settings, ObstacleSettings) or begin == len(batch.messages) or (
-                not settings.enabled or settings.name in self.waiting or not batch.has_no_gap):
+                not settings.enabled or settings.name in self.waiting or not batch.has_no_gap()):
             return 0
         return self.ingest.take_run(settings, batch, begin, now)
 

@@ -48,8 +48,6 @@ FACING = 0.01
 # What rounding may do to a length, in parts of the largest coordinate.
 _ROUNDING = 2.0 ** -48
 _LEAST = 5e-324
-# Up to this growth a move along an edge counts as level with it.
-_LEVEL = 1e-9
 # Of how many pairs of parts, the deepest, the normals are tried as ways out, and how many pushes
 # of pairs make one more.
 _WAYS = 16
@@ -74,6 +72,7 @@ class Contact(NamedTuple):
         that fits into another exactly has depth 0, one that is a little larger may have much.
     points_a, points_b : (k, 2) ndarray
         One or two points of a, and of b, of the pair of convex parts that is nearest or deepest.
+        Each is a vertex or a point of an edge, to 2^-50 of the largest coordinate: 1e-9 m at 1e6.
         Two where an edge of each is across the normal, within 0.01 rad: the ends of what these
         share, in the order of the normal turned left. From a point of b to that of a it is along
         the normal of the two parts, for one of them as far as the separation.
@@ -359,10 +358,10 @@ def _overlap_along(a, b, ux, uy, rounding):
             # So far Q reaches behind this edge, and so much more with each metre.
             reach = ex * (w[j + 1] - v[k + 1]) - ey * (w[j] - v[k])
             growth = side * (ux * ey - uy * ex)
-            if reach <= rounding and growth <= _LEVEL:
-                return enter, enter
+            if reach <= rounding and growth <= 0.0:
+                return leave, leave
             if growth > 0.0:
-                enter = max(enter, -reach / growth)
+                enter = max(enter, (rounding - reach) / growth)
             elif growth < 0.0:
                 leave = min(leave, -reach / growth)
     return enter, leave

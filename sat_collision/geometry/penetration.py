@@ -22,14 +22,17 @@ the precision: see docs/exactness.md, lemma 18.
 import math
 
 from sat_collision.geometry.double_double import (
-    cross, difference, dot, negative, plus, quotient, scaled, square_root, times)
+    cross, difference, dot, negative, plus, quotient, scaled, square_root)
 from sat_collision.geometry.furthest_vertex import furthest, SHORT
 from sat_collision.geometry.jit import inner, kernel, scratch
 from sat_collision.geometry.layout import first_vertex
-from sat_collision.geometry.nearest_features import reach_of
+from sat_collision.geometry.nearest_features import between, reach_of, way
 from sat_collision.geometry.part_axes import ROUNDING
 from sat_collision.geometry.plane import scale_to_one, unit
 from sat_collision.geometry.separating_axis import support
+
+# A way along an edge, in parts of the largest coordinate, that counts as none.
+_NEGLIGIBLE = 2.0 ** -92
 
 
 @kernel
@@ -52,13 +55,13 @@ def penetration(p, q):
     other_depth, other_edge, other_vertex = _least_reach(q, p, slack)
     if other_depth < depth:
         bx, by, ax, ay, ux, uy = _move(q, p, other_edge, other_vertex)
-        return other_depth, ax, ay, bx, by, -ux, -uy
-    if depth == math.inf:
+        return other_depth[0], ax, ay, bx, by, -ux, -uy
+    if depth[0] == math.inf:
         v = p.array
         i = first_vertex(p)
-        return depth, v[i], v[i + 1], v[i], v[i + 1], 1.0, 0.0
+        return depth[0], v[i], v[i + 1], v[i], v[i + 1], 1.0, 0.0
     ax, ay, bx, by, ux, uy = _move(p, q, edge, vertex)
-    return depth, ax, ay, bx, by, ux, uy
+    return depth[0], ax, ay, bx, by, ux, uy
 
 
 @inner
@@ -66,8 +69,9 @@ def _least_reach(p, q, slack):
     """
     Return how far Q reaches beyond the edge of P behind which it reaches least.
 
-    Returned are this depth (infinite if P is a point, or like one by underflow), where the edge
-    starts in P's array, and where the vertex of Q that reaches so far stands.
+    Returned are this depth, in twice the precision (infinite if P is a point, or like one by
+    underflow), where the edge starts in P's array, and where the vertex of Q that reaches so far
+    stands.
     """
     v = p.array
     w = q.array
@@ -87,7 +91,7 @@ def _least_reach(p, q, slack):
         if long and j >= 0:
             rough[i] = ex * (w[j + 1] - v[a + 1]) - ey * (w[j] - v[a])
             least = min(least, rough[i])
-    depth = math.inf
+    depth = (math.inf, 0.0)
     edge = first
     vertex = first_vertex(q)
     for i in range(count):
@@ -101,7 +105,7 @@ def _least_reach(p, q, slack):
         k = furthest(p, a, ey, negative(ex))
         j = furthest(q, first_vertex(q), negative(ey), ex)
         reach = cross(ex, ey, difference(w[j], v[k]), difference(w[j + 1], v[k + 1]))
-        found = quotient(reach, square_root(dot(ex, ey, ex, ey)))[0]
+        found = quotient(reach, square_root(dot(ex, ey, ex, ey)))
         if found < depth:
             depth = found
             edge = a
@@ -127,32 +131,54 @@ def _edge(p, a):
 
 
 @inner
+def _before(p, a):
+    """Return where the vertex before that at a stands."""
+    first = first_vertex(p)
+    return a - 2 if a > first else first + 2 * p.n - 2
+
+
+@inner
 def _move(p, q, a, j):
     """
-    Return a point of P's edge at a, one of Q as far beyond it as its vertex at j, and the normal.
+    Return a point of P, one of Q as far beyond P's edge at a as its vertex at j, and the normal.
 
-    The point of Q is that vertex if it stands over the edge. Otherwise an edge of Q is parallel,
-    and its point over the nearer end is taken. Each coordinate is rounded once.
+    The vertex need not stand over that edge if another of either body is level with it, or all but
+    level: from the edge on the boundary of the Minkowski difference is followed to where a point
+    of Q is over one of P. Each coordinate is rounded once.
     """
     v = p.array
     w = q.array
-    b = _after(p, a)
     ex, ey = _edge(p, a)
-    dx = difference(w[j], v[a])
-    dy = difference(w[j + 1], v[a + 1])
-    square = dot(ex, ey, ex, ey)
-    share = quotient(cross(ex, ey, dx, dy), square)
-    # From Q's point to P's.
-    mx = times(share, ey)
-    my = negative(times(share, ex))
-    size = square_root(square)
+    size = square_root(dot(ex, ey, ex, ey))
     ux = quotient(ey, size)[0]
     uy = -quotient(ex, size)[0]
-    if dot(ex, ey, dx, dy)[0] < 0.0:
-        end = a
-    elif dot(ex, ey, difference(w[j], v[b]), difference(w[j + 1], v[b + 1]))[0] > 0.0:
-        end = b
-    else:
-        return (plus((w[j], 0.0), mx)[0], plus((w[j + 1], 0.0), my)[0], w[j], w[j + 1], ux, uy)
-    return (v[end], v[end + 1], plus((v[end], 0.0), negative(mx))[0],
-            plus((v[end + 1], 0.0), negative(my))[0], ux, uy)
+    i, c = a, _after(p, a)
+    k = d = j
+    forward = dot(ex, ey, *way(v, w, a, j))[0] >= 0.0
+    if not forward:
+        i, c = c, i
+        ex, ey = negative(ex), negative(ey)
+    slack = _NEGLIGIBLE * size[0] * reach_of(p, q)
+    left = dot(ex, ey, *way(v, w, c, d))
+    for _ in range(p.n + q.n):
+        if left[0] <= slack:
+            break
+        i, k = c, d
+        c = _after(p, i) if forward else _before(p, i)
+        d = _after(q, k) if forward else _before(q, k)
+        fx, fy = difference(v[c], v[i]), difference(v[c + 1], v[i + 1])
+        gx, gy = difference(w[d], w[k]), difference(w[d + 1], w[k + 1])
+        turn = cross(fx, fy, gx, gy)[0]
+        # Of the two edges, if both lead on, the one that turns less comes first.
+        if not dot(ex, ey, gx, gy)[0] < 0.0 or (
+                dot(ex, ey, fx, fy)[0] > 0.0 and (turn <= 0.0 if forward else turn >= 0.0)):
+            d = k
+        else:
+            c = i
+        left = dot(ex, ey, *way(v, w, c, d))
+    share = 1.0, 0.0
+    if left[0] < 0.0:
+        begin = dot(ex, ey, *way(v, w, i, k))
+        share = quotient(begin, plus(begin, negative(left)))
+    return (between(v[i], v[c], share), between(v[i + 1], v[c + 1], share),
+            between(w[k], w[d], share), between(w[k + 1], w[d + 1], share), ux, uy)

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from functools import cached_property
 
 import numpy as np
 from sat_collision.geometry.jit import indexable
@@ -54,21 +53,25 @@ class Batch:
 
     def __init__(self, messages: Sequence[tuple[bytes, int | None]]) -> None:
         self.messages = messages
+        self._joined: tuple[bytes, object] | None = None
+        self._has_no_gap: bool | None = None
 
-    @cached_property
     def joined(self) -> tuple[bytes, object]:
-        """All messages, one behind the other, and where each ends: (m,) array of int64."""
-        data = [data for data, _ in self.messages]
-        ends = np.cumsum(np.fromiter(map(len, data), np.int64, len(data)))
-        return b''.join(data), indexable(ends)
+        """Return all messages, one behind the other, and where each ends: (m,) array of int64."""
+        if self._joined is None:
+            data = [data for data, _ in self.messages]
+            ends = np.cumsum(np.fromiter(map(len, data), np.int64, len(data)))
+            self._joined = b''.join(data), indexable(ends)
+        return self._joined
 
-    @cached_property
     def has_no_gap(self) -> bool:
-        """Whether each message is the next one of the publisher of the one before."""
-        numbers = [number for _, number in self.messages]
-        first = numbers[0]
-        return numbers == ([None] * len(numbers) if first is None
-                           else [*range(first, first + len(numbers))])
+        """Return whether each message is the next one of the publisher of the one before."""
+        if self._has_no_gap is None:
+            numbers = [number for _, number in self.messages]
+            first = numbers[0]
+            self._has_no_gap = numbers == ([None] * len(numbers) if first is None
+                                           else [*range(first, first + len(numbers))])
+        return self._has_no_gap
 
 
 class Ingest:
@@ -114,7 +117,7 @@ class Ingest:
         model, points_at, stamp, frame_id, plane = self._model
         if model is not batch.messages[begin - 1][0]:
             return 0
-        data, ends = batch.joined
+        data, ends = batch.joined()
         taken = self._scene.obstacle_run(settings.name, Run(
             data, ends, begin - 1, begin, points_at - COUNT_SIZE, self._packer.max_vertices,
             plane or _UNMOVED, self._packer.array), stamp, now)

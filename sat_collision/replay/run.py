@@ -38,7 +38,7 @@ from sat_collision.replay.model.options import HEADER, Options, RECEIVE
 from sat_collision.replay.model.result import FootprintResult, moments_of, Result, SourceResult
 from sat_collision.replay.model.topics import (
     all_sources, is_subscribed, missing_topics, settings_for, TRANSFORM_TYPE, wrong_types)
-from sat_collision.replay.motion.order import Run, StampOrder, WINDOW
+from sat_collision.replay.motion.order import Rows, Run, StampOrder, WINDOW
 from sat_collision.replay.motion.tape import Tape
 from sat_collision.replay.motion.walk import Motion, MotionTimeline
 from sat_collision.scene.parameters import ParameterError
@@ -227,9 +227,10 @@ class _Run:
             total = sum(self._recording.counts[topic] for topic in names)
             messages = _with_progress(messages, total, progress)
         ordered = StampOrder(messages, by_header) if self._motion else None
-        runs: Iterable[Run] = ordered or (
-            (topic, (0 if topic in TRANSFORM_TOPICS else header_stamp(data)) if by_header
-             else time, [data]) for topic, time, data in messages)
+        rows = None if ordered or by_header else Rows(messages)
+        runs: Iterable[Run] = ordered or rows or (
+            (topic, 0 if topic in TRANSFORM_TOPICS else header_stamp(data), [data])
+            for topic, time, data in messages)
         if self._options.write_bag:
             self._write_outputs(self._options.write_bag)
         # The first message of a latched topic is the first one that its publisher sent.
@@ -270,6 +271,9 @@ class _Run:
                 # A footprint that is refused is nowhere until the next one, so each counts.
                 for message in run:
                     self._receive(name, [message], now)
+            if rows and len(names[topic]) == 1 and now:
+                bound = min(monitor.deadline, self._due - 1, NEVER if stop is None else stop - 1)
+                now = rows.receive_run(monitor, names[topic][0], now, bound)
         if self._result.start is None:
             return
         end = now if by_header else max(now, end - max(ordered.delay if ordered else 0, 0))

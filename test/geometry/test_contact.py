@@ -26,6 +26,31 @@ from sat_collision import closest_points, contact, intersects, Polygon, PolygonS
 
 ULP = 2.0 ** -52
 L_SHAPE = np.array([(0, 0), (4, 0), (4, 1), (1, 1), (1, 4), (0, 4)], float)
+# Found by `make adversary`. A's vertex is 3e-8 m beside the edge of B that it is as deep behind as
+# behind the next, to a rounding.
+BESIDE = [
+    (-1083309.499999999, 136588.49804687488), (-1083310.0, 136587.75), (-1083308.5, 140680.0),
+    (-1083308.75, 136588.501953125)]
+EDGES = [
+    (-1083310.4999999925, 137102.49987792975), (-1083310.75, 136589.9999999907),
+    (-1083567.0, 136589.74999976158), (-1083343.0, 136589.49999952363),
+    (-1083311.1875, 136589.24999999907), (-1083311.1717529297, 136588.7499998808),
+    (-1083567.0, 136587.9999961853), (-1083310.751953125, 136588.24999999977),
+    (-1083310.75, 136588.0), (-1083310.5000000005, 136588.0), (-1083310.2499999981, 136588.0),
+    (-1083310.0, 136588.001953125), (-1083309.75, 136588.25), (-1083309.5, 136588.5),
+    (-1083309.5, 136588.875), (-1083309.5, 136589.25), (-1079213.531250015, 136589.25),
+    (-1083309.75, 136589.75), (-1083309.9999999702, 136589.75), (-1083310.249998101, 136590.0)]
+# The way out of these runs almost along an edge, behind which they reach more and more.
+SLIDING = [
+    (-651.3675619372643, 3012.2314410059917), (-522.3735344423476, 2765.24060619436),
+    (-603.8119338871305, 2765.001267247352), (-536.7491766791798, 2666.846092681939),
+    (-524.9996256872794, 2763.758563745062), (-524.0446770201816, 2763.276918605381),
+    (-523.5000000000073, 2763.7490133250394), (-502.7575700962004, 2755.83522177644)]
+ALONG = [
+    (-523.4999999999998, 2762.468512475491), (-523.4999999999923, 2766.7636794225673),
+    (-523.7973635271501, 2763.5000000000027), (-524.4746055714779, 2763.4999999999955),
+    (-524.0170900226179, 2758.0483684539713), (-523.263423885337, 2756.1314890090725),
+    (-499.8347625119201, 2638.5214748084536), (-522.8173784865139, 2765.0813031278103)]
 NAMES = sorted({**families.CONVEX, **families.SIMPLE})
 
 
@@ -143,6 +168,24 @@ def test_touching_bodies_have_a_normal(a, b, normal, points):
     assert found.normal.tolist() == list(normal)
     assert found.depth == found.separation == 0.0
     assert found.points_a.tolist() == found.points_b.tolist() == [list(p) for p in points]
+
+
+@pytest.mark.parametrize('a, b', [(BESIDE, EDGES), (EDGES, BESIDE)])
+def test_a_vertex_beside_an_edge_is_a_point_of_contact_and_not_what_is_beside_it(a, b):
+    """Two edges, all but level, are as deep to a rounding; points are of the bodies to 8 u R."""
+    found = check(Polygon(a), Polygon(b))
+    assert found.separation == -2.0
+    points = found.points_a if a is BESIDE else found.points_b
+    assert points.tolist() == [list(BESIDE[1])]
+
+
+def test_a_way_out_along_an_edge_ends_all_overlaps():
+    """To 2^-46 of the largest coordinate, of every pair of parts."""
+    a, b = Polygon(SLIDING), Polygon(ALONG)
+    found = check(a, b)
+    moved = Polygon(a.vertices + found.depth * found.normal)
+    left = max(-separation(p, q) for p in moved.parts for q in b.parts)
+    assert left <= 2 ** -46 * reach_of(a, b)
 
 
 def test_corner_on_corner_has_a_normal_that_separates():

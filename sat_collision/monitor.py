@@ -20,10 +20,10 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TypeAlias
 
+from sat_collision.messages.ingest import Batch, Ingest
 from sat_collision.messages.outlines import Outlines
 from sat_collision.messages.placement import Placement
 from sat_collision.messages.rejections import Rejection
-from sat_collision.messages.teller import Batch, Teller
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
@@ -44,29 +44,28 @@ class Monitor:
     """
     Takes serialised messages and keeps the scene that they make.
 
-    A message of no use is counted and returned as a Rejection, and never raises. The scene is
-    told of it, because it stands for a body whose place is not known.
+    A message of no use is counted and returned as a Rejection, and never raises. The scene
+    receives it, too, because it stands for a body whose place is not known.
 
-    A message in another frame than the fixed one is told to the scene when the transform at its
+    A message in another frame than the fixed one is passed to the scene when the transform at its
     stamp has come; until then it waits, and behind it what comes later for the same footprint or
-    source. After `transform_timeout` it is refused. Calls that end a waiting return the
-    Rejections of those that had waited, too. A footprint that has an outline moves with its
-    frame, by what is told of that.
+    source. After `transform_timeout` it is refused. Calls that end a wait return the Rejections of
+    the messages that had waited, too. A footprint that has an outline moves with its frame.
 
     Parameters
     ----------
     settings : Settings
     transforms : bool, optional
-        Whether /tf is heard; else what is not in the fixed frame is refused.
+        Whether /tf is received; else what is not in the fixed frame is refused.
     placements : list of Placement, optional
         Gets the messages that were taken.
 
     Attributes
     ----------
     scene : Scene
-        Tells the states, and is where settings are changed.
-    teller : Teller
-        Has what the scene is told of at last.
+        Has the states, and is where settings are changed.
+    ingest : Ingest
+        Passes messages to the scene.
     received : Counter
         All messages, by name of the footprint or source; of an outline its poses.
     rejected : Counter
@@ -88,19 +87,19 @@ class Monitor:
         self.received: Counter[str] = Counter()
         self.is_numbered = True
         self.transforms = TransformListener(settings)
-        hears_of_frames = transforms or any(one.odometry for one in settings.footprints)
-        self.teller = Teller(settings, self.scene, self.transforms if hears_of_frames else None,
+        has_transforms = transforms or any(one.odometry for one in settings.footprints)
+        self.ingest = Ingest(settings, self.scene, self.transforms if has_transforms else None,
                              self._watch_clock, placements)
-        self.rejected = self.teller.rejected
-        self.outlines = Outlines(settings, self.teller, self.transforms, self.received)
+        self.rejected = self.ingest.rejected
+        self.outlines = Outlines(settings, self.ingest, self.transforms, self.received)
         self.waiting: Waiting[_Item, Rejection] = Waiting(self._take_waiting)
         self.scene.waiting = self.waiting
-        self._patience = round(settings.transform_timeout * 1e9)
+        self._timeout = round(settings.transform_timeout * 1e9)
         self._now = 0
 
     def update(self, settings: Settings) -> list[Rejection]:
         """Apply other settings, of the same names, topics and types."""
-        self._patience = round(settings.transform_timeout * 1e9)
+        self._timeout = round(settings.transform_timeout * 1e9)
         self.transforms.configure(settings)
         self.outlines.configure(settings)
         self.scene.update(settings)
@@ -196,7 +195,7 @@ class Monitor:
         if not isinstance(settings, ObstacleSettings) or begin == len(batch.messages) or (
                 not settings.enabled or settings.name in self.waiting or not batch.has_no_gap()):
             return 0
-        return self.teller.take_run(settings, batch, begin, now)
+        return self.ingest.take_run(settings, batch, begin, now)
 
     def update_publishers(self, name: str, endpoints: list[Endpoint]) -> None:
         """Take the publishers that a footprint or source has now, once what they sent is taken."""
@@ -209,7 +208,7 @@ class Monitor:
                            number: int | None = None) -> list[Rejection]:
         """Take a message of /tf or /tf_static, and what has waited for it."""
         self._watch_clock(now)
-        return self.transforms.listen(topic, data, now, number) + self._take_moved(now)
+        return self.transforms.receive(topic, data, now, number) + self._take_moved(now)
 
     def advance(self, now: int, is_all_taken: bool = True) -> list[Rejection]:
         """Let time pass, as `Scene.pass_time`, and refuse what waited too long."""
@@ -227,7 +226,7 @@ class Monitor:
         return min(deadline, self.outlines.deadline) if self.outlines.names else deadline
 
     def _take_moved(self, now: int) -> list[Rejection]:
-        """Take what has waited for what was told of frames, and place what it moves."""
+        """Take the messages whose transforms have come, and place the outlines that have moved."""
         rejections = self._follow(now)
         if self.waiting.earliest < NEVER:
             rejections += self.waiting.take(now)
@@ -256,7 +255,7 @@ class Monitor:
                 self.scene.receive_number(settings.name, number, now)
             return self.outlines.receive(settings.name, data, now) + self._take_moved(now)
         if self.waiting.earliest == NEVER or settings.name not in self.waiting:
-            outcome = self.teller.take(settings, data, number, now)
+            outcome = self.ingest.take(settings, data, number, now)
             if outcome is not WAIT:
                 return [outcome] if outcome else _NOTHING
         return self._hold(settings, (data, number), now)
@@ -267,7 +266,7 @@ class Monitor:
         self._watch_clock(now)
         most = (_SETS_WAIT * settings.max_count if isinstance(settings, ObstacleSettings)
                 else _FOOTPRINTS_WAIT)
-        return self.waiting.add(settings.name, item, now, self._patience, most)
+        return self.waiting.add(settings.name, item, now, self._timeout, most)
 
     def _take_waiting(self, name: str, item: _Item, now: int,
                       may_wait: bool) -> Rejection | Wait | None:
@@ -276,5 +275,5 @@ class Monitor:
         if isinstance(item, list):
             self.scene.update_publishers(name, item)
         elif settings.enabled:
-            return self.teller.take(settings, *item, now, may_wait)
+            return self.ingest.take(settings, *item, now, may_wait)
         return None

@@ -443,8 +443,8 @@ def test_two_publishers_of_a_frame_are_noticed(robot):
     """By the numbers of their messages; one that begins again takes but one turn."""
     listener = robot.monitor.transforms
     for number in (7, 8, 9, 1, 2, 3):
-        listener.listen(TF, transforms(('odom', 'base', robot.now, 0, 0)), robot.now, number)
+        listener.receive(TF, transforms(('odom', 'base', robot.now, 0, 0)), robot.now, number)
     assert listener.turns == {'base': 1}
     for number in (4, 100, 5, 101, 6):
-        listener.listen(TF, transforms(('odom', 'base', robot.now, 0, 0)), robot.now, number)
+        listener.receive(TF, transforms(('odom', 'base', robot.now, 0, 0)), robot.now, number)
     assert listener.turns == {'base': 3}

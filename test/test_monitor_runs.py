@@ -105,13 +105,13 @@ def test_runs_are_taken_at_all(monkeypatch):
     """All but the first message of a set and what may touch; else this file shows nothing."""
     monitor = Monitor(SETTINGS)
     taken = []
-    take_run = monitor.teller.take_run
+    take_run = monitor.ingest.take_run
 
     def take(*arguments):
         taken.append(take_run(*arguments))
         return taken[-1]
 
-    monkeypatch.setattr(monitor.teller, 'take_run', take)
+    monkeypatch.setattr(monitor.ingest, 'take_run', take)
     monitor.receive('robot', serialised(box(0)), NOW)
     for stamp in (NOW, NOW + SECOND // 10, NOW + SECOND // 5):
         batch = [serialised(box(10 + k), stamp) for k in range(20)]

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the demo begins: what it needs and is not installed is said in one line."""
+"""The entry point of the demo; names a missing library in one line."""
 
 from __future__ import annotations
 

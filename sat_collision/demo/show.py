@@ -68,8 +68,8 @@ class _Publisher(Node):
     """
     Publishes the footprints and the person often, and what does not move now and then.
 
-    One robot tells its odometry instead of its footprint, and it is its laser that sees the
-    person: where that is in the warehouse the monitor must find out.
+    One robot publishes its odometry instead of its footprint, and the person in the frame of its
+    laser, so the monitor must transform both.
     """
 
     def __init__(self) -> None:
@@ -270,7 +270,7 @@ def show(args: Sequence[str] | None = None) -> int:
         _Publisher().play()
         rclpy.shutdown()
         return 0
-    # A robot near by shall neither see the demo nor disturb it.
+    # Keep the demo apart from other nodes on the network.
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     rclpy.init()

@@ -110,7 +110,7 @@ def measure_rows(set_array, other_array, values):
 
 @inlined
 def _meet(pairs, row, slot):
-    """Tell exactly whether two bodies meet; a search of convex ones ended at the slot's places."""
+    """Decide exactly whether bodies meet; a search of convex ones ended at the slot's places."""
     p = body_of(pairs.rows, row)
     q = body_of(pairs.others, row)
     if p.n > 0 and q.n > 0:

@@ -11,15 +11,16 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Compiling takes many seconds: said each time before it begins."""
+"""What users should know of compiling kernels: that it takes long, and what prevents it."""
 
 from __future__ import annotations
 
 import logging
 
 _is_said = False
-_is_told_elsewhere = False
+_is_reported_elsewhere = False
 _under_way = 0
+_problems: list[str] = []
 
 
 def begin_compiling(name: str, kept_in: str) -> None:
@@ -36,7 +37,7 @@ def begin_compiling(name: str, kept_in: str) -> None:
     """
     global _is_said, _under_way
     _under_way += 1
-    if _under_way > 1 or _is_told_elsewhere:
+    if _under_way > 1 or _is_reported_elsewhere:
         return
     words = f'sat_collision: compiling kernels, for {name}'
     if not _is_said:
@@ -55,5 +56,18 @@ def end_compiling() -> None:
 
 def say_nothing() -> None:
     """Leave it to the caller to say that kernels are compiled."""
-    global _is_told_elsewhere
-    _is_told_elsewhere = True
+    global _is_reported_elsewhere
+    _is_reported_elsewhere = True
+
+
+def kernel_problem() -> str | None:
+    """Return in one line what is wrong with compiled kernels, None if nothing is."""
+    return _problems[0] if _problems else None
+
+
+def report_problem(problem: str) -> None:
+    """Record a problem and log it, if it is the first: each kernel may have the same."""
+    problem = ' '.join(problem.split())
+    if not _problems:
+        logging.getLogger(__name__).warning(problem)
+    _problems.append(problem)

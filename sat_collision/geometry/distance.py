@@ -76,7 +76,7 @@ def measure_with_normal(p, q):
 
 @inner
 def goes_first(p, q):
-    """Tell whether the numbers of P come before those of Q in lexicographic order."""
+    """Return whether the numbers of P come before those of Q in lexicographic order."""
     size = body_size(p)
     other_size = body_size(q)
     for k in range(min(size, other_size)):

@@ -79,5 +79,5 @@ def _rise(v, i, k, nx, ny):
 
 @inner
 def _runs_left(v, i, k, nx, ny):
-    """Tell whether an edge whose rise is not certain runs to the left of n, and is not short."""
+    """Return whether an edge whose rise is not certain runs to the left of n, and is not short."""
     return nx * (v[k + 1] - v[i + 1]) - ny * (v[k] - v[i]) > SHORT

@@ -44,14 +44,14 @@ class Ring(NamedTuple):
 
 @kernel
 def arrays_meet(p, n, q, m):
-    """Tell the same as `bodies_meet` of bodies that an array each holds, with counts n and m."""
+    """Return the same as `bodies_meet` of bodies that an array each holds, with counts n and m."""
     require_nearest(n)
     return bodies_meet(Packed(p, 0, n), Packed(q, 0, m))
 
 
 @kernel
 def bodies_meet(p, q):
-    """Tell exactly whether two packed polygons, convex or not, share a point; touching counts."""
+    """Decide exactly whether packed polygons, convex or not, share a point; touching counts."""
     if boxes_apart(p, q):
         return False
     for i in range(max(1, -p.n)):
@@ -83,7 +83,7 @@ def filtered_verdict(p, q):
 
 @kernel
 def convex_meet(p, q):
-    """Tell exactly whether two convex polygons share a point."""
+    """Decide exactly whether two convex polygons share a point."""
     p = Packed(unchecked_view(p.array), p.start, p.n)
     q = Packed(unchecked_view(q.array), q.start, q.n)
     if boxes_apart(p, q):
@@ -97,7 +97,7 @@ def convex_meet(p, q):
 @kernel
 def meet_near(p, q, i, j):
     """
-    Tell exactly whether two convex polygons share a point, where the search was UNCERTAIN.
+    Decide exactly whether two convex polygons share a point, where the search was UNCERTAIN.
 
     Two convex polygons are separate iff some edge of one has every vertex of the other strictly
     outside it (a segment counts as two edges, there and back). Two bodies without area may be
@@ -120,7 +120,7 @@ def meet_near(p, q, i, j):
 
 @kernel
 def interiors_apart(p, q):
-    """Tell exactly whether some edge of two convex polygons has the other nowhere inside it."""
+    """Decide exactly whether some edge of two convex polygons has the other nowhere inside it."""
     p = _ring(p)
     q = _ring(q)
     return _some_edge_separates(p, q, 0, 0, 1) or _some_edge_separates(q, p, 0, 0, 1)
@@ -133,7 +133,7 @@ def _ring(p):
 
 @inner
 def _edges_meet(p, i, q, j):
-    """Tell whether the edge of P that leaves vertex i shares a point with that of Q and j."""
+    """Return whether the edge of P that leaves vertex i shares a point with that of Q and j."""
     a = p.first + 2 * i
     b = p.first + 2 * (i + 1 if i + 1 < p.n else 0)
     c = q.first + 2 * j
@@ -144,7 +144,7 @@ def _edges_meet(p, i, q, j):
 
 @inner
 def _some_edge_separates(p, q, i, j, inner):
-    """Tell exactly whether all of Q is on the right of an edge of P: its turns less than inner."""
+    """Decide exactly if all of Q is on the right of an edge of P: its turns less than inner."""
     if p.n < 2:
         return False
     inside = j

@@ -27,7 +27,7 @@ from typing import Any, Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from sat_collision.geometry.kernel_problem import report_problem
+from sat_collision.geometry.compilation import report_problem
 
 
 def _trial(x):

@@ -17,7 +17,7 @@ Compiled kernels kept on disk from one process to the next, so that starting is 
 numba keeps them per function and compiles anew where the function's own file has changed, but does
 not notice a change in a kernel that it calls. Here all of `sat_collision.geometry` counts as one
 source. Where the files cannot be kept the kernels are compiled in each process, and where one is
-damaged it is compiled again. `kernel_problem` tells.
+damaged it is compiled again. `kernel_problem` has the reason.
 
 The files are pickles: who may write to their folder may run code as whoever reads them.
 """
@@ -35,8 +35,7 @@ from numba import __version__, config
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.registry import cpu_target
 from numba.core.sigutils import normalize_signature
-from sat_collision.geometry.compilation import begin_compiling, end_compiling
-from sat_collision.geometry.kernel_problem import report_problem
+from sat_collision.geometry.compilation import begin_compiling, end_compiling, report_problem
 
 # What is compiled of these, whenever the package is imported, takes a fraction of a second.
 _QUICK = ('sat_collision.geometry.arithmetic', 'sat_collision.geometry.jit',
@@ -45,7 +44,7 @@ _DIGEST_SIZE = hashlib.sha256().digest_size
 
 
 def is_kept(kernel: Any) -> bool:
-    """Tell whether anything compiled of a numba kernel can be loaded from disk."""
+    """Return whether anything compiled of a numba kernel can be loaded from disk."""
     return isinstance(kernel._cache, _KernelCache) and kernel._cache.is_filled()
 
 
@@ -106,7 +105,7 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
                                         (__version__, _SOURCES, locator.get_source_stamp()))
 
     def is_filled(self) -> bool:
-        """Tell whether there is anything to load."""
+        """Return whether there is anything to load."""
         try:
             return bool(self._cache_file._load_index())
         except Exception:  # reading damaged files may raise anything

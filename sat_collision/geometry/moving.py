@@ -125,7 +125,7 @@ def _rows_of_parts(points: NDArray[np.float64],
 @kernel
 def on_boundary(vertices, part, points):
     """
-    Tell of each point whether it lies on the boundary of a part; exact.
+    Return of each point whether it lies on the boundary of a part; exact.
 
     Parameters
     ----------
@@ -160,14 +160,14 @@ def on_boundary(vertices, part, points):
 
 @kernel
 def stays_apart(a, b, apart):
-    """Tell the same as `boxes_stay_apart` of moving bodies, given by their arrays."""
+    """Return the same as `boxes_stay_apart` of moving bodies, given by their arrays."""
     return boxes_stay_apart(Part(a, 0, len(a)), Part(b, 0, len(b)), apart)
 
 
 @kernel
 def boxes_stay_apart(p, q, apart):
     """
-    Tell whether a level strip, or an upright one, is between two parts all the way.
+    Return whether a level strip, or an upright one, is between two parts all the way.
 
     It is wider than `apart`; exact if that is 0, where it is a line.
     """
@@ -177,7 +177,7 @@ def boxes_stay_apart(p, q, apart):
 
 @inner
 def _is_below(p, q, axis, apart):
-    """Tell whether P is below Q by more than a length along x or y, 0 or 1, at both ends."""
+    """Return whether P is below Q by more than a length along x or y, 0 or 1, at both ends."""
     for k in (axis, axis + 2):
         most = -math.inf
         for i in range(p.first + k, p.end, STRIDE):

@@ -53,7 +53,7 @@ def limit_of(least, reach):
 
 @inner
 def is_beyond_edge(p, q, limit):
-    """Tell whether, from some edge of P, all of Q is so far outside, or not so deep inside."""
+    """Return whether, from some edge of P, all of Q is so far outside, or not so deep inside."""
     v = p.array
     w = q.array
     first = first_vertex(p)

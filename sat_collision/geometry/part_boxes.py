@@ -39,7 +39,7 @@ def overlap(p, q):
 
 @inner
 def may_be_less(gap, least):
-    """Tell whether a separation may be less than the one found, given the `overlap` of boxes."""
+    """Return whether a separation may be less than the one found, given the `overlap` of boxes."""
     return -gap < least
 
 

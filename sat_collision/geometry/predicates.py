@@ -56,7 +56,7 @@ _LIMBS = 184
 
 def orientation(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> int:
     """
-    Tell on which side of the directed line from a to b the point c lies.
+    Return on which side of the directed line from a to b the point c lies.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def _limbs(x):
 @kernel
 def segments_meet(ax, ay, bx, by, cx, cy, dx, dy):
     """
-    Tell whether the closed segments a b and c d share a point; exact, points allowed.
+    Return whether the closed segments a b and c d share a point; exact, points allowed.
 
     With overlapping boxes, each segment must reach both sides of the other's line. Where all four
     points are collinear the boxes alone decide.

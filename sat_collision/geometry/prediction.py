@@ -309,7 +309,7 @@ def _write_pose(way, time, chords, place):
 
 @inner
 def _may_meet(way, piece, rows, row, velocities):
-    """Tell whether boxes leave it open that a piece of the way comes to the body of a row."""
+    """Return whether boxes leave it open that a piece of the way comes to the body of a row."""
     motion = way.motion
     start, end = _times(way, piece)
     vx = velocities[2 * row]

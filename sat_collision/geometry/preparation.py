@@ -21,9 +21,8 @@ import sys
 import time
 
 from sat_collision.geometry import warm_up
-from sat_collision.geometry.compilation import say_nothing
+from sat_collision.geometry.compilation import kernel_problem, say_nothing
 from sat_collision.geometry.jit import KERNEL
-from sat_collision.geometry.kernel_problem import kernel_problem
 
 
 class Preparation:
@@ -68,7 +67,7 @@ class Preparation:
             warn(problem)
 
     def is_complete(self) -> bool:
-        """Tell whether what measures distances is ready; to be called again and again."""
+        """Return whether what measures distances is ready; to be called again and again."""
         if self._other and self._other.poll() is not None:
             self.complete()
         return not self._other

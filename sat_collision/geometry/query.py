@@ -29,7 +29,7 @@ from sat_collision.geometry.polygon_set import PolygonSet
 
 def intersects(a: BodyLike, b: BodyLike) -> bool:
     """
-    Tell whether two bodies share a point; touching counts.
+    Return whether two bodies share a point; touching counts.
 
     Exact for the coordinates given, whatever they are, as long as they are finite doubles.
 
@@ -61,7 +61,7 @@ def intersects(a: BodyLike, b: BodyLike) -> bool:
 def intersects_many(a: BodyLike,
                     others: PolygonSet | Iterable[BodyLike]) -> NDArray[np.bool_]:
     """
-    Tell for each of many bodies whether it shares a point with one; touching counts.
+    Return for each of many bodies whether it shares a point with one; touching counts.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def intersects_many(a: BodyLike,
 def intersects_pairs(a: PolygonSet | Iterable[BodyLike],
                      b: PolygonSet | Iterable[BodyLike]) -> NDArray[np.bool_]:
     """
-    Tell for each pair of bodies of two sets whether they share a point; touching counts.
+    Return for each pair of bodies of two sets whether they share a point; touching counts.
 
     Parameters
     ----------

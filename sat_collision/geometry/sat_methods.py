@@ -40,7 +40,7 @@ Body = NDArray[np.floating[Any]]
 
 def traditional(p: Body, q: Body) -> bool:
     """
-    Tell whether two convex polygons collide by the normals of all their edges (section 2.3).
+    Return whether two convex polygons collide by the normals of all their edges (section 2.3).
 
     Complete, but for rounding: it projects every vertex on up to n + m axes without asking what
     the rounding error is, so bodies that touch or all but touch may come out either way. Arrays of
@@ -51,7 +51,7 @@ def traditional(p: Body, q: Body) -> bool:
 
 def boxed(p: Body, q: Body) -> bool:
     """
-    Tell whether two convex polygons collide: bounding boxes, then `traditional` (section 1).
+    Return whether two convex polygons collide: bounding boxes, then `traditional` (section 1).
 
     The boxes are exact, so what `traditional` gets wrong is wrong here unless the boxes separate.
     """
@@ -60,7 +60,7 @@ def boxed(p: Body, q: Body) -> bool:
 
 def rectangles(p: Body, q: Body) -> bool:
     """
-    Tell whether two rectangles collide by two axes each, parallel edges merged (section 2.3).
+    Return whether two rectangles collide by two axes each, parallel edges merged (section 2.3).
 
     Corners rounded to floating point make no true rectangle, so besides what is wrong with
     `traditional` two edges of each body go unchecked.
@@ -70,7 +70,7 @@ def rectangles(p: Body, q: Body) -> bool:
 
 def published_a(p: Body, q: Body) -> bool:
     """
-    Tell whether two convex polygons collide as the paper's sections 3.1 and 3.2 say (reading A).
+    Return whether two convex polygons collide as the paper's sections 3.1 and 3.2 say (reading A).
 
     The centre line is tried as an axis; then the normals of the two edges at each potential
     nearest point, the vertices B of P and C of Q that reach furthest along the centre line; then
@@ -83,7 +83,7 @@ def published_a(p: Body, q: Body) -> bool:
 
 def published_b(p: Body, q: Body) -> bool:
     """
-    Tell whether two convex polygons collide by steps 1 to 4 of the paper's section 4 (reading B).
+    Return whether two convex polygons collide by steps 1 to 4 of the paper's section 4 (B).
 
     Only the ends of the edge of each polygon that the centre line crosses are projected on the
     centre line; then the normals of those two edges are tried. Wrong in both ways: the claim of a
@@ -95,7 +95,7 @@ def published_b(p: Body, q: Body) -> bool:
 
 def improved(p: Body, q: Body) -> bool:
     """
-    Tell exactly whether two convex polygons collide: the paper's first moves, until proved.
+    Decide exactly whether two convex polygons collide: the paper's first moves, until proved.
 
     See `sat_collision.geometry.separating_axis`, which decides in floating point only what its
     error bounds prove.
@@ -190,7 +190,7 @@ def edge_separates(p, q, body, i):
 
 @kernel
 def separates(p, q, x, y):
-    """Tell whether the projections of two polygons on an axis are apart; no bound on rounding."""
+    """Return whether projections of two polygons on an axis are apart; no bound on rounding."""
     low_p, high_p = _project(p, x, y)
     low_q, high_q = _project(q, x, y)
     return high_p < low_q or high_q < low_p

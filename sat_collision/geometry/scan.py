@@ -198,7 +198,7 @@ def nearest_row(set_array, body, count, skipped):
 
 @inner
 def contains(numbers, number):
-    """Tell whether a number is among others, which ascend."""
+    """Return whether a number is among others, which ascend."""
     begin, end = 0, len(numbers)
     while begin < end:
         middle = (begin + end) // 2

@@ -78,7 +78,7 @@ class Search(NamedTuple):
 
 @inlined
 def boxes_apart(p, q):
-    """Tell whether the bounding boxes of two packed polygons share no point."""
+    """Return whether the bounding boxes of two packed polygons share no point."""
     a = p.array
     b = q.array
     # Bitwise, to be one branch and not four that a processor cannot foresee.
@@ -239,7 +239,7 @@ def hill_climb(p, i, ux, uy):
 @inlined
 def _is_level(v, i, k, ux, uy):
     """
-    Tell whether an edge whose rise is not certain is perpendicular to u, and runs to its left.
+    Return whether an edge whose rise is not certain is perpendicular to u, and runs to its left.
 
     Perpendicular but for rounding, which cannot be told where underflow or overflow hides the
     rise; to its left as edges near the summit run, and those near the bottom do not. See

@@ -42,7 +42,7 @@ _NOTCHED = [(0, 0), (4, 0), (4, 4), (2, 1)]
 
 
 def is_prepared() -> bool:
-    """Tell whether an earlier process has left the kernels compiled; without numba they are."""
+    """Return whether an earlier process has left the kernels compiled; without numba they are."""
     if not COMPILED:
         return True
     # It imports numba, which may not be there, or not work.

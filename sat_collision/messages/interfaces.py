@@ -15,7 +15,7 @@
 """
 The message classes, and how they are serialised: ROS's own, or without ROS the same of rosbags.
 
-The node has ROS. The replay tool needs none, and makes the same messages with the same code.
+The node needs ROS. The replay tool does not, and makes the same messages with the same code.
 """
 
 from array import array

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where texts go: beside what they tell of, over no body and over no other text."""
+"""Where texts go: beside what they describe, over no body and over no other text."""
 
 from __future__ import annotations
 

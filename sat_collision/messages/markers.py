@@ -52,7 +52,7 @@ _DOT = 0.1
 _TEXT = 0.25
 # In so many places a footprint is shown on its way to a contact.
 _PLACES_AHEAD = 8
-# How many periods markers are shown: a dead monitor shall not leave a green robot behind.
+# For how many periods markers are shown, so that a dead monitor leaves no green robot.
 _PERIODS = 3
 
 
@@ -97,7 +97,7 @@ class _Shape(NamedTuple):
 
 class Markers:
     """
-    Draws a scene: what it shows depends on the scene alone, so that nothing stale can stay.
+    Draws a scene. What is shown depends on the scene alone, so no marker can be stale.
 
     Every message deletes all and draws all. Namespaces: `<name>/fill`, `<name>/outline` and
     `<name>/points` for each footprint and source of obstacles, of which id 1 has those in contact

@@ -21,8 +21,8 @@ from functools import partial
 import struct
 
 from sat_collision.messages.cdr import Points
+from sat_collision.messages.ingest import Ingest
 from sat_collision.messages.rejections import Rejection
-from sat_collision.messages.teller import Teller
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.messages.transforms import decode_odometry, decode_twist
 from sat_collision.scene.frames import Mapped, NoTransform
@@ -37,14 +37,14 @@ _TIMES_PLACED = 3
 
 class Outlines:
     """
-    Tells the scene where outlines are, whenever their frames have moved.
+    Places outlines in the scene whenever their frames have moved.
 
     Parameters
     ----------
     settings : Settings
-    teller : Teller
+    ingest : Ingest
     transforms : TransformListener
-        Hears of odometry, too.
+        Receives odometry, too.
     received : Counter
         Poses of outlines that move by /tf are counted there by name.
 
@@ -55,9 +55,9 @@ class Outlines:
 
     """
 
-    def __init__(self, settings: Settings, teller: Teller, transforms: TransformListener,
+    def __init__(self, settings: Settings, ingest: Ingest, transforms: TransformListener,
                  received: Counter[str]) -> None:
-        self._teller = teller
+        self._ingest = ingest
         self._received = received
         self._transforms = transforms
         self._outlines = {one.name: _Placed(one, settings.max_vertices)
@@ -67,21 +67,21 @@ class Outlines:
 
     def configure(self, settings: Settings) -> None:
         """Apply settings; an outline that is another one now counts at once."""
-        self._patience = round(settings.transform_timeout * 1e9)
+        self._timeout = round(settings.transform_timeout * 1e9)
         for footprint in settings.footprints:
             if footprint.name in self._outlines:
                 self._outlines[footprint.name].configure(footprint, settings.max_vertices)
 
     def clear(self) -> None:
-        """Forget what was told of another time."""
+        """Forget all places: the clock was set back."""
         for one in self._outlines.values():
             one.forget()
 
     def receive(self, name: str, data: bytes, now: int) -> list[Rejection]:
         """Take a message of odometry for a footprint."""
-        problem = self._transforms.hear_odometry(data, now)
+        problem = self._transforms.receive_odometry(data, now)
         if problem:
-            return [self._teller.reject(self._outlines[name].settings, *problem)]
+            return [self._ingest.reject(self._outlines[name].settings, *problem)]
         self._outlines[name].odometry = data
         return []
 
@@ -95,7 +95,7 @@ class Outlines:
     @property
     def deadline(self) -> float:
         """The time in ns before which, without another message, nothing is to be placed."""
-        return min((one.due(self._patience) for one in self._outlines.values()), default=NEVER)
+        return min((one.due(self._timeout) for one in self._outlines.values()), default=NEVER)
 
     def _follow(self, one: _Placed, now: int) -> list[Rejection]:
         """Place an outline, if its frame has moved and it is not too soon."""
@@ -110,17 +110,17 @@ class Outlines:
         found = self._transforms.newest(settings.frame_id, now)
         if isinstance(found, NoTransform):
             if one.fault == found.reason or (found.may_come and not one.has_waited(
-                    now, self._patience)):
+                    now, self._timeout)):
                 return []
             one.forget(found.reason)
-            return [self._teller.refuse(settings, found.reason, found.detail, now)]
+            return [self._ingest.refuse(settings, found.reason, found.detail, now)]
         if not one.is_moved(found.at, now):
             return []
         one.next = max(one.next, now) + one.period
         one.stamp, one.is_static, one.fault = min(found.at or now, now), found.at is None, ''
         if not settings.odometry:
             self._received[settings.name] += 1
-        rejection = self._teller.place(settings, one.points, found, now,
+        rejection = self._ingest.place(settings, one.points, found, now,
                                        partial(self._velocity, one))
         return [rejection] if rejection else []
 
@@ -159,7 +159,7 @@ class _Placed:
     is_static : bool
         Whether that holds for all times.
     fault : str
-        Why it is nowhere, as far as that has been told.
+        Why it has no place, as far as that has been reported.
 
     """
 
@@ -179,11 +179,11 @@ class _Placed:
             self.points: Points = (b''.join(struct.pack('=3f', x, y, 0.0) for x, y in outline), 0,
                                    len(outline))
             self.forget()
-            # Until it is placed nothing is known of it: the scene must not wait to be told.
+            # It is unknown until it is placed, and the scene must know that at once.
             self._begun = 0
 
     def forget(self, fault: str = '') -> None:
-        """Be nowhere."""
+        """Reset the pose."""
         self.stamp: int | None = None
         self.is_static = self.is_pending = False
         self.next = 0
@@ -192,33 +192,33 @@ class _Placed:
         self._begun = None
 
     def begin(self, now: int) -> None:
-        """Take note of the time since when it is looked for, where it is nowhere."""
+        """Start to wait for a place, if it has none."""
         if self._begun is None:
             self._begun = now
 
-    def has_waited(self, now: int, patience: int) -> bool:
-        """Tell whether it has been nowhere for longer than a time."""
-        return self.stamp is None and self._begun is not None and now > self._begun + patience
+    def has_waited(self, now: int, timeout: int) -> bool:
+        """Return whether it has had no place for longer than a timeout in ns."""
+        return self.stamp is None and self._begun is not None and now > self._begun + timeout
 
     def is_moved(self, at: int | None, now: int) -> bool:
-        """Tell whether a place is not the last one."""
+        """Return whether a place differs from the last one."""
         if self.stamp is None:
             return True
         return now >= self._refreshed if at is None else at > self.stamp
 
-    def due(self, patience: int) -> float:
-        """Return when it must be looked at, though there is no message, in ns."""
+    def due(self, timeout: int) -> float:
+        """Return when it must be checked even without a message, in ns."""
         if self.is_pending:
             return self.next - self.period - 1
         if self.is_static:
             return self._refreshed - 1
         if self.stamp is None and self._begun is not None and not self.fault:
-            return self._begun + patience
+            return self._begun + timeout
         return NEVER
 
     @property
     def _refreshed(self) -> float:
-        """When a place that holds for all times is told again, lest it be called old."""
+        """When a static place is refreshed, so that it does not become too old."""
         if self.stamp is None or not self.settings.timeout:
             return NEVER
         return self.stamp + max(self.period, round(1e9 * self.settings.timeout / _TIMES_PLACED))

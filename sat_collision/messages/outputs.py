@@ -35,7 +35,7 @@ _UNKNOWN = serialize(Float64(data=math.nan))
 
 
 class NodeLike(Protocol):
-    """What is asked of a node: rclpy's, or a stand-in that writes a bag."""
+    """The part of a node's interface that is used: rclpy's, or a stand-in that writes a bag."""
 
     def get_fully_qualified_name(self) -> str:
         """Return the name with the namespace."""
@@ -57,7 +57,7 @@ class Outputs:
     settings : Settings
     scene : Scene
     flag_qos : optional
-        What `node` takes as the quality of service of the flags.
+        The QoS of the flags, as `node` takes it.
 
     Attributes
     ----------
@@ -114,13 +114,13 @@ class Outputs:
         self._raising = {Status.COLLISION, Status.IMMINENT}
         if settings.unknown_is_collision:
             self._raising.add(Status.UNKNOWN)
-        # If none is enabled, nothing is known: all are unknown.
+        # If none is enabled, all are unknown.
         self._watched = ({footprint.name for footprint in settings.footprints if footprint.enabled}
                          or set(self._flags))
         self.update(self._flags)
 
     def update(self, names: Iterable[str]) -> None:
-        """Take note of the new states of footprints."""
+        """Update the states of footprints that have changed."""
         for name in names:
             if self._scene.status(name) in self._raising:
                 self._raised.add(name)

@@ -50,7 +50,7 @@ class Packer:
     def __init__(self, max_vertices: int) -> None:
         self.max_vertices = max_vertices
         self._max_notched = most_notched(max_vertices)
-        # One more for a closing point; whoever sends yet more points is in no hurry.
+        # One more for a closing point; messages with yet more points may be slow.
         self._most_points = max_vertices + 1
         self.array = indexable(np.empty(packed_size(self._most_points)))
 

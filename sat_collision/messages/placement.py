@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Where a message says that a body was: what recorded motion is made of."""
+"""The place of a body as of a message, the input of recorded motion."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Placement(NamedTuple):
     is_stamped : bool
         Whether it has a stamp.
     frame_id : str
-        The frame that it is in at last.
+        The frame after the map is applied.
     points : Points
         As received.
     plane : PlaneMap or None

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Messages that are not taken: why, in words that say what to do."""
+"""Why messages are refused, in words that say what to do."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ _ADVICE = {
 
 class Rejection(NamedTuple):
     """
-    A message that was not taken.
+    A message that was refused.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class Rejection(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The whole story as a sentence: topic, reason, and what to do."""
+        """A full sentence: topic, reason, and what to do."""
         return (f'{self.name}: a message on {self.topic} was rejected, {self.reason}: '
                 f'{self.detail}; {_ADVICE[self.reason]}')
 
@@ -100,7 +100,7 @@ def detail_of(refusal: str, frame_id: str, fixed: str, age: float, timeout: floa
     frame_id, fixed : str
         Its frame, and that of all else.
     age, timeout : float
-        Its age by its stamp, and the age past which it is of no use, in s.
+        Its age by its stamp, and the timeout, in s.
 
     """
     if refusal == OTHER_FRAME:

@@ -94,7 +94,7 @@ def clip(ring: Ring, other: Ring, slack: float = 0.0) -> Ring:
 def _half_planes(ring: Ring) -> Iterator[tuple[Ring, Ring]]:
     """Yield a point and a direction of each line to the left of which a ring lies."""
     if len(ring) == 1:
-        # As a square would have them, of no size.
+        # Those of a square of size zero.
         for along in ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)):
             yield ring[0], np.array(along)
         return
@@ -106,7 +106,7 @@ def _half_planes(ring: Ring) -> Iterator[tuple[Ring, Ring]]:
 
 
 def _meet(one: tuple[float, ...], other: tuple[float, ...], slack: float) -> bool:
-    """Tell whether two boxes meet, nearly."""
+    """Return whether two boxes meet, but for rounding."""
     return (one[0] <= other[2] + slack and other[0] <= one[2] + slack
             and one[1] <= other[3] + slack and other[1] <= one[3] + slack)
 

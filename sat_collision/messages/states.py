@@ -45,7 +45,7 @@ _MOVING = ('age', 'least separation', 'nearest obstacle', 'nearest obstacle is n
 
 def in_words(state: State, margin: float = 0.0, prediction: Prediction | None = None) -> str:
     """
-    Say a footprint's state in a few words.
+    Return a footprint's state in a few words.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ class States:
         self._message = DiagnosticArray(status=list(self._statuses.values()))
 
     def note(self, names: Iterable[str]) -> None:
-        """Take note that the states of footprints have changed."""
+        """Mark the states of footprints as changed."""
         self._unwritten.update(names)
 
     def update(self, scene: Scene, predictions: Mapping[str, Prediction | None] = {}) -> None:

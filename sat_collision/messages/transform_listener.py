@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What /tf and /tf_static have told, and which map it makes for a message."""
+"""Receives /tf and /tf_static, and returns the affine map for a message."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _OTHERS = 'other frames'
 
 class TransformListener:
     """
-    Takes serialised TFMessages; a transform of no use is counted and told as a Rejection.
+    Takes serialised TFMessages; a transform of no use is counted and returned as a Rejection.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class TransformListener:
         The transforms that were not taken, by (child frame, reason), where the frame is in words
         for users; of messages that could not be read by (topic, reason).
     turns : Counter
-        How often another publisher than the last one told of a frame, by its name.
+        How often another publisher than the last one sent a frame, by its name.
 
     """
 
@@ -75,11 +75,11 @@ class TransformListener:
         self.frames.configure(settings.max_tf_gap * 1e9, settings.max_tilt)
 
     def clear(self) -> None:
-        """Forget what was told of another time: all but the static frames."""
+        """Forget all but the static frames: the clock was set back."""
         self.frames.clear()
 
-    def listen(self, topic: str, data: bytes, now: int,
-               number: int | None = None) -> list[Rejection]:
+    def receive(self, topic: str, data: bytes, now: int,
+                number: int | None = None) -> list[Rejection]:
         """Take a message of /tf or /tf_static, and which one of its publisher it is, if known."""
         self.received[topic] += 1
         try:
@@ -112,7 +112,7 @@ class TransformListener:
         self.transforms += len(transforms) - len(rejections)
         return rejections
 
-    def hear_odometry(self, data: bytes, now: int) -> tuple[str, str] | None:
+    def receive_odometry(self, data: bytes, now: int) -> tuple[str, str] | None:
         """Take an Odometry; return reason and detail if it is of no use."""
         try:
             parent, child, stamp, transform = decode_odometry(data)
@@ -135,7 +135,7 @@ class TransformListener:
         self.rejected[key] += 1
 
     def stamps(self, frame_id: str, after: int, until: int) -> list[int]:
-        """Return when between two times a frame was told to be in the fixed frame, in ns."""
+        """Return the stamps in ns, between two times, for which a frame's place was sent."""
         return self.frames.stamps(self._target, frame_id, after, until)
 
     def newest(self, frame_id: str, now: int) -> Mapped | NoTransform:

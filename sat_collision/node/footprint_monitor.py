@@ -22,8 +22,8 @@ from typing import Any
 
 from rclpy.clock import JumpThreshold, TimeJump
 from rclpy.node import Node
+from sat_collision.geometry.compilation import kernel_problem
 from sat_collision.geometry.jit import KERNEL
-from sat_collision.geometry.kernel_problem import kernel_problem
 from sat_collision.geometry.preparation import Preparation
 from sat_collision.messages.outputs import Outputs
 from sat_collision.messages.rejections import Rejection
@@ -32,7 +32,7 @@ from sat_collision.monitor import Monitor
 from sat_collision.node.health import Health
 from sat_collision.node.loop import Loop, Reserved
 from sat_collision.node.parameters import Parameters
-from sat_collision.node.quality import flag_qos
+from sat_collision.node.qos import flag_qos
 from sat_collision.node.receiver import Backlog
 from sat_collision.node.subscriptions import Subscriptions
 from sat_collision.node.systemd import Systemd
@@ -49,7 +49,7 @@ NAME = 'footprint_monitor'
 _TICK = 0.1
 _HEALTH_PERIOD = 1.0
 _LOG_PERIOD = 1.0
-# After so many s all has had the time to begin.
+# After so many s everything has had the time to start.
 _STARTED = 5.0
 # The node ticks so many times, at least, in the time after which the watchdog calls it stalled.
 _TICKS_IN_TIME = 3.0
@@ -60,9 +60,8 @@ class FootprintMonitor(Node):
     """
     Publishes whether footprints collide with obstacles.
 
-    Everything happens in one thread, see `loop`: messages are checked in batches, what follows
-    is published once a batch, and a tick by the steady clock sees to whatever time alone brings
-    about.
+    Everything happens in one thread, see `loop`: messages are checked in batches, what follows is
+    published once a batch, and a tick by the steady clock does whatever is due by time alone.
 
     Parameters
     ----------
@@ -106,7 +105,7 @@ class FootprintMonitor(Node):
         self._looking = Every(_TICK)
         self._reporting = Every(_HEALTH_PERIOD)
         self._systemd = Systemd()
-        self._watchdog = Watchdog(self._raise_alarm, self._end_alarm)
+        self._watchdog = Watchdog(self._on_stall, self._on_recovery)
         self._is_stalled = False
         self._set_rates(settings)
         self.loop = Loop(self, [*(transform_inputs or ()), *self._inputs.inputs], self,
@@ -157,7 +156,7 @@ class FootprintMonitor(Node):
         self._publish_changes()
 
     def note_backlog(self, name: str, backlog: Backlog | None) -> None:
-        """Take note of how far behind a topic is, None where it is not any more."""
+        """Record how far behind a topic is, None where it is not any more."""
         self._health.note_backlog(name, backlog)
         if backlog:
             self._behind.add(name)
@@ -176,7 +175,7 @@ class FootprintMonitor(Node):
         self._systemd.turned()
         goes_on = self._watchdog.turned()
         if goes_on:
-            # The time was read before the stall, perhaps, and what came in it may wait still.
+            # The time was read before the stall, perhaps, and messages may still be queued.
             now, is_all_taken = self.present(), False
         if self._looking.due(steady) or goes_on:
             self._look_around(now, steady)
@@ -190,7 +189,7 @@ class FootprintMonitor(Node):
             self._health.publish(self._monitor, self._outputs.statuses())
 
     def _look_around(self, now: int, steady: float) -> None:
-        """Look at what nothing tells of: publishers, clock, middleware, kernels in the making."""
+        """Poll what sends no event: publishers, clock, middleware, kernels being compiled."""
         for name, endpoints in self._inputs.publishers.news(self._behind):
             self._monitor.update_publishers(name, endpoints)
         for one in self._inputs.inputs:
@@ -214,22 +213,22 @@ class FootprintMonitor(Node):
         self._systemd.ends()
         super().destroy_node()
 
-    def _raise_alarm(self, stalled: float) -> None:
-        """Say that nothing is known, from the watchdog's thread."""
+    def _on_stall(self, stalled: float) -> None:
+        """Publish that nothing is known, from the watchdog's thread."""
         reason = f'the monitor has been stalled for {stalled:.1f} s'
         if not self._is_stalled:
             self._is_stalled = True
             self.get_logger().error(f'{reason}: all flags are raised until it goes on')
         self._health.publish_stall(reason, self._outputs.publish_unknown(reason))
 
-    def _end_alarm(self, stalled: float) -> None:
-        """Say that the stall is over; what is known follows."""
+    def _on_recovery(self, stalled: float) -> None:
+        """Log that the stall is over; what is known is published next."""
         self._is_stalled = False
         self._health.count_stall(stalled)
         self.get_logger().error(f'the monitor goes on after a stall of {stalled:.1f} s')
 
     def _report_unknown(self) -> None:
-        """Say once, when all has had the time to begin, what is not known yet, and why."""
+        """Log once, when everything has had the time to start, what is not known yet, and why."""
         self._reports_unknown_at = NEVER
         reasons = {reason for footprint in self._scene.settings.footprints
                    if footprint.enabled for reason in self._scene.unknown_reasons(footprint.name)}

@@ -69,7 +69,7 @@ class Health:
         self._changes: dict[str, str] = {}
 
     def note_change(self, name: str, old: object, new: object) -> None:
-        """Note that a parameter has been changed."""
+        """Count a change of a parameter."""
         self._changes[name] = f'from {old} to {new}'
 
     def count_stall(self, seconds: float) -> None:
@@ -78,7 +78,7 @@ class Health:
         self._longest_stall = max(self._longest_stall, seconds)
 
     def count_event(self, topic: str, what: str, count: int) -> None:
-        """Count what the quality of service of a topic promised and did not keep."""
+        """Count violations of the QoS of a topic."""
         self._events[topic, what] += count
         self._news[f'{what} on {topic}'] += count
 
@@ -97,7 +97,7 @@ class Health:
 
     def publish(self, monitor: Monitor, states: Iterable[DiagnosticStatus]) -> None:
         """
-        Publish what there is to say of the period that ends now, and begin the next.
+        Publish the figures of the period that ends now, and begin the next.
 
         Parameters
         ----------
@@ -111,7 +111,7 @@ class Health:
         self._send([self._status, *states])
 
     def publish_stall(self, reason: str, states: Iterable[DiagnosticStatus]) -> None:
-        """Publish that the node stands still; for another thread, which may come in between."""
+        """Publish that the node is stalled; may be called from another thread."""
         status = DiagnosticStatus(name=self._status.name, hardware_id=self._status.hardware_id,
                                   level=DiagnosticStatus.ERROR, message=reason)
         self._send([status, *states])
@@ -138,7 +138,7 @@ class Health:
             values['transforms: rate [Hz]'] = (
                 f'{(transforms.transforms - self._transforms) / period:.1f}')
         self._transforms = transforms.transforms
-        twice = self._told_twice(transforms.turns)
+        twice = self._published_twice(transforms.turns)
         for child, count in twice.items():
             values[f'transforms of {in_words(child)}: publishers took turns'] = str(count)
         for name, count in monitor.waiting.counts().items():
@@ -185,7 +185,7 @@ class Health:
         self._begun = now
         self._messages, self._seconds, self._longest = 0, 0.0, 0.0
 
-    def _told_twice(self, turns: Counter[str]) -> dict[str, int]:
+    def _published_twice(self, turns: Counter[str]) -> dict[str, int]:
         """Return how often publishers of one frame took turns since the last message, if often."""
         news = {child: count - self._turns[child] for child, count in turns.items()
                 if count - self._turns[child] >= _FEW_TURNS}

@@ -121,7 +121,7 @@ class Parameters:
         return ''
 
     def _is_locked(self, name: str) -> bool:
-        """Tell whether a parameter may not be changed any more."""
+        """Return whether a parameter may not be changed any more."""
         decides = name == _USE_SIM_TIME or (name in self._specs and self._specs[name].safety)
         return self._on_change is not None and decides and self.settings.lock_parameters
 

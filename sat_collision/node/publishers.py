@@ -29,7 +29,7 @@ from sat_collision.scene.streams import Endpoint
 
 _UNKNOWN = '_NODE_NAME_UNKNOWN_'
 _PASSED = 'one that has gone'
-# Looked at anew after so many looks, whatever the middleware has told.
+# Looked at anew after so many looks, whatever the middleware has reported.
 _LOOKS = 10
 
 
@@ -49,15 +49,15 @@ class Publishers:
         still counts them.
     changed : set of str
         Names of the inputs whose publishers may have changed.
-    told : dict
-        The publishers of each input that `news` told last, by its name.
+    reported : dict
+        The publishers of each input that `news` reported last, by its name.
 
     """
 
     def __init__(self, node: Node, inputs: Sequence[Input]) -> None:
         self.dead: dict[str, int] = {}
         self.changed = {one.name for one in inputs}
-        self.told: dict[str, list[Endpoint]] = {}
+        self.reported: dict[str, list[Endpoint]] = {}
         self._node = node
         self._inputs = inputs
         self._looks = 0
@@ -89,7 +89,7 @@ class Publishers:
         """
         Yield the inputs whose publishers have changed since the last call, and who they are.
 
-        That one has ended is told when all that it has sent is taken: not before the next call.
+        The end of one is reported once all that it has sent is taken: not before the next call.
 
         Parameters
         ----------
@@ -112,7 +112,7 @@ class Publishers:
         return None
 
     def _news_of(self, one: Input, is_behind: bool) -> list[Endpoint] | None:
-        """Return the publishers of an input, None if they are those that were told last."""
+        """Return the publishers of an input, None if they are those that were reported last."""
         name = one.name
         count = self._node.count_publishers(one.subscription.topic_name)
         if name in self.changed or count != self._counts.get(name) or self._looks % _LOOKS == 0:
@@ -124,19 +124,19 @@ class Publishers:
         else:
             seen = self._seen[name]
         before, self._seen[name] = self._seen.get(name, []), seen
-        told = self.told.get(name)
+        reported = self.reported.get(name)
         if self._have_passed(name):
-            # One came and has gone again, between two looks: what it sent is told of.
-            seen = [*(told or ()), Endpoint(f'look {self._looks}', _PASSED)]
+            # One came and went between two looks: report what it sent.
+            seen = [*(reported or ()), Endpoint(f'look {self._looks}', _PASSED)]
         elif is_behind:
             # One that has come counts at once.
             gids = {endpoint.gid for endpoint in seen}
-            seen = [*(gone for gone in told or () if gone.gid not in gids), *seen]
+            seen = [*(gone for gone in reported or () if gone.gid not in gids), *seen]
         elif {endpoint.gid for endpoint in before} - {endpoint.gid for endpoint in seen}:
             return None
-        if seen == told:
+        if seen == reported:
             return None
-        self.told[name] = seen
+        self.reported[name] = seen
         return seen
 
     def _have_passed(self, name: str) -> bool:
@@ -161,7 +161,7 @@ class Publishers:
         endpoints.sort(key=lambda endpoint: (
             known.index(endpoint.gid) if endpoint.gid in known else len(known)))
         self._order[one.name] = [endpoint.gid for endpoint in endpoints]
-        # Which of them have died is not told: those that have been there the longest.
+        # Which of them have died is not reported: assume those that have been there the longest.
         dead = self.dead.get(one.name, 0)
         self._receivable[one.name] = {
             endpoint.gid for endpoint in endpoints if not endpoint.problem}

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a loop calls: the node, as far as messages and time are concerned."""
+"""What the loop calls: the node's handlers of messages and time."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ class Receiver(Protocol):
         """
 
     def begin_stream(self, name: str) -> None:
-        """Take that the next message of a footprint or source is the first of its publisher."""
+        """Record that the next message of a footprint or source is the first of its publisher."""
 
     def end_batch(self, messages: int, seconds: float) -> None:
         """Publish what has changed, after so many messages that took so long."""
 
     def note_backlog(self, name: str, backlog: Backlog | None) -> None:
-        """Take note of how far behind a topic is, None where it is not any more."""
+        """Record how far behind a topic is, None where it is not any more."""
 
     def due(self, now: int, steady: float) -> float:
         """

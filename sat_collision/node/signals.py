@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How signals end the node: they are noted, and looked at where it is safe to end."""
+"""How signals end the node: they are recorded, and handled where it is safe to end."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ def end_on_signals() -> None:
 
 
 def ignore_signals() -> None:
-    """Let nothing more disturb the end of the process."""
+    """Ignore further signals while the process ends."""
     for number in _SIGNALS:
         signal.signal(number, signal.SIG_IGN)
 
 
 class Signalled:
-    """Tells whether a signal has come; further ones are ignored."""
+    """Whether a signal has come; further ones are ignored."""
 
     def __init__(self) -> None:
         self._come = False
@@ -64,7 +64,7 @@ class Signalled:
             os.close(early)
 
     def __call__(self) -> bool:
-        """Tell whether the node is to end."""
+        """Return whether the node is to end."""
         return self._come
 
     def _note(self, number: int, frame: FrameType | None) -> None:

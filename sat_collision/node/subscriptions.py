@@ -31,7 +31,7 @@ from rclpy.subscription import Subscription
 from sat_collision.node.health import Health
 from sat_collision.node.loop import Input, leave
 from sat_collision.node.publishers import Publishers
-from sat_collision.node.quality import OVERRIDABLE
+from sat_collision.node.qos import OVERRIDABLE
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)

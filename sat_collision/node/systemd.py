@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Tells systemd, where it has started the node, that this is ready, and alive."""
+"""Notifies systemd, where it has started the node, that this is ready, and alive."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ class Systemd:
     """
     What sd_notify(3) does, for a service of ``Type=notify`` with or without ``WatchdogSec``.
 
-    Without the variables that systemd sets there is nothing to tell, and it costs nothing.
+    Without the variables that systemd sets it does nothing, and costs nothing.
     """
 
     def __init__(self) -> None:
         self._address = os.environ.get('NOTIFY_SOCKET', '')
-        # Told twice as often as asked for, as sd_watchdog_enabled(3) recommends.
+        # Twice as often as asked for, as sd_watchdog_enabled(3) recommends.
         self._period = int(os.environ.get('WATCHDOG_USEC', 0)) / 2e6
         self._ready = False
         self._next = 0.0
@@ -48,7 +48,7 @@ class Systemd:
             self._say('WATCHDOG=1')
 
     def ends(self) -> None:
-        """Say that the node ends as it was told to."""
+        """Notify that the node stops on request."""
         if self._address:
             self._say('STOPPING=1')
 

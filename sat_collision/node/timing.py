@@ -18,14 +18,14 @@ from __future__ import annotations
 
 
 class Every:
-    """Tells when something that recurs is due, by a clock in seconds."""
+    """A timer for something that recurs, by a clock in seconds."""
 
     def __init__(self, period: float) -> None:
         self._period = period
         self._next = 0.0
 
     def due(self, now: float) -> bool:
-        """Tell whether it is due; if so, the next time is a period later."""
+        """Return whether it is due; if so, it is due again a period later."""
         if now < self._next:
             return False
         self._next += self._period
@@ -35,7 +35,7 @@ class Every:
 
 
 class ClockWatch:
-    """Tells whether a clock stands still, by another one that does not."""
+    """Detects that a clock stands still, by another one that does not."""
 
     def __init__(self) -> None:
         self._reading: int | None = None
@@ -43,7 +43,7 @@ class ClockWatch:
 
     def stands(self, reading: int, now: float, timeout: float) -> bool:
         """
-        Tell whether the clock has read the same for longer than a timeout.
+        Return whether the clock has read the same for longer than a timeout.
 
         Parameters
         ----------

@@ -69,7 +69,7 @@ class Waiting:
         return [*self._node.subscriptions, *self._node.services]
 
     def is_outdated(self) -> bool:
-        """Tell whether the node has other ones by now."""
+        """Return whether the node has others by now."""
         return self._entities != self._entities_now()
 
     def wait(self, seconds: float, for_others: bool) -> set[int]:

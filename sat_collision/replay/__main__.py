@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where replay_check begins: a crash, even of an import, never has the status of a collision."""
+"""The entry point of replay_check: a crash never has the exit status of a collision."""
 
 from __future__ import annotations
 

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What replay computes with: compiled kernels, or plain Python where that is done before them.
+What replay computes with: compiled kernels, or plain Python where compiling would take longer.
 
-That is chosen before anything of the geometry is imported, for then it is too late.
+The choice must be made before anything of the geometry is imported.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ from sat_collision.replay.bag.unpacking import Limits
 
 _TYPES = ('geometry_msgs/msg/PolygonStamped', 'geometry_msgs/msg/PolygonInstanceStamped')
 # So many messages take plain Python some 2 s, and compiling takes more than 10 s. That pays off
-# later; but no small check should have to wait for it.
+# later; but small checks should not have to wait for it.
 _FEW = 3_000
 
 
 def choose(bags: Iterable[str], limits: Limits) -> bool:
     """
-    Choose plain Python for few messages if nothing is compiled yet; tell if there is to compile.
+    Return whether to compile; choose plain Python where that is slower, for few messages.
 
-    It holds for the processes that this one starts, too.
+    The choice holds for the processes that this one starts, too.
     """
     mark = _mark()
     if mark is None or mark.exists():

@@ -87,7 +87,7 @@ class SceneKeyframes:
 
 class Timeline:
     """
-    Follows a scene: told of every change, it notes contacts, unknown times and separations.
+    Follows a scene and records contacts, unknown times and separations.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ class Timeline:
                         self._keyframes.keep(now, depth)
 
     def sample(self, now: int) -> None:
-        """Note how far each footprint is from what is nearest to it."""
+        """Record how far each footprint is from what is nearest to it."""
         for name, series in self._series.items():
             found = None
             if self._since[name][1] is not Status.UNKNOWN:

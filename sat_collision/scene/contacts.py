@@ -71,7 +71,7 @@ class Contacts:
                 self.changed.add(footprint)
 
     def place_footprint(self, footprint: Footprint, where: PackedBody) -> None:
-        """Put a footprint somewhere, or move it there."""
+        """Place or move a footprint."""
         row = footprint.row
         if row is None:
             row = self._footprints.new_row(footprint)
@@ -83,7 +83,7 @@ class Contacts:
                 self.changed.add(footprint)
 
     def place_obstacle(self, obstacle: Obstacle, where: PackedBody) -> bool:
-        """Put an obstacle somewhere, or move it there; tell whether it was elsewhere."""
+        """Place or move an obstacle; return whether it was elsewhere."""
         row = obstacle.row
         if row is None:
             row = self._obstacles.new_row(obstacle)

@@ -46,7 +46,7 @@ class State(NamedTuple):
     contacts : tuple of ObstacleId
         The obstacles that share a point with it, sorted; empty unless in collision.
     reasons : tuple of str
-        Sentences: why the status is unknown or imminent, or what else is in doubt beside a
+        Sentences: why the status is unknown or imminent, or what else is unknown beside a
         collision. They
         hold no running figures, so that a state does not change only because time passes.
     age : float or None
@@ -175,13 +175,13 @@ class Footprint(Body[Obstacle]):
                 self._names = None
 
     def set_back(self, now: int) -> None:
-        """Forget all times, which were those of another clock."""
+        """Forget all times: the clock was set back."""
         self.stream.set_back(now)
         self.received = self._clear_since = None
         self._release = NEVER
 
     def find_stream_faults(self, now: int) -> bool:
-        """Find out what is wrong with the publishers now; tell whether that is new."""
+        """Update the faults of the publishers; return whether they have changed."""
         self.stream.pass_time(now)
         faults = tuple(self.stream.faults())
         if faults == self._stream_faults:
@@ -198,7 +198,7 @@ class Footprint(Body[Obstacle]):
         ----------
         now : int
         monitor_fault : str
-            Why nothing can be known of any footprint; empty if something can.
+            Why no footprint can be known; empty if they can.
         source_faults : tuple of str
             Why there may be obstacles that were not received.
         release_delay : int

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Names of frames, which strangers send, in words for users."""
+"""Names of frames as received from others, made safe to print."""
 
 import re
 

@@ -92,7 +92,7 @@ class NoTransform(NamedTuple):
     detail : str
         What is the matter here, for users.
     may_come : bool
-        Whether later transforms may yet tell.
+        Whether later transforms may yet give an answer.
 
     """
 

@@ -76,7 +76,7 @@ class _Listing:
         self.max_count = settings.max_count
 
     def wait(self, now: int) -> None:
-        """Take for no pause what was none: messages may still be queued."""
+        """Do not count a wait as a pause: messages may still be queued."""
 
     @property
     def _timeout_in_words(self) -> str:
@@ -235,7 +235,7 @@ class Sets(_Listing):
         return self._sets[0] if self._sets and self._sets[0].is_whole else None
 
     def _is_near(self, current: _Set, stamp: int) -> bool:
-        """Tell whether a stamp is in the window of a set that no empty polygon has ended."""
+        """Return whether a stamp is in the window of a set that no empty polygon has ended."""
         return not current.is_ended and abs(stamp - current.start) <= self.window
 
     def _follow(self, news: News, stamp: int, time: int, now: int) -> _Set:
@@ -265,7 +265,7 @@ class Sets(_Listing):
         self._sets.append(current)
         is_first_whole = self._sets[0].is_whole
         if len(self._sets) > _MOST_SETS + 1 + is_first_whole:
-            # That is too much to hold.
+            # Too many to hold.
             self.is_known = False
             self._sets.pop(is_first_whole).group.clear()
         return current
@@ -308,7 +308,7 @@ class _Keyed(_Listing):
 
 class Keys(_Keyed):
     """
-    Listings of obstacles that are told apart by id, or by shape: all that comes in one timeout.
+    Listings of obstacles that are identified by id or shape: all that comes in one timeout.
 
     Known from the first message on that is stamped a whole timeout after the one with which
     receiving without a gap began. An obstacle is forgotten when a message stamped more than the
@@ -347,7 +347,7 @@ class Keys(_Keyed):
         if self._last + self.timeout < now:
             self.is_known = False
             self.group.forget_before(now - self.timeout)
-            # A message that was late must not go on as if nothing had been forgotten.
+            # A late message must not continue as if nothing had been forgotten.
             self._since = NEVER
 
     @property

@@ -220,7 +220,7 @@ class SetGroup(ObstacleGroup):
 
 
 class KeyedGroup(ObstacleGroup):
-    """Obstacles that are told apart by id or shape, each where its newest stamp says."""
+    """Obstacles identified by id or shape, each where its newest stamp says."""
 
     def __init__(self, store: ObstacleStore) -> None:
         super().__init__(store)

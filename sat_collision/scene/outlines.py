@@ -48,7 +48,7 @@ def outline_of(settings: FootprintSettings, max_vertices: int) -> Outline:
     if settings.points and settings.radius:
         raise OutlineError(f'{name}.points and {name}.radius are both given: choose one')
     pairs = _pairs(settings) if settings.points else _disc(settings)
-    with np.errstate(over='ignore'):  # it is not finite then, which is told
+    with np.errstate(over='ignore'):  # it is not finite then, which is reported
         vertices = np.array(pairs, np.float32).astype(np.float64)
     try:
         Polygon(vertices, max_vertices)

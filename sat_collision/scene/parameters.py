@@ -38,7 +38,7 @@ _RESERVED = frozenset((*specs(Settings), *_OF_EVERY_NODE))
 
 
 class ParameterError(ValueError):
-    """These parameters make no sense; the message is for the user, in one line."""
+    """Parameters are invalid; the message is for the user, in one line."""
 
     def __init__(self, message: object) -> None:
         super().__init__(' '.join(str(message).split()))
@@ -80,7 +80,7 @@ def declare_parameters(
 
 def check_names_given(given: Iterable[str], known: Collection[str]) -> None:
     """
-    Refuse parameters that there are not: mistyped, one would keep its default in silence.
+    Reject unknown parameters: a mistyped one would silently keep its default.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ def _not_named(name: str, known: Iterable[str]) -> str:
 
 
 def _nearest(wrong: str, names: Iterable[str]) -> str:
-    """Return the one of some names that may have been meant, empty if none is like it."""
+    """Return the most similar of some names, empty if none is similar."""
     return next(iter(get_close_matches(wrong, names, n=1)), '')
 
 

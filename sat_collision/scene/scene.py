@@ -61,14 +61,14 @@ class Scene:
     Footprints and obstacles, and the state of each footprint.
 
     A message is decided against the bodies that it may meet; all else stays as it was decided.
-    In doubt a footprint is unknown, never clear. It is
+    Where knowledge is missing a footprint is unknown, never clear. It is
 
     - UNKNOWN if nothing is known of the footprint itself (not received, refused, in another frame,
       older than its timeout, disabled, of two publishers), if checking is disabled, or if there
       is no clock;
     - else in COLLISION if it shares a point with an obstacle, or is within the margin of one: a
-      proved contact stays true whatever else is in doubt;
-    - else UNKNOWN if a source of obstacles is not known, see `knowledge`, or none is enabled:
+    proved contact stays true whatever else is unknown; - else UNKNOWN if a source of obstacles is
+    not known, see `knowledge`, or none is enabled:
       there may be an obstacle that was not received;
     - else IMMINENT if `look_ahead` found that it is in contact within its min_time_to_collision;
     - else CLEAR, which is reported once it has been so for `release_delay`.
@@ -350,7 +350,7 @@ class Scene:
         return +Counter({name: thing.stream.lost for name, thing in things.items()})
 
     def wants_history(self, name: str) -> bool:
-        """Tell whether the one publisher of a map must be asked for all that it has sent."""
+        """Return whether the one publisher of a map must be asked for all that it has sent."""
         source = self._sources.get(name)
         return (source is not None and source.wants_history
                 and not source.stream.faults())

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a monitor is configured with: each setting, its default, limits and meaning stand once."""
+"""The settings of a monitor, each with its default, limits and meaning."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from sat_collision.geometry.polygon import MAX_VERTICES
 POLYGON = 'polygon'
 POLYGON_INSTANCE = 'polygon_instance'
 
-# Where the frame of an outline is told, unless it has a topic for that.
+# Where the frame of an outline is published, unless it has a topic for that.
 TF = '/tf'
 
 # The sources there are unless others are named. They are not called like the lists that name them:
@@ -81,7 +81,7 @@ def specs(kind: type) -> dict[str, tuple[Any, Spec]]:
 
 @dataclass(frozen=True, slots=True)
 class FootprintSettings:
-    """One footprint: a body of ours, with a name and a topic of its own."""
+    """One footprint, with a name and a topic of its own."""
 
     name: str
     topic: str = field(metadata=_setting(
@@ -119,11 +119,11 @@ class FootprintSettings:
 
     @property
     def has_outline(self) -> bool:
-        """Whether it has an outline of its own instead of a topic that tells it."""
+        """Whether it has an outline as a parameter instead of a topic."""
         return bool(self.points) or self.radius > 0.0
 
     def monitors(self, source: str) -> bool:
-        """Tell whether the obstacles of a source, and its faults, concern the footprint."""
+        """Return whether the obstacles of a source, and its faults, concern the footprint."""
         return not self.obstacles or source in self.obstacles
 
 

@@ -97,7 +97,7 @@ class Stream:
         self.mixed_until: float = NEVER
         # The number of the message before, where `next` does not have it.
         self._last = 0
-        # By gid, in the order in which they came; None where nobody tells.
+        # By gid, in the order in which they came; None where that is not known.
         self._endpoints: dict[str, Endpoint] | None = None
         self._speaker: str | None = None
         # Publishers of which nothing has come yet, and those of which something may have come.
@@ -153,7 +153,7 @@ class Stream:
             self._find_speaker(number, expected, now)
             return BEGUN if number == 1 else MET
         if expected is None:
-            # Whose it is cannot be told, unless there is only one.
+            # Whose it is is not known, unless there is only one.
             if self._endpoints and len(self._endpoints) == 1:
                 self._speaker, = self._endpoints
                 self._perhaps_silent.clear()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Messages that wait until more is known, in the order in which they came."""
+"""Messages that wait for a transform, in the order in which they came."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ WAIT = Wait.WAIT
 
 class Waiting(Generic[_Item, _Outcome]):
     """
-    What waits, by the name of what it is for, each behind that which came before it.
+    Queues of waiting items by name, each in order of arrival.
 
     Parameters
     ----------
@@ -59,16 +59,16 @@ class Waiting(Generic[_Item, _Outcome]):
         self.earliest = NEVER
 
     def __contains__(self, name: object) -> bool:
-        """Tell whether something waits for what has this name."""
+        """Return whether something waits under this name."""
         return name in self._queues
 
     def counts(self) -> dict[str, int]:
-        """Return how many wait, by the name of what they are for."""
+        """Return how many wait, by name."""
         return {name: len(queue) for name, queue in self._queues.items()}
 
     def add(self, name: str, item: _Item, now: int, timeout: int, limit: int) -> list[_Outcome]:
         """
-        Let something wait behind all that waits for the same.
+        Append an item to the queue of its name.
 
         Parameters
         ----------
@@ -90,7 +90,7 @@ class Waiting(Generic[_Item, _Outcome]):
         return outcomes
 
     def take(self, now: int) -> list[_Outcome]:
-        """Take what need not wait any more, and return what came of it."""
+        """Take what need not wait any more, and return the results."""
         outcomes: list[_Outcome] = []
         for name, queue in [*self._queues.items()]:
             while queue and self._take_first(name, now, now <= queue[0][1], outcomes):
@@ -101,7 +101,7 @@ class Waiting(Generic[_Item, _Outcome]):
         return outcomes
 
     def drop(self) -> None:
-        """Let nothing wait any more."""
+        """Drop all that waits."""
         self._queues.clear()
         self.earliest = NEVER
 

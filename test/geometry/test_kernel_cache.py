@@ -39,7 +39,7 @@ def twice(x):
 """
 PROGRAM = """
 from sat_collision.geometry.caller import twice
-from sat_collision.geometry.kernel_problem import kernel_problem
+from sat_collision.geometry.compilation import kernel_problem
 hits = getattr(twice, 'stats', None)
 print(twice(3.0), sum(hits.cache_hits.values()) if hits else 0, kernel_problem())
 """
@@ -133,7 +133,7 @@ def kernel_{k}_(x):
 """ for k in range(len(DAMAGES)))
 PROGRAM_OF_MANY = """
 from sat_collision.geometry import caller
-from sat_collision.geometry.kernel_problem import kernel_problem
+from sat_collision.geometry.compilation import kernel_problem
 kernels = [getattr(caller, f'kernel_{k}_') for k in range(%d)]
 print(sum(one(1.0) for one in kernels), sum(sum(one.stats.cache_hits.values()) for one in kernels),
       kernel_problem())

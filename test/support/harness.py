@@ -279,9 +279,9 @@ class RunningMonitor(MonitorPeer):
     def _is_heard(self, topic):
         """Tell whether the monitor's scene, too, knows of our publisher, if it is to know."""
         topic = self.node.resolve_topic_name(topic)
-        told = self.monitor._inputs.publishers.told
+        reported = self.monitor._inputs.publishers.reported
         return super()._is_heard(topic) and all(
-            told.get(one.name) for one in self.monitor._inputs.inputs
+            reported.get(one.name) for one in self.monitor._inputs.inputs
             if one.subscription.topic_name == topic)
 
     @property

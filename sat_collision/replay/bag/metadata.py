@@ -39,7 +39,7 @@ class Metadata(NamedTuple):
     total : int
         Number of messages in all.
     latched : set of str
-        Topics whose publishers had what they sent last delivered to who came later.
+        Topics whose publishers were transient local.
     packed : bool
         Files or messages are compressed one by one.
 
@@ -84,7 +84,7 @@ def read_metadata(path: Path, most: int) -> Metadata:
 
 
 def _is_latched(profiles: Any) -> bool:
-    """Tell whether one of the profiles, a list or the YAML text of one, has it."""
+    """Return whether one of the profiles, a list or the YAML text of one, has it."""
     if isinstance(profiles, str):
         try:
             profiles = yaml.load(profiles, yaml.SafeLoader)

@@ -41,8 +41,8 @@ class Recording:
     """
     A rosbag2 recording: a directory with metadata.yaml, or one storage file.
 
-    Every file is read for as far as that goes, and every fault is noted, so that a damaged
-    recording still tells what it can. What metadata.yaml announces is compared with what is
+    Every fault of a file is recorded, so that a damaged
+    recording is read as far as possible. What metadata.yaml announces is compared with what is
     there. To be used as a context manager.
 
     Parameters
@@ -55,7 +55,7 @@ class Recording:
     topics, counts : dict
         Type and number of messages of each topic.
     latched : set of str
-        Topics whose publishers had what they sent last delivered to who came later.
+        Topics whose publishers were transient local.
     start, end : int
         Times of the first and the last message in ns, None if there is none.
 
@@ -106,7 +106,7 @@ class Recording:
 
     @property
     def content(self) -> str | None:
-        """What the messages that were read are known by, whatever they are stored in."""
+        """A digest of the messages that were read, the same for any storage; None without any."""
         if not self._sums:
             return None
         return hashlib.sha256(repr(sorted(self._sums.items())).encode()).hexdigest()[:16]

@@ -30,7 +30,7 @@ from sat_collision.replay.bag.unpacking import in_words, Scratch
 
 
 def is_there() -> bool:
-    """Tell whether rosbag2_py can be imported."""
+    """Return whether rosbag2_py can be imported."""
     return is_installed('rosbag2_py')
 
 

@@ -73,7 +73,7 @@ class SqliteFile:
             self._read_topics(self._connection)
             self._survey(self._connection, size)
         except (sqlite3.Error, OSError, Damage) as error:
-            faults.damaged(f'damaged after {self.counts.total()} messages: {_told(error)}')
+            faults.damaged(f'damaged after {self.counts.total()} messages: {_message_of(error)}')
 
     def close(self) -> None:
         if self._connection:
@@ -102,7 +102,7 @@ class SqliteFile:
                         data = b''
                     yield topic, time, data
         except sqlite3.Error as error:
-            self._faults.damaged(f'damaged after {read.total()} messages: {_told(error)}')
+            self._faults.damaged(f'damaged after {read.total()} messages: {_message_of(error)}')
         if untimed or unfit:
             self._faults.differs('types', f'{untimed + unfit} messages have values of wrong types')
         for topic, count in read.items():
@@ -203,8 +203,8 @@ def _size(path: Path) -> int:
     return path.stat().st_size if path.exists() else 0
 
 
-def _told(error: Exception) -> str:
-    """Return what an error says; but an interrupt, which SQLite tells as an error, is raised."""
+def _message_of(error: Exception) -> str:
+    """Return an error's message; an interrupt, which SQLite reports as an error, is raised."""
     if isinstance(error, sqlite3.OperationalError) and str(error) == 'interrupted':
         raise KeyboardInterrupt from error
     return in_words(error)

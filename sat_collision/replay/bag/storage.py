@@ -26,7 +26,7 @@ Message: TypeAlias = tuple[str, int, bytes]  # topic, time in ns, data
 
 
 def is_installed(library: str) -> bool:
-    """Tell whether a library can be imported; a folder of the same name is none."""
+    """Return whether a library can be imported; a folder of the same name is none."""
     try:
         spec = find_spec(library)
     except ModuleNotFoundError:  # what it lies in
@@ -36,7 +36,7 @@ def is_installed(library: str) -> bool:
 
 class Storage(Protocol):
     """
-    A storage file, of which faults are noted while it is opened and read.
+    A storage file, of which faults are recorded while it is opened and read.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Storage(Protocol):
 
 
 class Recorded(Protocol):
-    """What is asked of a recording to check it; the attributes are those of Recording."""
+    """The interface of a recording that is checked; the attributes are those of Recording."""
 
     path: Path
     topics: dict[str, str]
@@ -112,14 +112,14 @@ class Faults:
         self._differences: dict[object, str] = {}
 
     def damaged(self, where: str) -> None:
-        """Note a damaged place, told as the first one or counted."""
+        """Record a damaged place: the first one is described, further ones are counted."""
         if self._first:
             self._more += 1
         else:
             self._first = where
 
     def differs(self, about: object, words: str) -> None:
-        """Note, once for everything that it may be about, that two numbers differ."""
+        """Record that two numbers differ, once for each subject."""
         self._differences.setdefault(about, words)
 
     def __bool__(self) -> bool:
@@ -135,5 +135,5 @@ class Faults:
         if differences[_MOST:]:
             parts.append(f'and {len(differences) - _MOST} more differences')
         # Names of topics come from the file, and may be anything.
-        told = ''.join(letter if letter.isprintable() else '?' for letter in '; '.join(parts))
-        return f'{self._file}: {told[:_LONGEST]}'
+        text = ''.join(letter if letter.isprintable() else '?' for letter in '; '.join(parts))
+        return f'{self._file}: {text[:_LONGEST]}'

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is compressed, made plain within limits of memory and disk."""
+"""Decompression within limits of memory and disk."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Damage(Exception):
 @dataclass(frozen=True)
 class Limits:
     """
-    How much may be taken for a recording, in bytes.
+    How much memory and disk a recording may take, in bytes.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ def why_not_unpacked(compressions: Iterable[str]) -> str | None:
         try:
             _LIBRARIES[compression]()
         except KeyError:
-            pass  # told of what it is, when it is read
+            pass  # reported when it is read
         except Damage as damage:
             return str(damage)
     return None

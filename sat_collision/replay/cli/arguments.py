@@ -118,7 +118,7 @@ def _parser() -> argparse.ArgumentParser:
     add('--expect', metavar='FILE', help='compare with a result that --json wrote before')
     output = parser.add_argument_group('output')
     add = output.add_argument
-    add('--json', metavar='FILE', help='write the result; docs/replay.md has the schema')
+    add('--json', metavar='FILE', help='write the result; docs/replay_json.md has the schema')
     add('--csv', metavar='FILE', help='write a row for each contact and each unknown interval')
     add('--junit', metavar='FILE', help='write a test suite for each recording')
     add('--plot', metavar='FILE',

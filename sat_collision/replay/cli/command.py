@@ -183,7 +183,7 @@ def _check_destinations(arguments: argparse.Namespace) -> None:
 
 
 def _say(lines: Iterable[str]) -> None:
-    """Print lines; once nobody reads them any more, as behind `head`, go on without."""
+    """Print lines; ignore a reader that has gone, such as `head`."""
     try:
         print('\n'.join(lines), flush=True)
     except BrokenPipeError:
@@ -191,7 +191,7 @@ def _say(lines: Iterable[str]) -> None:
 
 
 def _draw(results: list[Result], path: str, debug: bool) -> None:
-    """Draw; what cannot be drawn is a problem of its recording only."""
+    """Draw; a failure is a problem of its recording only."""
     try:
         files.draw(results, path)
     except Exception as error:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The embedded warehouse scene as a recording, to try the check on."""
+"""The warehouse scene as an example recording."""
 
 from __future__ import annotations
 
@@ -59,9 +59,11 @@ def write_example(path: str | Path) -> None:
         elapsed = tick * _PERIOD
         stamp = _START + round(elapsed * 1e9)
         outlines = [(name, warehouse.footprint(name, elapsed)) for name in warehouse.FOOTPRINTS]
-        outlines.append(('people', warehouse.person(elapsed)))
+        sets = [('people', [warehouse.person(elapsed)])]
         if tick % _STATIC_EVERY == 0:
-            outlines += [('warehouse', outline) for outline in warehouse.STATIC]
+            sets.append(('warehouse', [*warehouse.STATIC]))
+        outlines += [(name, outline) for name, obstacles in sets
+                     for outline in (*obstacles, warehouse.NOTHING)]
         for name, outline in outlines:
             writer.write(f'/{name}', stamp + _DELAY, _message(outline, stamp))
     writer.close()

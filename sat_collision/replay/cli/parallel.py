@@ -31,8 +31,8 @@ from sat_collision.replay.model.result import Result
 from sat_collision.replay.run import check, OnProgress
 
 _ATTEMPTS = 3
-# For how long a scheduler is waited for, s.
-_PATIENCE = 10
+# How long to wait for a scheduler, s.
+_TIMEOUT = 10
 
 
 def check_one(path: str, options: Options, progress: OnProgress | None = None) -> Result:
@@ -77,7 +77,7 @@ def check_here(paths: Iterable[str], options: Options, jobs: int) -> Iterator[Re
 
 
 def _pool(jobs: int) -> ProcessPoolExecutor:
-    # A process that is interrupted at the terminal ends without a word.
+    # A process that is interrupted at the terminal ends silently.
     return ProcessPoolExecutor(jobs, multiprocessing.get_context('spawn'),
                                signal.signal, (signal.SIGINT, signal.SIG_DFL))
 
@@ -104,7 +104,7 @@ def check_on_cluster(paths: Iterable[str], options: Options, address: str) -> It
     """
     import distributed
     try:
-        connected = distributed.Client(address, timeout=_PATIENCE, set_as_default=False)
+        connected = distributed.Client(address, timeout=_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:
         raise OSError(f'--dask: no scheduler answers at {address}: {in_words(error)}') from error
     with connected as client:

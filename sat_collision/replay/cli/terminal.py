@@ -27,10 +27,10 @@ from typing import Any, TextIO
 
 from sat_collision.replay.model.result import Verdict
 
-# What is longer would go over the end of a line, which cannot be removed.
+# A longer line would wrap, and could not be removed.
 _LONGEST = 25
 _BAR = 30
-_PATIENCE = 1.0
+_DELAY = 1.0
 _REDRAW = 0.1
 
 
@@ -50,7 +50,7 @@ class Progress:
         self._what = f'{what[:_LONGEST]} ' if what else ''
         self._stream = stream
         self._begun = time.monotonic()
-        self._next = self._begun + _PATIENCE if stream.isatty() else float('inf')
+        self._next = self._begun + _DELAY if stream.isatty() else float('inf')
         self._shown = False
 
     def show(self, share: float) -> None:

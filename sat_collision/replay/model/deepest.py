@@ -21,7 +21,7 @@ from sat_collision.replay.model.result import Contact
 
 def deepen(contact: Contact, depth: float, time: int, own: Polygon, other: Polygon) -> bool:
     """
-    Take a moment as the deepest of a contact if it is deeper than those before; tell if so.
+    Update the deepest moment of a contact; return whether this is it.
 
     Parameters
     ----------

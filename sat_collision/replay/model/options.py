@@ -40,7 +40,7 @@ class Options:
     node : str
         Full name of the node.
     as_live : bool
-        Tell what the monitor would have said, instead of what touched by recorded motion.
+        Answer what the monitor would have said, instead of what touched by recorded motion.
     clock : str
         RECEIVE or HEADER: the time of a message is when it was received, or its stamp.
     start, duration : float

@@ -52,7 +52,7 @@ _AROUND = 40
 _MOST_AROUND = 20
 MOST_CONTACTS = 200
 
-# From the least grave verdict to the gravest.
+# From the least to the most serious verdict.
 GRAVITY = (Verdict.CLEAR, Verdict.UNKNOWN, Verdict.BAD_INPUT, Verdict.COLLISION)
 
 
@@ -157,7 +157,7 @@ class SourceResult:
 
     `undetermined` is for how long (ns) recorded motion does not know how something of it moved,
     because it was not known to be the same at both ends: only the ends were decided. `refused` is
-    how many messages tell of no body because of what they contain, such as NaN or a crossing.
+    how many messages were refused for their content, such as NaN or self-intersection.
     """
 
     name: str
@@ -174,7 +174,7 @@ class Result:
     """
     What was found in one recording.
 
-    `as_live` tells which question is answered: what the monitor would have said, or what touched.
+    `as_live` says which question is answered: what the monitor would have said, or what touched.
     `origin` is when the recording begins, `start` what part of it was checked. `problems` say
     what is wrong with the recording, `notes` what else a reader should know.
     `keyframes` has the bodies at moments worth drawing, if asked for. `content` is what the
@@ -257,7 +257,7 @@ class Result:
 
 
 def overall(results: Iterable[Result]) -> Verdict:
-    """Return the verdict on several recordings: the gravest one."""
+    """Return the verdict on several recordings: the most serious one."""
     return max((result.verdict for result in results), key=GRAVITY.index,
                default=Verdict.BAD_INPUT)
 
@@ -324,7 +324,7 @@ def _least(a: float | None, b: float | None) -> float | None:
 
 class Unknowns:
     """
-    Joins what is told of footprints to intervals.
+    Joins the unknown times of footprints to intervals.
 
     Attributes
     ----------
@@ -338,7 +338,7 @@ class Unknowns:
         self._open: dict[str, Unknown] = {}
 
     def follow(self, name: str, reasons: Iterable[str], now: int) -> None:
-        """Take note of why a footprint is unknown from now on; for no reason if it is not."""
+        """Record why a footprint is unknown from now on; no reasons if it is known."""
         reasons = list(reasons)
         unknown = self._open.get(name)
         if unknown and unknown.reasons != reasons:

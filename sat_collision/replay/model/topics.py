@@ -48,7 +48,7 @@ def settings_for(types: Mapping[str, str], parameters: Mapping[str, object],
     What neither the parameters nor the names say is found by type and name, where only one
     reading is possible: the topics that the node has by default; else the one footprint topic,
     which must be alone in its type or in having 'footprint' in its name, and the one other topic.
-    A kind that has no topic keeps the default, and is never heard.
+    A kind that has no topic keeps the default, and receives nothing.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def missing_topics(settings: Settings, types: Mapping[str, str]) -> list[str]:
 
 
 def is_subscribed(source: Source) -> bool:
-    """Tell whether a source has a topic of its own, instead of a frame of /tf."""
+    """Return whether a source has a topic of its own, instead of a frame of /tf."""
     return not (isinstance(source, FootprintSettings) and source.has_outline
                 and not source.odometry)
 

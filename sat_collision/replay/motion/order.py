@@ -23,7 +23,7 @@ from operator import itemgetter
 from typing import TypeAlias
 
 from sat_collision.messages.cdr import header_stamp
-from sat_collision.messages.teller import Batch
+from sat_collision.messages.ingest import Batch
 from sat_collision.messages.transform_listener import TF_STATIC
 from sat_collision.monitor import Monitor
 from sat_collision.replay.bag.storage import Message

@@ -138,7 +138,7 @@ class Sweep:
             self.prediction.look_ahead(step)
 
     def _is_due(self, step: Step, now: int) -> bool:
-        """Tell whether the way through a step is known, or no frame of it will come any more."""
+        """Return whether the way through a step is known, or no frame of it will come any more."""
         latest = self.trajectory.latest
         if latest is not None and step.finish <= latest:
             return True
@@ -244,7 +244,7 @@ class Motion:
                    if source == name)
 
     def is_decided(self, name: str) -> bool:
-        """Tell whether a footprint was ever decided against all obstacles that there were."""
+        """Return whether a footprint was ever decided against all obstacles that there were."""
         return self._sweeps[name].is_decided
 
     def _place_footprint(self, placement: Placement) -> None:

@@ -30,7 +30,7 @@ _Bag: TypeAlias = dict[str, Any]
 # Separations are rounded: another processor or NumPy may round otherwise.
 _TOLERANCE = 1e-9
 _PLACES = {'x', 'y', 'depth', 'separation', 'time_to_collision'}
-# Where two ways out are equally short, rounding decides which.
+# Where two normals are equally good, rounding decides which.
 _MANIFOLD = {'normal', 'points'}
 _CURVES = {'separation', 'time_to_collision'}
 _LEFT_OUT = {'bag', 'content', 'problems', 'notes', 'max_unknown', 'max_undetermined',
@@ -76,10 +76,10 @@ class Baseline:
         """
         Return each recording's name, with lines that say what differs.
 
-        Recordings are known by their content, wherever they lie and whatever stores them; those
-        whose content was never seen by the last part of their path. Contacts and unknown
-        intervals are known by footprint and obstacle, in order. The words of problems and notes,
-        normals and points of contact are not compared.
+        Recordings are matched by their content, wherever and however they are stored; others
+        by the last part of their path. Contacts and unknown intervals are matched by footprint and
+        obstacle, in order. The words of problems and notes, normals and points of contact are not
+        compared.
         """
         checked: list[_Bag] = as_dict(results)['bags']
         left = list(self._bags)

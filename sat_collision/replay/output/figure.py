@@ -28,7 +28,7 @@ from matplotlib.transforms import Bbox
 import numpy as np
 from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody, Span
 from sat_collision.replay.model.result import deepest_contacts, Result
-from sat_collision.replay.output.rows import Band, Rows, rows_of
+from sat_collision.replay.output.rows import Bar, Rows, rows_of
 from sat_collision.replay.output.style import (
     colours, CONTACT, distance, INK, name_of, OBSTACLE, touching, UNKNOWN)
 
@@ -40,7 +40,7 @@ _DPI = 110
 # How many scenes are drawn, and how many beside each other.
 _MOST_SCENES = 6
 _COLUMNS = 3
-# Of a row in inches, of a band in rows, and how much of all time a band takes at least to be seen.
+# Of a row in inches, of a bar in rows, and how much of all time a bar takes at least to be seen.
 _ROW = 0.24
 _HEIGHT = 0.72
 _LEAST = 1 / 250
@@ -133,10 +133,10 @@ def _words(view: _View, result: Result) -> str:
 def _draw_curves(result: Result, rows: list[Rows], axes: Axes) -> None:
     """Draw separations over time, with contacts and unknown times as shades behind them."""
     axes.set_ylabel('separation [m]')
-    bands = [band for row in rows for band in row.bands]
+    bars = [bar for row in rows for bar in row.bars]
     for is_contact, colour in ((False, UNKNOWN), (True, CONTACT)):
-        for first, last in _joined(_bounds(band, result) for band in bands
-                                   if (band.contact is not None) is is_contact):
+        for first, last in _joined(_bounds(bar, result) for bar in bars
+                                   if (bar.contact is not None) is is_contact):
             axes.axvspan(first, last, color=colour, alpha=0.15, linewidth=0)
     of_footprint = colours(result)
     for footprint in result.footprints:
@@ -169,26 +169,26 @@ def _draw_rows(result: Result, rows: list[Rows], axes: Axes) -> None:
     for row in rows:
         if row.first:
             axes.axhline(row.first - 0.5, color=UNKNOWN, linewidth=0.4)
-        for band in row.bands:
-            first, last = _bounds(band, result)
+        for bar in row.bars:
+            first, last = _bounds(bar, result)
             axes.add_patch(Rectangle(
-                (first, band.row - _HEIGHT / 2), last - first, _HEIGHT, linewidth=0,
-                color=CONTACT if band.contact else UNKNOWN))
+                (first, bar.row - _HEIGHT / 2), last - first, _HEIGHT, linewidth=0,
+                color=CONTACT if bar.contact else UNKNOWN))
     _use_times(result, axes)
 
 
 def _label_rows(result: Result, rows: list[Rows], axes: Axes) -> None:
-    """Write what each band is; the deepest contacts come first where room is short."""
+    """Write what each bar is; the deepest contacts come first where room is short."""
     for row in rows:
         labels = _Labels(axes)
         boxes = []
-        for band in row.bands:
-            first, last = _bounds(band, result)
+        for bar in row.bars:
+            first, last = _bounds(bar, result)
             boxes.append(Bbox(axes.transData.transform([
-                (first, band.row + _HEIGHT / 2), (last, band.row - _HEIGHT / 2)])))
+                (first, bar.row + _HEIGHT / 2), (last, bar.row - _HEIGHT / 2)])))
             labels.avoid(boxes[-1])
-        for band, box in zip(row.bands, boxes):
-            labels.place(band.text, box, INK, sides=((0, 0), (1, 0), (-1, 0)))
+        for bar, box in zip(row.bars, boxes):
+            labels.place(bar.text, box, INK, sides=((0, 0), (1, 0), (-1, 0)))
 
 
 def _height(rows: list[Rows]) -> int:
@@ -196,10 +196,10 @@ def _height(rows: list[Rows]) -> int:
     return rows[-1].end if rows else 1
 
 
-def _bounds(band: Band, result: Result) -> tuple[float, float]:
-    """Return from when to when a band is drawn, in s; a short one longer than it is."""
-    missing = max(_LEAST * result.duration - (band.last - band.first), 0.0) / 2
-    return band.first - missing, band.last + missing
+def _bounds(bar: Bar, result: Result) -> tuple[float, float]:
+    """Return from when to when a bar is drawn, in s; a short one longer than it is."""
+    missing = max(_LEAST * result.duration - (bar.last - bar.first), 0.0) / 2
+    return bar.first - missing, bar.last + missing
 
 
 def _joined(bounds: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -314,13 +314,13 @@ class _Labels:
     def place(self, text: str, bounds: Bbox, colour: str,
               sides: Sequence[tuple[int, int]] = _SIDES) -> bool:
         """
-        Write a text beside a body or a band, where it fits.
+        Write a text beside a body or a bar, where it fits.
 
         Parameters
         ----------
         text : str
         bounds : Bbox
-            Of the body or band, in pixels.
+            Of the body or bar, in pixels.
         colour : str
         sides : sequence of tuple, optional
             Where to try: -1 is left or below, 1 right or above; (0, 0) is inside, in white.

@@ -95,7 +95,7 @@ def check_picture(path: str) -> None:
 
 
 def is_page(path: str) -> bool:
-    """Tell whether what is drawn into a file is a page."""
+    """Return whether what is drawn into a file is a page."""
     return Path(path).suffix.lower() == '.html'
 
 

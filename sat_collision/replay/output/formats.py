@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Results for machines: JSON, CSV and JUnit XML; docs/replay.md has the JSON schema."""
+"""Results for machines: JSON, CSV and JUnit XML; docs/replay_json.md has the JSON schema."""
 
 from __future__ import annotations
 

@@ -105,7 +105,7 @@ def _estimate(bodies: list[ShownBody], moments: int) -> int:
 
 
 def _nearest_half(bodies: list[ShownBody]) -> list[ShownBody]:
-    """Return the footprints, and that half of the others which comes nearest to their ways."""
+    """Return the footprints, and that half of the others which comes nearest to their paths."""
     own = [body for body in bodies if body.is_footprint]
     ways = np.array([span.ring[0] for body in own for span in body.spans] or [(0.0, 0.0)])
     ways = ways[::max(len(ways) // 200, 1)]
@@ -143,9 +143,9 @@ def _recording(result: Result, keyframes: Keyframes, numbers: list[int],
              'unknown': _unknown_of(result, footprint.name)}
             for footprint, colour in zip(result.footprints, colours(result).values())
             for samples in [_thinned(footprint.separation, count)]],
-        'rows': [{'name': row.name, 'first': row.first, 'end': row.end, 'bands': [
-            {'row': band.row, 'first': band.first, 'last': band.last, 'text': band.text,
-             'contact': places.get(id(band.contact))} for band in row.bands]}
+        'rows': [{'name': row.name, 'first': row.first, 'end': row.end, 'bars': [
+            {'row': bar.row, 'first': bar.first, 'last': bar.last, 'text': bar.text,
+             'contact': places.get(id(bar.contact))} for bar in row.bars]}
             for row in rows_of(result)],
         'contacts': [_contact(contact, result, rows, names) for contact in contacts],
         'times': [round(result.since(time), 6) for time in moments], 'unit': _UNIT,
@@ -221,7 +221,7 @@ def _ring(ring: Floats) -> Any:
 
 
 def _worst_first(results: list[Result]) -> list[Result]:
-    """Return results by gravity of the verdict, of equal ones the least separation first."""
+    """Return results by seriousness of the verdict, then by least separation."""
     def badness(result: Result) -> tuple[int, float]:
         return (-GRAVITY.index(result.verdict),
                 result.least.separation if result.least else float('inf'))

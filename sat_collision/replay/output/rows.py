@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is drawn over time: rows of a Gantt chart, with a band for each contact or unknown time."""
+"""Contacts and unknown times as bars in the rows of a Gantt chart."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from typing import NamedTuple
 
 from sat_collision.replay.model.result import Contact, deepest_contacts, Result, Unknown
 
-# How many bands of a footprint are drawn above each other where they overlap in time.
+# How many bars of a footprint are drawn above each other where they overlap in time.
 _MOST_LINES = 4
 # How much of all time may lie between two unknown times that are drawn as one.
 _LEAST_GAP = 1 / 1000
 
 
-class Band(NamedTuple):
+class Bar(NamedTuple):
     """
     A contact, or a time in which a footprint is unknown.
 
@@ -55,7 +55,7 @@ class Rows(NamedTuple):
     name: str
     first: int
     end: int
-    bands: list[Band]
+    bars: list[Bar]
 
 
 def rows_of(result: Result) -> list[Rows]:
@@ -64,12 +64,12 @@ def rows_of(result: Result) -> list[Rows]:
     row = 0
     for footprint in result.footprints:
         unknown = [one for one in result.unknown if one.footprint == footprint.name]
-        bands = _stacked(row, [
-            *(Band(0, result.since(one.first), result.since(one.last), one.obstacle, one)
+        bars = _stacked(row, [
+            *(Bar(0, result.since(one.first), result.since(one.last), one.obstacle, one)
               for one in deepest_contacts(result) if one.footprint == footprint.name),
-            *(Band(0, first, last, 'unknown', None) for first, last in joined(result, unknown))])
-        end = max([row, *(band.row for band in bands)]) + 1
-        found.append(Rows(footprint.name, row, end, bands))
+            *(Bar(0, first, last, 'unknown', None) for first, last in joined(result, unknown))])
+        end = max([row, *(bar.row for bar in bars)]) + 1
+        found.append(Rows(footprint.name, row, end, bars))
         row = end
     return found
 
@@ -85,12 +85,12 @@ def joined(result: Result, unknown: list[Unknown]) -> list[tuple[float, float]]:
     return found
 
 
-def _stacked(row: int, bands: Iterable[Band]) -> list[Band]:
-    """Return bands in rows from one on, in which they do not overlap if there are enough."""
-    rows: list[list[Band]] = [[] for _ in range(_MOST_LINES)]
-    for band in bands:
+def _stacked(row: int, bars: Iterable[Bar]) -> list[Bar]:
+    """Return bars in rows from one on, in which they do not overlap if there are enough."""
+    rows: list[list[Bar]] = [[] for _ in range(_MOST_LINES)]
+    for bar in bars:
         free = (k for k, taken in enumerate(rows) if all(
-            band.last <= other.first or other.last <= band.first for other in taken))
+            bar.last <= other.first or other.last <= bar.first for other in taken))
         k = next(free, _MOST_LINES - 1)
-        rows[k].append(band._replace(row=row + k))
-    return [band for taken in rows for band in taken]
+        rows[k].append(bar._replace(row=row + k))
+    return [bar for taken in rows for bar in taken]

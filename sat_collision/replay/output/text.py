@@ -29,7 +29,7 @@ CLOCKS = {'receive': 'receive time', 'header': 'header stamps'}
 
 
 def report(result: Result) -> list[str]:
-    """Return the lines that tell what was found in one recording."""
+    """Return the lines of the report on one recording."""
     lines = [f'{result.bag}: {result.verdict.words.upper()}']
     lines += [f'  problem: {problem}' for problem in result.problems]
     lines += [f'  note: {note}' for note in result.notes]

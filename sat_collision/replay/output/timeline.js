@@ -1,4 +1,4 @@
-// Time from left to right: curves of separations and of times to collision, and rows of bands for
+// Time from left to right: curves of separations and of times to collision, and rows of bars for
 // each footprint.
 const timeline = at('timeline');
 const ROW = 22, MARGIN = {left: 96, right: 14, top: 8, bottom: 40}, GAP = 14, AHEAD = 90;
@@ -74,10 +74,10 @@ function drawTimeline() {
   }
   drawn.append(svg('text', {x: (MARGIN.left + width - MARGIN.right) / 2, y: height - 6,
     'text-anchor': 'middle'}, 'time since the recording begins [s]'));
-  const bands = rows.flatMap(row => row.bands);
-  for (const band of bands) {
-    inner.append(svg('rect', {class: band.contact === null ? 'shade' : 'shade contact',
-      x: x(band.first), width: Math.max(x(band.last) - x(band.first), 0), y: MARGIN.top,
+  const bars = rows.flatMap(row => row.bars);
+  for (const bar of bars) {
+    inner.append(svg('rect', {class: bar.contact === null ? 'shade' : 'shade contact',
+      x: x(bar.first), width: Math.max(x(bar.last) - x(bar.first), 0), y: MARGIN.top,
       height: top - GAP - MARGIN.top}));
   }
   inner.append(svg('path', {class: 'zero', d: `M${MARGIN.left},${y(0)}H${width}`}));
@@ -96,7 +96,7 @@ function drawTimeline() {
     drawn.append(name);
     if (k) drawn.append(svg('path', {class: 'grid', d: `M0,${top + ROW * row.first}H${width}`}));
   });
-  bands.forEach(band => inner.append(...drawBand(band, bands, top)));
+  bars.forEach(bar => inner.append(...drawBar(bar, bars, top)));
   contacts.forEach((one, k) => {
     const dot = svg('circle', {class: 'deepest', cx: x(one.deepest), cy: y(one.value), r: 3.5,
       'data-contact': k});
@@ -123,25 +123,25 @@ function path(samples, x, y, inSteps = false) {
 const least = values => values.reduce((a, b) => Math.min(a, b), Infinity);
 const most = values => values.reduce((a, b) => Math.max(a, b), -Infinity);
 
-function drawBand(band, bands, top) {
+function drawBar(bar, bars, top) {
   const {x} = timeScale();
-  const [first, last] = [x(band.first), x(band.last)];
-  const isContact = band.contact !== null;
-  const middle = top + ROW * (band.row + 0.5);
-  const box = svg('rect', {class: isContact ? 'band contact' : 'band', x: first,
+  const [first, last] = [x(bar.first), x(bar.last)];
+  const isContact = bar.contact !== null;
+  const middle = top + ROW * (bar.row + 0.5);
+  const box = svg('rect', {class: isContact ? 'bar contact' : 'bar', x: first,
     width: Math.max(last - first, 0.1), y: middle - 7, height: 14,
-    ...isContact ? {'data-contact': band.contact} : {'data-time': band.first}});
-  box.append(svg('title', {}, isContact ? title(recording.contacts[band.contact]) :
-    `unknown from ${band.first.toFixed(3)} to ${band.last.toFixed(3)} s`));
-  const needed = 6.2 * band.text.length + 8;
-  const next = Math.min(timeline.clientWidth - MARGIN.right, ...bands.filter(other =>
-    other.row === band.row && other.first > band.first).map(other => x(other.first)));
+    ...isContact ? {'data-contact': bar.contact} : {'data-time': bar.first}});
+  box.append(svg('title', {}, isContact ? title(recording.contacts[bar.contact]) :
+    `unknown from ${bar.first.toFixed(3)} to ${bar.last.toFixed(3)} s`));
+  const needed = 6.2 * bar.text.length + 8;
+  const next = Math.min(timeline.clientWidth - MARGIN.right, ...bars.filter(other =>
+    other.row === bar.row && other.first > bar.first).map(other => x(other.first)));
   if (needed <= last - first) {
     return [box, svg('text', {class: 'inside', x: (first + last) / 2, y: middle + 4,
-      'text-anchor': 'middle'}, band.text)];
+      'text-anchor': 'middle'}, bar.text)];
   }
   return needed <= next - last ?
-    [box, svg('text', {x: last + 5, y: middle + 4}, band.text)] : [box];
+    [box, svg('text', {x: last + 5, y: middle + 4}, bar.text)] : [box];
 }
 
 function title(contact) {

@@ -108,7 +108,7 @@ def test_table_tells_what_was_found(bags, capsys):
 
 
 def test_json_has_the_documented_schema(bags, tmp_path):
-    """Every key of the file is in docs/replay.md, and every number is JSON."""
+    """Every key of the file is in docs/replay_json.md, and every number is JSON."""
     path = tmp_path / 'result.json'
     main([*bags.values(), '--json', str(path)])
     content = json.loads(path.read_text(), parse_constant=pytest.fail)
@@ -125,7 +125,7 @@ def test_json_has_the_documented_schema(bags, tmp_path):
                        'normal': [-1.0, 0.0], 'points': [[1.0, 1.0], [1.0, 0.0]],
                        'found': 'at a sample', 'between': [START + 39 * 10**8, START + 5 * 10**9]}
     assert {bag['question'] for bag in content['bags']} == {'recorded motion'}
-    documented = (DOCS / 'replay.md').read_text()
+    documented = (DOCS / 'replay_json.md').read_text()
     for key in keys_of(content):
         assert f'`{key}`' in documented, key
 

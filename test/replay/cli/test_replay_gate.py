@@ -199,7 +199,7 @@ def test_missing_library_is_told_with_what_brings_it(
 def test_scheduler_that_does_not_answer_is_given_up_soon(bags, capsys, monkeypatch):
     """The command says at once what it does, and in seconds that nobody answers."""
     pytest.importorskip('distributed')
-    monkeypatch.setattr(parallel, '_PATIENCE', 1)
+    monkeypatch.setattr(parallel, '_TIMEOUT', 1)
     assert main([bags[0], '--dask', 'tcp://127.0.0.1:9']) == 3
     lines = [line for line in capsys.readouterr().err.splitlines() if 'replay_check' in line]
     assert lines[0] == 'replay_check: connecting to tcp://127.0.0.1:9'

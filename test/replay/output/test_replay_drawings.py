@@ -98,7 +98,7 @@ def texts(figure):
 
 @pytest.mark.parametrize('made', RESULTS)
 def test_no_text_of_a_picture_covers_another_or_is_cut_off(tmp_path, made):
-    """Names of bodies, bands, footprints, titles and numbers."""
+    """Names of bodies, bars, footprints, titles and numbers."""
     figure = draw_picture(made(tmp_path))
     found = texts(figure)
     assert len(found) > 5
@@ -110,32 +110,32 @@ def test_no_text_of_a_picture_covers_another_or_is_cut_off(tmp_path, made):
 
 
 def test_picture_says_what_it_is_of_and_whose_contact_is_which(tmp_path):
-    """The recording's name above, obstacles beside their bands and bodies."""
+    """The recording's name above, obstacles beside their bars and bodies."""
     result = of_warehouse(tmp_path)
     written = [text for text, _ in texts(draw_picture(result))]
     assert 'warehouse: collision' in written
     assert '9.698 s: amr and people/0, 0.394 m deep' in written
     # The names of rows, and of the footprint that is seen in the scene of its contact.
     assert [written.count(name) for name in ('amr', 'forklift', 'cart')] == [2, 2, 2]
-    # Beside its band, and beside its body where there is room.
+    # Beside its bar, and beside its body where there is room.
     assert [written.count(f'{name}') for name in ('people/0', 'warehouse/2', 'warehouse/6')] == [
         2, 2, 1]
     titles = [text for text in written if ' s: ' in text and ' and ' in text]
     assert titles == sorted(titles, key=lambda text: float(text.split()[0])) and len(titles) == 3
 
 
-def test_each_band_lies_in_the_row_of_its_footprint(tmp_path):
+def test_each_bar_lies_in_the_row_of_its_footprint(tmp_path):
     """At the time of the contact."""
     result = of_warehouse(tmp_path)
     _, rows, *_ = draw_picture(result).axes
-    bands = {rows.get_yticklabels()[round(patch.get_y() + patch.get_height() / 2)].get_text():
-             (patch.get_x(), patch.get_x() + patch.get_width()) for patch in rows.patches
-             if isinstance(patch, Rectangle) and to_hex(patch.get_facecolor()) == CONTACT}
-    assert bands == {contact.footprint: pytest.approx(
+    bars = {rows.get_yticklabels()[round(patch.get_y() + patch.get_height() / 2)].get_text():
+            (patch.get_x(), patch.get_x() + patch.get_width()) for patch in rows.patches
+            if isinstance(patch, Rectangle) and to_hex(patch.get_facecolor()) == CONTACT}
+    assert bars == {contact.footprint: pytest.approx(
         (result.since(contact.first), result.since(contact.last))) for contact in result.contacts}
 
 
-def test_bands_that_overlap_in_time_have_rows_of_their_own(tmp_path):
+def test_bars_that_overlap_in_time_have_rows_of_their_own(tmp_path):
     """Two obstacles at once; a later one has the first row again."""
     messages = [message for k in range(100) for message in (
         ('/footprint', k / 10, box(0)),
@@ -144,8 +144,8 @@ def test_bands_that_overlap_in_time_have_rows_of_their_own(tmp_path):
         ('/obstacles', k / 10, []))]
     result = check(write(tmp_path / 'bag', messages), Options(keyframes=True))
     row, = rows_of(result)
-    bands = sorted((band.first, band.row) for band in row.bands if band.contact)
-    assert [row for _, row in bands] == [0, 1, 0] and row.end == 2
+    bars = sorted((bar.first, bar.row) for bar in row.bars if bar.contact)
+    assert [row for _, row in bars] == [0, 1, 0] and row.end == 2
 
 
 def test_short_contact_is_seen_on_a_long_axis(tmp_path):
@@ -154,8 +154,8 @@ def test_short_contact_is_seen_on_a_long_axis(tmp_path):
     assert len(result.contacts) == 1
     curves, rows, _ = draw_picture(result).axes
     for axes in (curves, rows):
-        band, = (patch for patch in axes.patches if to_hex(patch.get_facecolor()) == CONTACT)
-        assert band.get_window_extent().width >= 2.0
+        bar, = (patch for patch in axes.patches if to_hex(patch.get_facecolor()) == CONTACT)
+        assert bar.get_window_extent().width >= 2.0
 
 
 @pytest.mark.parametrize('ending', ('pdf', 'svg'))

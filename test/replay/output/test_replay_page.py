@@ -147,7 +147,7 @@ def test_page_begins_where_the_recording_is_worst(page, of_warehouse):
     assert 'amr in contact with people/0 (0.394 m deep)' in shown.texts('#states li')
     assert [len(shown.texts(f'#{table} tbody tr'))
             for table in ('contacts', 'unknown', 'footprints', 'messages')] == [3, 9, 3, 5]
-    assert 'recorded motion' in shown.text('#facts') and '1515 messages' in shown.text('#facts')
+    assert 'recorded motion' in shown.text('#facts') and '1869 messages' in shown.text('#facts')
 
 
 def test_scrubber_moves_what_is_drawn(page, of_warehouse):
@@ -217,12 +217,12 @@ def test_contact_has_its_points_and_the_normal(page, of_warehouse, number, count
     assert group.get_attribute('opacity') == '0.3'
 
 
-def test_click_on_a_band_goes_to_where_its_contact_is_deepest(page, of_warehouse):
-    """The band of each contact, by what is drawn."""
+def test_click_on_a_bar_goes_to_where_its_contact_is_deepest(page, of_warehouse):
+    """The bar of each contact, by what is drawn."""
     shown = page(of_warehouse)
     clocks = set()
     for number in range(3):
-        shown.click('#timeline rect.band.contact', number)
+        shown.click('#timeline rect.bar.contact', number)
         clocks.add(shown.text('#clock'))
     assert clocks == {'9.698 s', '5.998 s', '11.998 s'}
 
@@ -235,7 +235,7 @@ def test_click_on_the_timeline_goes_to_its_time(page, of_warehouse):
 
 
 def test_drag_over_the_timeline_zooms_and_a_double_click_shows_all(page, of_warehouse):
-    """The band of the contact gets wider, and is as it was again."""
+    """The bar of the contact gets wider, and is as it was again."""
     shown = page(of_warehouse)
     widths = []
     timeline = shown.chromium.find_element(By.ID, 'timeline')
@@ -245,7 +245,7 @@ def test_drag_over_the_timeline_zooms_and_a_double_click_shows_all(page, of_ware
                 lambda actions: actions.move_to_element(timeline).double_click()):
         act(webdriver.ActionChains(shown.chromium)).perform()
         widths.append(shown.chromium.find_element(
-            By.CSS_SELECTOR, '#timeline rect.band.contact').rect['width'])
+            By.CSS_SELECTOR, '#timeline rect.bar.contact').rect['width'])
     assert widths[1] > 1.5 * widths[0] == pytest.approx(1.5 * widths[2])
 
 
@@ -258,13 +258,13 @@ def test_scene_plays_to_its_end(page, of_warehouse):
     assert shown.scrubber.get_attribute('value') == shown.scrubber.get_attribute('max')
 
 
-def test_short_band_is_seen_on_a_long_axis(page, tmp_path):
+def test_short_bar_is_seen_on_a_long_axis(page, tmp_path):
     """A quarter of a second in five minutes."""
     main([str(write(tmp_path / 'long', drive(300.0, rate=4.0, contact=(170.0, 170.2)))),
           '--plot', str(tmp_path / 'page.html')])
     shown = page(tmp_path / 'page.html')
-    band = shown.chromium.find_element(By.CSS_SELECTOR, '#timeline rect.band.contact')
-    assert band.value_of_css_property('stroke-width') == '2px'
+    bar = shown.chromium.find_element(By.CSS_SELECTOR, '#timeline rect.bar.contact')
+    assert bar.value_of_css_property('stroke-width') == '2px'
     shown.click('#contacts tbody tr')
     assert shown.text('#clock').startswith('169.') or shown.text('#clock').startswith('170.')
 
@@ -300,8 +300,8 @@ def test_several_recordings_have_an_index_with_the_worst_first(page, tmp_path, c
 def test_state_is_unknown_just_when_the_table_says_so(page, of_warehouse):
     """Never clear, about so many metres, in between."""
     shown = page(of_warehouse)
-    for moment, words in ((0.05, 'unknown: obstacle source'), (0.5, 'unknown: obstacle source'),
-                          (0.99, 'unknown: obstacle source'), (1.01, 'clear, about')):
+    for moment, words in ((0.02, 'unknown: obstacle source'), (0.25, 'unknown: obstacle source'),
+                          (0.49, 'unknown: obstacle source'), (0.51, 'clear, about')):
         shown.chromium.execute_script('location.hash = arguments[0]', f't={moment}')
         shown.until(lambda: shown.text('#clock') == f'{moment:.3f} s')
         assert all(words in state for state in shown.texts('#states li'))

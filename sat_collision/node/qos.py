@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The quality of service that the node offers, and what users may ask of others."""
+"""The QoS that the node offers, and what users may override of its subscriptions."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABI
                QoSPolicyKind.DURABILITY, QoSPolicyKind.DEADLINE, QoSPolicyKind.LIVELINESS,
                QoSPolicyKind.LIVELINESS_LEASE_DURATION)
 
-# What DDS promises to those who subscribe to flags, in s: one within the deadline, or the monitor
-# is dead after the lease.
+# DDS guarantees to subscribers of flags, in s: one arrives within the deadline, or the monitor
+# counts as dead after the lease.
 _DEADLINE = 0.3
 _LEASE = 0.5
 
 
 def flag_qos() -> QoSProfile:
-    """Return what the publishers of flags offer: to publish often, or to be dead."""
+    """Return the QoS of the publishers of flags: with a deadline and a liveliness lease."""
     return QoSProfile(
         depth=10, deadline=Duration(seconds=_DEADLINE),
         liveliness=QoSLivelinessPolicy.MANUAL_BY_TOPIC,

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One message after another: read, moved to the fixed frame, packed, and told to the scene."""
+"""Ingest: one message after another is read, moved to the fixed frame and packed for the scene."""
 
 from __future__ import annotations
 
@@ -75,9 +75,9 @@ class Batch:
         return self._has_no_gap
 
 
-class Teller:
+class Ingest:
     """
-    Tells a scene of messages, or refuses them.
+    Passes messages to a scene, or refuses them.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ class Teller:
         self._model: tuple[bytes, int, int, str, PlaneMap | None] = b'', 0, 0, '', None
 
     def take_run(self, settings: ObstacleSettings, batch: Batch, begin: int, now: int) -> int:
-        """Tell the scene of messages like the one before them; return how many were taken."""
+        """Pass messages like the one before them to the scene; return how many were taken."""
         model, points_at, stamp, frame_id, plane = self._model
         if model is not batch.messages[begin - 1][0]:
             return 0
@@ -131,7 +131,7 @@ class Teller:
 
     def take(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
              number: int | None, now: int, may_wait: bool = True) -> Rejection | Wait | None:
-        """Tell the scene of a message; return WAIT if its transform may come, and it may wait."""
+        """Pass a message to the scene; return WAIT if its transform may come, and it may wait."""
         scene, name = self._scene, settings.name
         stamp = instance = None
         try:
@@ -181,7 +181,7 @@ class Teller:
     def place(self, settings: FootprintSettings, points: Points, found: Mapped, now: int,
               velocity_at: Callable[[Mapped], Velocity | None]) -> Rejection | None:
         """
-        Tell the scene where the outline of a footprint is: in its frame, which is found.
+        Place the outline of a footprint, given where its frame was found.
 
         Its velocity there is asked for only where it is tracked.
         """
@@ -206,7 +206,7 @@ class Teller:
     def refuse(self, settings: FootprintSettings | ObstacleSettings, reason: str, detail: str,
                now: int, stamp: int | None = None, instance: int | None = None,
                number: int | None = None) -> Rejection:
-        """Tell the scene, and the caller, of a message that gives no polygon."""
+        """Refuse a message that gives no polygon."""
         self._scene.refuse(settings.name, reason, now, stamp, instance, number)
         return self.reject(settings, reason, detail)
 

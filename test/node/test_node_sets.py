@@ -173,8 +173,8 @@ class LossyMonitor(FootprintMonitor):
     """Every tenth message on obstacles is lost on the way to it."""
 
     def receive(self, name, messages, now):
-        super().receive(name, (
-            message for message in messages if name == 'footprint' or message[1] % 10), now)
+        super().receive(name, [
+            message for message in messages if name == 'footprint' or message[1] % 10], now)
 
 
 def test_tenth_of_all_messages_is_lost(start, monkeypatch):
@@ -195,7 +195,7 @@ class NumberlessMonitor(FootprintMonitor):
     """Its middleware does not say which message of its publisher one is."""
 
     def receive(self, name, messages, now):
-        super().receive(name, ((data, None) for data, _ in messages), now)
+        super().receive(name, [(data, None) for data, _ in messages], now)
 
 
 def test_middleware_without_numbers_is_told_of_once(start, monkeypatch):

@@ -59,8 +59,8 @@ def test_written_bag_has_the_flags_at_the_right_times(tmp_path):
     check(write(tmp_path / 'bag', drive()), Options(as_live=True, write_bag=str(tmp_path / 'out')))
     topics = written(tmp_path / 'out')
     assert set(topics) == {f'/footprint_monitor/{name}' for name in (
-        'collision', 'footprint/collision', 'footprint/separation', 'footprint/contacts', 'state',
-        'markers')}
+        'collision', 'footprint/collision', 'footprint/separation', 'footprint/contacts',
+        'footprint/time_to_collision', 'state', 'markers')}
     for name in ('collision', 'footprint/collision'):
         flags = [(time, flag.data) for time, flag in topics[f'/footprint_monitor/{name}']]
         changes = [flags[0]] + [b for a, b in zip(flags, flags[1:]) if a[1] != b[1]]
@@ -76,6 +76,9 @@ def test_written_bag_has_the_flags_at_the_right_times(tmp_path):
     separations = dict(topics['/footprint_monitor/footprint/separation'])
     assert math.isnan(separations[0.0].data)
     assert (separations[2.0].data, separations[4.5].data) == (2.0, -0.25)
+    soonest = dict(topics['/footprint_monitor/footprint/time_to_collision'])
+    assert math.isnan(soonest[0.0].data) and math.isinf(soonest[2.0].data)
+    assert soonest[4.5].data == 0.0
     markers = topics['/footprint_monitor/markers']
     assert len(markers) == 101
     assert {marker.ns for marker in dict(markers)[4.5].markers} >= {
@@ -109,7 +112,7 @@ def test_written_bag_is_the_same_without_ros(tmp_path):
     """, str(bag), str(tmp_path / 'plain'))
     assert out == '[] 1 False\n'
     with_ros, without = written(tmp_path / 'ros'), written(tmp_path / 'plain')
-    assert len(with_ros) == 6
+    assert len(with_ros) == 7
     assert repr(with_ros) == repr(without)
 
 

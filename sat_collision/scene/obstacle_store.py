@@ -167,6 +167,7 @@ class SetGroup(ObstacleGroup):
         Return how many were taken: all before the first one that may meet something.
         """
         begin = self._taken
+        limit = min(limit, len(run.ends) - run.begin)
         places = self._places[begin:begin + max(limit, 0)]
         for k, obstacle in enumerate(places):
             if obstacle.row is None or obstacle.refused:

@@ -110,13 +110,14 @@ class Ingest:
                           if source.type == POLYGON_INSTANCE}
         self._packer = Packer(settings.max_vertices)
         # The last obstacle that was received, which the messages of a run must be like: its
-        # bytes, where in them the points start, its stamp, its frame and where it was moved.
-        self._model: tuple[bytes, int, int, str, PlaneMap | None] = b'', 0, 0, '', None
+        # source, its bytes, where in them the points start, its stamp, its frame and where it was
+        # moved.
+        self._model: tuple[str, bytes, int, int, str, PlaneMap | None] = '', b'', 0, 0, '', None
 
     def take_run(self, settings: ObstacleSettings, batch: Batch, begin: int, now: int) -> int:
         """Pass messages like the one before them to the scene; return how many were taken."""
-        model, points_at, stamp, frame_id, plane = self._model
-        if model is not batch.messages[begin - 1][0]:
+        source, model, points_at, stamp, frame_id, plane = self._model
+        if source != settings.name or model is not batch.messages[begin - 1][0]:
             return 0
         data, ends = batch.joined()
         taken = self._scene.obstacle_run(settings.name, Run(
@@ -173,7 +174,7 @@ class Ingest:
                 self._placements.append(Placement(
                     name, stamp or now, stamp != 0, frame_id, points, plane, instance))
             if points[2] and points[0] is data:
-                self._model = data, points[1], stamp, frame_id, plane
+                self._model = name, data, points[1], stamp, frame_id, plane
             return None
         return self.reject(settings, refusal, detail_of(
             refusal, frame_id, scene.frame_id, (now - stamp) / 1e9, settings.timeout))

@@ -18,12 +18,17 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from itertools import groupby, islice
+from operator import itemgetter
 from typing import TypeAlias
 
 import numpy as np
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.query import separation
+from sat_collision.messages.ingest import Batch
+from sat_collision.monitor import Monitor
+from sat_collision.replay.bag.storage import Message
 from sat_collision.replay.model.deepest import deepen
 from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
 from sat_collision.replay.model.result import (
@@ -36,6 +41,9 @@ from sat_collision.scene.scene import Scene
 # Name of a body, whether it is a footprint, and which one of this name; then where it is.
 _Key: TypeAlias = tuple[str, bool, int]
 _Place: TypeAlias = tuple[_Key, Floats]
+
+# As many messages as the node takes together.
+_LONGEST_ROW = 64
 
 
 class SceneKeyframes:
@@ -203,3 +211,56 @@ class Timeline:
         result = self._results[name]
         if result.least is None or found.separation < result.least.separation:
             result.least = found
+
+
+class Rows:
+    """
+    Yields messages one by one as they were received, and skips what adds to a set in one call.
+
+    Parameters
+    ----------
+    messages : iterable of Message
+
+    """
+
+    def __init__(self, messages: Iterable[Message]) -> None:
+        self._messages = messages
+        self._row: list[Message] = []
+        self._batch = Batch(())
+        self._taken = 0
+
+    def __iter__(self) -> Iterator[tuple[str, int, list[bytes]]]:
+        for topic, messages in groupby(self._messages, itemgetter(0)):
+            while row := [*islice(messages, _LONGEST_ROW)]:
+                self._row, self._taken = row, 0
+                self._batch = Batch([(data, None) for _, _, data in row])
+                while self._taken < len(row):
+                    _, time, data = row[self._taken]
+                    self._taken += 1
+                    yield topic, time, [data]
+
+    def receive_run(self, monitor: Monitor, name: str, now: int, bound: float) -> int:
+        """
+        Have a monitor receive what only adds to the set of the message yielded last.
+
+        Parameters
+        ----------
+        monitor : Monitor
+        name : str
+            The source.
+        now : int
+        bound : int or float
+            Until then nothing happens by time alone, in ns.
+
+        Returns
+        -------
+        int
+            The time of the last message that was received.
+
+        """
+        if self._taken < len(self._row) and self._row[-1][1] <= bound:
+            taken = monitor.receive_run(name, self._batch, self._taken, now)
+            if taken:
+                self._taken += taken
+                now = max(now, self._row[self._taken - 1][1])
+        return now

@@ -32,13 +32,13 @@ from sat_collision.monitor import Monitor
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.bag.storage import Message, Recorded
 from sat_collision.replay.bag.writer import OutputError
-from sat_collision.replay.live import SceneKeyframes, Timeline
+from sat_collision.replay.live import Rows, SceneKeyframes, Timeline
 from sat_collision.replay.model.keyframes import Keyframes
 from sat_collision.replay.model.options import HEADER, Options, RECEIVE
 from sat_collision.replay.model.result import FootprintResult, moments_of, Result, SourceResult
 from sat_collision.replay.model.topics import (
     all_sources, is_subscribed, missing_topics, settings_for, TRANSFORM_TYPE, wrong_types)
-from sat_collision.replay.motion.order import Rows, Run, StampOrder, WINDOW
+from sat_collision.replay.motion.order import StampOrder, Timed, WINDOW
 from sat_collision.replay.motion.prediction import HORIZON
 from sat_collision.replay.motion.tape import Tape
 from sat_collision.replay.motion.walk import Motion, MotionTimeline
@@ -230,7 +230,7 @@ class _Run:
             messages = _with_progress(messages, total, progress)
         ordered = StampOrder(messages, by_header) if self._motion else None
         rows = None if ordered or by_header else Rows(messages)
-        runs: Iterable[Run] = ordered or rows or (
+        runs: Iterable[Timed] = ordered or rows or (
             (topic, 0 if topic in TRANSFORM_TOPICS else header_stamp(data), [data])
             for topic, time, data in messages)
         if self._options.write_bag:

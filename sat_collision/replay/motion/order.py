@@ -18,29 +18,25 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterable, Iterator
-from itertools import groupby, islice
+from itertools import groupby
 from operator import itemgetter
 from typing import TypeAlias
 
 from sat_collision.messages.cdr import header_stamp
-from sat_collision.messages.ingest import Batch
 from sat_collision.messages.transform_listener import TF_STATIC
-from sat_collision.monitor import Monitor
 from sat_collision.replay.bag.storage import Message
 from sat_collision.scene.settings import TF
 
-# Messages in a row of one topic that count at one time, in ns.
-Run: TypeAlias = tuple[str, int, list[bytes]]
+# Messages of one topic, one after the other, that count at one time, in ns.
+Timed: TypeAlias = tuple[str, int, list[bytes]]
 
-# As many messages as the node takes together.
-_LONGEST_ROW = 64
 # How late a message may be received to count at its own stamp, ns.
 WINDOW = 10 * 10**9
 
 
 class StampOrder:
     """
-    Yields Runs by the time of the stamp, from messages by time received.
+    Yields messages by the time of the stamp, from messages by time received.
 
     A message without a stamp counts when it is received; so does one whose stamp is further than
     WINDOW from that, as those of another clock are, unless the stamps are the clock. Then the time
@@ -65,7 +61,7 @@ class StampOrder:
         self._by_header = by_header
         self._waiting: list[tuple[int, int, str, bytes]] = []
 
-    def __iter__(self) -> Iterator[Run]:
+    def __iter__(self) -> Iterator[Timed]:
         by_header, waiting = self._by_header, self._waiting
         latest = released = 0
         for count, (topic, received, data) in enumerate(self._messages):
@@ -91,7 +87,7 @@ class StampOrder:
                 yield from self._take(released)
         yield from self._take(None)
 
-    def _take(self, until: int | None) -> Iterator[Run]:
+    def _take(self, until: int | None) -> Iterator[Timed]:
         """Take what is from before a time, or all, out of what waits."""
         waiting = self._waiting
         waiting.sort()
@@ -100,59 +96,6 @@ class StampOrder:
         del waiting[:end]
         for (topic, time), run in groupby(ready, itemgetter(2, 0)):
             yield topic, time, [message[3] for message in run]
-
-
-class Rows:
-    """
-    Yields messages one by one as they were received, and skips what adds to a set in one call.
-
-    Parameters
-    ----------
-    messages : iterable of Message
-
-    """
-
-    def __init__(self, messages: Iterable[Message]) -> None:
-        self._messages = messages
-        self._row: list[Message] = []
-        self._batch = Batch(())
-        self._taken = 0
-
-    def __iter__(self) -> Iterator[Run]:
-        for topic, messages in groupby(self._messages, itemgetter(0)):
-            while row := [*islice(messages, _LONGEST_ROW)]:
-                self._row, self._taken = row, 0
-                self._batch = Batch([(data, None) for _, _, data in row])
-                while self._taken < len(row):
-                    _, time, data = row[self._taken]
-                    self._taken += 1
-                    yield topic, time, [data]
-
-    def receive_run(self, monitor: Monitor, name: str, now: int, bound: float) -> int:
-        """
-        Have a monitor receive what only adds to the set of the message yielded last.
-
-        Parameters
-        ----------
-        monitor : Monitor
-        name : str
-            The source.
-        now : int
-        bound : int or float
-            Until then nothing happens by time alone, in ns.
-
-        Returns
-        -------
-        int
-            The time of the last message that was received.
-
-        """
-        if self._taken < len(self._row) and self._row[-1][1] <= bound:
-            taken = monitor.receive_run(name, self._batch, self._taken, now)
-            if taken:
-                self._taken += taken
-                now = max(now, self._row[self._taken - 1][1])
-        return now
 
 
 def _tf_stamp(data: bytes) -> int:

@@ -95,15 +95,11 @@ def score(which, x, share):
 @kernel
 def climb(which, x, steps, share, random):
     """Change an input in place, step by step; return its score and how many were wrong."""
-    bits = x.view(np.int64)
     best, wrong = score(which, x, share)
     mistakes = int(wrong)
     kept = x.copy()
     for _ in range(steps):
-        for _ in range(random.integers(1, 3)):
-            k = random.integers(0, len(x))
-            move = 1 << random.integers(0, 50)
-            bits[k] += move if random.random() < 0.5 else -move
+        steering.nudge(x, random)
         usual = True
         for k in range(len(x)):
             usual = usual and 1e-30 < abs(x[k]) < 1e30

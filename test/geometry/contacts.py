@@ -34,6 +34,7 @@ from sat_collision.geometry.predicates import orient
 from sat_collision.geometry.ring import CONVEX, NON_CONVEX
 import separations
 from separations import distance_to_edges, reach_beyond_edges, UNIT
+from steering import nudge
 
 NORMAL, POINTS, GAP, WAY_OUT = range(4)
 NAMES = ('length of the normal', 'points outside their body', 'way between the points',
@@ -144,16 +145,12 @@ def errors(p, q):
 @kernel
 def climb(which, x, n, steps, random):
     """Change two bodies in place, n points and the others, to a larger error; return it."""
-    bits = x.view(np.int64)
     best = -1.0
     wrong = 0
     kept = x.copy()
     for step in range(steps):
         if step > 0:
-            for _ in range(random.integers(1, 3)):
-                k = random.integers(0, len(x))
-                move = 1 << random.integers(0, 50)
-                bits[k] += move if random.random() < 0.5 else -move
+            nudge(x, random)
         found = -1.0
         usual = True
         for k in range(len(x)):

@@ -151,15 +151,11 @@ def climb(which, x, n, steps, random):
     m = len(x) // 2 - n
     a = np.empty(packed_size(n))
     b = np.empty(packed_size(m))
-    bits = x.view(np.int64)
     best = 0.0
     kept = x.copy()
     for step in range(steps):
         if step > 0:
-            for _ in range(random.integers(1, 3)):
-                k = random.integers(0, len(x))
-                move = 1 << random.integers(0, 50)
-                bits[k] += move if random.random() < 0.5 else -move
+            steering.nudge(x, random)
         found = -1.0
         usual = True
         for k in range(len(x)):

@@ -132,6 +132,16 @@ def pack_both(x, n, p, q):
 
 
 @kernel
+def nudge(x, random):
+    """Change one number or two in place, by a power of two of ulps."""
+    bits = x.view(np.int64)
+    for _ in range(random.integers(1, 3)):
+        k = random.integers(0, len(x))
+        move = 1 << random.integers(0, 50)
+        bits[k] += move if random.random() < 0.5 else -move
+
+
+@kernel
 def steer(which, x, n, steps, random):
     """
     Change two bodies in place, n vertices and the others, to bring a filter into danger.

@@ -77,9 +77,9 @@ class Tape:
             elif event is None:
                 trajectories[key].lose()
             else:
-                trajectories[key].add(event)
+                trajectories[key].add(event.begin, event)
                 motion.walk(key, trajectories[key])
-                trajectories[key].drop_before(event.stamps[0] - LONGEST)
+                trajectories[key].drop_before(event.begin - LONGEST)
         for name, trajectory in trajectories.items():
             trajectory.stand(end)
             motion.walk(name, trajectory)
@@ -135,7 +135,7 @@ class _Developer:
         sights = self._sights.setdefault(tracker, {})
         arrived: dict[ObstacleId, ShownBody] = {}
         for motion in step.motions:
-            for i, row in enumerate(motion.rows):
+            for i, row in enumerate(motion.rows.tolist()):
                 name = motion.before.names[row]
                 sight = sights.get(name)
                 if sight is None:
@@ -145,15 +145,15 @@ class _Developer:
                     arrived[motion.after.names[motion.next_rows[i]]] = sight.body
                     del sights[name]
                 else:
-                    sights[name] = sight._replace(time=motion.finishes[i])
+                    sights[name] = sight._replace(time=int(motion.finishes[i]))
         seen = step.seen
-        end = min(seen.stamps) if seen is not None and len(seen) else step.finish
+        end = seen.begin if seen is not None and len(seen) else step.finish
         for name in list(sights) if step.gone is None else step.gone:
             if name in sights:
                 self._hold(sights.pop(name), end if step.gone is None else step.finish)
         if seen is None:
             return
-        for row, (name, stamp) in enumerate(zip(seen.names, seen.stamps)):
+        for row, (name, stamp) in enumerate(zip(seen.names, seen.stamps.tolist())):
             body = arrived.get(name)
             if body is None and name in sights:
                 self._hold(sights[name], stamp)
@@ -184,7 +184,7 @@ class _Developer:
             self._lose(name, len(self._keyframes.moments))
 
     def _move(self, sight: _Sight, motion: LinearMotion, i: int) -> None:
-        start, finish = motion.starts[i], motion.finishes[i]
+        start, finish = int(motion.starts[i]), int(motion.finishes[i])
         first, end = self._keyframes.number(start), self._keyframes.number(finish)
         if not motion.moved[i]:
             sight.body.show(first, end, sight.name, motion.ring(i, start))

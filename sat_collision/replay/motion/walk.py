@@ -23,8 +23,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator
-from itertools import groupby
-from operator import attrgetter, itemgetter
+from operator import attrgetter
 
 from sat_collision.messages.placement import Placement
 from sat_collision.messages.transform_listener import TransformListener
@@ -34,7 +33,7 @@ from sat_collision.replay.motion.prediction import Prediction
 from sat_collision.replay.motion.tape import Tape
 from sat_collision.replay.motion.tracker import (
     Emit, KeyTracker, LONGEST, SetTracker, Step, Tracker)
-from sat_collision.replay.motion.trajectories import Bodies, Poses, Trajectory
+from sat_collision.replay.motion.trajectories import Bodies, Poses, rings_of, Trajectory
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
@@ -191,13 +190,12 @@ class Motion:
 
     def place(self, placements: Iterable[Placement]) -> None:
         """Take where bodies were, in the order of stamps."""
-        for (name, stamp, is_stamped), run in groupby(placements, itemgetter(0, 1, 2)):
-            self._now = max(self._now, stamp)
-            if name in self._sweeps:
-                for placement in run:
-                    self._place_footprint(placement)
+        for placement in placements:
+            self._now = max(self._now, placement.stamp)
+            if placement.name in self._sweeps:
+                self._place_footprint(placement)
             else:
-                self._tracker(name, is_stamped).place([*run])
+                self._tracker(placement.name, placement.is_stamped).place(placement)
 
     def _tracker(self, name: str, is_stamped: bool) -> Tracker:
         """Return what follows the bodies of a source, those with stamps or those without."""
@@ -259,7 +257,7 @@ class Motion:
         begin = trajectory.begin_of_way(stamp) if sweep.settings.has_outline else None
         if begin is not None:
             poses = Poses(self._transforms, sweep.settings.frame_id,
-                          placement.points).between(begin, stamp)
+                          placement.single).between(begin, stamp)
             if poses is None:
                 trajectory.lose_way(stamp)
                 if self._tape:
@@ -272,13 +270,12 @@ class Motion:
         sweep.advance(self._now)
 
     def _add(self, sweep: Sweep, placement: Placement, is_between: bool = False) -> None:
-        """Add a frame to the trajectory of a footprint."""
-        frame = Bodies([ObstacleId(placement.name, 0)], [placement.stamp],
-                       [(placement.points, placement.plane)], self._max_vertices,
-                       is_between=is_between)
-        sweep.trajectory.add(frame)
+        """Add a sample to the trajectory of a footprint."""
+        sample = Bodies([ObstacleId(placement.name, 0)], rings_of([placement]),
+                        self._max_vertices, is_between=is_between)
+        sweep.trajectory.add(placement.stamp, sample)
         if self._tape:
-            self._tape.place(placement.name, frame)
+            self._tape.place(placement.name, sample)
 
     def _emit_of(self, source: str) -> Emit:
         """Return what takes a step of a source, to be decided when the ways are known."""

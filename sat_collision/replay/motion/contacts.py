@@ -165,7 +165,7 @@ class ContactTracker:
     def _look_at_still(self, motion: LinearMotion, seen: Bodies | None) -> None:
         """Find what is nearest of all that does not move, at the samples of the footprint."""
         times = [time for time in self._trajectory.samples(motion.begin, motion.end)
-                 if seen is None or time not in seen.stamps]
+                 if seen is None or time not in seen.moments]
         if not times:
             return
         still = motion.moved == 0.0

@@ -25,7 +25,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
-from itertools import chain
+from itertools import chain, compress
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -217,16 +217,20 @@ class SetTracker(Tracker):
 
     def _take_set(self) -> Bodies:
         """Return the set that came in; of bodies in the same place the last message counts."""
-        pending, self._pending = [*filter(self._is_usable, self._pending)], []
-        seen = rings_of(pending)
-        if may_repeat(*seen[:3]):
+        pending, self._pending = self._pending, []
+        rings = rings_of(pending)
+        self._names += [ObstacleId(self._source, k)
+                        for k in range(len(self._names), len(rings.stamps))]
+        names = self._names
+        if may_repeat(*rings[:3]) or not all(map(self._is_usable, pending)):
             shapes = {}
             for one in chain.from_iterable(placement.each() for placement in pending):
                 shapes[one.shape, one.plane] = one
-            seen = rings_of([*shapes.values()])
-        self._names += [ObstacleId(self._source, k)
-                        for k in range(len(self._names), len(seen.stamps))]
-        return self._bodies(self._names, seen, pending)
+            usable = [*map(self._is_usable, shapes.values())]
+            names = [*compress(names, usable)]
+            pending = [*compress(shapes.values(), usable)]
+            rings = rings_of(pending)
+        return self._bodies(names, rings, pending)
 
 
 class _Sighting(NamedTuple):

@@ -70,6 +70,11 @@ class Rings(NamedTuple):
 
 def rings_of(placements: Sequence[Placement]) -> Rings:
     """Return the outlines of all messages of some placements, in their order."""
+    if len(placements) == 1 and placements[0].plane is None:
+        _, stamp, _, _, (data, start, count), *_ = placements[0]
+        if isinstance(start, int) or isinstance(count, int):
+            start, count = np.array([[start], [count]])
+        return Rings(data, start, count, NO_PLANES, np.full(len(start), stamp))
     stamps: list[int] = []
     planes: list[PlaneMap | None] = []
     pieces, starts, lengths = [], [], []
@@ -152,6 +157,11 @@ class Bodies:
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, '_polygons': {}}
+
+    @property
+    def moments(self) -> Sequence[int]:
+        """All times at which one of them was there."""
+        return [self.begin] if self.begin == self.end else self.stamps.tolist()
 
     def at(self, stamps: Sequence[int]) -> Bodies:
         """Return the same bodies, in the same places at other times."""
@@ -358,6 +368,9 @@ class Trajectory:
 
     def bounds(self, start: int, finish: int) -> Floats | None:
         """Return what bounds the footprint between two times, None if it is nowhere then."""
+        if start == finish:
+            piece = self._piece_at(start)
+            return None if piece is None else piece.boxes[0]
         found = self.pieces(start, finish)
         if len(found) < 2:
             return found[0][2].boxes[0] if found else None

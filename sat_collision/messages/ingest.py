@@ -123,10 +123,15 @@ class Ingest:
         taken = self._scene.obstacle_run(settings.name, Run(
             data, ends, begin - 1, begin, points_at - COUNT_SIZE, self._packer.max_vertices,
             plane or _UNMOVED, self._packer.array), stamp, now)
-        if taken and self._placements is not None:
-            points = points_of_run(data, ends, begin, begin + taken, points_at)
-            self._placements.append(
-                Placement(settings.name, stamp, True, frame_id, points, plane, None))
+        placements = self._placements
+        if taken and placements is not None:
+            first = begin
+            if placements and placements[-1].points[0] is model:
+                # The message that they are like begins the run.
+                placements.pop()
+                first -= 1
+            points = points_of_run(data, ends, first, begin + taken, points_at)
+            placements.append(Placement(settings.name, stamp, True, frame_id, points, plane, None))
         return taken
 
     def take(self, settings: FootprintSettings | ObstacleSettings, data: bytes,

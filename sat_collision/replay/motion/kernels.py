@@ -31,9 +31,9 @@ from sat_collision.geometry.ring import CONVEX
 # The bytes of a float32, and how many of them a point has in a message.
 _WORD = 4
 _POINT = 3
-# A key is less than the prime, and this many times it fits into 64 bits with any word.
+# So many times a key of these bits fits into 64 bits with any word.
 _FACTOR = 1_000_003
-_PRIME = 2**41 - 21
+_KEY_BITS = 2**42 - 1
 
 
 @kernel
@@ -49,7 +49,7 @@ def may_repeat(data, starts, lengths):
         start = starts[i] // _WORD
         key = lengths[i]
         for k in range(start, start + _POINT * lengths[i]):
-            key = (_FACTOR * key + np.int64(words[k])) % _PRIME
+            key = (_FACTOR * key + np.int64(words[k])) & _KEY_BITS
         keys[i] = key
     keys.sort()
     for i in range(1, len(keys)):

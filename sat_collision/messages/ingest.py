@@ -28,7 +28,7 @@ from sat_collision.messages.packer import Packer, Placement, vertices_of
 from sat_collision.messages.rejections import (
     detail_of, EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE)
 from sat_collision.messages.transform_listener import TransformListener
-from sat_collision.scene.frame_ids import LONGEST_FRAME_ID
+from sat_collision.scene.frame_tree import LONGEST_FRAME_ID
 from sat_collision.scene.frames import Mapped, NoTransform
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (

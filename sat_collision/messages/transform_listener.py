@@ -26,7 +26,7 @@ from typing import TypeAlias
 
 from sat_collision.messages.cdr import MessageError
 from sat_collision.messages.rejections import Rejection, UNDECODABLE
-from sat_collision.scene.frame_ids import in_quotes, in_words, LONGEST_FRAME_ID
+from sat_collision.scene.frame_tree import in_quotes, in_words, LONGEST_FRAME_ID
 from sat_collision.scene.frames import Frames, Mapped, NoTransform
 from sat_collision.scene.rotations import Transform
 from sat_collision.scene.scene import FROM_FUTURE

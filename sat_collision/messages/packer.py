@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The points of messages, packed."""
+"""The points of messages: where they are placed, and how they are packed."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from sat_collision.geometry.jit import COMPILED, indexable
 from sat_collision.geometry.layout import packed_size
 from sat_collision.geometry.packing import pack_convex, pack_convex_moved
-from sat_collision.geometry.polygon import (
-    PackedBody, PlaneMap, Polygon, PolygonError, Reason)
+from sat_collision.geometry.polygon import PackedBody, PlaneMap, Polygon, PolygonError, Reason
 from sat_collision.messages.cdr import Points
 
 # What plain Python has the time to cut into convex parts and to measure, see docs/reliability.md.

@@ -33,11 +33,11 @@ from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.bag.storage import Message, Recorded
 from sat_collision.replay.bag.writer import OutputError
 from sat_collision.replay.live import Rows, SceneKeyframes, Timeline
+from sat_collision.replay.model.configuration import (
+    all_sources, is_subscribed, missing_topics, settings_for, TRANSFORM_TYPE, wrong_types)
 from sat_collision.replay.model.keyframes import Keyframes
 from sat_collision.replay.model.options import HEADER, Options, RECEIVE
 from sat_collision.replay.model.result import FootprintResult, moments_of, Result, SourceResult
-from sat_collision.replay.model.topics import (
-    all_sources, is_subscribed, missing_topics, settings_for, TRANSFORM_TYPE, wrong_types)
 from sat_collision.replay.motion.order import StampOrder, Timed, WINDOW
 from sat_collision.replay.motion.prediction import HORIZON
 from sat_collision.replay.motion.tape import Tape

@@ -18,7 +18,7 @@ import itertools
 
 from builders import box
 import numpy as np
-from sat_collision.messages.labels import Labels
+from sat_collision.messages.markers import Labels
 import shapely
 
 HEIGHT = 0.25

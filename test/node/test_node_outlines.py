@@ -21,7 +21,7 @@ from geometry_msgs.msg import PolygonStamped
 from harness import health, Peer, values
 from nav_msgs.msg import Odometry
 import rclpy.serialization
-from sat_collision.messages.transforms import decode_odometry
+from sat_collision.messages.transform_listener import decode_odometry
 
 SQUARE = '[[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]]'
 OUTLINE = {'footprint__points': SQUARE, 'footprint__frame_id': 'base'}

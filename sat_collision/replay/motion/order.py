@@ -59,7 +59,7 @@ class StampOrder:
         self.delay = 0
         self._messages = messages
         self._by_header = by_header
-        # Messages of one topic and time that came one after the other, with the count of the first.
+        # Messages of one topic and time that came one after another, with the count of the first.
         self._waiting: list[tuple[int, int, str, list[bytes]]] = []
 
     def __iter__(self) -> Iterator[Timed]:

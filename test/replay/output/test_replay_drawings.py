@@ -28,9 +28,8 @@ from sat_collision.replay.cli.command import main  # noqa: E402
 from sat_collision.replay.cli.example import write_example  # noqa: E402
 from sat_collision.replay.model.configuration import parameters_of_file  # noqa: E402
 from sat_collision.replay.model.options import Options  # noqa: E402
+from sat_collision.replay.output.drawing import CONTACT, rows_of  # noqa: E402
 from sat_collision.replay.output.figure import draw_picture  # noqa: E402
-from sat_collision.replay.output.rows import rows_of  # noqa: E402
-from sat_collision.replay.output.style import CONTACT  # noqa: E402
 from sat_collision.replay.run import check  # noqa: E402
 
 CROWD = 9

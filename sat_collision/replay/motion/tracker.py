@@ -65,6 +65,12 @@ class Step(NamedTuple):
     gone: Sequence[ObstacleId] | None
     finish: int
 
+    @property
+    def frame_id(self) -> str:
+        """The frame that its bodies are in, empty if there is none."""
+        bodies = [motion.before for motion in self.motions] if self.seen is None else [self.seen]
+        return bodies[0].frame_id if bodies else ''
+
 
 Emit: TypeAlias = 'Callable[[Tracker, Step], None]'
 

@@ -118,10 +118,11 @@ class Sweep:
         if self.trajectory.latest is not None:
             self.trajectory.drop_before(self.trajectory.latest - self._keep)
 
-    def skip(self) -> None:
-        """Drop all that is to be decided: it is in another frame."""
-        for waiting in self._waiting.values():
-            waiting.clear()
+    def use_frame(self, frame_id: str) -> None:
+        """Drop what is to be decided in another frame than this."""
+        for tracker, waiting in self._waiting.items():
+            self._waiting[tracker] = deque(
+                step for step in waiting if step.frame_id == frame_id)
 
     def finish(self, end: int) -> None:
         """Decide all that is left."""
@@ -251,7 +252,7 @@ class Motion:
             for tracker in self._trackers.values():
                 tracker.use_frame(self._frame_id)
             for sweep in self._sweeps.values():
-                sweep.skip()
+                sweep.use_frame(self._frame_id)
         sweep = self._sweeps[placement.name]
         trajectory, stamp = sweep.trajectory, placement.stamp
         begin = trajectory.begin_of_way(stamp) if sweep.settings.has_outline else None

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where and when a footprint on its way touches what a source of obstacles tells of."""
+"""Where and when a footprint on its way touches the obstacles of a source."""
 
 from __future__ import annotations
 
@@ -256,7 +256,7 @@ class _Pair(NamedTuple):
 
     @property
     def ends_at_a_sample(self) -> bool:
-        """Whether the footprint has a frame at the end, and the other does not move."""
+        """Whether the footprint has a sample at the end, and the other does not move."""
         return (self.end == self.piece.end and not self.piece.after.is_between
                 and not self.motion.moved[self.i])
 

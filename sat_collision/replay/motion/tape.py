@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recorded motion on a tape, developed to keyframes once it is known what is worth drawing."""
+"""Recorded motion in a temporary file, made into keyframes once their moments are known."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from sat_collision.scene.obstacles import ObstacleId
 
 class Tape:
     """
-    A temporary file of the ways by which recorded motion decides.
+    A temporary file of the motion by which contacts are decided.
 
     Parameters
     ----------
@@ -55,13 +55,13 @@ class Tape:
         self._timeouts[footprint] = timeout
 
     def follow(self, tracker: Tracker, step: Step) -> None:
-        """Keep what a source tells of the time from one moment to the next."""
+        """Keep a step of a source."""
         number = self._numbers.setdefault(tracker, len(self._numbers))
         self._write((number, step))
 
-    def place(self, footprint: str, frame: Bodies | None) -> None:
-        """Keep where a footprint was; None if that is not known until its next frame."""
-        self._write((footprint, frame))
+    def place(self, footprint: str, sample: Bodies | None) -> None:
+        """Keep a sample of a footprint; None if it is nowhere until its next one."""
+        self._write((footprint, sample))
 
     def develop(self, keyframes: Keyframes, end: int) -> None:
         """Fill keyframes with what was kept; the recording ends at a time in ns."""
@@ -113,7 +113,7 @@ class _Sight(NamedTuple):
 
 class _Developer:
     """
-    Fills keyframes with what recorded motion goes by, the same by which it decides.
+    Fills keyframes with recorded motion, the same by which contacts are decided.
 
     A body whose way is not known is shown where it was last, and marked so.
 
@@ -131,7 +131,7 @@ class _Developer:
         self._next: dict[str, int] = {}
 
     def follow(self, tracker: int, step: Step) -> None:
-        """Keyframes what a source tells of the time from one moment to the next."""
+        """Show the bodies of a source in a step."""
         sights = self._sights.setdefault(tracker, {})
         arrived: dict[ObstacleId, ShownBody] = {}
         for motion in step.motions:
@@ -161,7 +161,7 @@ class _Developer:
             sights[name] = _Sight(stamp, str(name), seen.ring(row), body or self._keyframes.add())
 
     def walk(self, name: str, trajectory: Trajectory) -> None:
-        """Keyframes a footprint on its way, as far as that is known now."""
+        """Show a footprint on its way, as far as that is known now."""
         if trajectory.latest is None:
             return
         until = bisect_right(self._keyframes.moments, trajectory.latest)

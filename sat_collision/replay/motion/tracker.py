@@ -45,7 +45,7 @@ _TOGETHER = 10**8
 
 class Step(NamedTuple):
     """
-    What a source tells of the time from one moment to the next.
+    What is known of a source's bodies from one moment to the next.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Step(NamedTuple):
     gone : sequence of ObstacleId or None
         Names of those that are there no longer; None for all that was not seen.
     finish : int
-        The last time that it tells of, ns.
+        The last time of which anything is known, ns.
 
     """
 

@@ -43,7 +43,7 @@ from sat_collision.scene.times import NEVER
 
 class Sweep:
     """
-    A footprint on its way through what all sources of obstacles tell.
+    Decides one footprint against the steps of all sources that it monitors.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ class Sweep:
             self.prediction.look_ahead(step)
 
     def _is_due(self, step: Step, now: int) -> bool:
-        """Return whether the way through a step is known, or no frame of it will come any more."""
+        """Return whether the way through a step is known, or no sample of it will come any more."""
         latest = self.trajectory.latest
         if latest is not None and step.finish <= latest:
             return True
@@ -221,7 +221,7 @@ class Motion:
         """Decide all that is left, now that the recording is over."""
         self._now = end
         latest = [sweep.trajectory.latest for sweep in self._sweeps.values()]
-        # What is told after the last footprint is of no interest.
+        # Obstacles after the last footprint are of no interest.
         last = max((time for time in latest if time is not None), default=end)
         for tracker in self._trackers.values():
             tracker.rest(last, is_over=True)

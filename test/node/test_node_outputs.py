@@ -18,7 +18,7 @@ import math
 import re
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from harness import box, Peer, SECOND, values
+from harness import box, Peer, SECOND, to_ns, values
 import numpy as np
 from rclpy.parameter_client import AsyncParameterClient
 from sat_collision import KERNEL
@@ -141,7 +141,7 @@ def test_the_time_to_a_collision_comes_while_somebody_subscribes(start, monkeypa
     times = monitor.listen('~/footprint/time_to_collision')
     drive(monitor, lambda: times and times[-1].data < 3.0, 'a time')
     assert math.isnan(times[0].data) and asked
-    assert all(math.isnan(time.data) or 0.5 < time.data <= 3.0 or time.data == math.inf
+    assert all(math.isnan(time.data) or 0.0 < time.data <= 3.0 or time.data == math.inf
                for time in times)
     assert monitor.set_parameters(horizon=0.0) == [None]
     monitor.until(lambda: math.isnan(times[-1].data), 'no prediction')
@@ -184,7 +184,8 @@ def test_health_tells_rates_rejections_check_time_and_kernel(start):
                            and monitor.health(), 'a warning')
     assert 'messages rejected: 1' in warned.message
     told = values(warned)
-    assert told['obstacle: received'] == '10'
+    # The period may have ended before the end of the set.
+    assert told['obstacle: received'] in ('9', '10')
     assert told['obstacle: rejected, self-intersecting'] == '1'
     assert float(told['obstacle: rate [Hz]']) > 0
     assert 0 < float(told['check time mean [ms]']) <= float(told['longest batch [ms]'])
@@ -203,21 +204,22 @@ def test_parameters_change_a_running_node(start):
     monitor.send_set('obstacles', TOUCHING)
     monitor.await_state('collision')
     assert monitor.set_parameters(enabled=False) == [None]
-    monitor.await_state('unknown', patience=1.0)
+    monitor.await_state('unknown')
     monitor.until(monitor.flag)
     assert monitor.set_parameters(unknown_is_collision=False) == [None]
-    monitor.until(lambda: monitor.flag() is False and monitor.flag('footprint') is False,
-                  patience=1.0)
+    monitor.until(lambda: monitor.flag() is False and monitor.flag('footprint') is False)
     assert monitor.set_parameters(enabled=True) == [None]
     monitor.send_set_until('collision', 'obstacles', TOUCHING)
     assert monitor.set_parameters(footprint__enabled=False) == [None]
-    monitor.await_state('unknown', patience=1.0)
+    monitor.await_state('unknown')
     monitor.until(lambda: monitor.flag() is False)
     assert monitor.set_parameters(unknown_is_collision=True) == [None]
-    monitor.until(monitor.flag, 'the flag when nothing is watched', patience=1.0)
-    count = len(monitor.listen('~/collision'))
+    monitor.until(monitor.flag, 'the flag when nothing is watched')
+    states = monitor.listen('~/state')
     assert monitor.set_parameters(publish_rate=50.0) == [None]
-    monitor.until(lambda: len(monitor.listen('~/collision')) > count + 75, patience=3.0)
+    # Of six states at 5 Hz, the last would be a second after the first.
+    monitor.until(lambda: to_ns(states[-1].header.stamp) - to_ns(states[-6].header.stamp)
+                  < SECOND // 2, 'more states')
 
 
 def test_timeout_set_while_running_applies_to_what_is_there(start):

@@ -144,11 +144,10 @@ class Bodies:
         self.points = np.empty((len(data) // POINT_SIZE, 2))
         self.firsts, self.counts = np.empty(count, np.int64), np.empty(count, np.int64)
         self.boxes, self.centres = np.empty((count, 4)), np.empty((count, 2))
-        self.begin: int
-        self.end: int
-        self.begin, self.end = describe(
+        begin, end = describe(
             data, starts, lengths, planes, self.stamps,
             (self.points, self.firsts, self.counts, self.boxes, self.centres))
+        self.begin, self.end = int(begin), int(end)
         self._max_vertices = max_vertices
         self._polygons: dict[int, Polygon] = {}
 
@@ -218,13 +217,12 @@ class LinearMotion:
         self._array = np.empty(STRIDE * len(before.points))
         self._ends, self.starts, self.finishes = (np.empty(count, np.int64) for _ in range(3))
         self.boxes, self.moved = np.empty((count, 4)), np.empty(count)
-        self.begin: int
-        self.end: int
-        self.begin, self.end = motions_between(
+        begin, end = motions_between(
             (before.points, before.firsts, before.counts, before.stamps), rows,
             (after.points, after.firsts, after.counts, after.stamps), next_rows,
             _NO_ROWS if after is before else after.moving,
             (self._array, self._ends, self.boxes, self.moved, self.starts, self.finishes))
+        self.begin, self.end = int(begin), int(end)
         if finishes is not None:
             self.finishes = finishes
             self.end = int(finishes.max())

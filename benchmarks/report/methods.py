@@ -28,11 +28,11 @@ import numpy as np
 import readings
 import rivals
 from sat_collision import intersects_pairs, Polygon, PolygonSet
-from sat_collision.geometry import sat_methods
 from sat_collision.geometry.intersection import convex_meet
 from sat_collision.geometry.jit import borrowed, COMPILED, kernel, scratch
 from sat_collision.geometry.layout import Packed, packed_size
 from sat_collision.geometry.packing import pack
+import sat_methods
 import shapely
 
 

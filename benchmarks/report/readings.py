@@ -15,15 +15,14 @@
 """
 The paper's other readings, so that nothing in it goes unmeasured.
 
-Kernels as those of `sat_collision.geometry.sat_methods`: convex polygons as counter-clockwise
-(n, 2) arrays, the centres of gravity made in advance; each returns the answer and how many axes it
-projected on.
+Kernels as those of `sat_methods`: convex polygons as counter-clockwise (n, 2) arrays, the centres
+of gravity made in advance; each returns the answer and how many axes it projected on.
 """
 
 import math
 
 from sat_collision.geometry.jit import kernel
-from sat_collision.geometry.sat_methods import crossed_edge, edge_separates, separates, to_edge
+from sat_methods import crossed_edge, edge_separates, separates, to_edge
 
 
 @kernel

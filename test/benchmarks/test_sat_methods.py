@@ -14,12 +14,17 @@
 
 """The separating axis methods against the oracle, and the paper's mistakes on two examples."""
 
+from pathlib import Path
+import sys
+
 import families
 import numpy as np
 import oracle
 import pytest
 
-from sat_collision.geometry import sat_methods
+sys.path.append(str(Path(__file__).parents[2] / 'benchmarks' / 'report'))
+
+import sat_methods  # noqa: E402, I100
 
 # Nearest B = (6, 7) of P is an end of two edges, but the edge that separates, from (0, 1) to
 # (5, 4), is not one of them.
@@ -60,6 +65,15 @@ def test_traditional_decides_points_and_segments_that_coordinates_decide():
     pairs = [(p, q) for p in bodies for q in bodies]
     truth, _ = oracle.intersects_pairs(pairs)
     np.testing.assert_array_equal(answers(sat_methods.traditional, pairs), truth)
+
+
+@pytest.mark.parametrize('name', [
+    'hair_gaps', 'far_offsets', 'slivers', 'one_ulp', 'rectangles_on_edge', 'collinear_edges',
+    'points_and_segments', 'extreme_scales'])
+def test_hard_families_defeat_plain_floating_point(name, rng):
+    pairs = {**families.CONVEX, **families.EXTREME}[name](rng, 500, 5)
+    truth, _ = oracle.intersects_pairs(pairs)
+    assert (answers(sat_methods.traditional, pairs) != truth).any()
 
 
 def test_traditional_rounds_where_bodies_touch(rng):

@@ -17,8 +17,8 @@ The separating axis methods compared: the traditional one, the paper's in both r
 
 The paper is Liang and Liu, "The Research of Collision Detection Algorithm Based on Separating Axis
 Theorem". All methods take two convex polygons as counter-clockwise (n, 2) and (m, 2) float arrays
-of vertices and tell whether the closed sets share a point. Only `improved` is exact, and the node
-runs nothing else; the others are here to be measured against it, in plain floating point.
+of vertices and return whether the closed sets share a point. Only `improved`, which the package
+uses, is exact; the others are measured against it, in plain floating point.
 
 A method's kernel, named after it with `_axes`, returns with the answer how many axes it projected
 on. What the paper computes in a pre-treatment stage (section 6), bounding boxes and centres of

@@ -26,7 +26,7 @@ Message: TypeAlias = tuple[str, int, bytes]  # topic, time in ns, data
 
 
 def is_installed(library: str) -> bool:
-    """Return whether a library can be imported; a folder of the same name is none."""
+    """Return whether a library can be imported; a folder of the same name does not count."""
     try:
         spec = find_spec(library)
     except ModuleNotFoundError:  # what it lies in

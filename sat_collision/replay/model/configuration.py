@@ -112,7 +112,7 @@ def settings_of(parameters: Mapping[str, Any], node: str = NODE,
     """
     Return the Settings that parameters by dotted names make; what the node refuses is refused.
 
-    Unless they are complete, parameters of sources that nobody has named yet are left out.
+    Unless they are complete, parameters of sources not named yet are ignored.
 
     Raises
     ------
@@ -284,7 +284,7 @@ def _named(kind: str, topics: Iterable[str], default: str) -> dict[str, object]:
 
 
 def _detected(polygons: Mapping[str, str], kinds: list[str]) -> dict[str, str]:
-    """Return the topic of each kind of which there is any."""
+    """Return the topic detected for each kind, if any."""
     found: dict[str, str] = {}
     certain = True
     if 'footprints' in kinds:

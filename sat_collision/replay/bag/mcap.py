@@ -25,8 +25,7 @@ import struct
 from typing import NamedTuple, TypeAlias
 import zlib
 
-from sat_collision.replay.bag.storage import Faults, Message
-from sat_collision.replay.bag.unpacking import Damage, in_words, Limits, unpacked
+from sat_collision.replay.bag.storage import Damage, Faults, in_words, Limits, Message, unpacked
 
 _MESSAGE = 5
 _MESSAGE_HEAD = struct.Struct('<HIQQ')
@@ -54,7 +53,7 @@ class McapFile:
 
     Chunks that cannot be unpacked or have a wrong checksum are left out, so that no coordinates
     are made up of damaged bytes. What was read is compared with what indexes and statistics
-    announce. The attributes are those of Storage.
+    announce. The attributes are those of `Recording`.
 
     Parameters
     ----------

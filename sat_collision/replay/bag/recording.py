@@ -22,16 +22,17 @@ import hashlib
 from pathlib import Path
 import re
 from types import TracebackType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 import zlib
 
 from sat_collision.replay.bag.mcap import McapFile
 from sat_collision.replay.bag.rosbag2 import is_there, Rosbag2Storage
 from sat_collision.replay.bag.sqlite import SqliteFile
-from sat_collision.replay.bag.storage import Faults, Message, Storage
-from sat_collision.replay.bag.unpacking import (
-    Damage, in_words, Limits, Scratch, unpacked, why_not_unpacked, ZSTD_MAGIC)
+from sat_collision.replay.bag.storage import (
+    Damage, Faults, in_words, Limits, Message, Scratch, unpacked, why_not_unpacked, ZSTD_MAGIC)
 import yaml
+
+_Storage: TypeAlias = McapFile | SqliteFile | Rosbag2Storage
 
 _STORAGE = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 _ROS_1 = b'#ROSBAG V'
@@ -75,7 +76,7 @@ class Recording:
         self._faults: list[Faults] = []
         self._own = self._faults_of(self.path)
         self._metadata: Metadata | None = None
-        self._parts: list[Storage] = []
+        self._parts: list[_Storage] = []
         self._sums: Counter[str] = Counter()
         self._compressions: set[str] = set()
 
@@ -226,7 +227,7 @@ class Recording:
             return
         self._add(Rosbag2Storage(self.path, self._own, by_one, self._scratch))
 
-    def _add(self, part: Storage) -> None:
+    def _add(self, part: _Storage) -> None:
         self._parts.append(part)
         for topic, kind in part.topics.items():
             if self.topics.setdefault(topic, kind) != kind:

@@ -22,8 +22,7 @@ import os
 from pathlib import Path
 import sqlite3
 
-from sat_collision.replay.bag.storage import Faults, Message
-from sat_collision.replay.bag.unpacking import Damage, in_words, Limits, Scratch
+from sat_collision.replay.bag.storage import Damage, Faults, in_words, Limits, Message, Scratch
 
 _LOGS = ('-wal', '-journal')
 _COLUMNS = {'topics': {'id', 'name', 'type'},

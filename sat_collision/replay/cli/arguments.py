@@ -28,7 +28,7 @@ import sys
 from typing import NoReturn
 
 from sat_collision import __version__
-from sat_collision.replay.bag.unpacking import Limits
+from sat_collision.replay.bag.storage import Limits
 from sat_collision.replay.model.options import HEADER, NODE, RECEIVE
 from sat_collision.replay.model.result import Verdict
 

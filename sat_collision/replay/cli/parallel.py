@@ -25,7 +25,7 @@ from pathlib import Path
 import signal
 import traceback
 
-from sat_collision.replay.bag.unpacking import in_words
+from sat_collision.replay.bag.storage import in_words
 from sat_collision.replay.model.options import Options
 from sat_collision.replay.model.result import Result
 from sat_collision.replay.run import check, OnProgress

@@ -25,7 +25,7 @@ from pathlib import Path
 import re
 from typing import Any, TypeAlias
 
-from sat_collision.replay.bag.unpacking import in_words
+from sat_collision.replay.bag.storage import in_words
 from sat_collision.replay.model.options import NODE
 from sat_collision.scene.parameters import (
     check_names_given, declare_parameters, is_name_of, ParameterError, parameters_by_node,

@@ -13,98 +13,29 @@
 # limitations under the License.
 
 """
-The separating axis methods compared: the traditional one, the paper's in both readings, and ours.
+The separating axis methods compared: the traditional one, and the paper's in all its readings.
 
 The paper is Liang and Liu, "The Research of Collision Detection Algorithm Based on Separating Axis
-Theorem". All methods take two convex polygons as counter-clockwise (n, 2) and (m, 2) float arrays
-of vertices and return whether the closed sets share a point. Only `improved`, which the package
-uses, is exact; the others are measured against it, in plain floating point.
-
-A method's kernel, named after it with `_axes`, returns with the answer how many axes it projected
-on. What the paper computes in a pre-treatment stage (section 6), bounding boxes and centres of
-gravity, a kernel takes as arguments.
+Theorem". Each kernel takes two convex polygons as counter-clockwise (n, 2) and (m, 2) float arrays
+and returns whether the closed sets share a point, in plain floating point, and on how many axes
+the kernel projected them. What the paper computes in a pre-treatment stage (section 6), bounding
+boxes and centres of gravity, is an argument.
 """
 
-from __future__ import annotations
+import math
 
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 from sat_collision.geometry.jit import inner, kernel
 from sat_collision.geometry.plane import centroid
-from sat_collision.geometry.query import intersects
-
-Body = NDArray[np.floating[Any]]
-
-
-def traditional(p: Body, q: Body) -> bool:
-    """
-    Return whether two convex polygons collide by the normals of all their edges (section 2.3).
-
-    Complete, but for rounding: it projects every vertex on up to n + m axes without asking what
-    the rounding error is, so bodies that touch or all but touch may come out either way. Arrays of
-    float32 are computed with in float32. Points and segments are allowed.
-    """
-    return bool(traditional_axes(p, q)[0])
-
-
-def boxed(p: Body, q: Body) -> bool:
-    """
-    Return whether two convex polygons collide: bounding boxes, then `traditional` (section 1).
-
-    The boxes are exact, so what `traditional` gets wrong is wrong here unless the boxes separate.
-    """
-    return bool(boxed_axes(p, q, bounds(p), bounds(q))[0])
-
-
-def rectangles(p: Body, q: Body) -> bool:
-    """
-    Return whether two rectangles collide by two axes each, parallel edges merged (section 2.3).
-
-    Corners rounded to floating point make no true rectangle, so besides what is wrong with
-    `traditional` two edges of each body go unchecked.
-    """
-    return bool(rectangles_axes(p, q)[0])
-
-
-def published_a(p: Body, q: Body) -> bool:
-    """
-    Return whether two convex polygons collide as the paper's sections 3.1 and 3.2 say (reading A).
-
-    The centre line is tried as an axis; then the normals of the two edges at each potential
-    nearest point, the vertices B of P and C of Q that reach furthest along the centre line; then
-    the lines from B and from C to their nearest points on the two edges at the other. The paper
-    claims a collision where none of these separates. That is no theorem: the separating axis may
-    be the normal of another edge, so separate bodies that are near are called colliding.
-    """
-    return bool(published_a_axes(p, q, centre_of_gravity(p), centre_of_gravity(q))[0])
-
-
-def published_b(p: Body, q: Body) -> bool:
-    """
-    Return whether two convex polygons collide by steps 1 to 4 of the paper's section 4 (B).
-
-    Only the ends of the edge of each polygon that the centre line crosses are projected on the
-    centre line; then the normals of those two edges are tried. Wrong in both ways: the claim of a
-    collision is no theorem, as in `published_a`, and another vertex may reach further along the
-    centre line than those four, so bodies that overlap are called separate.
-    """
-    return bool(published_b_axes(p, q, centre_of_gravity(p), centre_of_gravity(q))[0])
-
-
-def improved(p: Body, q: Body) -> bool:
-    """
-    Decide exactly whether two convex polygons collide: the paper's first moves, until proved.
-
-    See `sat_collision.geometry.separating_axis`, which decides in floating point only what its
-    error bounds prove.
-    """
-    return intersects(p, q)
 
 
 @kernel
 def traditional_axes(p, q):
+    """
+    Decide by the normals of all edges (section 2.3).
+
+    Complete, but for rounding: bodies that touch or all but touch may come out either way. Arrays
+    of float32 are computed with in float32. Points and segments are allowed.
+    """
     axes = 0
     for body in (p, q):
         for i in range(len(body)):
@@ -119,6 +50,7 @@ def traditional_axes(p, q):
 
 @kernel
 def boxed_axes(p, q, bounds_p, bounds_q):
+    """Decide by bounding boxes, which are exact, then as the traditional method (section 1)."""
     if (bounds_p[0] > bounds_q[2] or bounds_q[0] > bounds_p[2]
             or bounds_p[1] > bounds_q[3] or bounds_q[1] > bounds_p[3]):
         return False, 2
@@ -127,39 +59,46 @@ def boxed_axes(p, q, bounds_p, bounds_q):
 
 
 @kernel
-def rectangles_axes(p, q):
-    axes = 0
-    for body in (p, q):
-        for i in range(2):
-            axes += 1
-            if edge_separates(p, q, body, i):
-                return False, axes
-    return True, axes
-
-
-@kernel
 def published_a_axes(p, q, centre_p, centre_q):
+    """
+    Decide as the paper's sections 3.1 and 3.2 say (reading A).
+
+    The centre line is tried as an axis; then the normals of the two edges at each potential
+    nearest point, the vertices B of P and C of Q that reach furthest along the centre line; then
+    the lines from B and from C to their nearest points on the two edges at the other. The paper
+    claims a collision where none of these separates. That is no theorem: the separating axis may
+    be the normal of another edge, so separate bodies that are near are called colliding.
+    """
     x, y = centre_q[0] - centre_p[0], centre_q[1] - centre_p[1]
     if separates(p, q, x, y):
         return False, 1
-    axes = 1
-    b, c = _furthest(p, x, y), _furthest(q, -x, -y)
-    for body, nearest in ((p, b), (q, c)):
-        for i in (nearest, (nearest + 1) % len(body)):
-            axes += 1
-            if edge_separates(p, q, body, i):
-                return False, axes
-    for body, vertex, other, nearest in ((p, b, q, c), (q, c, p, b)):
-        for i in (nearest, (nearest + 1) % len(other)):
-            axes += 1
-            x, y = to_edge(body[vertex, 0], body[vertex, 1], other, i)
-            if separates(p, q, x, y):
-                return False, axes
-    return True, axes
+    return _axes_at(p, q, _furthest(p, x, y), _furthest(q, -x, -y))
+
+
+@kernel
+def literal_axes(p, q, centre_p, centre_q):
+    """
+    Decide as reading A, with B and C chosen as equation 5 is printed: the longest OB / cos BOE.
+
+    That length grows without bound as OB turns away from the centre line, so it picks vertices
+    beside the body rather than near the other one.
+    """
+    x, y = centre_q[0] - centre_p[0], centre_q[1] - centre_p[1]
+    if separates(p, q, x, y):
+        return False, 1
+    return _axes_at(p, q, _longest(p, centre_p, x, y), _longest(q, centre_q, -x, -y))
 
 
 @kernel
 def published_b_axes(p, q, centre_p, centre_q):
+    """
+    Decide by steps 1 to 4 of the paper's section 4 (reading B).
+
+    Only the ends of the edge of each polygon that the centre line crosses are projected on the
+    centre line; then the normals of those two edges are tried. Wrong in both ways: the claim of a
+    collision is no theorem, as in reading A, and another vertex may reach further along the
+    centre line than those four, so bodies that overlap are called separate.
+    """
     x, y = centre_q[0] - centre_p[0], centre_q[1] - centre_p[1]
     i, j = crossed_edge(p, centre_p, x, y), crossed_edge(q, centre_q, -x, -y)
     high = max(p[i - 1, 0] * x + p[i - 1, 1] * y, p[i, 0] * x + p[i, 1] * y)
@@ -172,6 +111,44 @@ def published_b_axes(p, q, centre_p, centre_q):
 
 
 @kernel
+def hybrid_axes(p, q, centre_p, centre_q):
+    """
+    Decide by the charitable hybrid of the readings A and B.
+
+    All vertices are projected on the centre line as in section 3.2, which never misses a
+    collision; then on the normals of the two edges that it crosses, as in section 4.
+    """
+    x, y = centre_q[0] - centre_p[0], centre_q[1] - centre_p[1]
+    if separates(p, q, x, y):
+        return False, 1
+    if edge_separates(p, q, p, crossed_edge(p, centre_p, x, y)):
+        return False, 2
+    return not edge_separates(p, q, q, crossed_edge(q, centre_q, -x, -y)), 3
+
+
+@kernel
+def closest_axes(p, q):
+    """
+    Decide by the line through the closest points, found as equations 3 and 4 say, by brute force.
+
+    The distances from every vertex to every edge of the other polygon are compared. The paper
+    calls that undesirable (section 3.1); it is complete but for rounding, and takes n m distances.
+    """
+    least = math.inf
+    x = y = 0.0
+    for body, other in ((p, q), (q, p)):
+        for k in range(len(body)):
+            for i in range(len(other)):
+                to_x, to_y = to_edge(body[k, 0], body[k, 1], other, i)
+                square = to_x * to_x + to_y * to_y
+                if square < least:
+                    least = square
+                    x = to_x
+                    y = to_y
+    return not separates(p, q, x, y), 1
+
+
+@kernel
 def bounds(polygon):
     """Return the bounding box (min_x, min_y, max_x, max_y)."""
     return (polygon[:, 0].min(), polygon[:, 1].min(), polygon[:, 0].max(), polygon[:, 1].max())
@@ -181,6 +158,24 @@ def bounds(polygon):
 def centre_of_gravity(polygon):
     """Return the centre of gravity (section 2.2); of a segment its middle."""
     return centroid(polygon.ravel(), len(polygon))
+
+
+@kernel
+def _axes_at(p, q, b, c):
+    """Try the edges at two vertices that may be nearest, and the lines from each to the others."""
+    axes = 1
+    for body, nearest in ((p, b), (q, c)):
+        for i in (nearest, (nearest + 1) % len(body)):
+            axes += 1
+            if edge_separates(p, q, body, i):
+                return False, axes
+    for body, vertex, other, nearest in ((p, b, q, c), (q, c, p, b)):
+        for i in (nearest, (nearest + 1) % len(other)):
+            axes += 1
+            x, y = to_edge(body[vertex, 0], body[vertex, 1], other, i)
+            if separates(p, q, x, y):
+                return False, axes
+    return True, axes
 
 
 @kernel
@@ -213,6 +208,23 @@ def _furthest(polygon, x, y):
         along = polygon[i, 0] * x + polygon[i, 1] * y
         if along > most:
             best, most = i, along
+    return best
+
+
+@kernel
+def _longest(polygon, centre, x, y):
+    """Return the vertex with the longest OB / cos of those before the centre, up to |(x, y)|."""
+    best = 0
+    most = 0.0
+    for i in range(len(polygon)):
+        to_x = polygon[i, 0] - centre[0]
+        to_y = polygon[i, 1] - centre[1]
+        along = to_x * x + to_y * y
+        if along > 0.0:
+            length = (to_x * to_x + to_y * to_y) / along
+            if length > most:
+                best = i
+                most = length
     return best
 
 

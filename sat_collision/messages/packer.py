@@ -24,9 +24,10 @@ from sat_collision.geometry.packing import pack_convex, pack_convex_moved
 from sat_collision.geometry.polygon import PackedBody, PlaneMap, Polygon, PolygonError, Reason
 from sat_collision.messages.cdr import Points
 
-# What plain Python has the time to cut into convex parts and to measure, see docs/reliability.md.
+# The most vertices that plain Python cuts into convex parts and measures in time, see
+# docs/reliability.md.
 _MOST_NOTCHED = 128
-# More points than this for each vertex accepted are not looked at.
+# Messages with more points than this for each vertex accepted are refused unread.
 _POINTS_FOR_A_VERTEX = 8
 
 

@@ -18,8 +18,8 @@ from builders import box, SECOND
 import numpy as np
 import pytest
 from sat_collision import Polygon
-from sat_collision.messages.contact_cloud import contact_cloud, MOST_CONTACTS
 from sat_collision.messages.interfaces import deserialize, PointCloud2, serialize, Time
+from sat_collision.messages.outputs import contact_cloud, MOST_CONTACTS
 from sat_collision.messages.shared_region import clip, contact_marks
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings

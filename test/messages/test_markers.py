@@ -20,8 +20,7 @@ from builders import box, SECOND
 import numpy as np
 import pytest
 from sat_collision import Polygon
-from sat_collision.messages.labels import Labels
-from sat_collision.messages.markers import Markers
+from sat_collision.messages.markers import Labels, Markers
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 import shapely

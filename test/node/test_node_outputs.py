@@ -24,8 +24,8 @@ from rclpy.parameter_client import AsyncParameterClient
 from sat_collision import KERNEL
 from sat_collision.geometry.polygon_set import PolygonSet
 from sat_collision.messages import outputs
-from sat_collision.messages.contact_cloud import contact_cloud
 from sat_collision.messages.markers import Markers
+from sat_collision.messages.outputs import contact_cloud
 from sat_collision.scene.scene import Scene
 from visualization_msgs.msg import Marker
 

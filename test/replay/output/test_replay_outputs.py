@@ -23,9 +23,6 @@ import sys
 import tempfile
 import textwrap
 
-from matplotlib.colors import to_hex
-from matplotlib.patches import Rectangle
-from matplotlib.text import Text
 import pytest
 from recordings import box, drive, published, SOURCE, START, write
 from rosbags.highlevel import AnyReader
@@ -33,12 +30,15 @@ from sat_collision.replay.cli.command import main
 from sat_collision.replay.cli.example import write_example
 from sat_collision.replay.model.configuration import parameters_of_file
 from sat_collision.replay.model.options import Options
-from sat_collision.replay.output.figure import draw_picture
-from sat_collision.replay.output.rows import rows_of
-from sat_collision.replay.output.style import CONTACT
 from sat_collision.replay.run import check
 
 pytest.importorskip('matplotlib')
+
+from matplotlib.colors import to_hex  # noqa: E402, I100
+from matplotlib.patches import Rectangle  # noqa: E402
+from matplotlib.text import Text  # noqa: E402
+from sat_collision.replay.output.drawing import CONTACT, rows_of  # noqa: E402
+from sat_collision.replay.output.figure import draw_picture  # noqa: E402
 
 SECOND = 10**9
 WITHOUT_ROS = """

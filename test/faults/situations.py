@@ -58,7 +58,7 @@ PATIENCE = 60.0
 # What a subscriber may count on, see the README: no flag for so long is a raised one.
 TOO_OLD = 0.3
 # How much later than it must a machine that has other things to do may be.
-SLACK = 10.0
+SLACK = 30.0
 # For so long the flag must stay down.
 _STAYS = 1.5
 
@@ -235,6 +235,9 @@ class Stage:
         finally:
             for process in busy:
                 process.kill()
+            for thread in threads:
+                with contextlib.suppress(ProcessLookupError):
+                    os.sched_setaffinity(thread, range(os.cpu_count() or 1))
 
     def close(self) -> None:
         """End all that was begun."""

@@ -28,7 +28,7 @@ from builders import serialised
 import pytest
 from recordings import box, drive, POLYGON, START, write
 from rosbags.highlevel import AnyReader
-from sat_collision.replay.bag import unpacking
+from sat_collision.replay.bag import storage as storages
 from sat_collision.replay.cli.command import main
 from sat_collision.replay.model.options import Options
 from sat_collision.replay.model.result import Verdict
@@ -371,10 +371,10 @@ def rosbag2_py(request, monkeypatch):
         monkeypatch.setitem(sys.modules, 'rosbag2_py', stand_in)
 
     def missing():
-        raise unpacking.Damage('it is hidden')
+        raise storages.Damage('it is hidden')
 
-    monkeypatch.setattr(unpacking, '_zstd', missing)
-    monkeypatch.setitem(unpacking._LIBRARIES, 'zstd', missing)
+    monkeypatch.setattr(storages, '_zstd', missing)
+    monkeypatch.setitem(storages._LIBRARIES, 'zstd', missing)
 
 
 @pytest.mark.parametrize('storage, compression', PACKED)

@@ -30,17 +30,20 @@ class Backlog(NamedTuple):
 class Receiver(Protocol):
     """What the loop calls."""
 
-    def receive(self, name: str, messages: Sequence[tuple[bytes, int | None]], now: int) -> None:
+    def receive(self, name: str, messages: Sequence[bytes], now: int,
+                number: int | None) -> None:
         """
-        Take all messages of a footprint or source.
+        Take messages of one publisher, between which none is missing.
 
         Parameters
         ----------
         name : str
-        messages : sequence of tuple
-            The serialised message, and which one of its publisher it is, where that is known.
+            Name of the footprint or source.
+        messages : sequence of bytes
         now : int
             Present time in ns.
+        number : int or None
+            Which one of its publisher's messages the first one is, where that is known.
 
         """
 

@@ -297,9 +297,22 @@ class Scene:
             self._evaluate()
         return refusal
 
-    def obstacle_run(self, name: str, run: Run, stamp: int, now: int) -> int:
-        """Take a run of obstacles that continues a set; return how many messages were taken."""
-        return self._sources[name].receive_run(run, stamp, now) if now == self._now else 0
+    def obstacle_run(self, name: str, run: Run, frame_id: str, stamp: int, now: int,
+                     number: int | None) -> int:
+        """Take obstacles of a run that continues a set; return how many messages were taken."""
+        if name in self.waiting or self.frame_id and frame_id != self.frame_id:
+            return 0
+        if now != self._now:
+            self.pass_time(now)
+        source = self._sources[name]
+        faults = source.faults
+        taken = source.receive_run(run, frame_id, stamp, number, now)
+        if taken and stamp + source.timeout < self.deadline:
+            self.deadline = stamp + source.timeout
+        if source.faults is not faults:
+            self.deadline = min(self.deadline, source.deadline)
+            self._reevaluate_all()
+        return taken
 
     def refuse(self, name: str, reason: str, now: int, stamp: int | None = None,
                instance: int | None = None, number: int | None = None) -> None:

@@ -132,8 +132,10 @@ class Ingest:
         self._with_ids = {source.name for source in settings.obstacles
                           if source.type == POLYGON_INSTANCE}
         self._packer = Packer(settings.max_vertices)
-        # Of the last obstacle that was taken of each source.
-        self._headers: dict[str, _Header] = {}
+        # Of the last obstacle that was taken of each source without ids.
+        self._headers: dict[str, _Header | None] = {
+            source.name: None for source in settings.obstacles
+            if source.type != POLYGON_INSTANCE}
 
     def take_run(self, settings: FootprintSettings | ObstacleSettings, batch: Batch, begin: int,
                  now: int) -> int:
@@ -208,7 +210,7 @@ class Ingest:
             if self._placements is not None:
                 self._placements.append(Placement(
                     name, stamp or now, stamp != 0, frame_id, points, plane, instance))
-            if points[2] and points[0] is data:
+            if name in self._headers and points[2] and points[0] is data:
                 self._headers[name] = _Header(
                     data[:points[1] - COUNT_SIZE], points[1], stamp, sent_in)
             return None

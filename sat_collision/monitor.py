@@ -165,8 +165,8 @@ class Monitor:
             if run := self.ingest.take_run(settings, batch, taken, now):
                 taken += run
             else:
-                if refused := self._admit(settings, messages[taken],
-                                          None if number is None else number + taken, now):
+                if refused := self._admit(settings, messages[taken], number and number + taken,
+                                          now):
                     rejections = [*rejections, *refused]
                 taken += 1
         return rejections

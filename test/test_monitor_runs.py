@@ -71,11 +71,13 @@ def test_batches_are_taken_as_their_messages_one_by_one(seed):
                 timeout=source.choice((0.0, 1.0, 1.0)),
                 set_window=source.choice((0.0, 0.0, 0.02))),))
     follows = source.choice((False, True))
-    places = [], []
-    together, singly = (Monitor(settings, transforms=True, placements=one if follows else None)
-                        for one in places)
+    places = [], [], []
+    monitors = [Monitor(settings, transforms=True, placements=one if follows else None)
+                for one in places]
+    singly, alone, together = monitors
+    singly.ingest.take_run = lambda *_: 0
     now, number = NOW, source.choice((1, 7, None))
-    for monitor in (together, singly):
+    for monitor in monitors:
         monitor.receive_transforms('/tf_static', transforms(('map', 'laser', 0, 0.25, 3.0, 1.5)),
                                    now)
         monitor.update_publishers('lidar', [Endpoint('gid', '/tracker')])
@@ -96,19 +98,26 @@ def test_batches_are_taken_as_their_messages_one_by_one(seed):
             if number is not None:
                 number += 1
         left = left[cut:]
-        assert together.receive('robot', robot, now) == singly.receive('robot', robot, now)
+        answer, *others = (monitor.receive('robot', robot, now) for monitor in monitors)
+        assert others == [answer, answer]
         for first, batch in batches:
             now += source.choice((0, 0, SECOND // 100))
             rejections = together.receive_batch('lidar', batch, now, first)
-            expected = [singly.receive('lidar', data, now, first and first + k)
-                        for k, data in enumerate(batch)]
-            assert [*rejections] == [one for one in expected if one]
+            rejected = []
+            for k, data in enumerate(batch, first or 0):
+                expected = singly.receive('lidar', data, now, first and k)
+                assert alone.receive('lidar', data, now, first and k) == expected
+                assert snapshot(alone) == snapshot(singly)
+                rejected += [expected] if expected else []
+            assert [*rejections] == rejected
             assert snapshot(together) == snapshot(singly)
-            assert together.scene.changes() == singly.scene.changes()
-    assert places[0] == places[1] and bool(places[0]) == follows
+            changes, *others = (monitor.scene.changes() for monitor in monitors)
+            assert others == [changes, changes]
+    assert places[0] == places[1] == places[2] and bool(places[0]) == follows
 
 
-def test_runs_are_taken_at_all(monkeypatch):
+@pytest.mark.parametrize('size', (1, 21))
+def test_runs_are_taken_at_all(monkeypatch, size):
     """All but the first message of a set and what may touch; else this file shows nothing."""
     monitor = Monitor(SETTINGS)
     taken = []
@@ -124,6 +133,8 @@ def test_runs_are_taken_at_all(monkeypatch):
         batch = [serialised(box(10 + k), stamp) for k in range(20)]
         batch[10] = serialised(box(1), stamp)
         del taken[:]
-        monitor.receive_batch('lidar', [*batch, serialised([], stamp)], stamp)
-    assert [*filter(None, taken)] == [9, 9]
+        batch.append(serialised([], stamp))
+        for k in range(0, 21, size):
+            monitor.receive_batch('lidar', batch[k:k + size], stamp)
+    assert sum(taken) == 18 and max(taken) == min(size, 9)
     assert monitor.scene.state('robot').status.value == 'collision'

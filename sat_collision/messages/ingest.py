@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from sat_collision.geometry.jit import indexable
@@ -77,27 +77,6 @@ def _ends_of(*sizes: int) -> Any:
 _NO_ENDS = indexable(np.empty(0, np.int64))
 
 
-class _Header(NamedTuple):
-    """
-    What stands before the points of an obstacle.
-
-    Attributes
-    ----------
-    data : bytes
-        All before their number.
-    points_at : int
-        Where they begin.
-    stamp : int
-    frame_id : str
-
-    """
-
-    data: bytes
-    points_at: int
-    stamp: int
-    frame_id: str
-
-
 class Ingest:
     """
     Passes messages to a scene, or refuses them.
@@ -132,8 +111,9 @@ class Ingest:
         self._with_ids = {source.name for source in settings.obstacles
                           if source.type == POLYGON_INSTANCE}
         self._packer = Packer(settings.max_vertices)
-        # Of the last obstacle that was taken of each source without ids.
-        self._headers: dict[str, _Header | None] = {
+        # By source without ids, of the last obstacle taken: the bytes before the number of its
+        # points, where in the message the points begin, its stamp, and the frame it came in.
+        self._headers: dict[str, tuple[bytes, int, int, str] | None] = {
             source.name: None for source in settings.obstacles
             if source.type != POLYGON_INSTANCE}
 
@@ -143,9 +123,9 @@ class Ingest:
         name = settings.name
         if (header := self._headers.get(name)) is None:
             return 0
-        model, points_at, stamp, frame_id = header
+        start, points_at, stamp, frame_id = header
         message = batch.messages[begin]
-        if len(message) <= points_at or not message.startswith(model):
+        if len(message) <= points_at or not message.startswith(start):
             return 0
         plane = None
         if self._transforms and frame_id != self._fixed:
@@ -154,11 +134,10 @@ class Ingest:
             if isinstance(found, NoTransform):
                 return 0
             plane, frame_id = found.plane, self._fixed
-        number = batch.number
         taken = self._scene.obstacle_run(
             name, (batch.data, batch.ends, begin, points_at - COUNT_SIZE, plane or _UNMOVED,
                    self._packer.max_vertices, self._packer.array),
-            frame_id, stamp, now, None if number is None else number + begin)
+            frame_id, stamp, now, batch.number and batch.number + begin)
         if self._placements is not None:
             self._placements += [
                 Placement(name, stamp, True, frame_id,
@@ -211,8 +190,7 @@ class Ingest:
                 self._placements.append(Placement(
                     name, stamp or now, stamp != 0, frame_id, points, plane, instance))
             if name in self._headers and points[2] and points[0] is data:
-                self._headers[name] = _Header(
-                    data[:points[1] - COUNT_SIZE], points[1], stamp, sent_in)
+                self._headers[name] = data[:points[1] - COUNT_SIZE], points[1], stamp, sent_in
             return None
         return self.reject(settings, refusal, detail_of(
             refusal, frame_id, scene.frame_id, (now - stamp) / 1e9, settings.timeout))

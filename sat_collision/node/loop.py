@@ -228,7 +228,7 @@ class Loop:
         taken = 0
         for topic in self._topics:
             if late >= 0.0 or ready is None or topic.pointer in ready:
-                count = (topic.take_one(present) if are_alone
+                count = (topic.take_batch(1, present) if are_alone
                          else topic.take(self._budget, present))
                 taken += count
                 self._taken_at_once += count if topic.ends_rest else 0
@@ -295,16 +295,12 @@ class _Topic:
         self._next: tuple[bytes, dict[str, Any]] | None = None
         self._is_empty = True
 
-    def take_one(self, now: int) -> int:
-        """Have the message that has come received; return how many there were: 0 or 1."""
-        return self._take_batch(1, now)
-
     def take(self, budget: float, now: int) -> int:
         """Have what has come received, for so many s at most; return how many messages."""
         was_behind, self.is_behind = self.is_behind, False
         end = time.monotonic() + budget
         total, limit = 0, _FEWEST_TOGETHER
-        while count := self._take_batch(limit, now):
+        while count := self.take_batch(limit, now):
             if not total:
                 self._first = self._first_of_batch
             total += count
@@ -312,7 +308,7 @@ class _Topic:
                 break
             if time.monotonic() >= end:
                 self.is_behind = True
-                total += self._take_batch(1, now) if self._next else 0
+                total += self.take_batch(1, now) if self._next else 0
                 break
             limit = min(4 * limit, _MOST_TOGETHER)
         if self.is_behind:
@@ -321,7 +317,7 @@ class _Topic:
             self._receiver.note_backlog(self._name, None)
         return total
 
-    def _take_batch(self, limit: int, now: int) -> int:
+    def take_batch(self, limit: int, now: int) -> int:
         """Have messages that follow one another received, up to a limit; return how many."""
         taken, self._next = self._next or self._take(), None
         batch: list[bytes] = []

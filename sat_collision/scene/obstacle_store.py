@@ -31,8 +31,6 @@ from sat_collision.scene.times import NEVER
 OTHER_FRAME = 'other frame'
 TOO_MANY = 'too many obstacles'
 
-_FEWEST_PLACES = 16
-
 
 class ObstacleStore:
     """
@@ -159,7 +157,7 @@ class SetGroup(ObstacleGroup):
         self.oldest: float = NEVER
         self._places: list[Obstacle] = []
         # Of each place, -1 where nothing is placed.
-        self._rows = indexable(np.full(_FEWEST_PLACES, -1))
+        self._rows = indexable(np.empty(0, np.int64))
         self._taken = 0
 
     def __iter__(self) -> Iterator[Obstacle]:
@@ -200,7 +198,7 @@ class SetGroup(ObstacleGroup):
         if place == len(self._places):
             self._places.append(Obstacle(self, self._store.source, place, place))
             if place == len(self._rows):
-                self._rows = indexable(np.append(self._rows, np.full(place, -1)))
+                self._rows = indexable(np.append(self._rows, np.full(place + 1, -1)))
         self._put(self._places[place], body, frame_id, time, refusal)
         return refusal
 

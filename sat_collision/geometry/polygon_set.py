@@ -401,7 +401,7 @@ class PackedSet(PolygonSet):
     def place_run(self, run: Run, rows: Any, first: int, limit: int, others: PackedSet,
                   margin: float) -> int:
         """Put polygons of a run in place of those of rows, see `write_run`; return how many."""
-        count: int = write_run(*run, self._array, rows, first, limit, others._array, margin)
+        count: int = write_run(run, self._array, rows, first, limit, others._array, margin)
         return count
 
     def hide(self, rows: Sequence[int]) -> None:

@@ -67,8 +67,8 @@ class Scene:
       older than its timeout, disabled, of two publishers), if checking is disabled, or if there
       is no clock;
     - else in COLLISION if it shares a point with an obstacle, or is within the margin of one: a
-    proved contact stays true whatever else is unknown; - else UNKNOWN if a source of obstacles is
-    not known, see `knowledge`, or none is enabled:
+      proved contact stays true whatever else is unknown;
+    - else UNKNOWN if a source of obstacles is not known, see `knowledge`, or none is enabled:
       there may be an obstacle that was not received;
     - else IMMINENT if `look_ahead` found that it is in contact within its min_time_to_collision;
     - else CLEAR, which is reported once it has been so for `release_delay`.

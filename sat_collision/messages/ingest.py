@@ -24,8 +24,9 @@ from typing import Any
 import numpy as np
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.polygon import PlaneMap, PolygonError
-from sat_collision.messages.cdr import COUNT_SIZE, decode, MessageError, POINT_SIZE, Points
-from sat_collision.messages.packer import Packer, Placement, vertices_of
+from sat_collision.messages.cdr import COUNT_SIZE, decode, MessageError, Points
+from sat_collision.messages.packer import Packer, vertices_of
+from sat_collision.messages.placement import Placement, points_of_run
 from sat_collision.messages.rejections import (
     detail_of, EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE)
 from sat_collision.messages.transform_listener import TransformListener
@@ -138,11 +139,17 @@ class Ingest:
             name, (batch.data, batch.ends, begin, points_at - COUNT_SIZE, plane or _UNMOVED,
                    self._packer.max_vertices, self._packer.array),
             frame_id, stamp, now, batch.number and batch.number + begin)
-        if self._placements is not None:
-            self._placements += [
-                Placement(name, stamp, True, frame_id,
-                          (data, points_at, (len(data) - points_at) // POINT_SIZE), plane, None)
-                for data in batch.messages[begin:begin + taken]]
+        placements = self._placements
+        if taken and placements is not None:
+            first = begin
+            if begin and placements and not placements[-1].is_empty and (
+                    placements[-1].points[0] is batch.messages[begin - 1]):
+                # The message before, of the same header, begins the run.
+                placements.pop()
+                first -= 1
+            points = points_of_run(batch.data, np.append(batch.ends, len(batch.data)), first,
+                                   begin + taken, points_at)
+            placements.append(Placement(name, stamp, True, frame_id, points, plane, None))
         return taken
 
     def take(self, settings: FootprintSettings | ObstacleSettings, data: bytes,

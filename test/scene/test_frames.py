@@ -140,7 +140,7 @@ def test_a_quaternion_need_not_have_length_one(tree):
 def test_names_that_are_none(tree, name):
     found = tree.where(name, 0.5)
     assert (found.reason, found.may_come) == (frames.BAD_FRAME_ID, False)
-    assert f"'{name}' is no frame" in found.detail
+    assert f"'{name}' is not a valid frame" in found.detail
     assert tree.where('base', 0.5, target=name).reason == frames.BAD_FRAME_ID
 
 

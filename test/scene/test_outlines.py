@@ -65,10 +65,10 @@ def test_its_topic_is_where_its_frame_is_told():
 
 @pytest.mark.parametrize('given, words', [
     ({'points': '[[0, 0], [1, 1], [1, 0], [0, 1]]'},
-     '^footprint.points are no simple polygon: '),
+     '^footprint.points are not a simple polygon: '),
     ({'points': [0.0, 0.0, float('nan'), 1.0, 1.0, 0.0]},
-     '^footprint.points are no simple polygon: '),
-    ({'points': [0.0, 0.0, 1e300, 1.0, 1.0, 0.0]}, '^footprint.points are no simple polygon: '),
+     '^footprint.points are not a simple polygon: '),
+    ({'points': [0.0, 0.0, 1e300, 1.0, 1.0, 0.0]}, '^footprint.points are not a simple polygon: '),
     ({'points': [0.0, 1.0, 2.0]}, '^footprint.points has 3 numbers, but each point has two$'),
     ({'points': 'base'}, r"^footprint.points: a string must have the form '\[\[x1, y1\], "),
     ({'points': '[[0, 0], [1, 2, 3]]'}, '^footprint.points: a string must have the form'),

@@ -24,7 +24,7 @@ from types import ModuleType, SimpleNamespace
 import pytest
 from recordings import drive, write
 from rosbags.highlevel import AnyReader
-from sat_collision.replay.bag import unpacking
+from sat_collision.replay.bag import storage
 from sat_collision.replay.cli.command import main
 from sat_collision.replay.model.options import Options
 from sat_collision.replay.run import check
@@ -131,10 +131,10 @@ def rosbag2_py(request, monkeypatch):
         monkeypatch.setitem(sys.modules, 'rosbag2_py', stand_in)
 
     def missing():
-        raise unpacking.Damage('it is hidden')
+        raise storage.Damage('it is hidden')
 
-    monkeypatch.setattr(unpacking, '_zstd', missing)
-    monkeypatch.setitem(unpacking._LIBRARIES, 'zstd', missing)
+    monkeypatch.setattr(storage, '_zstd', missing)
+    monkeypatch.setitem(storage._LIBRARIES, 'zstd', missing)
 
 
 @pytest.mark.parametrize('storage, compression', PACKED)

@@ -120,12 +120,12 @@ def _message(rng, size, repeats):
     for now, messages in _rounds(rng, size, 4, count):
         how = 'together' if len(times['together']) < len(times['alone']) else 'alone'
         most = 1 if how == 'alone' else _TOGETHER
-        numbered = [(message, None) for message in (*messages, pack(np.empty((0, 2)), now))]
+        messages = [*messages, pack(np.empty((0, 2)), now)]
         start = time.perf_counter()
-        for k in range(0, len(numbered), most):
-            monitor.receive_batch('obstacles', numbered[k:k + most], now)
+        for k in range(0, len(messages), most):
+            monitor.receive_batch('obstacles', messages[k:k + most], now)
             monitor.scene.changes()
-        times[how].append((time.perf_counter() - start) / len(numbered))
+        times[how].append((time.perf_counter() - start) / len(messages))
         for outline in _outlines(rng, 10, 4, 1.0):
             message = pack(outline, now)
             start = time.perf_counter()

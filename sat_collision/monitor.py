@@ -93,7 +93,7 @@ class Monitor:
         self.rejected = self.ingest.rejected
         self.outlines = Outlines(settings, self.ingest, self.transforms, self.received)
         self.waiting: Waiting[_Item, Rejection] = Waiting(self._take_waiting)
-        self.scene.waiting = self.waiting
+        self.scene.waiting = self.waiting.queues
         self._timeout = round(settings.transform_timeout * 1e9)
         self._now = 0
 
@@ -131,20 +131,21 @@ class Monitor:
         Rejection or None
 
         """
-        rejections = self.receive_batch(name, ((data, number),), now)
+        rejections = self.receive_batch(name, (data,), now, number)
         return rejections[0] if rejections else None
 
-    def receive_batch(self, name: str, messages: Sequence[tuple[bytes, int | None]],
-                      now: int) -> Sequence[Rejection]:
+    def receive_batch(self, name: str, messages: Sequence[bytes], now: int,
+                      number: int | None = None) -> Sequence[Rejection]:
         """
-        Take messages as `receive` does.
+        Take messages of one publisher as `receive` does, between which none is missing.
 
         Parameters
         ----------
         name : str
-        messages : sequence of tuple
-            The serialised message, and which one of its publisher it is, where that is known.
+        messages : sequence of bytes
         now : int
+        number : int, optional
+            Which one of its publisher's messages the first one is, where that is known.
 
         Returns
         -------
@@ -156,15 +157,18 @@ class Monitor:
         settings = self.scene.settings_of(name)
         if not settings.enabled:
             return rejections
-        batch = Batch(messages) if len(messages) > 2 else None
+        if number is None:
+            self.is_numbered = False
+        batch = Batch(messages, number)
         taken = 0
         while taken < len(messages):
-            data, number = messages[taken]
-            if refused := self._admit(settings, data, number, now):
-                rejections = [*rejections, *refused]
-            taken += 1
-            if batch:
-                taken += self._take_run(settings, batch, taken, now)
+            if run := self.ingest.take_run(settings, batch, taken, now):
+                taken += run
+            else:
+                if refused := self._admit(settings, messages[taken], number and number + taken,
+                                          now):
+                    rejections = [*rejections, *refused]
+                taken += 1
         return rejections
 
     def receive_run(self, name: str, batch: Batch, begin: int, now: int) -> int:
@@ -176,9 +180,8 @@ class Monitor:
         name : str
         batch : Batch
         begin : int
-            The first one; the one before it was taken last.
+            The first one.
         now : int
-            The time at which that was.
 
         Returns
         -------
@@ -186,16 +189,10 @@ class Monitor:
             How many were taken. The next one has to be received by itself.
 
         """
-        taken = self._take_run(self.scene.settings_of(name), batch, begin, now)
+        settings = self.scene.settings_of(name)
+        taken = self.ingest.take_run(settings, batch, begin, now) if settings.enabled else 0
         self.received[name] += taken
         return taken
-
-    def _take_run(self, settings: FootprintSettings | ObstacleSettings, batch: Batch, begin: int,
-                  now: int) -> int:
-        if not isinstance(settings, ObstacleSettings) or begin == len(batch.messages) or (
-                not settings.enabled or settings.name in self.waiting or not batch.has_no_gap()):
-            return 0
-        return self.ingest.take_run(settings, batch, begin, now)
 
     def update_publishers(self, name: str, endpoints: list[Endpoint]) -> None:
         """Take the publishers that a footprint or source has now, once what they sent is taken."""
@@ -247,8 +244,6 @@ class Monitor:
     def _admit(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
                number: int | None, now: int) -> Sequence[Rejection]:
         """Take a message, or let it wait: for a transform, or behind what waits for one."""
-        if number is None:
-            self.is_numbered = False
         if settings.name in self.outlines.names:
             self._watch_clock(now)
             if number is not None:

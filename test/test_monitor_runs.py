@@ -77,11 +77,13 @@ def test_batches_are_taken_as_their_messages_one_by_one(seed):
                 timeout=source.choice((0.0, 1.0, 1.0)),
                 set_window=source.choice((0.0, 0.0, 0.02))),))
     follows = source.choice((False, True))
-    places = [], []
-    together, singly = (Monitor(settings, transforms=True, placements=one if follows else None)
-                        for one in places)
+    places = [], [], []
+    monitors = [Monitor(settings, transforms=True, placements=one if follows else None)
+                for one in places]
+    singly, alone, together = monitors
+    singly.ingest.take_run = lambda *_: 0
     now, number = NOW, source.choice((1, 7, None))
-    for monitor in (together, singly):
+    for monitor in monitors:
         monitor.receive_transforms('/tf_static', transforms(('map', 'laser', 0, 0.25, 3.0, 1.5)),
                                    now)
         monitor.update_publishers('lidar', [Endpoint('gid', '/tracker')])
@@ -92,22 +94,37 @@ def test_batches_are_taken_as_their_messages_one_by_one(seed):
         stamp = now + source.choice((0, 0, 0, SECOND // 20, -SECOND // 2))
         left += random_set(source, stamp, source.choice(('map', 'map', 'laser')))
         cut = source.choice((len(left), source.randrange(len(left) + 1)))
-        batch = []
+        batches = []
         for data in left[:cut]:
-            batch.append((data, number))
+            if not batches or source.random() < 0.03:
+                if number is not None and batches:
+                    number += source.choice((0, 1))
+                batches.append((number, []))
+            batches[-1][1].append(data)
             if number is not None:
-                number += source.choice((1,) * 40 + (2,))
+                number += 1
         left = left[cut:]
-        assert together.receive('robot', robot, now) == singly.receive('robot', robot, now)
-        rejections = together.receive_batch('lidar', batch, now)
-        expected = [singly.receive('lidar', data, now, number) for data, number in batch]
-        assert [*rejections] == [one for one in expected if one]
-        assert snapshot(together) == snapshot(singly)
-        assert together.scene.changes() == singly.scene.changes()
-    assert messages_of(places[0]) == messages_of(places[1]) and bool(places[0]) == follows
+        answer, *others = (monitor.receive('robot', robot, now) for monitor in monitors)
+        assert others == [answer, answer]
+        for first, batch in batches:
+            now += source.choice((0, 0, SECOND // 100))
+            rejections = together.receive_batch('lidar', batch, now, first)
+            rejected = []
+            for k, data in enumerate(batch, first or 0):
+                expected = singly.receive('lidar', data, now, first and k)
+                assert alone.receive('lidar', data, now, first and k) == expected
+                assert snapshot(alone) == snapshot(singly)
+                rejected += [expected] if expected else []
+            assert [*rejections] == rejected
+            assert snapshot(together) == snapshot(singly)
+            changes, *others = (monitor.scene.changes() for monitor in monitors)
+            assert others == [changes, changes]
+    taken, *others = map(messages_of, places)
+    assert others == [taken, taken] and bool(taken) == follows
 
 
-def test_runs_are_taken_at_all(monkeypatch):
+@pytest.mark.parametrize('size', (1, 21))
+def test_runs_are_taken_at_all(monkeypatch, size):
     """All but the first message of a set and what may touch; else this file shows nothing."""
     monitor = Monitor(SETTINGS)
     taken = []
@@ -123,7 +140,8 @@ def test_runs_are_taken_at_all(monkeypatch):
         batch = [serialised(box(10 + k), stamp) for k in range(20)]
         batch[10] = serialised(box(1), stamp)
         del taken[:]
-        monitor.receive_batch('lidar', [(data, None) for data in (*batch, serialised([], stamp))],
-                              stamp)
-    assert [*filter(None, taken)] == [9, 9]
+        batch.append(serialised([], stamp))
+        for k in range(0, 21, size):
+            monitor.receive_batch('lidar', batch[k:k + size], stamp)
+    assert sum(taken) == 18 and max(taken) == min(size, 9)
     assert monitor.scene.state('robot').status.value == 'collision'

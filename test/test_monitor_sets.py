@@ -193,8 +193,8 @@ def test_first_set_counts_where_the_publisher_began_with_it(number, known):
     monitor = Monitor(ONE_SOURCE)
     monitor.receive('robot', serialised(box(0)), NOW)
     for k, stamp, expected in ((0, NOW, known), (2, NOW + SECOND // 10, 'clear')):
-        monitor.receive_batch('lidar', [(serialised(box(10), stamp), number + k),
-                                        (serialised([], stamp), number + k + 1)], stamp)
+        monitor.receive_batch('lidar', [serialised(box(10), stamp), serialised([], stamp)], stamp,
+                              number + k)
         assert status(monitor) == expected
 
 

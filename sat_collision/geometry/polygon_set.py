@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from operator import index
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -397,9 +398,11 @@ class PackedSet(PolygonSet):
     remove = PolygonSet._remove
     polygon = PolygonSet._polygon
 
-    def place_run(self, run: Run, rows: Sequence[int], others: PackedSet, margin: float) -> int:
-        """Put the polygons of a run in place of those of rows, and return how many were put."""
-        return int(write_run(run, self._array, indexable(np.array(rows)), others._array, margin))
+    def place_run(self, run: Run, rows: Any, first: int, limit: int, others: PackedSet,
+                  margin: float) -> int:
+        """Put polygons of a run in place of those of rows, see `write_run`; return how many."""
+        count: int = write_run(run, self._array, rows, first, limit, others._array, margin)
+        return count
 
     def hide(self, rows: Sequence[int]) -> None:
         """Empty rows, each of which stays in use until it is filled again or removed."""

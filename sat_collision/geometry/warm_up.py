@@ -33,7 +33,6 @@ from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.polygon_set import PackedSet, PolygonSet
 from sat_collision.geometry.query import (
     closest_points, intersects, intersects_pairs, separations)
-from sat_collision.geometry.run import Run
 from sat_collision.geometry.sweep import time_of_contact
 
 _TRIANGLE = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
@@ -59,10 +58,10 @@ def prepare_packing() -> None:
     Polygon(_TRIANGLE)
     Polygon.from_float32(*points, plane=_UNMOVED)
     message = np.array((0, len(_TRIANGLE)), np.uint32).tobytes() + points[0]
-    ends = indexable(np.array((len(message), 2 * len(message))))
+    ends = indexable(np.array((len(message),)))
     bodies = PackedSet([_origin()])
-    bodies.place_run(Run(2 * message, ends, 0, 1, 4, len(_TRIANGLE), _UNMOVED, packed), [0],
-                     PackedSet(), 0.0)
+    bodies.place_run((2 * message, ends, 1, 4, _UNMOVED, len(_TRIANGLE), packed),
+                     indexable(np.zeros(1, np.int64)), 0, 1, PackedSet(), 0.0)
 
 
 def prepare_parts() -> None:

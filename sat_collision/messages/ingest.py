@@ -18,11 +18,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.polygon import PlaneMap, PolygonError
-from sat_collision.geometry.run import Run
 from sat_collision.messages.cdr import COUNT_SIZE, decode, MessageError, Points
 from sat_collision.messages.packer import Packer, vertices_of
 from sat_collision.messages.placement import Placement, points_of_run
@@ -42,36 +43,39 @@ _UNMOVED: PlaneMap = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 class Batch:
     """
-    Messages that are taken together.
+    Messages of one publisher, between which none is missing.
+
+    Parameters
+    ----------
+    messages : sequence of bytes
+    number : int, optional
+        Which one of its publisher's messages the first one is, where that is known.
 
     Attributes
     ----------
-    messages : sequence of tuple
-        The serialised message, and which one of its publisher it is, where that is known.
+    data : bytes
+        The messages, one behind the other.
+    ends : (m - 1,) array of int64
+        Where in the data each message ends but the last one.
 
     """
 
-    def __init__(self, messages: Sequence[tuple[bytes, int | None]]) -> None:
+    __slots__ = 'messages', 'number', 'data', 'ends'
+
+    def __init__(self, messages: Sequence[bytes], number: int | None = None) -> None:
         self.messages = messages
-        self._joined: tuple[bytes, object] | None = None
-        self._has_no_gap: bool | None = None
+        self.number = number
+        self.data = b''.join(messages)
+        self.ends = _ends_of(*map(len, messages[:-1])) if len(messages) > 1 else _NO_ENDS
 
-    def joined(self) -> tuple[bytes, object]:
-        """Return all messages, one behind the other, and where each ends: (m,) array of int64."""
-        if self._joined is None:
-            data = [data for data, _ in self.messages]
-            ends = np.cumsum(np.fromiter(map(len, data), np.int64, len(data)))
-            self._joined = b''.join(data), indexable(ends)
-        return self._joined
 
-    def has_no_gap(self) -> bool:
-        """Return whether each message is the next one of the publisher of the one before."""
-        if self._has_no_gap is None:
-            numbers = [number for _, number in self.messages]
-            first = numbers[0]
-            self._has_no_gap = numbers == ([None] * len(numbers) if first is None
-                                           else [*range(first, first + len(numbers))])
-        return self._has_no_gap
+@lru_cache(32)
+def _ends_of(*sizes: int) -> Any:
+    """Return where messages of some sizes end, one behind the other: (m,) array of int64."""
+    return indexable(np.cumsum(sizes))
+
+
+_NO_ENDS = indexable(np.empty(0, np.int64))
 
 
 class Ingest:
@@ -108,29 +112,44 @@ class Ingest:
         self._with_ids = {source.name for source in settings.obstacles
                           if source.type == POLYGON_INSTANCE}
         self._packer = Packer(settings.max_vertices)
-        # The last obstacle that was received, which the messages of a run must be like: its
-        # source, its bytes, where in them the points start, its stamp, its frame and where it was
-        # moved.
-        self._model: tuple[str, bytes, int, int, str, PlaneMap | None] = '', b'', 0, 0, '', None
+        # By source without ids, of the last obstacle taken: the bytes before the number of its
+        # points, where in the message the points begin, its stamp, and the frame it came in.
+        self._headers: dict[str, tuple[bytes, int, int, str] | None] = {
+            source.name: None for source in settings.obstacles
+            if source.type != POLYGON_INSTANCE}
 
-    def take_run(self, settings: ObstacleSettings, batch: Batch, begin: int, now: int) -> int:
-        """Pass messages like the one before them to the scene; return how many were taken."""
-        source, model, points_at, stamp, frame_id, plane = self._model
-        if source != settings.name or model is not batch.messages[begin - 1][0]:
+    def take_run(self, settings: FootprintSettings | ObstacleSettings, batch: Batch, begin: int,
+                 now: int) -> int:
+        """Pass messages to the scene that add to the set of the one before; return how many."""
+        name = settings.name
+        if (header := self._headers.get(name)) is None:
             return 0
-        data, ends = batch.joined()
-        taken = self._scene.obstacle_run(settings.name, Run(
-            data, ends, begin - 1, begin, points_at - COUNT_SIZE, self._packer.max_vertices,
-            plane or _UNMOVED, self._packer.array), stamp, now)
+        start, points_at, stamp, frame_id = header
+        message = batch.messages[begin]
+        if len(message) <= points_at or not message.startswith(start):
+            return 0
+        plane = None
+        if self._transforms and frame_id != self._fixed:
+            self._watch_clock(now)
+            found = self._transforms.plane(frame_id, stamp, now, settings.timeout)
+            if isinstance(found, NoTransform):
+                return 0
+            plane, frame_id = found.plane, self._fixed
+        taken = self._scene.obstacle_run(
+            name, (batch.data, batch.ends, begin, points_at - COUNT_SIZE, plane or _UNMOVED,
+                   self._packer.max_vertices, self._packer.array),
+            frame_id, stamp, now, batch.number and batch.number + begin)
         placements = self._placements
         if taken and placements is not None:
             first = begin
-            if placements and placements[-1].points[0] is model:
-                # The message that they are like begins the run.
+            if begin and placements and not placements[-1].is_empty and (
+                    placements[-1].points[0] is batch.messages[begin - 1]):
+                # The message before, of the same header, begins the run.
                 placements.pop()
                 first -= 1
-            points = points_of_run(data, ends, first, begin + taken, points_at)
-            placements.append(Placement(settings.name, stamp, True, frame_id, points, plane, None))
+            points = points_of_run(batch.data, np.append(batch.ends, len(batch.data)), first,
+                                   begin + taken, points_at)
+            placements.append(Placement(name, stamp, True, frame_id, points, plane, None))
         return taken
 
     def take(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
@@ -139,7 +158,8 @@ class Ingest:
         scene, name = self._scene, settings.name
         stamp = instance = None
         try:
-            stamp, frame_id, points, instance = decode(data, name in self._with_ids)
+            stamp, sent_in, points, instance = decode(data, name in self._with_ids)
+            frame_id = sent_in
             plane: PlaneMap | None = None
             if not frame_id:
                 return self.refuse(settings, EMPTY_FRAME_ID, 'its header names no frame', now,
@@ -176,8 +196,8 @@ class Ingest:
             if self._placements is not None:
                 self._placements.append(Placement(
                     name, stamp or now, stamp != 0, frame_id, points, plane, instance))
-            if points[2] and points[0] is data:
-                self._model = name, data, points[1], stamp, frame_id, plane
+            if name in self._headers and points[2] and points[0] is data:
+                self._headers[name] = data[:points[1] - COUNT_SIZE], points[1], stamp, sent_in
             return None
         return self.reject(settings, refusal, detail_of(
             refusal, frame_id, scene.frame_id, (now - stamp) / 1e9, settings.timeout))

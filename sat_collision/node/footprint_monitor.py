@@ -146,12 +146,13 @@ class FootprintMonitor(Node):
         if clock.ros_time_is_active:
             self.present = lambda: int(clock.now().nanoseconds)
 
-    def receive(self, name: str, messages: Sequence[tuple[bytes, int | None]], now: int) -> None:
+    def receive(self, name: str, messages: Sequence[bytes], now: int,
+                number: int | None) -> None:
         """Take messages as `Monitor` does."""
         if name in TRANSFORM_TOPICS:
-            for data, number in messages:
-                self._log(self._monitor.receive_transforms(name, data, now, number))
-        elif rejections := self._monitor.receive_batch(name, messages, now):
+            for k, data in enumerate(messages):
+                self._log(self._monitor.receive_transforms(name, data, now, number and number + k))
+        elif rejections := self._monitor.receive_batch(name, messages, now, number):
             self._log(rejections)
 
     def begin_stream(self, name: str) -> None:

@@ -68,17 +68,20 @@ class Backlog(NamedTuple):
 class Receiver(Protocol):
     """The handlers of messages and time that the loop calls."""
 
-    def receive(self, name: str, messages: Sequence[tuple[bytes, int | None]], now: int) -> None:
+    def receive(self, name: str, messages: Sequence[bytes], now: int,
+                number: int | None) -> None:
         """
-        Take all messages of a footprint or source.
+        Take messages of one publisher, between which none is missing.
 
         Parameters
         ----------
         name : str
-        messages : sequence of tuple
-            The serialised message, and which one of its publisher it is, where that is known.
+            Name of the footprint or source.
+        messages : sequence of bytes
         now : int
             Present time in ns.
+        number : int or None
+            Which one of its publisher's messages the first one is, where that is known.
 
         """
 
@@ -225,7 +228,7 @@ class Loop:
         taken = 0
         for topic in self._topics:
             if late >= 0.0 or ready is None or topic.pointer in ready:
-                count = (topic.take_one(present) if are_alone
+                count = (topic.take_batch(1, present) if are_alone
                          else topic.take(self._budget, present))
                 taken += count
                 self._taken_at_once += count if topic.ends_rest else 0
@@ -288,66 +291,57 @@ class _Topic:
         self._depth = one.subscription.qos_profile.depth
         self._take: Callable[[], tuple[bytes, dict[str, Any]] | None] = partial(
             one.subscription.handle.take_message, one.subscription.msg_type, True)
-        # The first message of a publisher, which the batch before it does not hold.
-        self._beginning: tuple[bytes, dict[str, Any]] | None = None
+        # A message that does not follow the one before, which begins the next batch.
+        self._next: tuple[bytes, dict[str, Any]] | None = None
         self._is_empty = True
-
-    def take_one(self, now: int) -> int:
-        """Have the message that has come received; return how many there were: 0 or 1."""
-        taken = self._take()
-        if taken is None:
-            return 0
-        data, info = taken
-        number = info[_NUMBER]
-        if number == 1:
-            self._receiver.begin_stream(self._name)
-        self._receiver.receive(self._name, ((data, number),), now)
-        return 1
 
     def take(self, budget: float, now: int) -> int:
         """Have what has come received, for so many s at most; return how many messages."""
         was_behind, self.is_behind = self.is_behind, False
         end = time.monotonic() + budget
-        count, limit = 0, _FEWEST_TOGETHER
-        while batch := self._next_batch(limit):
-            if not count:
+        total, limit = 0, _FEWEST_TOGETHER
+        while count := self.take_batch(limit, now):
+            if not total:
                 self._first = self._first_of_batch
-            count += len(batch)
-            self._receiver.receive(self._name, batch, now)
-            if self._beginning is None:
-                if self._is_empty:
-                    break
-                if time.monotonic() >= end:
-                    self.is_behind = True
-                    break
+            total += count
+            if self._is_empty:
+                break
+            if time.monotonic() >= end:
+                self.is_behind = True
+                total += self.take_batch(1, now) if self._next else 0
+                break
             limit = min(4 * limit, _MOST_TOGETHER)
         if self.is_behind:
-            self._receiver.note_backlog(self._name, self._backlog(count))
+            self._receiver.note_backlog(self._name, self._backlog(total))
         elif was_behind:
             self._receiver.note_backlog(self._name, None)
-        return count
+        return total
 
-    def _next_batch(self, limit: int) -> list[tuple[bytes, int | None]]:
-        """Take messages of one publisher, up to a limit, or until there are no more."""
-        batch: list[tuple[bytes, int | None]] = []
-        taken, self._beginning = self._beginning or self._take(), None
+    def take_batch(self, limit: int, now: int) -> int:
+        """Have messages that follow one another received, up to a limit; return how many."""
+        taken, self._next = self._next or self._take(), None
+        batch: list[bytes] = []
         while taken is not None:
-            number = taken[1][_NUMBER]
-            if number == 1:
-                if batch:
-                    self._beginning = taken
-                    return batch
-                self._receiver.begin_stream(self._name)
+            data, info = taken
             if not batch:
-                self._first_of_batch = taken[1]
-            self._last = taken[1]
-            batch.append((taken[0], number))
+                self._first_of_batch = info
+                first = number = info[_NUMBER]
+                if number == 1:
+                    self._receiver.begin_stream(self._name)
+            elif info[_NUMBER] != number:
+                self._next = taken
+                break
+            self._last = info
+            batch.append(data)
             if len(batch) == limit:
-                self._is_empty = False
-                return batch
+                break
+            if number is not None:
+                number += 1
             taken = self._take()
-        self._is_empty = True
-        return batch
+        self._is_empty = taken is None
+        if batch:
+            self._receiver.receive(self._name, batch, now, first)
+        return len(batch)
 
     def _backlog(self, count: int) -> Backlog:
         """Return how far behind the last message is, and how many wait, going by their rate."""

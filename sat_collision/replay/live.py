@@ -238,7 +238,7 @@ class Rows:
         for topic, messages in groupby(self._messages, itemgetter(0)):
             while row := [*islice(messages, _LONGEST_ROW)]:
                 self._row, self._taken = row, 0
-                self._batch = Batch([(data, None) for _, _, data in row])
+                self._batch = Batch([data for _, _, data in row])
                 while self._taken < len(row):
                     _, time, data = row[self._taken]
                     self._taken += 1

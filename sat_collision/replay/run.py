@@ -263,16 +263,11 @@ class _Run:
                     if now:
                         self._follow(now)
             number = numbers.pop(topic, None) if numbers else None
-            run = [(batch[0], number)]
-            if len(batch) > 1:
-                run += [(data, None) for data in batch[1:]]
             for name in names[topic]:
-                if len(batch) == 1 or name not in footprints:
-                    self._receive(name, run, now)
-                    continue
                 # A footprint that is refused is nowhere until the next one, so each counts.
-                for message in run:
-                    self._receive(name, [message], now)
+                together = 1 if name in footprints else len(batch)
+                for k in range(0, len(batch), together):
+                    self._receive(name, batch[k:k + together], now, number and number + k)
             if rows and len(names[topic]) == 1 and now:
                 bound = min(monitor.deadline, self._due - 1, NEVER if stop is None else stop - 1)
                 now = rows.receive_run(monitor, names[topic][0], now, bound)
@@ -288,8 +283,8 @@ class _Run:
         if self._outputs:
             self._outputs.close()
 
-    def _receive(self, name: str, messages: list[tuple[bytes, int | None]], now: int) -> None:
-        if rejections := self._monitor.receive_batch(name, messages, now):
+    def _receive(self, name: str, messages: list[bytes], now: int, number: int | None) -> None:
+        if rejections := self._monitor.receive_batch(name, messages, now, number):
             self._keep(rejections)
         self._follow(now)
 

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any, Generic, TypeVar
 
 from sat_collision.geometry.polygon import PackedBody
@@ -97,14 +97,10 @@ class Contacts:
                 if footprint.settings.monitors(obstacle.name.source)]))
         return True
 
-    def place_run(self, obstacles: Sequence[Obstacle], run: Run) -> int:
+    def place_run(self, run: Run, rows: Any, first: int, limit: int) -> int:
         """Put obstacles where a run has them, until one may meet something; return how many."""
-        rows = [one.row for one in obstacles if one.row is not None]
-        placed = self._obstacles.polygons.place_run(run, rows, self._footprints.polygons,
-                                                    self._margin)
-        for obstacle in obstacles[:placed]:
-            obstacle.moved()
-        return placed
+        return self._obstacles.polygons.place_run(
+            run, rows, first, limit, self._footprints.polygons, self._margin)
 
     def remove_footprint(self, footprint: Footprint) -> None:
         """Take a footprint away, if it is placed."""

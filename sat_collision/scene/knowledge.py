@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-What is known of one source of obstacles: by proof, never by a pause.
+Whether all obstacles that a source sends are known.
 
-This is the model behind every clear: `Sets`, `Keys` and `Maps` are three manners of listing all
-that a publisher sees, and know when such a listing is whole. They know stamps and what `streams`
-makes of numbers, but never look at a body: these are in the groups of obstacles that a listing
-fills, drops or ages. All three take news, stamp, time and now of a message, or of several at once
+Every clear rests on this: `Sets`, `Keys` and `Maps` are three ways to list all that a publisher
+sees, and know when such a listing is whole. They know stamps and what `streams` makes of numbers,
+but never look at a body: these are in the groups of obstacles that a listing fills, drops or ages.
+All three take news, stamp, time and now of a message, or of several at once
 that have them in common: its stamp, the time that it counts from and the present. docs/knowing.md
 has the promise, the assumptions and why the rules here keep it. Times are in ns.
 """

@@ -20,6 +20,8 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from itertools import chain
 
+import numpy as np
+from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.polygon import PackedBody
 from sat_collision.geometry.run import Run
 from sat_collision.scene.contacts import Contacts
@@ -154,31 +156,32 @@ class SetGroup(ObstacleGroup):
         super().__init__(store)
         self.oldest: float = NEVER
         self._places: list[Obstacle] = []
+        # Of each place, -1 where nothing is placed.
+        self._rows = indexable(np.empty(0, np.int64))
         self._taken = 0
 
     def __iter__(self) -> Iterator[Obstacle]:
         """Go through all obstacles, those that stand for a refused message included."""
         return (one for one in self._places[:self._taken] if one.row is not None or one.refused)
 
-    def take_run(self, run: Run, limit: int, time: int) -> int:
+    def take_run(self, run: Run, limit: int, frame_id: str, time: int) -> int:
         """
-        Take at most so many obstacles, which are in the frame of the one before.
+        Take at most so many obstacles in places that have a row.
 
         Return how many were taken: all before the first one that may meet something.
         """
         begin = self._taken
-        limit = min(limit, len(run.ends) - run.begin)
-        places = self._places[begin:begin + max(limit, 0)]
-        for k, obstacle in enumerate(places):
-            if obstacle.row is None or obstacle.refused:
-                del places[k:]
-                break
-        taken = self._contacts.place_run(places, run) if places else 0
-        frame_id = self._places[begin - 1].frame_id
-        for obstacle in places[:taken]:
-            obstacle.frame_id = frame_id
-            obstacle.time = time
-        self._taken += taken
+        if begin == len(self._places):
+            return 0
+        taken = self._contacts.place_run(run, self._rows, begin, limit)
+        if taken:
+            self._taken += taken
+            if time < self.oldest:
+                self.oldest = time
+            for obstacle in self._places[begin:self._taken]:
+                obstacle.moved()
+                obstacle.frame_id = frame_id
+                obstacle.time = time
         return taken
 
     def take(self, key: Key, body: PackedBody | None, frame_id: str, time: int,
@@ -194,6 +197,8 @@ class SetGroup(ObstacleGroup):
             self.oldest = time
         if place == len(self._places):
             self._places.append(Obstacle(self, self._store.source, place, place))
+            if place == len(self._rows):
+                self._rows = indexable(np.append(self._rows, np.full(place + 1, -1)))
         self._put(self._places[place], body, frame_id, time, refusal)
         return refusal
 
@@ -206,6 +211,8 @@ class SetGroup(ObstacleGroup):
         """Hide all."""
         places, taken = self._places, self._taken
         super()._forget(places[taken:])
+        for place in range(taken, len(places)):
+            self._rows[place] = -1
         del places[taken:]
         if self._store.refusals:
             for obstacle in places:
@@ -215,8 +222,15 @@ class SetGroup(ObstacleGroup):
         self.oldest = NEVER
         self._store.drop(self)
 
+    def _put(self, obstacle: Obstacle, body: PackedBody | None, frame_id: str, time: float,
+             refusal: str | None) -> None:
+        super()._put(obstacle, body, frame_id, time, refusal)
+        self._rows[obstacle.name.key] = -1 if obstacle.row is None else obstacle.row
+
     def _forget(self, obstacles: Iterable[Obstacle]) -> None:
         super()._forget(obstacles)
+        for obstacle in obstacles:
+            self._rows[obstacle.name.key] = -1
         self.oldest = min((obstacle.time for obstacle in self), default=NEVER)
 
 

@@ -67,8 +67,8 @@ class Scene:
       older than its timeout, disabled, of two publishers), if checking is disabled, or if there
       is no clock;
     - else in COLLISION if it shares a point with an obstacle, or is within the margin of one: a
-    proved contact stays true whatever else is unknown; - else UNKNOWN if a source of obstacles is
-    not known, see `knowledge`, or none is enabled:
+      proved contact stays true whatever else is unknown;
+    - else UNKNOWN if a source of obstacles is not known, see `knowledge`, or none is enabled:
       there may be an obstacle that was not received;
     - else IMMINENT if `look_ahead` found that it is in contact within its min_time_to_collision;
     - else CLEAR, which is reported once it has been so for `release_delay`.
@@ -297,9 +297,22 @@ class Scene:
             self._evaluate()
         return refusal
 
-    def obstacle_run(self, name: str, run: Run, stamp: int, now: int) -> int:
-        """Take a run of obstacles that continues a set; return how many messages were taken."""
-        return self._sources[name].receive_run(run, stamp, now) if now == self._now else 0
+    def obstacle_run(self, name: str, run: Run, frame_id: str, stamp: int, now: int,
+                     number: int | None) -> int:
+        """Take obstacles of a run that continues a set; return how many messages were taken."""
+        if name in self.waiting or self.frame_id and frame_id != self.frame_id:
+            return 0
+        if now != self._now:
+            self.pass_time(now)
+        source = self._sources[name]
+        faults = source.faults
+        taken = source.receive_run(run, frame_id, stamp, number, now)
+        if taken and stamp + source.timeout < self.deadline:
+            self.deadline = stamp + source.timeout
+        if source.faults is not faults:
+            self.deadline = min(self.deadline, source.deadline)
+            self._reevaluate_all()
+        return taken
 
     def refuse(self, name: str, reason: str, now: int, stamp: int | None = None,
                instance: int | None = None, number: int | None = None) -> None:

@@ -204,21 +204,28 @@ class Source:
             self._find_faults(now)
         return refusal
 
-    def receive_run(self, run: Run, stamp: int, now: int) -> int:
+    def receive_run(self, run: Run, frame_id: str, stamp: int, number: int | None,
+                    now: int) -> int:
         """
         Take messages that add to the set of the one before, as `receive` would one by one.
 
         Return how many were taken; the next one may be refused, may meet something, or ends the
         set, and has to be received by itself.
         """
-        if not isinstance(self.listing, Sets) or stamp > now:
+        listing = self.listing
+        current = listing.set_to_extend(stamp) if isinstance(listing, Sets) else None
+        expected = self.stream.next
+        if current is None or expected is None or not self.stream.is_next(number) or (
+                self._is_far or not stamp <= now <= stamp + self.timeout):
             return 0
-        current = self.listing.set_to_extend(stamp)
-        if current is None or self.stream.next is None:
-            return 0
-        taken = current.group.take_run(run, self.settings.max_count - 1 - current.count, stamp)
-        current.count += taken
-        self.stream.next += taken
+        # With max_count the set may end.
+        limit = self.settings.max_count - 1 - current.count
+        taken = current.group.take_run(run, limit, frame_id, stamp) if limit > 0 else 0
+        if taken:
+            current.count += taken
+            self.stream.next = expected + taken
+            if self.faults or listing.is_known is not self._was_known:
+                self._find_faults(now)
         return taken
 
     def refuse_other_frames(self, frame_id: str, now: int) -> None:

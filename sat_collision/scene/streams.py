@@ -167,6 +167,10 @@ class Stream:
             self._speaker = None
         return LOST
 
+    def is_next(self, number: int | None) -> bool:
+        """Return whether a message of this number continues the stream, and does nothing else."""
+        return not self._awaits_endpoint and (number is None or number == self.next)
+
     def update(self, endpoints: Sequence[Endpoint]) -> bool:
         """Update the publishers; return whether what is known must be rebuilt."""
         before = [one.gid for one in self.publishers]

@@ -48,6 +48,8 @@ class Waiting(Generic[_Item, _Outcome]):
 
     Attributes
     ----------
+    queues : dict
+        What waits, by name; none is empty.
     earliest : float
         Time in ns at which one of them may wait no longer; NEVER if nothing waits.
 
@@ -55,16 +57,16 @@ class Waiting(Generic[_Item, _Outcome]):
 
     def __init__(self, take: Callable[[str, _Item, int, bool], _Outcome | Wait | None]) -> None:
         self._take = take
-        self._queues: dict[str, deque[tuple[_Item, int]]] = {}
+        self.queues: dict[str, deque[tuple[_Item, int]]] = {}
         self.earliest = NEVER
 
     def __contains__(self, name: object) -> bool:
         """Return whether something waits under this name."""
-        return name in self._queues
+        return name in self.queues
 
     def counts(self) -> dict[str, int]:
         """Return how many wait, by name."""
-        return {name: len(queue) for name, queue in self._queues.items()}
+        return {name: len(queue) for name, queue in self.queues.items()}
 
     def add(self, name: str, item: _Item, now: int, timeout: int, limit: int) -> list[_Outcome]:
         """
@@ -81,7 +83,7 @@ class Waiting(Generic[_Item, _Outcome]):
             what came of those is returned.
 
         """
-        queue = self._queues.setdefault(name, deque())
+        queue = self.queues.setdefault(name, deque())
         queue.append((item, now + timeout))
         outcomes: list[_Outcome] = []
         while len(queue) > limit:
@@ -92,22 +94,22 @@ class Waiting(Generic[_Item, _Outcome]):
     def take(self, now: int) -> list[_Outcome]:
         """Take what need not wait any more, and return the results."""
         outcomes: list[_Outcome] = []
-        for name, queue in [*self._queues.items()]:
+        for name, queue in [*self.queues.items()]:
             while queue and self._take_first(name, now, now <= queue[0][1], outcomes):
                 pass
             if not queue:
-                del self._queues[name]
+                del self.queues[name]
         self._find_earliest()
         return outcomes
 
     def drop(self) -> None:
         """Drop all that waits."""
-        self._queues.clear()
+        self.queues.clear()
         self.earliest = NEVER
 
     def _take_first(self, name: str, now: int, may_wait: bool, outcomes: list[_Outcome]) -> bool:
         """Take what waits first for a name; return whether it waits no more."""
-        queue = self._queues[name]
+        queue = self.queues[name]
         outcome = self._take(name, queue[0][0], now, may_wait)
         if isinstance(outcome, Wait):
             return False
@@ -117,4 +119,4 @@ class Waiting(Generic[_Item, _Outcome]):
         return True
 
     def _find_earliest(self) -> None:
-        self.earliest = min((queue[0][1] for queue in self._queues.values()), default=NEVER)
+        self.earliest = min((queue[0][1] for queue in self.queues.values()), default=NEVER)

@@ -149,9 +149,9 @@ def test_messages_that_never_came_are_counted(pausable):
 class SlowMonitor(footprint_monitor.FootprintMonitor):
     """Takes ten milliseconds for a message, as a computer under load does."""
 
-    def receive(self, name, messages, now):
+    def receive(self, name, messages, now, number):
         time.sleep(0.01 * len(messages))
-        super().receive(name, messages, now)
+        super().receive(name, messages, now, number)
 
 
 @pytest.fixture

@@ -48,7 +48,7 @@ class Recorder:
         self.ticks = 0
         self.told_all = []
 
-    def receive(self, name, messages, now):
+    def receive(self, name, messages, now, number):
         for _ in messages:
             time.sleep(self.seconds)
             self.names.append(name)
@@ -253,10 +253,10 @@ def test_message_that_comes_alone_is_taken_alone(looped):
     receiver = Recorder(are_put_off=True)
     receive = receiver.receive
 
-    def receive_and_meet_more(name, messages, now):
+    def receive_and_meet_more(name, messages, now, number):
         if name == 'flood' and not receiver.batches:
             arrive(peer, flood=20)
-        receive(name, messages, now)
+        receive(name, messages, now, number)
     receiver.receive = receive_and_meet_more
     peer.publisher('flood', qos=QoSProfile(depth=2000))
     with looped(receiver) as one:

@@ -172,9 +172,10 @@ def test_window_that_cuts_a_set_is_told_with_the_remedy(start):
 class LossyMonitor(FootprintMonitor):
     """Every tenth message on obstacles is lost on the way to it."""
 
-    def receive(self, name, messages, now):
-        super().receive(name, [
-            message for message in messages if name == 'footprint' or message[1] % 10], now)
+    def receive(self, name, messages, now, number):
+        for k, data in enumerate(messages, number):
+            if name == 'footprint' or k % 10:
+                super().receive(name, [data], now, k)
 
 
 def test_tenth_of_all_messages_is_lost(start, monkeypatch):
@@ -194,8 +195,8 @@ def test_tenth_of_all_messages_is_lost(start, monkeypatch):
 class NumberlessMonitor(FootprintMonitor):
     """Its middleware does not say which message of its publisher one is."""
 
-    def receive(self, name, messages, now):
-        super().receive(name, [(data, None) for data, _ in messages], now)
+    def receive(self, name, messages, now, number):
+        super().receive(name, messages, now, None)
 
 
 def test_middleware_without_numbers_is_told_of_once(start, monkeypatch):

@@ -167,7 +167,7 @@ def test_tick_is_due_when_something_changes_by_itself(domain):
     node._monitor.update_publishers('obstacle', [Endpoint('its gid', '/mapper')])
     ticked = node._ticked
     assert node.due(now, steady) == ticked + 0.1, 'nothing changes by itself'
-    node.receive('obstacle', [(serialised(APART, now), 1)], now)
+    node.receive('obstacle', [serialised(APART, now)], now, 1)
     about = partial(pytest.approx, rel=0.0, abs=1e-6)
     # As if a while had passed since, by both clocks.
     late = ticked + 0.03

@@ -52,17 +52,17 @@ def test_contacts_after_each_stamp_are_exactly_those_of_the_recording(
     class Watched(replay.Monitor):
         latest = None
 
-        def receive_batch(self, name, messages, now):
-            stamp, frame_id, *_ = decode(messages[0][0], False)
+        def receive_batch(self, name, messages, now, number):
+            stamp, frame_id, *_ = decode(messages[0], False)
             if self.latest and stamp != self.latest[0]:
                 self.look(now)
             Watched.current, self.latest = self, (stamp, frame_id)
-            return super().receive_batch(name, messages, now)
+            return super().receive_batch(name, messages, now, number)
 
         def look(self, now):
             """End the set with an empty polygon, which the recorded publishers did not send."""
             stamp, frame_id = self.latest
-            super().receive_batch(SOURCE, [(serialised([], stamp, frame_id), None)], now)
+            super().receive_batch(SOURCE, [serialised([], stamp, frame_id)], now)
             seen[stamp] = [str(one) for one in self.scene.state('footprint').contacts]
 
     monkeypatch.setattr(replay, 'Monitor', Watched)

@@ -29,10 +29,11 @@ from itertools import chain, compress
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 from sat_collision.messages.placement import Placement
 from sat_collision.replay.motion.kernels import may_repeat, mutual_nearest
 from sat_collision.replay.motion.trajectories import (
-    Bodies, LinearMotion, Rings, rings_of, stay)
+    Bodies, Integers, LinearMotion, Rings, rings_of, stay)
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import ObstacleSettings, POLYGON_INSTANCE
 from sat_collision.scene.times import NEVER
@@ -145,8 +146,8 @@ class SetTracker(Tracker):
         # The last set, when each of it was seen, and which rows may be seen again.
         self._last: Bodies | None = None
         self._last_stamp = 0
-        self._seen_at = np.zeros(0, np.int64)
-        self._alive = np.zeros(0, np.bool_)
+        self._seen_at: Integers = np.zeros(0, np.int64)
+        self._alive: NDArray[np.bool_] = np.zeros(0, np.bool_)
 
     def place(self, placement: Placement) -> None:
         stamp = placement.stamp

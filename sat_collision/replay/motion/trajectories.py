@@ -93,7 +93,7 @@ def rings_of(placements: Sequence[Placement]) -> Rings:
         stamps += number * [placement.stamp]
         planes += number * [placement.plane]
         at += len(data)
-    maps = NO_PLANES
+    maps: Floats = NO_PLANES
     if any(plane is not None for plane in planes):
         maps = np.array([plane or IDENTITY for plane in planes])
     return Rings(b''.join(pieces), np.array(starts, np.int64), np.array(lengths, np.int64), maps,
@@ -215,7 +215,8 @@ class LinearMotion:
         self.next_rows = next_rows
         count = len(rows)
         self._array = np.empty(STRIDE * len(before.points))
-        self._ends, self.starts, self.finishes = (np.empty(count, np.int64) for _ in range(3))
+        self._ends, self.starts = np.empty(count, np.int64), np.empty(count, np.int64)
+        self.finishes: Integers = np.empty(count, np.int64)
         self.boxes, self.moved = np.empty((count, 4)), np.empty(count)
         begin, end = motions_between(
             (before.points, before.firsts, before.counts, before.stamps), rows,

@@ -138,7 +138,7 @@ class Sweep:
             self.prediction.look_ahead(step)
 
     def _is_due(self, step: Step, now: int) -> bool:
-        """Return whether the way through a step is known, or no sample of it will come any more."""
+        """Return whether the way through a step is known, or no sample of it will come."""
         latest = self.trajectory.latest
         if latest is not None and step.finish <= latest:
             return True

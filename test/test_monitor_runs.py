@@ -36,12 +36,6 @@ def snapshot(monitor):
             monitor.lost, 'lidar' in monitor.waiting)
 
 
-def messages_of(placements):
-    """Return what placements say of each message, be it alone or in a run."""
-    return [(one.shape, one._replace(points=None))
-            for placement in placements for one in placement.each()]
-
-
 def random_set(source, stamp, frame_id):
     """Return messages of one stamp: far, near, touching, refused, not convex, ended or not."""
     count = source.choice((1, 2, 5, 30))

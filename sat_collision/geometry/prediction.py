@@ -21,6 +21,10 @@ is added to the margin: what is clear by that is clear. Where a piece is not, it
 there on, until the sagitta is a part of the tolerance. So the time found is never late, and the
 bodies are within the tolerance then (docs/exactness.md, lemma 23). A straight way is one piece
 without a sagitta.
+
+Most bodies that stand near the way are beside it, which is seen at once: a point of a body that
+turns keeps its distance from the centre of the turn, and one that moves straight its distance from
+a line along the way.
 """
 
 from __future__ import annotations
@@ -35,7 +39,7 @@ from sat_collision.geometry.jit import (
     borrowed, inlined, inner, kernel, scratch, scratch_integers)
 from sat_collision.geometry.layout import convex_part, first_vertex, Packed
 from sat_collision.geometry.moving import STRIDE
-from sat_collision.geometry.plane import length
+from sat_collision.geometry.plane import length, unit
 from sat_collision.geometry.predicates import UNDERFLOW_BOUND
 from sat_collision.geometry.rows import body_of, rows_of
 from sat_collision.geometry.scan import contains, intersecting_rows
@@ -108,6 +112,9 @@ class Way(NamedTuple):
         How many it is cut into.
     boxes : flat array of float64
         min x, min y, max x, max y of each piece, then of all; relative to the origin.
+    inner, outer : float
+        The least and the greatest distance of the body from the centre of its turn; of a straight
+        way from a line along it, negative on its right; m.
 
     """
 
@@ -117,6 +124,8 @@ class Way(NamedTuple):
     reach: float
     pieces: int
     boxes: Any
+    inner: float
+    outer: float
 
 
 def motion_of(twist: ArrayLike, horizon: float, pose: ArrayLike,
@@ -192,7 +201,7 @@ def first_row_met(set_array, body, count, motion, velocities, skipped):
     candidates = 0
     for row in range(rows.used):
         if (rows.n[row] != 0 and _may_meet(way, way.pieces, rows, row, velocities)
-                and not contains(skipped, row)):
+                and not contains(skipped, row) and not _is_beside(way, rows, row, velocities)):
             rows.found[candidates] = row
             candidates += 1
     first = -1
@@ -222,7 +231,8 @@ def _way(p, motion):
     turned = min(abs(motion.turn) * motion.horizon / _TURN, _MOST_PIECES)
     pieces = max(1, int(math.ceil(turned)))
     boxes = scratch(4 * pieces + 4)
-    way = Way(motion, body, speed, radius + speed * motion.horizon, pieces, boxes)
+    inner, outer = _distances(body, motion)
+    way = Way(motion, body, speed, radius + speed * motion.horizon, pieces, boxes, inner, outer)
     _bound(way)
     return way
 
@@ -246,6 +256,51 @@ def _parts(p, motion):
             array[end + 1] = part.array[k + 1] - motion.y
             end += 2
     return Moving(array, ends)
+
+
+@inner
+def _distances(body, motion):
+    """Return `inner` and `outer` of a `Way`, or the same of a body that stands beside it."""
+    v = body.array
+    least = math.inf
+    most = -math.inf
+    if motion.turn == 0.0:
+        ux, uy = unit(motion.vx, motion.vy)
+        for k in range(0, len(v), 2):
+            height = ux * v[k + 1] - uy * v[k]
+            least = min(least, height)
+            most = max(most, height)
+        return least, most
+    x = -motion.vy / motion.turn
+    y = motion.vx / motion.turn
+    first = 0
+    for i in range(len(body.ends)):
+        end = body.ends[i] // 2
+        nearest = math.inf
+        nearest_x = nearest_y = 0.0
+        # Counter-clockwise, so that the part is on the left of each edge, and further away.
+        height = -math.inf
+        ax = v[end - 2] - x
+        ay = v[end - 1] - y
+        for k in range(first, end, 2):
+            bx = v[k] - x
+            by = v[k + 1] - y
+            away = length(bx, by)
+            most = max(most, away)
+            if away < nearest:
+                nearest = away
+                nearest_x = bx
+                nearest_y = by
+            ux, uy = unit(bx - ax, by - ay)
+            height = max(height, ay * ux - ax * uy)
+            ax = bx
+            ay = by
+        ux, uy = unit(nearest_x, nearest_y)
+        for k in range(first, end, 2):
+            nearest = min(nearest, (v[k] - x) * ux + (v[k + 1] - y) * uy)
+        least = min(least, max(nearest, height))
+        first = end
+    return least, most
 
 
 @inner
@@ -323,6 +378,20 @@ def _may_meet(way, piece, rows, row, velocities):
         or rows.min_y[row] - motion.y + min(vy * start, vy * end) - way.boxes[box + 3] > margin
         or way.boxes[box] - (rows.max_x[row] - motion.x + max(vx * start, vx * end)) > margin
         or way.boxes[box + 1] - (rows.max_y[row] - motion.y + max(vy * start, vy * end)) > margin)
+
+
+@inner
+def _is_beside(way, rows, row, velocities):
+    """Return whether the body of a row stands, and is beside the way by more than tolerances."""
+    motion = way.motion
+    if velocities[2 * row] != 0.0 or velocities[2 * row + 1] != 0.0:
+        return False
+    least, most = _distances(_parts(body_of(rows, row), motion), motion)
+    centre = length(motion.vx, motion.vy) / abs(motion.turn) if motion.turn != 0.0 else 0.0
+    finest = motion.horizon / _MOST_PIECES
+    margin = (max(motion.tolerance, 4.0 * _sagitta(way, finest)) + _ROUNDING * centre
+              + _rounding(way, rows, row, 0.0, 0.0))
+    return least - way.outer > margin or way.inner - most > margin
 
 
 @inlined

@@ -192,6 +192,32 @@ def test_among_many_that_move():
     assert found > 30
 
 
+@pytest.mark.parametrize('omega', [0.0, 1e-12, 0.3, -4.0])
+@pytest.mark.parametrize('tolerance', [1e-3, 1e-6])
+def test_what_stands_beside_the_way_changes_no_answer(omega, tolerance):
+    """
+    Bit by bit, however near it is, and where the centre of the turn is in a body.
+
+    Obstacles that move, be it by nothing, are not left out for standing beside the way.
+    """
+    rng = np.random.default_rng(5)
+    met = {True: 0, False: 0}
+    for k in range(150):
+        body = BODIES[k % len(BODIES)] - [0.5, rng.choice([0.0, 0.5])]
+        twist = (rng.choice([0.0, 1.0, rng.uniform(-2, 2)]), rng.choice([0.0, 0.5]), omega)
+        beside = []
+        for _ in range(6):
+            there = posed(body, twist, rng.uniform(0, 3))
+            corner = there[rng.integers(len(there))] + rng.normal(0, rng.choice([1e-4, 0.02, 1]), 2)
+            beside.append(0.3 * BODIES[rng.integers(len(BODIES))] + corner)
+        for others in ([other] for other in beside):
+            time = time_to_contact(body, twist, others, 3.0, tolerance=tolerance)
+            assert time == time_to_contact(body, twist, others, 3.0, [(1e-300, 0)],
+                                           tolerance=tolerance) or not any(twist)
+            met[time < math.inf] += 1
+    assert min(met.values()) > 100, met
+
+
 def test_straight_ways_of_bodies_that_are_not_convex():
     """As `time_of_contact` has them."""
     rng = np.random.default_rng(4)

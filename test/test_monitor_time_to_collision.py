@@ -37,10 +37,11 @@ GRAZE = 2e-3
 class World:
     """A monitor that is asked for predictions; times are seconds since START."""
 
-    def __init__(self, bodies, dock=(), horizon=3.0, release_delay=0.0, **footprint):
+    def __init__(self, bodies, dock=(), horizon=3.0, release_delay=0.0, margin=0.0, **footprint):
         self.settings = Settings(
             footprints=(FootprintSettings('robot', '/robot', **footprint),),
-            obstacles=(MAP, DOCK), horizon=horizon, release_delay=release_delay)
+            obstacles=(MAP, DOCK), horizon=horizon, release_delay=release_delay,
+            margin=margin)
         self.monitor = Monitor(self.settings)
         self.scene = self.monitor.scene
         self.scene.tracks_motion = True
@@ -111,6 +112,16 @@ def test_zero_in_contact_and_where_contact_was_due():
     world.drive(2.25)
     assert world.status == 'collision'
     assert world.prediction == (0.0, ObstacleId('map', 0), None, 0.0)
+
+
+def test_a_margin_is_a_collision_so_the_time_is_that_until_within_it():
+    world = World([AHEAD], margin=0.5)
+    world.drive(1.3, 1.4)
+    assert world.seconds == pytest.approx(0.1, abs=1e-3)
+    world.drive(1.49)
+    assert world.status == 'clear' and world.seconds == pytest.approx(0.01, abs=1e-3)
+    world.drive(1.51)
+    assert world.status == 'collision' and world.seconds == 0.0
 
 
 def test_infinity_beyond_the_horizon_and_for_what_stands():

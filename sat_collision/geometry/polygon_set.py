@@ -279,14 +279,15 @@ class PolygonSet:
 
     def first_contact(self, footprint: BodyLike, twist: ArrayLike, horizon: float,
                       velocities: ArrayLike | None = None, pose: ArrayLike = (0.0, 0.0, 0.0),
-                      tolerance: float = 1e-3, skipped: Iterable[int] = ()
+                      tolerance: float = 1e-3, skipped: Iterable[int] = (),
+                      margin: float = 0.0
                       ) -> tuple[int, float] | None:
         """
-        Return which row a moving body meets first, and when.
+        Return which row a moving body meets first, or comes within a margin of, and when.
 
         Parameters
         ----------
-        footprint, twist, horizon, velocities, pose, tolerance
+        footprint, twist, horizon, velocities, pose, tolerance, margin
             As `time_to_contact` has them, which raises the same; one velocity a row, also of rows
             that have no body.
         skipped : iterable of int, optional
@@ -305,7 +306,7 @@ class PolygonSet:
         (1, 1.5)
 
         """
-        motion = motion_of(twist, horizon, pose, tolerance)
+        motion = motion_of(twist, horizon, pose, tolerance, margin)
         packed, count = as_polygon(footprint).packed
         row, time = first_row_met(self._array, packed, count, indexable(motion),
                                   indexable(velocities_of(velocities, self._used_rows)),

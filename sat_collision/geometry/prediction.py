@@ -42,7 +42,7 @@ from sat_collision.geometry.moving import STRIDE
 from sat_collision.geometry.plane import length, unit
 from sat_collision.geometry.predicates import UNDERFLOW_BOUND
 from sat_collision.geometry.rows import body_of, rows_of
-from sat_collision.geometry.scan import contains, intersecting_rows
+from sat_collision.geometry.scan import contains, intersecting_rows, rows_within
 from sat_collision.geometry.sweep import first_contact_of_moving
 
 # The most that a body turns in a piece, rad, unless that takes too many.
@@ -65,7 +65,7 @@ class Motion(NamedTuple):
         Its velocity at time 0, m/s, and rad/s.
     horizon : float
         Seconds.
-    tolerance : float
+    tolerance, margin : float
         Metres.
 
     """
@@ -77,6 +77,7 @@ class Motion(NamedTuple):
     turn: float
     horizon: float
     tolerance: float
+    margin: float
 
 
 class Moving(NamedTuple):
@@ -128,8 +129,8 @@ class Way(NamedTuple):
     outer: float
 
 
-def motion_of(twist: ArrayLike, horizon: float, pose: ArrayLike,
-              tolerance: float) -> NDArray[np.float64]:
+def motion_of(twist: ArrayLike, horizon: float, pose: ArrayLike, tolerance: float,
+              margin: float) -> NDArray[np.float64]:
     """Return a `Motion` as an array; raise `ValueError` naming what is wrong with it."""
     vx, vy, turn = _finite(twist, 'twist', 'vx and vy in m/s, omega in rad/s').tolist()
     x, y, yaw = _finite(pose, 'pose', 'x and y in metres, yaw in rad').tolist()
@@ -137,11 +138,14 @@ def motion_of(twist: ArrayLike, horizon: float, pose: ArrayLike,
         raise ValueError(f'horizon {horizon}, but it has to be 0 or more seconds, and finite')
     if not 0.0 < tolerance < math.inf:
         raise ValueError(f'tolerance {tolerance}, but it has to be positive and finite')
+    if not 0.0 <= margin < math.inf:
+        raise ValueError(f'margin {margin}, but it has to be 0 or more, and finite')
     if not math.isfinite((abs(vx) + abs(vy)) * horizon) or not math.isfinite(turn * horizon):
         raise ValueError(f'twist {(vx, vy, turn)} leads beyond the largest double within the '
                          f'horizon of {horizon} s')
     c, s = math.cos(yaw), math.sin(yaw)
-    return np.array([x, y, c * vx - s * vy, s * vx + c * vy, turn, horizon, tolerance])
+    return np.array([x, y, c * vx - s * vy, s * vx + c * vy, turn, horizon, tolerance,
+                     margin])
 
 
 def velocities_of(velocities: ArrayLike | None, rows: int) -> NDArray[np.float64]:
@@ -176,7 +180,7 @@ def first_row_met(set_array, body, count, motion, velocities, skipped):
         See `rows`.
     body, count
         A packed polygon.
-    motion : (7,) array of float64
+    motion : (8,) array of float64
         A `Motion`.
     velocities : flat array of float64
         vx, vy of each row, m/s.
@@ -188,12 +192,16 @@ def first_row_met(set_array, body, count, motion, velocities, skipped):
     row : int
         Of several the first; -1 if there is none.
     time : float
-        Seconds; 0 just where they share a point at time 0, infinity if there is none.
+        Seconds; 0 just where they are in contact, or within the margin, at time 0; infinity if
+        there is none.
 
     """
     require_nearest(count)
     rows = rows_of(borrowed(set_array))
-    for k in range(intersecting_rows(set_array, body, count)):
+    margin = motion[7]
+    met = (intersecting_rows(set_array, body, count) if margin == 0.0
+           else rows_within(set_array, body, count, margin))
+    for k in range(met):
         if not contains(skipped, rows.found[k]):
             return rows.found[k], 0.0
     way = _way(Packed(body, 0, count), motion)
@@ -222,7 +230,8 @@ def first_row_met(set_array, body, count, motion, velocities, skipped):
 @inner
 def _way(p, motion):
     """Return the way of a packed polygon."""
-    motion = Motion(motion[0], motion[1], motion[2], motion[3], motion[4], motion[5], motion[6])
+    motion = Motion(motion[0], motion[1], motion[2], motion[3], motion[4], motion[5], motion[6],
+                    motion[7])
     body = _parts(p, motion)
     radius = 0.0
     for k in range(0, len(body.array), 2):
@@ -371,7 +380,7 @@ def _may_meet(way, piece, rows, row, velocities):
     vy = velocities[2 * row + 1]
     if way.speed == 0.0 and vx == 0.0 and vy == 0.0:
         return False
-    margin = _rounding(way, rows, row, vx, vy)
+    margin = motion.margin + _rounding(way, rows, row, vx, vy)
     box = 4 * piece
     return not (
         rows.min_x[row] - motion.x + min(vx * start, vx * end) - way.boxes[box + 2] > margin
@@ -389,8 +398,8 @@ def _is_beside(way, rows, row, velocities):
     least, most = _distances(_parts(body_of(rows, row), motion), motion)
     centre = length(motion.vx, motion.vy) / abs(motion.turn) if motion.turn != 0.0 else 0.0
     finest = motion.horizon / _MOST_PIECES
-    margin = (max(motion.tolerance, 4.0 * _sagitta(way, finest)) + _ROUNDING * centre
-              + _rounding(way, rows, row, 0.0, 0.0))
+    margin = (motion.margin + max(motion.tolerance, 4.0 * _sagitta(way, finest))
+              + _ROUNDING * centre + _rounding(way, rows, row, 0.0, 0.0))
     return least - way.outer > margin or way.inner - most > margin
 
 
@@ -399,7 +408,7 @@ def _rounding(way, rows, row, vx, vy):
     """Return what rounding may do to the gap between the body on its way and that of a row."""
     x = max(abs(rows.min_x[row] - way.motion.x), abs(rows.max_x[row] - way.motion.x))
     y = max(abs(rows.min_y[row] - way.motion.y), abs(rows.max_y[row] - way.motion.y))
-    reach = max(x, y) + (abs(vx) + abs(vy)) * way.motion.horizon
+    reach = max(x, y) + (abs(vx) + abs(vy)) * way.motion.horizon + way.motion.margin
     return _ROUNDING * (way.reach + reach) + UNDERFLOW_BOUND
 
 
@@ -408,7 +417,7 @@ def _first_contact_in_piece(way, piece, rows, row, velocities, before):
     """Return when in a piece the body meets that of a row; infinity if not before a time."""
     vx = velocities[2 * row]
     vy = velocities[2 * row + 1]
-    rounding = _rounding(way, rows, row, vx, vy)
+    apart = way.motion.margin + _rounding(way, rows, row, vx, vy)
     other = _parts(body_of(rows, row), way.motion)
     chords = scratch(2 * len(way.body.array))
     other_chords = scratch(2 * len(other.array))
@@ -426,7 +435,7 @@ def _first_contact_in_piece(way, piece, rows, row, velocities, before):
             other_chords[2 * k + 2] = other.array[k] + vx * stop
             other_chords[2 * k + 3] = other.array[k + 1] + vy * stop
         share = first_contact_of_moving(chords, way.body.ends, other_chords, other.ends, sagitta,
-                                        sagitta + rounding)
+                                        sagitta + apart)
         if share == math.inf:
             start = stop
             step *= 2.0

@@ -158,7 +158,7 @@ class Contacts:
             return None
         found = self._obstacles.polygons.first_contact(
             footprint.polygon, velocity.twist, seconds, pose=velocity.pose,
-            skipped=self._unmonitored(footprint))
+            skipped=self._unmonitored(footprint), margin=self._margin)
         return found and (self._obstacles.bodies[found[0]], found[1])
 
     def _unmonitored(self, footprint: Footprint) -> list[int]:

@@ -208,7 +208,8 @@ def test_what_stands_beside_the_way_changes_no_answer(omega, tolerance):
         beside = []
         for _ in range(6):
             there = posed(body, twist, rng.uniform(0, 3))
-            corner = there[rng.integers(len(there))] + rng.normal(0, rng.choice([1e-4, 0.02, 1]), 2)
+            off = rng.normal(0, rng.choice([1e-4, 0.02, 1]), 2)
+            corner = there[rng.integers(len(there))] + off
             beside.append(0.3 * BODIES[rng.integers(len(BODIES))] + corner)
         for others in ([other] for other in beside):
             time = time_to_contact(body, twist, others, 3.0, tolerance=tolerance)
@@ -216,6 +217,31 @@ def test_what_stands_beside_the_way_changes_no_answer(omega, tolerance):
                                            tolerance=tolerance) or not any(twist)
             met[time < math.inf] += 1
     assert min(met.values()) > 100, met
+
+
+def test_a_margin():
+    """The first time within it: never late, and early by no more than the tolerance."""
+    rng = np.random.default_rng(9)
+    found = 0
+    for k in range(150):
+        body = BODIES[k % len(BODIES)]
+        twist = (*rng.uniform(-2, 2, 2), rng.choice([0.0, 1e-9, 0.3, -3.0]))
+        other = BODIES[rng.integers(len(BODIES))] + rng.uniform(-5, 5, 2)
+        own = rng.uniform(-1, 1, 2) * (k % 2)
+        margin = rng.choice([1e-9, 0.1, 1.0])
+        time = time_to_contact(body, twist, [other], 3.0, [own], margin=margin)
+        assert (time == 0.0) == (separation(body, other) <= margin)
+        for t in np.linspace(0.0, min(time, 3.0), 60)[:-1 if time else 0].tolist():
+            assert separation(posed(body, twist, t), other + t * own) > margin - 1e-12
+        if 0.0 < time < math.inf:
+            found += 1
+            assert separation(posed(body, twist, time), other + time * own) <= (
+                margin + (1e-3 if twist[2] else 1e-10))
+    assert found > 20
+    assert time_to_contact(BAR, (2, 0, 0), [[(4, 0.6)]], 3.0, margin=1.0) == (
+        pytest.approx(1.1, abs=1e-12))
+    assert time_to_contact(BAR, (2, 0, 0), [[(4, 1)]], 3.0, margin=1.0) == pytest.approx(1.5)
+    assert time_to_contact(BAR, (2, 0, 0), [[(4, 1.001)]], 3.0, margin=1.0) == math.inf
 
 
 def test_straight_ways_of_bodies_that_are_not_convex():
@@ -345,6 +371,8 @@ def test_rows_that_have_no_body():
     ({'horizon': math.inf}, 'horizon inf'),
     ({'tolerance': 0.0}, 'tolerance 0.0'),
     ({'tolerance': math.nan}, 'tolerance nan'),
+    ({'margin': -1.0}, 'margin -1.0'),
+    ({'margin': math.nan}, 'margin nan'),
     ({'velocities': (1, 0)}, r'velocities of shape \(2,\), but of 2 rows'),
     ({'velocities': [(1, 0)]}, r'velocities of shape \(1, 2\), but of 2 rows'),
     ({'velocities': [(1, 0), (0, math.nan)]}, 'velocity 1 is not finite'),

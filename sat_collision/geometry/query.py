@@ -221,7 +221,7 @@ def closest_points(a: BodyLike, b: BodyLike
 def time_to_contact(footprint: BodyLike, twist: ArrayLike,
                     obstacles: PolygonSet | Iterable[BodyLike], horizon: float,
                     velocities: ArrayLike | None = None, pose: ArrayLike = (0.0, 0.0, 0.0),
-                    tolerance: float = 1e-3, margin: float = 0.0) -> float:
+                    tolerance: float = 1e-3) -> float:
     """
     Return when a body that moves by a constant twist first shares a point with an obstacle.
 
@@ -247,8 +247,6 @@ def time_to_contact(footprint: BodyLike, twist: ArrayLike,
         this moves. By default that of the coordinates.
     tolerance : float, optional
         Where the body turns: how near it may be, in metres, to what it meets at the time returned.
-    margin : float, optional
-        Bodies no further apart than this count as in contact, metres.
 
     Returns
     -------
@@ -267,7 +265,7 @@ def time_to_contact(footprint: BodyLike, twist: ArrayLike,
     ValueError
         A twist or pose that is not three finite numbers; a horizon that is negative or not finite;
         velocities that are not finite or not one an obstacle; a tolerance that is not positive and
-        finite; a margin that is negative or not finite; a way beyond the largest double.
+        finite; a way beyond the largest double.
 
     Examples
     --------
@@ -276,5 +274,5 @@ def time_to_contact(footprint: BodyLike, twist: ArrayLike,
 
     """
     found = _as_set(obstacles).first_contact(footprint, twist, horizon, velocities, pose,
-                                             tolerance, margin=margin)
+                                             tolerance)
     return math.inf if found is None else found[1]

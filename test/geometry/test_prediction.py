@@ -219,6 +219,11 @@ def test_what_stands_beside_the_way_changes_no_answer(omega, tolerance):
     assert min(met.values()) > 100, met
 
 
+def within(margin, body, twist, other, velocities=None):
+    contact = PolygonSet([other]).first_contact(body, twist, 3.0, velocities, margin=margin)
+    return contact[1] if contact else math.inf
+
+
 def test_a_margin():
     """The first time within it: never late, and early by no more than the tolerance."""
     rng = np.random.default_rng(9)
@@ -229,7 +234,7 @@ def test_a_margin():
         other = BODIES[rng.integers(len(BODIES))] + rng.uniform(-5, 5, 2)
         own = rng.uniform(-1, 1, 2) * (k % 2)
         margin = rng.choice([1e-9, 0.1, 1.0])
-        time = time_to_contact(body, twist, [other], 3.0, [own], margin=margin)
+        time = within(margin, body, twist, other, [own])
         assert (time == 0.0) == (separation(body, other) <= margin)
         for t in np.linspace(0.0, min(time, 3.0), 60)[:-1 if time else 0].tolist():
             assert separation(posed(body, twist, t), other + t * own) > margin - 1e-12
@@ -238,10 +243,12 @@ def test_a_margin():
             assert separation(posed(body, twist, time), other + time * own) <= (
                 margin + (1e-3 if twist[2] else 1e-10))
     assert found > 20
-    assert time_to_contact(BAR, (2, 0, 0), [[(4, 0.6)]], 3.0, margin=1.0) == (
-        pytest.approx(1.1, abs=1e-12))
-    assert time_to_contact(BAR, (2, 0, 0), [[(4, 1)]], 3.0, margin=1.0) == pytest.approx(1.5)
-    assert time_to_contact(BAR, (2, 0, 0), [[(4, 1.001)]], 3.0, margin=1.0) == math.inf
+    assert within(1.0, BAR, (2, 0, 0), [(4, 0.6)]) == pytest.approx(1.1, abs=1e-12)
+    assert within(1.0, BAR, (2, 0, 0), [(4, 1)]) == pytest.approx(1.5)
+    assert within(1.0, BAR, (2, 0, 0), [(4, 1.001)]) == math.inf
+    for margin in (-1.0, math.nan, math.inf):
+        with pytest.raises(ValueError, match=f'margin {margin}'):
+            within(margin, BAR, (2, 0, 0), [(4, 1)])
 
 
 def test_straight_ways_of_bodies_that_are_not_convex():
@@ -371,8 +378,6 @@ def test_rows_that_have_no_body():
     ({'horizon': math.inf}, 'horizon inf'),
     ({'tolerance': 0.0}, 'tolerance 0.0'),
     ({'tolerance': math.nan}, 'tolerance nan'),
-    ({'margin': -1.0}, 'margin -1.0'),
-    ({'margin': math.nan}, 'margin nan'),
     ({'velocities': (1, 0)}, r'velocities of shape \(2,\), but of 2 rows'),
     ({'velocities': [(1, 0)]}, r'velocities of shape \(1, 2\), but of 2 rows'),
     ({'velocities': [(1, 0), (0, math.nan)]}, 'velocity 1 is not finite'),

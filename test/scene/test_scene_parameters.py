@@ -80,3 +80,11 @@ def test_senseless_names_are_refused(given, words):
     """The message says which one, why, and what to do."""
     with pytest.raises(ParameterError, match=words):
         declared(**given)
+
+
+def test_only_ids_tell_what_has_moved():
+    """Of other obstacles it is not known which one has become which."""
+    assert settings_of(obstacle__moving=True,
+                       obstacle__type='polygon_instance').obstacles[0].moving
+    with pytest.raises(ParameterError, match='^obstacle.moving: only ids .* polygon_instance$'):
+        settings_of(obstacle__moving=True)

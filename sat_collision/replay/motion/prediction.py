@@ -104,8 +104,9 @@ class Prediction:
         starts, finishes = np.array(motion.starts), np.array(motion.finishes)
         moved = motion.after.centres[motion.next_rows] - motion.before.centres[motion.rows]
         velocities = moved / np.maximum(finishes - starts, 1)[:, None] * 1e9
-        near = _gaps(np.array(own.bounds), motion.boxes) <= _SLACK + self._margin + self._horizon * (
-            _fastest(own, velocity) + np.hypot(*velocities.T))
+        speeds = _fastest(own, velocity) + np.hypot(*velocities.T)
+        near = _gaps(np.array(own.bounds), motion.boxes) <= (
+            _SLACK + self._margin + self._horizon * speeds)
         names, polygons, rows = [], [], []
         for i in np.flatnonzero(near & (starts <= time) & (time < finishes)).tolist():
             try:

@@ -11,7 +11,7 @@ test: TESTS = -m 'not long'
 test test-all: $(VENV)/test.stamp
 	$(BIN)/python -m mypy
 	$(BIN)/python -m sat_collision.replay.kernels
-	$(BIN)/python -m pytest -n 2 --dist loadfile $(TESTS)
+	$(BIN)/python -m pytest -n 3 --dist loadfile $(TESTS)
 
 # What README, config and docs take from the code and from the benchmarks.
 docs: $(VENV)/demo.stamp

@@ -35,7 +35,7 @@ from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from sat_collision.node import loop
-from sat_collision.node.qos import flag_qos
+from sat_collision.node.footprint_monitor import flag_qos
 from sat_collision.node.signals import end_on_signals, Signalled
 import shapely
 from std_msgs.msg import Bool

@@ -296,7 +296,8 @@ def where(outline, twist, seconds):
     return affinity.rotate(outline, omega * seconds, (-vy / omega, vx / omega), use_radians=True)
 
 
-@pytest.mark.parametrize('seed', range(25))
+@pytest.mark.parametrize('seed', [
+    *range(8), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(8, 25))])
 def test_no_time_is_late_and_none_is_given_while_unknown(seed):
     """Random ways among random obstacles, with gaps, other shapes and clocks set back."""
     rng = np.random.default_rng(seed)

@@ -25,14 +25,13 @@ from typing import NamedTuple
 
 from libraries import shapely_shape
 import numpy as np
-import readings
 import rivals
 from sat_collision import intersects_pairs, Polygon, PolygonSet
-from sat_collision.geometry import sat_methods
 from sat_collision.geometry.intersection import convex_meet
 from sat_collision.geometry.jit import borrowed, COMPILED, kernel, scratch
 from sat_collision.geometry.layout import Packed, packed_size
 from sat_collision.geometry.packing import pack
+import sat_methods
 import shapely
 
 
@@ -57,9 +56,9 @@ METHODS = {
     'boxed': Method('box pre-test', '#56B4E9', '^', sat_methods.boxed_axes, 'bounds'),
     'published_a': Method('published A', '#D55E00', 'v', sat_methods.published_a_axes, 'centres'),
     'published_b': Method('published B', '#CC79A7', 'D', sat_methods.published_b_axes, 'centres'),
-    'hybrid': Method('published, hybrid', '#AA4499', '<', readings.hybrid_axes, 'centres'),
-    'closest': Method('published, Eq. 3–4', '#999933', '>', readings.closest_axes),
-    'literal': Method('published, Eq. 5', '#CC6677', 'd', readings.literal_axes, 'centres'),
+    'hybrid': Method('published, hybrid', '#AA4499', '<', sat_methods.hybrid_axes, 'centres'),
+    'closest': Method('published, Eq. 3–4', '#999933', '>', sat_methods.closest_axes),
+    'literal': Method('published, Eq. 5', '#CC6677', 'd', sat_methods.literal_axes, 'centres'),
     'binary': Method('binary-search SAT', '#E69F00', 'h', rivals.binary_axes, 'heads'),
     'gjk': Method('GJK', '#332288', 'p', rivals.gjk_axes, 'heads'),
     'interval': Method('interval filter', '#88CCEE', 'H', rivals.interval_axes, 'heads'),

@@ -21,7 +21,7 @@ import numpy as np
 import oracle
 import samples
 from sat_collision import closest_points, intersects, PolygonError, separation
-from sat_collision.geometry import sat_methods
+import sat_methods
 import shapely
 import shapes
 

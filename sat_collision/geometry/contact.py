@@ -38,7 +38,7 @@ from sat_collision.geometry.distance import goes_first, measure_with_normal
 from sat_collision.geometry.jit import inner, kernel, scratch
 from sat_collision.geometry.layout import convex_part, first_vertex, Packed
 from sat_collision.geometry.nearest_features import reach_of
-from sat_collision.geometry.part_boxes import open_pairs
+from sat_collision.geometry.part_bounds import open_pairs
 from sat_collision.geometry.plane import unit
 from sat_collision.geometry.polygon import as_polygon, BodyLike
 from sat_collision.geometry.separating_axis import support

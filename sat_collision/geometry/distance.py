@@ -27,8 +27,8 @@ from sat_collision.geometry.intersection import convex_meet, interiors_apart
 from sat_collision.geometry.jit import inner, kernel, scratch
 from sat_collision.geometry.layout import body_size, convex_part, Packed, packed_size
 from sat_collision.geometry.nearest_features import closest_of, nearest_features, reach_of
-from sat_collision.geometry.part_axes import is_beyond_edge, limit_of, reaches
-from sat_collision.geometry.part_boxes import may_be_less, nearest_boxes, open_pairs, overlap
+from sat_collision.geometry.part_bounds import (
+    is_beyond_edge, limit_of, may_be_less, nearest_boxes, open_pairs, overlap, reaches)
 from sat_collision.geometry.penetration import penetration
 from sat_collision.geometry.plane import scale_to_one
 

@@ -19,7 +19,9 @@ vertices (E. G. Gilbert, D. W. Johnson, S. S. Keerthi, "A fast procedure for com
 between complex objects in three-dimensional space", 1988), first in plain doubles. Then, in twice
 their precision, no vertex may be beyond the line through what was found, across the way between
 the bodies; where one is, the search goes on from there. Where it does not come to an end all pairs
-of features are tried. See docs/exactness.md, lemma 17.
+of features are tried. See docs/exactness.md, lemmas 16 (support in twice the precision) and 17.
+
+An axis in twice the precision is given as x and y, each a head and a tail, see `double_double`.
 
 Coordinates are below 2^301 in magnitude, and the largest is above 2^-301, see `distance`.
 """
@@ -28,7 +30,6 @@ from typing import Any, NamedTuple
 
 from sat_collision.geometry.double_double import (
     cross, difference, dot, negative, plus, quotient, scaled, square_root, times)
-from sat_collision.geometry.furthest_vertex import along, furthest
 from sat_collision.geometry.jit import inner, kernel
 from sat_collision.geometry.layout import first_vertex
 from sat_collision.geometry.plane import nearest_of_segment, scale_to_one
@@ -38,6 +39,12 @@ from sat_collision.geometry.separating_axis import support
 _TOLERANCE = 2.0 ** -51
 # How much less, in parts of itself, the distance may be than the one found: u / 2.
 _NEGLIGIBLE = 2.0 ** -54
+# Of the products' magnitudes: what a scalar product in twice the precision may be wrong by.
+_HIDDEN = 16.0 * 2.0 ** -106
+# More than what underflow takes from a scalar product, or from coordinates made smaller.
+_LOST = 2.0 ** -1022
+# Below this length an edge may be nothing but what underflow left of it.
+SHORT = 2.0 ** -900
 
 
 class Features(NamedTuple):
@@ -122,8 +129,8 @@ def closest_of(p, q, features):
     if pa == pb and qa == qb:
         return v[pa], v[pa + 1], w[qa], w[qa + 1], ux, uy
     ex, ey = _edge(v, w, pa, pb, qa, qb)
-    along = negative(dot(*way(v, w, pa, qa), ex, ey))
-    share = quotient(along, plus(along, dot(*way(v, w, pb, qb), ex, ey)))
+    back = negative(dot(*way(v, w, pa, qa), ex, ey))
+    share = quotient(back, plus(back, dot(*way(v, w, pb, qb), ex, ey)))
     return (between(v[pa], v[pb], share), between(v[pa + 1], v[pb + 1], share),
             between(w[qa], w[qb], share), between(w[qa + 1], w[qb + 1], share), ux, uy)
 
@@ -249,3 +256,57 @@ def _of_vertices(i, j, x, y):
     scale = scale_to_one(max(abs(x[0]), abs(y[0])))
     x, y = scaled(x, y, scale)
     return Features(square_root(dot(x, y, x, y))[0] / scale, i, i, j, j, x, y)
+
+
+@inner
+def furthest(p, i, nx, ny):
+    """Return where the vertex of P furthest along n stands, but for 2^-99 R; begin at i."""
+    v = p.array
+    first = first_vertex(p)
+    last = first + 2 * p.n - 2
+    ahead = i + 2 if i < last else first
+    rise_ahead = _rise(v, i, ahead, nx, ny)
+    while rise_ahead > 0:
+        i = ahead
+        ahead = i + 2 if i < last else first
+        rise_ahead = _rise(v, i, ahead, nx, ny)
+    behind = i - 2 if i > first else last
+    rise_behind = _rise(v, i, behind, nx, ny)
+    while rise_behind > 0:
+        i = behind
+        behind = i - 2 if i > first else last
+        rise_behind = _rise(v, i, behind, nx, ny)
+        ahead = i
+        rise_ahead = -1
+    if p.n > 1 and ((rise_ahead == 0 and not _runs_left(v, i, ahead, nx[0], ny[0]))
+                    or (rise_behind == 0 and not _runs_left(v, behind, i, nx[0], ny[0]))):
+        # At the bottom, or where underflow hides how edges run.
+        i = first
+        most = along(v, first, first, nx, ny)
+        for k in range(first, last + 2, 2):
+            found = along(v, first, k, nx, ny)
+            if plus(found, negative(most))[0] > 0.0:
+                most = found
+                i = k
+    return i
+
+
+@inner
+def along(v, i, k, nx, ny):
+    """Return the component along n of the way from the vertex at i to that at k."""
+    return dot(difference(v[k], v[i]), difference(v[k + 1], v[i + 1]), nx, ny)
+
+
+@inner
+def _rise(v, i, k, nx, ny):
+    """Return the sign of `along`, 0 if it is not certain."""
+    rise = along(v, i, k, nx, ny)[0]
+    bound = (_HIDDEN * (abs((v[k] - v[i]) * nx[0]) + abs((v[k + 1] - v[i + 1]) * ny[0]))
+             + _LOST)
+    return int(rise > bound) - int(-rise > bound)
+
+
+@inner
+def _runs_left(v, i, k, nx, ny):
+    """Return whether an edge whose rise is not certain runs to the left of n, and is not short."""
+    return nx * (v[k + 1] - v[i + 1]) - ny * (v[k] - v[i]) > SHORT

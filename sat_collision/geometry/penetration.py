@@ -23,11 +23,10 @@ import math
 
 from sat_collision.geometry.double_double import (
     cross, difference, dot, negative, plus, quotient, scaled, square_root)
-from sat_collision.geometry.furthest_vertex import furthest, SHORT
 from sat_collision.geometry.jit import inner, kernel, scratch
 from sat_collision.geometry.layout import first_vertex
-from sat_collision.geometry.nearest_features import between, reach_of, way
-from sat_collision.geometry.part_axes import ROUNDING
+from sat_collision.geometry.nearest_features import between, furthest, reach_of, SHORT, way
+from sat_collision.geometry.part_bounds import ROUNDING
 from sat_collision.geometry.plane import scale_to_one, unit
 from sat_collision.geometry.separating_axis import support
 

@@ -23,14 +23,12 @@ import numpy as np
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.polygon import PlaneMap, PolygonError
 from sat_collision.geometry.run import Run
-from sat_collision.messages.cdr import (
-    COUNT_SIZE, decode, MessageError, POINT_SIZE, Points)
-from sat_collision.messages.packer import Packer, vertices_of
-from sat_collision.messages.placement import Placement
+from sat_collision.messages.cdr import COUNT_SIZE, decode, MessageError, POINT_SIZE, Points
+from sat_collision.messages.packer import Packer, Placement, vertices_of
 from sat_collision.messages.rejections import (
     detail_of, EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE)
 from sat_collision.messages.transform_listener import TransformListener
-from sat_collision.scene.frame_ids import LONGEST_FRAME_ID
+from sat_collision.scene.frame_tree import LONGEST_FRAME_ID
 from sat_collision.scene.frames import Mapped, NoTransform
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (

@@ -12,30 +12,30 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The scene as visualization_msgs/MarkerArray."""
+"""The scene as visualization_msgs/MarkerArray, and where its labels go."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from itertools import chain, islice
 import math
 from operator import itemgetter
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry.contact import contact
 from sat_collision.geometry.polygon import Polygon
-from sat_collision.messages.contact_cloud import MOST_CONTACTS
 from sat_collision.messages.interfaces import ColorRGBA, Duration, Marker, MarkerArray, Point
-from sat_collision.messages.labels import Box, Labels
-from sat_collision.messages.shared_region import contact_marks, Ring
+from sat_collision.messages.shared_region import clip, contact_marks, Ring
 from sat_collision.messages.states import in_words
 from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.prediction import Prediction
 from sat_collision.scene.scene import Scene
 
+# Least x and y, greatest x and y.
+Box: TypeAlias = tuple[float, float, float, float]
 _Body: TypeAlias = 'str | ObstacleId'
 _Colour: TypeAlias = tuple[float, ...]
 
@@ -54,6 +54,13 @@ _TEXT = 0.25
 _PLACES_AHEAD = 8
 # For how many periods markers are shown, so that a dead monitor leaves no green robot.
 _PERIODS = 3
+# Of no more obstacles are contacts drawn or published: each costs time.
+MOST_CONTACTS = 50
+# Of labels, in parts of the height of the text: the width of a character, the free space around a
+# text, and the distances from what it describes that are tried.
+_WIDTH = 0.6
+_PADDING = 0.2
+_DISTANCES = (0.3, 1.5, 3.0)
 
 
 class _Style(NamedTuple):
@@ -261,3 +268,64 @@ def _triangles(ring: Ring) -> list[Any]:
 
 def _points(vertices: ArrayLike) -> list[Any]:
     return [Point(x=x, y=y) for x, y in np.asarray(vertices).tolist()]
+
+
+class Labels:
+    """
+    Finds places for texts, one after the other: beside what they describe.
+
+    Parameters
+    ----------
+    bodies : iterable of ((n, 2) ndarray, Box)
+        Convex rings that no text shall cover, each with the box around it.
+    height : float
+        Of all texts, metres.
+
+    """
+
+    def __init__(self, bodies: Iterable[tuple[Ring, Box]], height: float) -> None:
+        bodies = list(bodies)
+        self._rings = [ring for ring, _ in bodies]
+        self._boxes: NDArray[np.float64] = np.array([box for _, box in bodies]).reshape(-1, 4)
+        self._height = height
+
+    def place(self, text: str, box: Box) -> tuple[float, float]:
+        """Return where the middle of a text about what is in a box (m) goes, and keep it free."""
+        half = 0.5 * _WIDTH * self._height * len(text), 0.5 * self._height
+        padding = _PADDING * self._height
+        w, h = half[0] + padding, half[1] + padding
+        least: tuple[int, Ring] | None = None
+        for x, y in _candidates(box, *half, self._height):
+            ring = np.array([(x - w, y - h), (x + w, y - h), (x + w, y + h), (x - w, y + h)])
+            covered = self._count_covered(ring)
+            if least is None or covered < least[0]:
+                least = covered, ring
+            if not covered:
+                break
+        assert least is not None
+        ring = least[1]
+        self.keep_free(ring)
+        x, y = ring.mean(0).tolist()
+        return x, y
+
+    def keep_free(self, ring: Ring) -> None:
+        """Let what else is drawn be covered by no text."""
+        self._rings.append(ring)
+        self._boxes = np.vstack([self._boxes, (*ring.min(0), *ring.max(0))])
+
+    def _count_covered(self, ring: Ring) -> int:
+        """Return how many bodies and texts a text would cover."""
+        near = ((self._boxes[:, :2] < ring[2]) & (self._boxes[:, 2:] > ring[0])).all(1)
+        return sum(len(clip(ring, self._rings[i])) > 0 for i in np.flatnonzero(near))
+
+
+def _candidates(box: Box, half_width: float, half_height: float,
+                height: float) -> Iterator[tuple[float, float]]:
+    """Yield the places around a box, the best first: above, below, at the sides, at corners."""
+    min_x, min_y, max_x, max_y = box
+    for distance in _DISTANCES:
+        gap = distance * height
+        xs = 0.5 * (min_x + max_x), max_x + gap + half_width, min_x - gap - half_width
+        ys = 0.5 * (min_y + max_y), max_y + gap + half_height, min_y - gap - half_height
+        for i, j in ((0, 1), (0, 2), (1, 0), (2, 0), (1, 1), (2, 1), (1, 2), (2, 2)):
+            yield xs[i], ys[j]

@@ -23,8 +23,8 @@ import struct
 from sat_collision.messages.cdr import Points
 from sat_collision.messages.ingest import Ingest
 from sat_collision.messages.rejections import Rejection
-from sat_collision.messages.transform_listener import TransformListener
-from sat_collision.messages.transforms import decode_odometry, decode_twist
+from sat_collision.messages.transform_listener import (
+    decode_odometry, decode_twist, TransformListener)
 from sat_collision.scene.frames import Mapped, NoTransform
 from sat_collision.scene.outlines import Outline, outline_of
 from sat_collision.scene.settings import FootprintSettings, Settings

@@ -17,13 +17,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from itertools import islice
 import math
+import sys
 from typing import Any, Protocol
 
-from sat_collision.messages.contact_cloud import contact_cloud
+import numpy as np
+from sat_collision.geometry.contact import contact
 from sat_collision.messages.interfaces import (
-    Bool, DiagnosticArray, Float64, MarkerArray, PointCloud2, serialize)
-from sat_collision.messages.markers import Markers
+    Bool, DiagnosticArray, Float64, MarkerArray, octets, PointCloud2, PointField, serialize)
+from sat_collision.messages.markers import Markers, MOST_CONTACTS
 from sat_collision.messages.states import States
 from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.prediction import Prediction
@@ -32,6 +35,47 @@ from sat_collision.scene.settings import Settings
 
 _FLAGS = {raised: serialize(Bool(data=raised)) for raised in (False, True)}
 _UNKNOWN = serialize(Float64(data=math.nan))
+_NUMBERS = ('x', 'y', 'z', 'normal_x', 'normal_y', 'normal_z', 'depth')
+# A point of ~/<footprint>/contacts.
+_POINT = np.dtype([*((name, np.float32) for name in _NUMBERS), ('obstacle', np.uint32)])
+_FIELDS = [
+    *(PointField(name=name, offset=4 * k, count=1, datatype=PointField.FLOAT32)
+      for k, name in enumerate(_NUMBERS)),
+    PointField(name='obstacle', offset=4 * len(_NUMBERS), count=1, datatype=PointField.UINT32)]
+
+
+def contact_cloud(scene: Scene, name: str, stamp: Any) -> Any:
+    """
+    Return the points of contact of a footprint; none while it is in no contact.
+
+    Each point is one of the footprint, in the fixed frame, with z = 0. Its normal is the unit
+    vector from the obstacle to the footprint; moved by depth (m) along it, the footprint is out
+    of the obstacle. Where bodies within the margin are apart, minus the depth is their distance.
+    The obstacle is the place of its name in what the state of that stamp lists, from 0 on.
+
+    Parameters
+    ----------
+    scene : Scene
+    name : str
+        Of the footprint.
+    stamp : builtin_interfaces.msg.Time
+
+    """
+    places = {obstacle: k for k, obstacle in enumerate(scene.state(name).contacts)}
+    rows = []
+    for obstacle, own, other in islice(scene.contacts(name), MOST_CONTACTS):
+        if obstacle in places:
+            found = contact(own, other)
+            depth = -found.separation if found.separation > 0.0 else found.depth
+            rows += [(x, y, 0.0, *found.normal, 0.0, depth, places[obstacle])
+                     for x, y in found.points_a]
+    points = np.array(rows, _POINT)
+    cloud = PointCloud2(height=1, width=len(points), fields=_FIELDS, is_dense=True,
+                        is_bigendian=sys.byteorder == 'big', point_step=_POINT.itemsize,
+                        row_step=points.nbytes, data=octets(points.tobytes()))
+    cloud.header.stamp = stamp
+    cloud.header.frame_id = scene.frame_id
+    return cloud
 
 
 class NodeLike(Protocol):

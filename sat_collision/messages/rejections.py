@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 from sat_collision.geometry.polygon import Reason
 from sat_collision.scene import frame_tree, frames
-from sat_collision.scene.frame_ids import in_quotes
+from sat_collision.scene.frame_tree import in_quotes
 from sat_collision.scene.obstacle_store import OTHER_FRAME, TOO_MANY
 from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
 from sat_collision.scene.sources import TOO_OLD

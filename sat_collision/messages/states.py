@@ -21,10 +21,9 @@ from typing import Any
 
 import numpy as np
 from sat_collision.geometry.polygon import Polygon
-
 from sat_collision.messages.interfaces import DiagnosticArray, DiagnosticStatus, KeyValue
-from sat_collision.scene import frame_ids
 from sat_collision.scene.footprints import State, Status
+from sat_collision.scene.frame_tree import in_words as name_in_words
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.prediction import Prediction
 from sat_collision.scene.scene import Nearest, Scene
@@ -190,7 +189,7 @@ class States:
          transform_value, time_value, first_value, velocity_value,
          unknown_value) = self._moving[name]
         frame_id, transform_age = origin
-        frame_value.value = frame_ids.in_words(frame_id) if frame_id else ''
+        frame_value.value = name_in_words(frame_id) if frame_id else ''
         transform_value.value = '' if transform_age is None else f'{transform_age:.3f}'
         age_value.value = '' if age is None else f'{age:.3f}'
         separation_value.value = f'{nearest[1]:.6g}' if nearest else ''

@@ -17,8 +17,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-import re
-from typing import Any
 
 USAGE = """\
 usage: ros2 run sat_collision footprint_monitor [--help] [--version] [--ros-args ...]
@@ -69,27 +67,13 @@ def unused_files(ros: Sequence[str], node: str) -> Iterator[str]:
     str
 
     """
-    import yaml  # of rclpy's own
+    from sat_collision.scene.parameters import is_name_of, parameters_by_node
+    import yaml  # rclpy needs it, too
     for option, path in zip(ros, ros[1:]):
         if option != '--params-file':
             continue
         with open(path) as file:
-            names = list(_nodes(yaml.safe_load(file)))
-        if not any(re.fullmatch(_pattern(name), node) for name in names):
+            names = [name for name, _ in parameters_by_node(yaml.safe_load(file))]
+        if not any(is_name_of(name, node) for name in names):
             yield (f'{path} has no parameters for {node}, only for {", ".join(names) or "none"}: '
                    'call it /** there, which is any node')
-
-
-def _nodes(content: Any, above: str = '') -> Iterator[str]:
-    """Yield the full names of the nodes in a parameter file, wildcards as they are."""
-    if isinstance(content, dict):
-        if 'ros__parameters' in content:
-            yield above
-        else:
-            for name, below in content.items():
-                yield from _nodes(below, f'{above}/{str(name).strip("/")}')
-
-
-def _pattern(name: str) -> str:
-    """Return what matches the full names that a name with wildcards is for, as rcl has it."""
-    return name.replace('/**', '(/~)*').replace('/*', r'/\w+').replace('~', r'\w+')

@@ -21,7 +21,9 @@ import time
 from typing import Any
 
 from rclpy.clock import JumpThreshold, TimeJump
+from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.qos import QoSLivelinessPolicy, QoSProfile
 from sat_collision.geometry.compilation import kernel_problem
 from sat_collision.geometry.jit import KERNEL
 from sat_collision.geometry.preparation import Preparation
@@ -30,19 +32,20 @@ from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
 from sat_collision.node.health import Health
-from sat_collision.node.loop import Loop, Reserved
+from sat_collision.node.loop import Backlog, Loop, Reserved
 from sat_collision.node.parameters import Parameters
-from sat_collision.node.qos import flag_qos
-from sat_collision.node.receiver import Backlog
-from sat_collision.node.subscriptions import Subscriptions
-from sat_collision.node.systemd import Systemd
-from sat_collision.node.timing import ClockWatch, Every
-from sat_collision.node.transforms import subscribe, transform_type
-from sat_collision.node.watchdog import Watchdog
+from sat_collision.node.subscriptions import (
+    subscribe_transforms, Subscriptions, transform_type)
+from sat_collision.node.watchdog import ClockWatch, Every, Systemd, Watchdog
 from sat_collision.scene.settings import Settings
 from sat_collision.scene.times import NEVER
 
 NAME = 'footprint_monitor'
+
+# DDS guarantees to subscribers of flags, in s: one arrives within the deadline, or the monitor
+# counts as dead after the lease.
+_DEADLINE = 0.3
+_LEASE = 0.5
 
 # The longest that anything due by time alone waits. Each tick wakes the process, which costs far
 # more than what it does.
@@ -54,6 +57,14 @@ _STARTED = 5.0
 # The node ticks so many times, at least, in the time after which the watchdog calls it stalled.
 _TICKS_IN_TIME = 3.0
 _SHORTEST_TICK = 0.02
+
+
+def flag_qos() -> QoSProfile:
+    """Return the QoS of the publishers of flags: with a deadline and a liveliness lease."""
+    return QoSProfile(
+        depth=10, deadline=Duration(seconds=_DEADLINE),
+        liveliness=QoSLivelinessPolicy.MANUAL_BY_TOPIC,
+        liveliness_lease_duration=Duration(seconds=_LEASE))
 
 
 class FootprintMonitor(Node):
@@ -96,7 +107,7 @@ class FootprintMonitor(Node):
         self._logged: dict[tuple[str, str], float] = {}
         taken_by = Reserved()
         self._inputs = Subscriptions(self, settings, taken_by, self._health)
-        transform_inputs = transforms and subscribe(self, transforms, taken_by)
+        transform_inputs = transforms and subscribe_transforms(self, transforms, taken_by)
         self._behind: set[str] = set()
         self._reports_unknown_at = time.monotonic() + _STARTED
         self._clock_watch = ClockWatch()

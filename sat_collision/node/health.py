@@ -23,9 +23,9 @@ import time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 from sat_collision.monitor import Monitor
-from sat_collision.node.receiver import Backlog
-from sat_collision.node.transforms import publishers_of_tf
-from sat_collision.scene.frame_ids import in_words
+from sat_collision.node.loop import Backlog
+from sat_collision.node.publishers import publishers_of_tf
+from sat_collision.scene.frame_tree import in_words
 
 # What is behind by less, in s, is a burst that is just being taken.
 _NOTEWORTHY = 0.1

@@ -27,13 +27,12 @@ from dataclasses import dataclass
 from functools import partial
 import math
 import time
-from typing import Any
+from typing import Any, NamedTuple, Protocol
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.subscription import Subscription
-from sat_collision.node.receiver import Backlog, Receiver
 from sat_collision.node.waiting import Waiting
 
 # The longest that messages are taken for before all else has its turn, shared evenly among the
@@ -57,6 +56,69 @@ _NUMBER = 'publication_sequence_number'
 # A process that comes so much too late was held up, and what was sent meanwhile may still be on
 # its way to the queues, in s.
 HELD_UP = 0.03
+
+
+class Backlog(NamedTuple):
+    """How far behind the taking of a topic is: in seconds, and about how many messages."""
+
+    seconds: float
+    messages: int
+
+
+class Receiver(Protocol):
+    """The handlers of messages and time that the loop calls."""
+
+    def receive(self, name: str, messages: Sequence[tuple[bytes, int | None]], now: int) -> None:
+        """
+        Take all messages of a footprint or source.
+
+        Parameters
+        ----------
+        name : str
+        messages : sequence of tuple
+            The serialised message, and which one of its publisher it is, where that is known.
+        now : int
+            Present time in ns.
+
+        """
+
+    def begin_stream(self, name: str) -> None:
+        """Record that the next message of a footprint or source is the first of its publisher."""
+
+    def end_batch(self, messages: int, seconds: float) -> None:
+        """Publish what has changed, after so many messages that took so long."""
+
+    def note_backlog(self, name: str, backlog: Backlog | None) -> None:
+        """Record how far behind a topic is, None where it is not any more."""
+
+    def due(self, now: int, steady: float) -> float:
+        """
+        Return when the next tick is due, by the steady clock in s; messages may put it off.
+
+        Parameters
+        ----------
+        now : int
+            A time in ns, by the clock of the header stamps.
+        steady : float
+            The same time by the steady clock.
+
+        """
+
+    def tick(self, now: int, is_all_taken: bool) -> None:
+        """
+        Do what is due by time alone.
+
+        Parameters
+        ----------
+        now : int
+            Present time in ns, read before the messages of this turn were taken.
+        is_all_taken : bool
+            Whether all that had been sent until then has been received.
+
+        """
+
+    def present(self) -> int:
+        """Return the present time in ns by the clock of the header stamps."""
 
 
 @dataclass

@@ -25,6 +25,7 @@ from rclpy.qos import (
     qos_check_compatible, QoSCompatibility, QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy)
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from sat_collision.node.loop import Input
+from sat_collision.scene.settings import TF
 from sat_collision.scene.streams import Endpoint
 
 _UNKNOWN = '_NODE_NAME_UNKNOWN_'
@@ -183,6 +184,12 @@ class Publishers:
             hint = ('its publisher keeps what it has sent, of which nothing comes here: set '
                     f'qos_overrides.{topic}.subscription.durability: transient_local')
         return Endpoint(bytes(info.endpoint_gid).hex(), name, problem, hint)
+
+
+def publishers_of_tf(node: Node) -> set[str]:
+    """Return the full names of the nodes that publish /tf."""
+    return {f'{one.node_namespace.rstrip("/")}/{one.node_name}'
+            for one in node.get_publishers_info_by_topic(TF)}
 
 
 def _incompatible(offered: QoSProfile, requested: QoSProfile, topic: str) -> str:

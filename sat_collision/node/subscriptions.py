@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The subscriptions of footprints and sources of obstacles, and what goes wrong with them."""
+"""The subscriptions of footprints, sources of obstacles and transforms, and their QoS events."""
 
 from __future__ import annotations
 
@@ -25,21 +25,29 @@ from rclpy.event_handler import (
     QoSLivelinessChangedInfo, QoSRequestedDeadlineMissedInfo, QoSRequestedIncompatibleQoSInfo,
     SubscriptionEventCallbacks)
 from rclpy.node import Node
-from rclpy.qos import qos_policy_name_from_kind, QoSDurabilityPolicy, QoSProfile
+from rclpy.qos import (
+    qos_policy_name_from_kind, QoSDurabilityPolicy, QoSPolicyKind, QoSProfile)
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
+from sat_collision.messages.transform_listener import TF_STATIC
 from sat_collision.node.health import Health
 from sat_collision.node.loop import Input, leave
 from sat_collision.node.publishers import Publishers
-from sat_collision.node.qos import OVERRIDABLE
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
-    FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
+    FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings, TF)
 
+# For transforms, as tf2 has them.
+_TRANSFORM_DEPTH = 100
+_DURABILITIES = {TF: QoSDurabilityPolicy.VOLATILE, TF_STATIC: QoSDurabilityPolicy.TRANSIENT_LOCAL}
 _FOOTPRINT_DEPTH = 1
 _SETS_IN_QUEUE = 2
 # Every pose counts.
 _ODOMETRY_DEPTH = 100
+# What can be overridden of the QoS.
+_OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
+                QoSPolicyKind.DURABILITY, QoSPolicyKind.DEADLINE, QoSPolicyKind.LIVELINESS,
+                QoSPolicyKind.LIVELINESS_LEASE_DURATION)
 
 
 class Subscriptions:
@@ -114,7 +122,7 @@ class Subscriptions:
         self._create[source.name] = create = partial(
             self._node.create_subscription, kind, topic, leave, QoSProfile(depth=depth), raw=True,
             callback_group=self._group, event_callbacks=events,
-            qos_overriding_options=QoSOverridingOptions(OVERRIDABLE))
+            qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE))
         try:
             self.inputs.append(Input(source.name, create(),
                                      isinstance(source, FootprintSettings)))
@@ -139,3 +147,41 @@ class Subscriptions:
         self.publishers.changed.add(source.name)
         self._health.count_event(source.topic, 'liveliness lost',
                                  max(event.not_alive_count_change, 0))
+
+
+def transform_type(node: Node, settings: Settings) -> type | None:
+    """Return the class TFMessage; None where tf2_msgs is not installed, or no frame is fixed."""
+    if not settings.frame_id:
+        return None
+    try:
+        from tf2_msgs.msg import TFMessage
+    except ImportError:
+        lost = ', '.join(one.name for one in settings.footprints
+                         if one.has_outline and not one.odometry)
+        node.get_logger().warning(
+            f'tf2_msgs is not installed (apt install ros-jazzy-tf2-msgs; pip has none): bodies '
+            f'are taken in {settings.frame_id} only'
+            + (f', and it is not known where {lost} is: give <name>.odometry' if lost else ''))
+        return None
+    return TFMessage  # type: ignore[no-any-return]
+
+
+def subscribe_transforms(node: Node, kind: type, group: CallbackGroup) -> list[Input]:
+    """
+    Subscribe to the bytes of /tf and /tf_static.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    kind : type
+        The class TFMessage.
+    group : rclpy.callback_groups.CallbackGroup
+
+    Returns
+    -------
+    list of Input
+
+    """
+    return [Input(topic, node.create_subscription(
+        kind, topic, leave, QoSProfile(depth=_TRANSFORM_DEPTH, durability=durability),
+        raw=True, callback_group=group)) for topic, durability in _DURABILITIES.items()]

@@ -12,11 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A thread that watches the loop of the node: when that hangs, the flags are raised."""
+"""What is watched while the node runs: whether its loop turns and its clock goes on; timers."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+import os
+import socket
 import threading
 import time
 
@@ -89,3 +91,89 @@ class Watchdog:
                     self._changed.wait(self._period / _REPEATS)
                 else:
                     self._changed.wait(self._period - stalled if self._period else None)
+
+
+class Systemd:
+    """
+    What sd_notify(3) does, for a service of ``Type=notify`` with or without ``WatchdogSec``.
+
+    Without the variables that systemd sets it does nothing, and costs nothing.
+    """
+
+    def __init__(self) -> None:
+        self._address = os.environ.get('NOTIFY_SOCKET', '')
+        # Twice as often as asked for, as sd_watchdog_enabled(3) recommends.
+        self._period = int(os.environ.get('WATCHDOG_USEC', 0)) / 2e6
+        self._ready = False
+        self._next = 0.0
+
+    def turned(self) -> None:
+        """Say that the node is ready, the first time; then, when it is due, that it is alive."""
+        if not self._address:
+            return
+        now = time.monotonic()
+        if not self._ready:
+            self._ready = True
+            self._say('READY=1')
+        if self._period and now >= self._next:
+            self._next = now + self._period
+            self._say('WATCHDOG=1')
+
+    def ends(self) -> None:
+        """Notify that the node stops on request."""
+        if self._address:
+            self._say('STOPPING=1')
+
+    def _say(self, text: str) -> None:
+        # A leading @ stands for the zero byte of a name that is in no file system.
+        address = self._address
+        if address.startswith('@'):
+            address = '\0' + address[1:]
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as connection:
+            try:
+                connection.sendto(text.encode(), address)
+            except OSError:
+                self._address = ''
+
+
+class Every:
+    """A timer for something that recurs, by a clock in seconds."""
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+        self._next = 0.0
+
+    def due(self, now: float) -> bool:
+        """Return whether it is due; if so, it is due again a period later."""
+        if now < self._next:
+            return False
+        self._next += self._period
+        if self._next <= now:
+            self._next = now + self._period
+        return True
+
+
+class ClockWatch:
+    """Detects that a clock stands still, by another one that does not."""
+
+    def __init__(self) -> None:
+        self._reading: int | None = None
+        self._since = 0.0
+
+    def stands(self, reading: int, now: float, timeout: float) -> bool:
+        """
+        Return whether the clock has read the same for longer than a timeout.
+
+        Parameters
+        ----------
+        reading : int
+            What it reads now.
+        now : float
+            The other clock, in s.
+        timeout : float
+            In s; 0.0 for never.
+
+        """
+        if reading != self._reading:
+            self._reading, self._since = reading, now
+        return 0.0 < timeout < now - self._since

@@ -29,7 +29,6 @@ from sat_collision.geometry.query import separation
 from sat_collision.messages.ingest import Batch
 from sat_collision.monitor import Monitor
 from sat_collision.replay.bag.storage import Message
-from sat_collision.replay.model.deepest import deepen
 from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
 from sat_collision.replay.model.result import (
     Contact, FootprintResult, Least, Series, Unknown, Unknowns)
@@ -158,7 +157,7 @@ class Timeline:
                 self._measured[name, obstacle] = bodies
                 # Taken from 0.0 rather than negated, which would make -0.0 of touching.
                 depth = 0.0 - separation(*bodies)
-                if deepen(contact, depth, now, *bodies):
+                if contact.deepen(depth, now, *bodies):
                     self._note_least(name, Least(0.0 - depth, now, contact.obstacle,
                                                  contact.x, contact.y))
                     if self._keyframes:

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from sat_collision.geometry.polygon import Reason
 from sat_collision.messages.cdr import header_stamp
-from sat_collision.messages.placement import Placement
+from sat_collision.messages.packer import Placement
 from sat_collision.messages.rejections import EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE
 from sat_collision.messages.transform_listener import TF_STATIC, TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
@@ -33,11 +33,11 @@ from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.bag.storage import Message, Recorded
 from sat_collision.replay.bag.writer import OutputError
 from sat_collision.replay.live import Rows, SceneKeyframes, Timeline
+from sat_collision.replay.model.configuration import (
+    all_sources, is_subscribed, missing_topics, settings_for, TRANSFORM_TYPE, wrong_types)
 from sat_collision.replay.model.keyframes import Keyframes
 from sat_collision.replay.model.options import HEADER, Options, RECEIVE
 from sat_collision.replay.model.result import FootprintResult, moments_of, Result, SourceResult
-from sat_collision.replay.model.topics import (
-    all_sources, is_subscribed, missing_topics, settings_for, TRANSFORM_TYPE, wrong_types)
 from sat_collision.replay.motion.order import StampOrder, Timed, WINDOW
 from sat_collision.replay.motion.prediction import HORIZON
 from sat_collision.replay.motion.tape import Tape

@@ -23,8 +23,7 @@ import math
 from typing import NamedTuple
 
 from sat_collision.geometry.polygon import PlaneMap
-from sat_collision.scene.frame_ids import in_quotes, in_words
-from sat_collision.scene.frame_tree import FrameTree, transform_to
+from sat_collision.scene.frame_tree import FrameTree, in_quotes, in_words, transform_to
 from sat_collision.scene.rotations import (
     FixedTransform, IDENTITY, plane_map, relative, rounded, tilt, Transform)
 from sat_collision.scene.times import NEVER

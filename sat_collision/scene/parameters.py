@@ -16,9 +16,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
+import re
 from typing import Any
 
 from sat_collision.scene.outlines import check, OutlineError
@@ -105,6 +106,21 @@ def check_names_given(given: Iterable[str], known: Collection[str]) -> None:
             elif nearest := _nearest(name, known):
                 hint = f': did you mean {nearest}?'
             raise ParameterError(f"there is no parameter '{name}'{hint}")
+
+
+def parameters_by_node(content: Any, namespace: str = '') -> Iterator[tuple[str, Any]]:
+    """Yield name and parameters of every node in a parameter file, with wildcards as they are."""
+    for key, value in content.items() if isinstance(content, dict) else ():
+        if key == 'ros__parameters':
+            yield namespace or '/', value
+        else:
+            yield from parameters_by_node(value, f'{namespace}/{str(key).strip("/")}')
+
+
+def is_name_of(name: str, node: str) -> bool:
+    """Return whether a name with wildcards, * for one token and ** for any, is that of a node."""
+    expression = re.escape(name).replace(r'/\*\*', '(/[^/]+)*').replace(r'\*', '[^/]+')
+    return re.fullmatch(expression, node) is not None
 
 
 def type_problem(name: str, value: object, default: object) -> str | None:

@@ -70,7 +70,7 @@ def all_answers(count, n):
     return found
 
 
-@pytest.mark.parametrize('n', [3, 4, 9, 24])
+@pytest.mark.parametrize('n', [3, 24])
 @pytest.mark.parametrize('name', families.CONVEX)
 @pytest.mark.parametrize('method', EXACT)
 def test_filters_are_never_wrong(method, name, n):

@@ -111,4 +111,4 @@ def test_scans_are_checked(start, converter):
             monitor.send('footprint', box(-0.5, -0.3, 1.0, 0.6), frame_id='base_scan')
             monitor.spin(0.05)
             return monitor.state() == state
-        monitor.until(seen, state, patience=60.0)
+        monitor.until(seen, state)

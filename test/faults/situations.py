@@ -55,11 +55,11 @@ from rclpy.parameter_client import AsyncParameterClient  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from std_msgs.msg import Bool  # noqa: E402
 
-PATIENCE = 10.0
+PATIENCE = 60.0
 # What a subscriber may count on, see the README: no flag for so long is a raised one.
 TOO_OLD = 0.3
 # How much later than it must a machine that has other things to do may be.
-SLACK = 1.0
+SLACK = 10.0
 # For so long the flag must stay down.
 _STAYS = 1.5
 

@@ -12,13 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The short form of ``make faults``: each fault once."""
+"""The short form of ``make faults``: each fault and situation once."""
 
 from faults import FAULTS, rig
 import pytest
+from situations import judge, SITUATIONS, SLACK
 
 # More than the rule's 0.3 s and a timeout of 0.5 s, for the machine may be busy.
-_SLOW = 3.0
+_SLOW = 10.0
 
 
 @pytest.fixture(scope='module')
@@ -35,3 +36,14 @@ def test_fault(made, fault):
     outcome = FAULTS[fault](made)
     assert outcome.wrong_clears == 0
     assert outcome.detected < _SLOW
+
+
+@pytest.mark.parametrize('name', [
+    pytest.param(name, marks=() if situation.is_short else pytest.mark.long)
+    for name, situation in SITUATIONS.items()])
+def test_situation(domain, name):
+    """No flag lets the robot drive while in contact, and the flag falls once all is over."""
+    outcome = judge(SITUATIONS[name], domain)
+    # A flag is on its way for some ms, and for longer on a busy machine.
+    assert outcome.drivable < 0.2
+    assert outcome.recovered < SITUATIONS[name].promise + SLACK

@@ -31,7 +31,7 @@ with atheris.instrument_imports(include=['sat_collision.messages', 'sat_collisio
     from fuzz import check_message
     from sat_collision.messages.cdr import MessageError
     from sat_collision.messages.transform_listener import TF, TF_STATIC
-    from sat_collision.messages.transforms import decode_odometry, decode_transforms
+    from sat_collision.messages.transform_listener import decode_odometry, decode_transforms
     from sat_collision.monitor import Monitor
     from sat_collision.replay.model.configuration import settings_of
 

@@ -14,11 +14,21 @@
 
 """The short form of ``make fuzz``."""
 
+import random
+
 from fuzz import fuzz, FUZZERS
+import fuzz_files
 import pytest
+
+pytest.importorskip('mcap')
 
 
 @pytest.mark.parametrize('name', FUZZERS)
 def test_fuzz(name):
     """Two thousand inputs."""
     fuzz(name, 2000, seed=7)
+
+
+def test_damaged_files_raise_nothing_and_miss_nothing():
+    """Recordings of every storage, parameter files and stored results."""
+    fuzz_files.fuzz(1000, random.randrange(2**32))

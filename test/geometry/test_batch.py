@@ -12,12 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sets paired row by row."""
+"""Many bodies at once: kernels over rows, queries of a set, and scans."""
+
+import math
 
 from bodies import as_shapely, random_body
 import numpy as np
 import pytest
-from sat_collision import intersects, intersects_pairs, Polygon, PolygonSet
+from sat_collision import (
+    intersects, intersects_many, intersects_pairs, Polygon, PolygonSet, separation)
 
 
 def test_pairs_are_row_by_row():
@@ -53,3 +56,50 @@ def test_pairs_of_few_and_many_vertices_side_by_side():
             bodies.remove(row)
             expected[row] = False
     np.testing.assert_array_equal(intersects_pairs(first, second), expected)
+
+
+def test_many_takes_a_set_or_plain_points():
+    """The answer has one entry a body, in order."""
+    rng = np.random.default_rng(4)
+    others = [random_body(rng) for _ in range(300)]
+    footprint = Polygon([(5, 5), (15, 5), (15, 8), (5, 8)])
+    expected = [as_shapely(footprint).intersects(as_shapely(other)) for other in others]
+    assert 0 < sum(expected) < 300
+    assert intersects_many(footprint, PolygonSet(others)).tolist() == expected
+    assert intersects_many(footprint.vertices,
+                           [other.vertices for other in others]).tolist() == expected
+    assert intersects_many(footprint, []).shape == (0,)
+
+
+def test_nearest_and_within_a_margin():
+    """Over sets with holes: the least separation of all rows, and the rows up to a margin."""
+    rng = np.random.default_rng(5)
+    apart = set()
+    for _ in range(40):
+        bodies = PolygonSet()
+        others = {}
+        for _ in range(30):
+            other = random_body(rng)
+            others[bodies.append(other)] = other
+        for row in rng.choice(30, 12, replace=False).tolist():
+            bodies.remove(row)
+            del others[row]
+        footprint = Polygon(rng.uniform(0, 20, 2) + [(0, 0), (0.3, 0), (0, 0.3)])
+        expected = {row: separation(footprint, other) for row, other in others.items()}
+        row, least, on_row, on_footprint = bodies.nearest(footprint)
+        assert math.dist(on_row, on_footprint) == pytest.approx(abs(least), abs=1e-14)
+        assert least == pytest.approx(min(expected.values()), abs=1e-14)
+        assert expected[row] == pytest.approx(least, abs=1e-14)
+        for margin in (0.0, 0.75, 4.0):
+            assert bodies.rows_within(footprint, margin).tolist() == sorted(
+                row for row, value in expected.items() if value <= margin)
+        apart.add(least > 0)
+    assert apart == {True, False}
+
+
+def test_margin_counts_the_distance_itself():
+    """A box a quarter of a metre away is within that margin, and not within less."""
+    bodies = PolygonSet([Polygon([(1.25, 0), (2, 0), (2, 1), (1.25, 1)])])
+    footprint = Polygon([(0, 0), (1, 0), (1, 1), (0, 1)])
+    assert bodies.rows_within(footprint, 0.25).tolist() == [0]
+    assert bodies.rows_within(footprint, np.nextafter(0.25, 0)).tolist() == []

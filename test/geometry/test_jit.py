@@ -25,7 +25,6 @@ import numpy as np
 from sat_collision import (
     contact, intersects, intersects_pairs, Polygon, PolygonSet, separation, time_of_contact,
     time_to_contact)
-from sat_collision.geometry import sat_methods
 
 ROOT = Path(__file__).resolve().parents[2]
 ALL = {**families.CONVEX, **families.SIMPLE}
@@ -66,15 +65,6 @@ def library_answers():
                                                 [twist, (0, 0)]).hex()
                                 for twist in np.ptp(q, axis=0) * [(-1, 0), (1, -2)]),
                               *(np.asarray(one).tobytes().hex() for one in contact(p, q))]
-    for name, family in families.CONVEX.items():
-        for p, q in family(np.random.default_rng(8), 20, 9):
-            centres = sat_methods.centre_of_gravity(p), sat_methods.centre_of_gravity(q)
-            bounds = sat_methods.bounds(p), sat_methods.bounds(q)
-            answers[name] += [
-                *centres, sat_methods.traditional_axes(p, q),
-                sat_methods.boxed_axes(p, q, *bounds),
-                sat_methods.published_a_axes(p, q, *centres),
-                sat_methods.published_b_axes(p, q, *centres)]
     answers['moved'] = [np.asarray(Polygon.from_float32(*message, plane=plane).packed[0])
                         .tobytes().hex() for message, plane in moved_messages(9)]
     return json.loads(json.dumps(answers))

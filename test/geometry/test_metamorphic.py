@@ -19,7 +19,7 @@ import pytest
 from sat_collision import intersects_pairs
 from sat_collision.geometry.jit import COMPILED
 
-COUNT = 10000 if COMPILED else 300
+COUNT = 2000 if COMPILED else 300
 
 
 @pytest.mark.parametrize('n', [5, 19])

@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 from rosbags.typesys import get_typestore, Stores
 from sat_collision.messages.cdr import MessageError
-from sat_collision.messages.transforms import decode_transforms
+from sat_collision.messages.transform_listener import decode_transforms
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 KIND = 'tf2_msgs/msg/TFMessage'
@@ -172,7 +172,8 @@ def test_random_bytes_are_never_more_than_refused():
 
 def test_it_needs_neither_ros_nor_rosbags():
     data = written(*some_links(3, 2))
-    program = ('import sys; from sat_collision.messages.transforms import decode_transforms; '
+    program = ('import sys; '
+               'from sat_collision.messages.transform_listener import decode_transforms; '
                f'assert len(decode_transforms({data!r})) == 2; '
                'assert not {"rclpy", "geometry_msgs", "rosbags"} & set(sys.modules)')
     subprocess.run([sys.executable, '-c', program], check=True)

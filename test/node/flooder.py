@@ -25,7 +25,7 @@ import rclpy
 from rclpy.qos import QoSProfile
 
 _FAR = 500.0
-_LONGEST = 60.0
+_LONGEST = 300.0
 _BURST = 0.001
 
 

@@ -78,7 +78,7 @@ def launch(installed, domain):
     for process in running:
         # As Ctrl-C does: to launch and node; after any other signal launch would leave the node.
         os.killpg(process.pid, signal.SIGINT)
-        process.communicate(timeout=20)
+        process.communicate(timeout=60)
 
 
 @pytest.fixture

@@ -15,11 +15,18 @@
 """Frames over DDS; tf2_msgs is stood in for by another type, as nobody looks into the bytes."""
 
 import sys
+import time
 
-from builders import box, transforms
-from geometry_msgs.msg import PolygonStamped
-from harness import Peer
+from builders import box, odometry, transforms
+from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
+from harness import health, Peer, values
+from moving_scenes import FIXED, MovingScene, OUTLINE, WINDOW, WINDOWS
+from nav_msgs.msg import Odometry
+import oracle
+import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
+import rclpy.serialization
+from sat_collision.messages.transform_listener import decode_odometry
 
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -112,3 +119,119 @@ def test_where_tf_comes_from_can_be_chosen(start, start_with_tf):
     running = start(arguments=['-r', '/tf:=tf', '-r', '__ns:=/robot1'], frame_id='odom')
     topics = {one.topic_name for one in running.monitor.subscriptions}
     assert {'/robot1/tf', '/tf_static'} <= topics
+
+
+SQUARE = '[[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]]'
+SQUARE_OF_BASE = {'footprint__points': SQUARE, 'footprint__frame_id': 'base'}
+
+
+def drive(running, x, child='base', peer=None):
+    """Tell where a robot is, and that its laser sees nothing near."""
+    (peer or running).publisher('/tf', PolygonStamped).publish(
+        transforms(('odom', child, running.now(), x, 0.0)))
+    running.send_set('/obstacles', box(9.0), frame_id='odom')
+    running.spin(0.02)
+
+
+def until(running, state, x):
+    running.until(lambda: drive(running, x) or running.state() == state, state)
+
+
+def test_an_outline_is_moved_by_tf(start_with_tf):
+    running = start_with_tf(**SQUARE_OF_BASE)
+    until(running, 'clear', 0.0)
+    until(running, 'collision', 9.5)
+    until(running, 'clear', 8.0)
+    shown = values(running.status())
+    assert shown['frame'] == 'base' and 0.0 <= float(shown['age of transform']) < 60.0
+    assert running.set_parameters(footprint__points='[[1.5, 0.5], [-0.5, 0.5], [-0.5, -0.5]]') == [
+        None]
+    until(running, 'collision', 8.0)
+    reason, = running.set_parameters(footprint__points=[1.0, 2.0, 3.0])
+    assert reason == 'footprint.points has 3 numbers, but each point has two'
+
+
+def test_an_outline_is_moved_by_odometry(start, monkeypatch):
+    """Where there is no tf2_msgs, for what the robot sees as well."""
+    monkeypatch.setitem(sys.modules, 'tf2_msgs', None)
+    monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', None)
+    running = start(frame_id='odom', footprint__odometry='odom', **SQUARE_OF_BASE)
+
+    def report(x):
+        data = odometry('odom', 'base', running.now(), x, 0.0)
+        message = rclpy.serialization.deserialize_message(data, Odometry)
+        # But for bytes that only fill up, which may be any.
+        assert decode_odometry(rclpy.serialization.serialize_message(message)) == (
+            decode_odometry(data))
+        running.publisher('/odom', Odometry).publish(message)
+        running.send_set('/obstacles', box(9.0 - x), frame_id='base')
+        running.spin(0.02)
+
+    for x, state in ((0.0, 'clear'), (9.0, 'collision'), (7.0, 'clear')):
+        running.until(lambda: report(x) or running.state() == state, state)
+
+
+def test_without_tf2_msgs_an_outline_by_tf_is_told_of(start, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'tf2_msgs', None)
+    monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', None)
+    running = start(frame_id='odom', **SQUARE_OF_BASE)
+    assert running.logged('tf2_msgs is not installed', 'it is not known where footprint is')
+
+
+def test_two_publishers_of_a_frame_are_named(domain, start_with_tf):
+    """With the nodes that publish /tf; a frame that one publishes alone is not."""
+    running = start_with_tf(**SQUARE_OF_BASE)
+    other = Peer(domain)
+    second = other.node.create_publisher(PolygonStamped, '/tf', 100)
+    running.until(lambda: second.get_subscription_count(), 'a subscription')
+
+    def both():
+        drive(running, 0.0)
+        second.publish(transforms(('odom', 'base', running.now(), 0.0, 0.0),
+                                  ('odom', 'arm', running.now(), 0.0, 0.0)))
+        return 'transforms of base: publishers took turns' in health(running)
+    running.until(both, 'two publishers')
+    assert 'transforms of arm: publishers took turns' not in health(running)
+    assert float(health(running)['transforms: rate [Hz]']) > 1.0
+    assert 'of /peer, tells of base' in running.health().message.replace('/peer, /peer', '/peer')
+    other.close()
+
+
+KINDS = {'/obstacles': PolygonInstanceStamped}
+
+
+def parameters():
+    return {'footprints': ['robot', 'cart'], 'obstacles': ['seen'], 'robot__topic': '/footprint',
+            'robot__timeout': 0.0, 'cart__timeout': 0.0, 'cart__frame_id': 'base',
+            'cart__points': [number for corner in OUTLINE
+                             for number in (corner.real, corner.imag)],
+            'cart__rate': 1000.0, 'seen__topic': '/obstacles', 'seen__type': 'polygon_instance',
+            'seen__timeout': 0.0, 'transform_timeout': 9.0, 'future_tolerance': 60.0}
+
+
+@pytest.mark.parametrize('seed', (0, 7))
+def test_contacts_are_those_of_the_true_places(start_with_tf, seed):
+    """Whatever the order in which all is taken; at the end of each window all has come."""
+    running = start_with_tf(**parameters())
+    publishers = {topic: running.publisher(topic, KINDS.get(topic, PolygonStamped), qos)
+                  for topic, qos in (('/tf', 100), ('/tf_static', LATCHED), ('/footprint', 100),
+                                     ('/obstacles', 100))}
+    running.listen('~/state')
+    scene = MovingScene(seed, running.now())
+    events = list(reversed(scene.moving))
+    began = time.monotonic()
+    for window in range(WINDOWS):
+        end = (window + 1) * WINDOW
+        while events and events[-1].time <= end:
+            event = events.pop()
+            running.spin(began + event.time - time.monotonic())
+            publishers[event.topic].publish(event.data)
+        rings = {name: [(corner.real, corner.imag) for corner in ring] for name, ring in {
+            **scene.truth[window], 'cart': scene.outline(end)}.items()}
+        true = {name: {f'seen/{key}' for key in rings.keys() - {'robot', 'cart'}
+                       if oracle.intersects(rings[name], rings[key])}
+                for name in ('robot', 'cart')}
+        running.until(lambda: all(set(running.contacts(name)) == true[name] for name in true),
+                      f'the contacts of window {window}: {true}')
+    assert not running.monitor._monitor.rejected
+    assert FIXED == running.monitor._scene.frame_id

@@ -47,14 +47,15 @@ def test_topics_without_a_publisher(start):
                           'obstacle on /obstacles has no publisher' in monitor.reason())
 
 
-@pytest.mark.parametrize('topic', ['/obstacles', '/footprint'])
-@pytest.mark.parametrize('kind, qos, words', [
-    (PolygonStamped, 10, 'has 2 publishers, /peer and /second'),
-    (PolygonStamped, BEST_EFFORT, 'has a publisher, /second, which cannot be received: it is '
-                                  'best effort, the subscription reliable'),
-    (PolygonInstanceStamped, 10, 'has a publisher, /second, of another type, '
-                                 'geometry_msgs/msg/PolygonInstanceStamped'),
-], ids=['same', 'best effort', 'other type'])
+@pytest.mark.parametrize('topic, kind, qos, words', [
+    ('/obstacles', PolygonStamped, 10, 'has 2 publishers, /peer and /second'),
+    ('/footprint', PolygonStamped, 10, 'has 2 publishers, /peer and /second'),
+    ('/obstacles', PolygonStamped, BEST_EFFORT,
+     'has a publisher, /second, which cannot be received: it is best effort, the subscription '
+     'reliable'),
+    ('/footprint', PolygonInstanceStamped, 10,
+     'has a publisher, /second, of another type, geometry_msgs/msg/PolygonInstanceStamped'),
+], ids=['obstacles', 'footprint', 'best effort', 'other type'])
 def test_second_publisher_is_named_until_it_leaves(start, join, topic, kind, qos, words):
     """Whatever it would send: what the first one sends is not all that there is."""
     monitor = start(**LASTING)
@@ -159,13 +160,13 @@ while True:
     for points in ([Point32(x=x, y=5.0) for x in (5.0, 6.0)], []):
         message.polygon.points = points
         publisher.publish(message)
-    time.sleep(0.1)
+    time.sleep(0.03)
 """
 
 
 @pytest.fixture
 def detector(domain):
-    """Start a process that publishes sets ten times a second, with a lease of 0.5 s."""
+    """Start a process that publishes sets thirty times a second, with a lease of 0.5 s."""
     started = []
 
     def start():
@@ -186,13 +187,13 @@ def test_killed_publisher_is_noticed_when_its_lease_is_over(start, detector):
     monitor = start(**LASTING, **LIVELINESS)
     monitor.send('footprint', ROBOT)
     first = detector()
-    monitor.await_state('clear', patience=60.0)
+    monitor.await_state('clear')
     first.kill()
     monitor.await_state('unknown')
     monitor.until(lambda: '/obstacles has no publisher' in monitor.reason())
-    monitor.until(lambda: health(monitor).get('/obstacles: liveliness lost') == '1')
+    monitor.until(lambda: int(health(monitor).get('/obstacles: liveliness lost', 0)) >= 1)
     detector()
-    monitor.await_state('clear', patience=60.0)
+    monitor.await_state('clear')
 
 
 def test_killed_publisher_is_replaced_while_dds_counts_both(start, detector):
@@ -201,11 +202,11 @@ def test_killed_publisher_is_replaced_while_dds_counts_both(start, detector):
     monitor.send('footprint', ROBOT)
     first = detector()
     # It has sent more than the next one has when it is found.
-    monitor.until(lambda: monitor.received['obstacle'] > 40, patience=60.0)
+    monitor.until(lambda: monitor.received['obstacle'] > 40)
     begun, killed = len(monitor.states()), time.monotonic()
     first.kill()
     detector()
-    monitor.until(lambda: 'unknown' in monitor.states()[begun:], patience=60.0)
+    monitor.until(lambda: 'unknown' in monitor.states()[begun:])
     monitor.await_state('clear')
     assert monitor.node.count_publishers('/obstacles') == 2 or time.monotonic() - killed > 20.0
 
@@ -222,12 +223,12 @@ def test_lost_liveliness_is_noticed_beside_missed_deadlines(start, detector):
         monitor.send(name, APART)
     monitor.send('footprint', ROBOT)
     process = detector()
-    monitor.await_state('clear', patience=60.0)
-    monitor.until(lambda: all(int(health(monitor).get(f'/{name}: deadlines missed', 0)) > 50
+    monitor.await_state('clear')
+    monitor.until(lambda: all(int(health(monitor).get(f'/{name}: deadlines missed', 0)) > 20
                               for name in names), 'deadlines missed')
     process.kill()
-    # Of which the lease takes 0.5 s, and a busy machine the rest.
-    monitor.await_state('unknown', patience=3.0)
+    # The lease takes 0.5 s of it; after 20 s DDS would tell of it in another way.
+    monitor.await_state('unknown', patience=15.0)
     assert '/obstacles has no publisher' in monitor.reason()
 
 
@@ -251,10 +252,13 @@ def test_another_monitor_of_the_same_name_is_an_error(start):
 
 
 def test_what_is_unknown_is_said_on_the_console_once(start, monkeypatch):
-    """Five seconds after the start, here half a second, whoever reads ~/state or not."""
-    monkeypatch.setattr('sat_collision.node.footprint_monitor._STARTED', 0.5)
+    """Some seconds after the start, whoever reads ~/state or not."""
+    monkeypatch.setattr('sat_collision.node.footprint_monitor._STARTED', 3600.0)
     monitor = start(obstacle__timeout=60.0)
     monitor.send_set('obstacles', APART)
+    monitor.until(lambda: monitor.reason()
+                  == 'footprint footprint on /footprint has no publisher')
+    monitor.monitor._reports_unknown_at = 0.0
     lines = monitor.logged('unknown since the start')
     assert lines == ['unknown since the start: footprint footprint on /footprint has no publisher']
     count = len(monitor.listen('~/state'))

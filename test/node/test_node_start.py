@@ -31,7 +31,8 @@ import pytest
 from sat_collision.geometry.jit import COMPILED
 
 PACKAGE = Path(__file__).resolve().parents[2] / 'sat_collision'
-TO_END = 2.0
+# Far less than it takes to compile all kernels.
+TO_END = 20.0
 
 
 @pytest.fixture
@@ -80,7 +81,7 @@ def test_node_that_may_write_nowhere(start, place):
     lines = lines_until(node, 'on /obstacles')
     assert sum('log' in line and 'not to a file' in line for line in lines) == 1, lines
     node.terminate()
-    rest, _ = node.communicate(timeout=30)
+    rest, _ = node.communicate(timeout=60)
     assert node.returncode == 0 and 'Traceback' not in ''.join([*lines, rest])
 
 
@@ -101,7 +102,7 @@ def test_node_without_a_compiler(start, place):
     text = ''.join(lines_until(node, 'on /obstacles'))
     assert 'kernels (plain Python) ready' in text and 'WARN' not in text
     node.terminate()
-    assert node.wait(30) == 0
+    assert node.wait(60) == 0
 
 
 def test_node_with_a_compiler_that_does_not_work(start, place):
@@ -113,7 +114,7 @@ def test_node_with_a_compiler_that_does_not_work(start, place):
     text = ''.join(lines_until(node, 'on /obstacles'))
     assert 'plain Python: OSError: no libllvmlite.so' in text and 'ready' in text
     node.terminate()
-    assert node.wait(30) == 0
+    assert node.wait(60) == 0
 
 
 @pytest.mark.long
@@ -146,7 +147,7 @@ def test_flags_before_distances(start, domain):
                and states[-1].status[0].message == 'clear', 'the separation')
     peer.close()
     node.terminate()
-    assert node.wait(30) == 0
+    assert node.wait(60) == 0
 
 
 @pytest.mark.long
@@ -157,7 +158,7 @@ def test_margin_awaits_distances(start):
     node = start('-m', 'sat_collision.node', '--ros-args', '-p', 'margin:=0.5')
     assert 'distances are measured after' in ''.join(lines_until(node, 'on /obstacles'))
     node.terminate()
-    assert node.wait(30) == 0
+    assert node.wait(60) == 0
 
 
 @pytest.mark.long
@@ -172,9 +173,10 @@ def test_signal_at_some_moment_of_the_first_start(start, number):
     helpers = children(node.pid)
     sent = time.monotonic()
     node.send_signal(number)
-    rest, _ = node.communicate(timeout=30)
+    rest, _ = node.communicate(timeout=60)
     assert time.monotonic() - sent < TO_END
     assert (node.returncode, 'Traceback' in ''.join([*lines, rest])) == (0, False), rest
+    assert 'distances are measured after' not in rest, 'it went on to the end'
     while any(is_running(helper) for helper in helpers):
         assert time.monotonic() - sent < TO_END, 'the helper goes on'
         time.sleep(0.01)
@@ -194,7 +196,7 @@ def test_interrupt_at_some_moment_of_the_first_replay(start, place, seed):
     sent = time.monotonic()
     replay.send_signal(signal.SIGINT)
     output, _ = replay.communicate(timeout=60)
-    assert time.monotonic() - sent < 2 * TO_END, output
+    assert time.monotonic() - sent < TO_END, output
     assert (replay.returncode, output.splitlines()[-1]) == (2, 'replay_check: interrupted')
     assert 'Traceback' not in output, output
 
@@ -218,7 +220,7 @@ arguments.parse = lambda args: exec('HalfMade()')
 sys.exit(__main__.main([]))
 """)
     replay = start('-m', 'interrupted')
-    output, _ = replay.communicate(timeout=30)
+    output, _ = replay.communicate(timeout=60)
     assert (replay.returncode, output.splitlines()) == (2, ['replay_check: interrupted'])
 
 

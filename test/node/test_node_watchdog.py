@@ -71,7 +71,7 @@ def clear(running):
     running.until(lambda: running.flag() is False)
 
 
-PARAMETERS = {'footprint__timeout': 0.0, 'obstacle__timeout': 60.0, 'watchdog': 0.3}
+PARAMETERS = {'footprint__timeout': 0.0, 'obstacle__timeout': 60.0, 'watchdog': 1.0}
 
 
 def test_a_stalled_loop_raises_the_flags(start, stall):
@@ -83,12 +83,14 @@ def test_a_stalled_loop_raises_the_flags(start, stall):
     running.logged('footprint: ')
     running.listen('/diagnostics')
     running.until(lambda: running.listen('~/footprint/separation'))
+    begun = time.monotonic()
     stalled = stall(running)
     running.until(lambda: running.flag() and running.flag('footprint'), 'flags raised')
     status = running.await_state('unknown')
     assert status.level == b'\x03' and 'stalled for' in values(status)['reason']
     words = running.logged('stalled for', 'all flags are raised')[0]
-    assert 0.3 <= float(words.split('stalled for ')[1].split(' s')[0]) < 1.5
+    longest = time.monotonic() - begun + 1.0
+    assert 1.0 <= float(words.split('stalled for ')[1].split(' s')[0]) < longest
     running.until(lambda: running.health() and 'stalled for' in running.health().message)
     assert 'stalled for' in running.told('/footprint_monitor: footprint').message
     running.until(lambda: math.isnan(running.listen('~/footprint/separation')[-1].data))
@@ -105,7 +107,7 @@ def test_the_alarm_ends_with_the_stall(start, stall):
     running = start(**PARAMETERS)
     running.send_set('obstacles', box(5, 5))
     clear(running)
-    for _ in range(5):
+    for _ in range(2):
         stalled = stall(running)
         running.until(running.flag, 'the flag raised')
         stalled.release()
@@ -122,7 +124,7 @@ def test_without_a_watchdog(start, stall):
     clear(running)
     stalled = stall(running)
     heard = len(running.listen('~/collision'))
-    running.spin(0.7)
+    running.spin(1.5)
     assert not any(flag.data for flag in running.listen('~/collision')[heard:])
     stalled.release()
 
@@ -133,11 +135,11 @@ def test_watchdog_may_be_changed(start, stall):
     running.send_set('obstacles', box(5, 5))
     clear(running)
     assert running.set_parameters(watchdog=30.0) == [None]
-    running.logged('parameter watchdog was changed from 0.3 to 30.0')
-    running.until(lambda: health(running).get('watchdog: changed') == 'from 0.3 to 30.0')
+    running.logged('parameter watchdog was changed from 1.0 to 30.0')
+    running.until(lambda: health(running).get('watchdog: changed') == 'from 1.0 to 30.0')
     stalled = stall(running)
     heard = len(running.listen('~/collision'))
-    running.spin(0.7)
+    running.spin(1.5)
     assert not any(flag.data for flag in running.listen('~/collision')[heard:])
     stalled.release()
 
@@ -174,12 +176,11 @@ def test_dds_tells_of_a_dead_monitor(process, domain, number):
             deadline=late.append,
             liveliness=lambda event: lost.append(event) if event.not_alive_count_change > 0
             or event.alive_count_change < 0 else None))
-    peer.until(lambda: len(heard) > 5, 'flags', patience=60.0)
+    peer.until(lambda: len(heard) > 5, 'flags')
     del late[:], lost[:]
-    begun = time.monotonic()
     monitor.send_signal(number)
-    peer.until(lambda: late and lost, 'word of the dead', patience=5.0)
-    assert time.monotonic() - begun < 5.0
+    # Without them DDS tells of who was killed after 20 s, and never of who was stopped.
+    peer.until(lambda: late and lost, 'word of the dead', patience=15.0)
     peer.close()
 
 
@@ -203,5 +204,5 @@ def test_no_systemd_behind_the_socket(process, domain, tmp_path):
     """Who does not listen any more does not disturb the node."""
     process(NOTIFY_SOCKET=str(tmp_path / 'nobody'))
     peer = Peer(domain)
-    peer.until(lambda: len(peer.listen('~/collision')) > 3, 'flags', patience=60.0)
+    peer.until(lambda: len(peer.listen('~/collision')) > 3, 'flags')
     peer.close()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Parameters of a real node, set as a parameter file sets them, read as Settings."""
+"""Parameters: declared, checked, set while running, and dumped."""
 
 import dataclasses
 import math
@@ -21,12 +21,14 @@ from pathlib import Path
 import pytest
 from rcl_interfaces.msg import ParameterType
 import rclpy
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sat_collision.node.parameters import Parameters
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from std_msgs.msg import Bool
+import yaml
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 # All fields are parameters but the names, that are in two lists.
@@ -308,3 +310,44 @@ def test_one_bad_value_among_several_set_at_once_refuses_all(declare):
                                              Parameter('footprint.timeout', value=math.nan)])
     assert not result.successful
     assert parameters.settings.release_delay == 0.0
+
+
+def nested(values):
+    """Return values by dotted names as dictionaries in each other, as ros2 param dump does."""
+    top = {}
+    for name, value in values.items():
+        *groups, last = name.split('.')
+        inner = top
+        for group in groups:
+            inner = inner.setdefault(group, {})
+        assert last not in inner, f'{name} is both a value and a group'
+        inner[last] = value
+    return top
+
+
+def dump(monitor, node):
+    """Return all parameters of a node by name, asked for by its services."""
+    client = AsyncParameterClient(monitor.node, node)
+    monitor.until(client.services_are_ready, 'the parameter services')
+    listed = client.list_parameters()
+    monitor.until(listed.done, 'the names')
+    names = list(listed.result().result.names)
+    got = client.get_parameters(names)
+    monitor.until(got.done, 'the values')
+    return {name: parameter_value_to_python(value)
+            for name, value in zip(names, got.result().values)}
+
+
+@pytest.mark.parametrize('namespace', ['', '/robot1'])
+def test_start_from_a_dump(start, tmp_path, namespace):
+    """It has the same parameters, the defaults, and comes to know the same."""
+    node = f'{namespace}/footprint_monitor'
+    remapped = ('-r', f'__ns:={namespace}') if namespace else ()
+    first = start(remapped)
+    dumped = dump(first, node)
+    assert 'footprint.timeout' in dumped and dumped['use_sim_time'] is False
+    path = tmp_path / 'dump.yaml'
+    path.write_text(yaml.dump({node: {'ros__parameters': nested(dumped)}}))
+    second = start((*remapped, '--params-file', str(path))).monitor
+    assert {name: second.get_parameter(name).value for name in dumped} == dumped
+    assert len(second._parameter_overrides) == len(dumped)

@@ -54,7 +54,7 @@ def between(begin, end, arrays):
 
 def wait(condition):
     """Wait for the node, which has a thread of its own, without taking what it says."""
-    end = time.monotonic() + 10.0
+    end = time.monotonic() + 60.0
     while not condition():
         assert time.monotonic() < end
         time.sleep(1e-4)

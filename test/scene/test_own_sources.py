@@ -19,7 +19,7 @@ from dataclasses import replace
 import pytest
 from sat_collision.scene.parameters import ParameterError
 from stage import CART, findings, LIDAR, PATIENT_ROBOT, Stage
-from test_scene_parameters import settings_of
+from test_scene import settings_of
 
 DOCK = replace(LIDAR, name='dock', topic='/dock', timeout=100.0)
 WALLS = replace(LIDAR, name='walls', topic='/walls', timeout=100.0)

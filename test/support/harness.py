@@ -33,7 +33,8 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Bool, Float64
 from visualization_msgs.msg import MarkerArray
 
-PATIENCE = 10.0
+# Nothing that is awaited takes so long, however busy the machine is, in s.
+PATIENCE = 60.0
 SECOND = 10**9
 
 _KINDS_BY_END = {'separation': Float64, 'time_to_collision': Float64, 'contacts': PointCloud2}

@@ -20,7 +20,6 @@ mcap         MCAP storage
 sqlite       SQLite storage (.db3)
 rosbag2      what only the library of ROS unpacks here
 unpacking    decompression within limits of memory and disk
-metadata     what metadata.yaml announces
 writer       new bags
 
 The readers are our own because those of others stop at damage: of files with random damage, in

@@ -22,19 +22,22 @@ import hashlib
 from pathlib import Path
 import re
 from types import TracebackType
+from typing import Any, NamedTuple
 import zlib
 
 from sat_collision.replay.bag.mcap import McapFile
-from sat_collision.replay.bag.metadata import Metadata, read_metadata
 from sat_collision.replay.bag.rosbag2 import is_there, Rosbag2Storage
 from sat_collision.replay.bag.sqlite import SqliteFile
 from sat_collision.replay.bag.storage import Faults, Message, Storage
 from sat_collision.replay.bag.unpacking import (
     Damage, in_words, Limits, Scratch, unpacked, why_not_unpacked, ZSTD_MAGIC)
+import yaml
 
 _STORAGE = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 _ROS_1 = b'#ROSBAG V'
 _LOW = 2**32 - 1
+# Transient local, in the words and numbers of rosbag2.
+_LATCHED = 'transient_local', 1
 
 
 class Recording:
@@ -245,3 +248,84 @@ class Recording:
                 self._own.differs(('count', topic), (
                     f'metadata.yaml announces {announced.get(topic, 0)} messages of {topic}, '
                     f'but {found[topic]} are there'))
+
+
+class Metadata(NamedTuple):
+    """
+    What is announced.
+
+    Attributes
+    ----------
+    files : list of str
+        Names of the storage files, in their order.
+    counts : dict
+        Numbers of messages by topic.
+    total : int
+        Number of messages in all.
+    latched : set of str
+        Topics whose publishers were transient local.
+    packed : bool
+        Files or messages are compressed one by one.
+
+    """
+
+    files: list[str]
+    counts: dict[str, int]
+    total: int
+    latched: set[str]
+    packed: bool
+
+
+def read_metadata(path: Path, most: int) -> Metadata:
+    """
+    Read metadata.yaml, of at most so many bytes.
+
+    Raises
+    ------
+    Damage
+        If it is not what a recorder writes.
+
+    """
+    if path.stat().st_size > most:
+        raise Damage(f'more than {most} bytes')
+    try:
+        content = yaml.load(path.read_text(encoding='utf-8'), yaml.SafeLoader)
+    except Exception as error:  # whatever the constructors of YAML's types raise
+        raise Damage(f'is no YAML: {in_words(error)}') from error
+    information = _entry(content, 'rosbag2_bagfile_information', dict)
+    files = [Path(_checked(name, str, 'relative_file_paths')).name
+             for name in _entry(information, 'relative_file_paths', list)]
+    counts: dict[str, int] = {}
+    latched = set()
+    for topic in _entry(information, 'topics_with_message_count', list):
+        described = _entry(topic, 'topic_metadata', dict)
+        name = _entry(described, 'name', str)
+        counts[name] = counts.get(name, 0) + _entry(topic, 'message_count', int)
+        if _is_latched(described.get('offered_qos_profiles')):
+            latched.add(name)
+    return Metadata(files, counts, _entry(information, 'message_count', int), latched,
+                    bool(information.get('compression_mode')))
+
+
+def _is_latched(profiles: Any) -> bool:
+    """Return whether one of the profiles, a list or the YAML text of one, has it."""
+    if isinstance(profiles, str):
+        try:
+            profiles = yaml.load(profiles, yaml.SafeLoader)
+        except Exception:  # as in read_metadata
+            return False
+    return isinstance(profiles, list) and any(
+        isinstance(profile, dict) and profile.get('durability') in _LATCHED
+        for profile in profiles)
+
+
+def _entry(content: Any, key: str, kind: type) -> Any:
+    if not isinstance(content, dict) or key not in content:
+        raise Damage(f"has no '{key}' where it belongs")
+    return _checked(content[key], kind, key)
+
+
+def _checked(value: Any, kind: type, key: str) -> Any:
+    if type(value) is not kind:
+        raise Damage(f"'{key}' is not of the right type")
+    return value

@@ -16,9 +16,7 @@
 What is asked and what is answered.
 
 options         what to check, and how
-configuration   the node's parameters, from files and single values
-topics          which topics are footprints and which are obstacles
+configuration   the node's parameters, and which topics are footprints and which are obstacles
 result          what was found, and the verdict
-deepest         the deepest moment of a contact
 keyframes       where all bodies were at moments worth drawing
 """

@@ -23,6 +23,7 @@ from heapq import merge
 from typing import TYPE_CHECKING, TypeAlias
 
 if TYPE_CHECKING:
+    from sat_collision.geometry.polygon import Polygon
     from sat_collision.replay.model.keyframes import Keyframes, ShownBody
 
 
@@ -88,6 +89,34 @@ class Contact:
 
     def __post_init__(self) -> None:
         self.deepest_as = self.deepest_as or self.obstacle
+
+    def deepen(self, depth: float, time: int, own: Polygon, other: Polygon) -> bool:
+        """
+        Update the deepest moment; return whether this is it.
+
+        Parameters
+        ----------
+        depth : float
+            Metres.
+        time : int
+            In ns.
+        own, other : Polygon
+            Footprint and obstacle at that time.
+
+        """
+        if self.deepest and depth <= self.depth:
+            return False
+        # Not above: the command line needs results, and importing geometry takes long.
+        from sat_collision.geometry.contact import contact
+        self.depth = depth
+        self.deepest = time
+        a, b = own.bounds, other.bounds
+        self.x = (max(a[0], b[0]) + min(a[2], b[2])) / 2
+        self.y = (max(a[1], b[1]) + min(a[3], b[3])) / 2
+        found = contact(own, other)
+        self.normal = found.normal.tolist()
+        self.points = found.points_a.tolist()
+        return True
 
 
 @dataclass

@@ -27,7 +27,6 @@ from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.polygon import Polygon, PolygonError
 from sat_collision.geometry.query import closest_points, separation
 from sat_collision.geometry.sweep import time_of_contact
-from sat_collision.replay.model.deepest import deepen
 from sat_collision.replay.model.result import (
     AT_A_SAMPLE, BETWEEN_SAMPLES, Contact, FootprintResult, Least, least_of, Series, Unknown)
 from sat_collision.replay.motion.kernels import measure_near, rows_near
@@ -334,7 +333,7 @@ class Contacts:
     def deepen(self, contact: Contact, name: ObstacleId, depth: float, time: int,
                bodies: tuple[Polygon, Polygon]) -> None:
         """Note how deep a contact is at a time, and where; and what the obstacle is called."""
-        if deepen(contact, depth, time, *bodies):
+        if contact.deepen(depth, time, *bodies):
             contact.deepest_as = str(name)
             self._note_least(Least(0.0 - depth, time, contact.obstacle, contact.x, contact.y,
                                    contact.found))

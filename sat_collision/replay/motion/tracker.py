@@ -29,7 +29,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from sat_collision.geometry.polygon import PlaneMap
-from sat_collision.messages.placement import Placement
+from sat_collision.messages.packer import Placement
 from sat_collision.replay.motion.kernels import mutual_nearest
 from sat_collision.replay.motion.trajectories import Bodies, LinearMotion, stay
 from sat_collision.scene.obstacles import ObstacleId

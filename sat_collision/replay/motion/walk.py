@@ -26,7 +26,7 @@ from collections.abc import Iterable, Iterator
 from itertools import groupby
 from operator import attrgetter, itemgetter
 
-from sat_collision.messages.placement import Placement
+from sat_collision.messages.packer import Placement
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.model.result import Contact, FootprintResult, Unknown, Unknowns
 from sat_collision.replay.motion.contacts import Contacts, ContactTracker

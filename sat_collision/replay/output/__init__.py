@@ -18,10 +18,9 @@ Results for people, machines and other nodes.
 text       tables on a terminal
 formats    JSON, CSV and JUnit XML
 baseline   what differs from a result stored before
-rows       contacts and unknown times as rows of a Gantt chart
 figure     a picture
 page       a page for a browser
 bag        a bag of what the node would have published
 files      where results may be written
-style      colours and words of drawings
+drawing    colours, words and rows of a Gantt chart, for pictures and pages
 """

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from itertools import product
 from typing import NamedTuple, TYPE_CHECKING
 
@@ -28,9 +28,9 @@ from matplotlib.transforms import Bbox
 import numpy as np
 from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody, Span
 from sat_collision.replay.model.result import deepest_contacts, Result
-from sat_collision.replay.output.rows import Bar, Rows, rows_of
-from sat_collision.replay.output.style import (
-    colours, CONTACT, distance, INK, name_of, OBSTACLE, touching, UNKNOWN)
+from sat_collision.replay.output.drawing import (
+    Bar, colours, CONTACT, distance, INK, joined, name_of, OBSTACLE, Rows, rows_of, touching,
+    UNKNOWN)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -135,8 +135,8 @@ def _draw_curves(result: Result, rows: list[Rows], axes: Axes) -> None:
     axes.set_ylabel('separation [m]')
     bars = [bar for row in rows for bar in row.bars]
     for is_contact, colour in ((False, UNKNOWN), (True, CONTACT)):
-        for first, last in _joined(_bounds(bar, result) for bar in bars
-                                   if (bar.contact is not None) is is_contact):
+        for first, last in joined(_bounds(bar, result) for bar in bars
+                                  if (bar.contact is not None) is is_contact):
             axes.axvspan(first, last, color=colour, alpha=0.15, linewidth=0)
     of_footprint = colours(result)
     for footprint in result.footprints:
@@ -200,16 +200,6 @@ def _bounds(bar: Bar, result: Result) -> tuple[float, float]:
     """Return from when to when a bar is drawn, in s; a short one longer than it is."""
     missing = max(_LEAST * result.duration - (bar.last - bar.first), 0.0) / 2
     return bar.first - missing, bar.last + missing
-
-
-def _joined(bounds: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return what is in any of some intervals, as intervals that do not meet."""
-    joined: list[tuple[float, float]] = []
-    for first, last in sorted(bounds):
-        if joined and first <= joined[-1][1]:
-            first, last = joined[-1][0], max(last, joined.pop()[1])
-        joined.append((first, last))
-    return joined
 
 
 def _use_times(result: Result, axes: Axes) -> None:

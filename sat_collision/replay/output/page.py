@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Results as one page to look at in a browser, with nothing to be loaded from elsewhere."""
+"""Results as one self-contained page for a browser."""
 
 from __future__ import annotations
 
@@ -26,9 +26,10 @@ import numpy as np
 from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
 from sat_collision.replay.model.result import (
     Contact, deepest_contacts, FootprintResult, GRAVITY, MOST_CONTACTS, overall, Result, Sample)
-from sat_collision.replay.output.rows import joined, rows_of
-from sat_collision.replay.output.style import colours, distance, name_of
-from sat_collision.replay.output.text import CLOCKS, how_found, lasting, SOONEST, soonest_rows
+from sat_collision.replay.output.drawing import (
+    colours, distance, joined_unknown, name_of, rows_of)
+from sat_collision.replay.output.text import (
+    CLOCKS, contact_row, CONTACTS, lasting, SOONEST, soonest_rows)
 
 _SCRIPTS = ('page.js', 'timeline.js', 'scene.js')
 # How large the data of a page may be, in characters; the rest of it is small.
@@ -47,8 +48,8 @@ def write_page(results: list[Result], path: str) -> None:
     """
     Write a page of results, the worst first, of at most 8 MB.
 
-    Where the bodies would take more, they are shown at fewer moments, and at last only those that
-    come nearest to a footprint.
+    Where the bodies would take more, they are shown at fewer moments; if that is not enough, only
+    those that come nearest to a footprint are shown.
 
     Parameters
     ----------
@@ -75,7 +76,7 @@ def write_page(results: list[Result], path: str) -> None:
 
 
 def _as_json(value: Any) -> str:
-    # What would end the script that holds it is written in another way.
+    # '<' is escaped, as '</script>' would end the element that holds the data.
     return json.dumps(value, separators=(',', ':'), allow_nan=False).replace('<', '\\u003c')
 
 
@@ -172,7 +173,7 @@ def _unknown_of(result: Result, name: str) -> list[tuple[float, float, str]]:
         return [(result.since(one.first), result.since(one.last), '; '.join(one.reasons))
                 for one in found]
     return [(first, last, 'for several reasons, see the table')
-            for first, last in joined(result, found)]
+            for first, last in joined_unknown(result, found)]
 
 
 def _contact(contact: Contact, result: Result, rows: dict[ShownBody, int],
@@ -233,8 +234,9 @@ def _index_of(results: list[Result]) -> dict[str, Any]:
     return {'head': ['recording', 'verdict', 'contacts', 'least separation', 'unknown [s]',
                      'duration [s]'],
             'rows': [[name_of(result), result.verdict.words, str(len(result.contacts)),
-                      _least(result), f'{_unknown(result):.3f}', f'{result.duration:.3f}']
-                     for result in results]}
+                      _least(result),
+                      f'{sum(one.unknown for one in result.footprints) / 1e9:.3f}',
+                      f'{result.duration:.3f}'] for result in results]}
 
 
 def _facts_of(result: Result, moments: list[int], left_out: int) -> list[str]:
@@ -259,12 +261,7 @@ def _tables_of(result: Result, contacts: list[Contact]) -> list[dict[str, Any]]:
     longest = sorted(result.unknown, key=lambda one: one.first - one.last)[:_MOST_ROWS]
     return [{
         'title': 'Contacts', 'jumps': True, 'note': deepest if more else '',
-        'head': ['footprint', 'obstacle', 'first [s]', 'duration [s]', 'depth [m]', 'x [m]',
-                 'y [m]', 'found'],
-        'rows': [[contact.footprint, contact.obstacle, f'{result.since(contact.first):.3f}',
-                  lasting(contact.last - contact.first) + ('+' if contact.at_end else ''),
-                  f'{contact.depth:.4g}', f'{contact.x:.3f}', f'{contact.y:.3f}',
-                  how_found(contact, result)] for contact in contacts],
+        'head': list(CONTACTS), 'rows': [contact_row(contact, result) for contact in contacts],
     }, {
         'title': 'Unknown', 'note': f'the {_MOST_ROWS} longest of {len(result.unknown)}'
         if len(longest) < len(result.unknown) else '',
@@ -279,7 +276,7 @@ def _tables_of(result: Result, contacts: list[Contact]) -> list[dict[str, Any]]:
         'rows': [_footprint(footprint, result) for footprint in result.footprints],
     }, {
         'title': 'Least time to collision', 'note': '',
-        'head': list(SOONEST), 'rows': [list(row) for row in soonest_rows(result)],
+        'head': list(SOONEST), 'rows': soonest_rows(result),
     }, {
         'title': 'Messages', 'note': '',
         'head': ['source', 'topic', 'received', 'motion undetermined [s]'],
@@ -308,7 +305,3 @@ def _least(result: Result) -> str:
         return '-'
     whose = next(one.name for one in result.footprints if one.least is least)
     return f'{distance(least.separation)}: {whose} and {least.obstacle}'
-
-
-def _unknown(result: Result) -> float:
-    return sum(footprint.unknown for footprint in result.footprints) / 1e9

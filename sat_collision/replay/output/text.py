@@ -24,6 +24,8 @@ from sat_collision.replay.model.result import (
 
 _MOST_ROWS = 20
 _MOMENT = 500_000
+CONTACTS = ('footprint', 'obstacle', 'first [s]', 'duration [s]', 'depth [m]', 'x [m]', 'y [m]',
+            'found')
 SOONEST = 'footprint', 'obstacle', 'at [s]', 'time to collision [s]'
 CLOCKS = {'receive': 'receive time', 'header': 'header stamps'}
 
@@ -47,13 +49,8 @@ def report(result: Result) -> list[str]:
         ('footprint', 'known', 'clear [s]', 'collision [s]', 'unknown [s]', 'least separation'),
         [_footprint_row(footprint, result) for footprint in result.footprints], 'footprints')
     lines += _table(SOONEST, soonest_rows(result), 'least time to collision')
-    lines += _table(
-        ('footprint', 'obstacle', 'first [s]', 'duration [s]', 'depth [m]', 'x [m]', 'y [m]',
-         'found'),
-        [(contact.footprint, contact.obstacle, f'{result.since(contact.first):.3f}',
-          lasting(contact.last - contact.first) + ('+' if contact.at_end else ''),
-          f'{contact.depth:.4g}', f'{contact.x:.3f}', f'{contact.y:.3f}',
-          how_found(contact, result)) for contact in result.contacts], 'contacts')
+    lines += _table(CONTACTS, [contact_row(contact, result) for contact in result.contacts],
+                    'contacts')
     lines += _table(
         ('footprint', 'first [s]', 'duration [s]', 'reason'),
         [(unknown.footprint, f'{result.since(unknown.first):.3f}',
@@ -76,15 +73,23 @@ def how_soon(footprint: FootprintResult, result: Result) -> str:
         f'{result.since(least.time):.3f} s, --min-ttc is {result.min_ttc:g} s')
 
 
+def contact_row(contact: Contact, result: Result) -> tuple[str, ...]:
+    """Return a contact as a row of CONTACTS."""
+    return (contact.footprint, contact.obstacle, f'{result.since(contact.first):.3f}',
+            lasting(contact.last - contact.first) + ('+' if contact.at_end else ''),
+            f'{contact.depth:.4g}', f'{contact.x:.3f}', f'{contact.y:.3f}',
+            how_found(contact, result))
+
+
 def soonest_rows(result: Result) -> list[tuple[str, ...]]:
-    """Return a row of SOONEST for each footprint that was to collide."""
+    """Return a row of SOONEST for each footprint with a predicted collision."""
     return [(footprint.name, least.obstacle, f'{result.since(least.time):.3f}',
              f'{least.time_to_collision:.3f}')
             for footprint in result.footprints if (least := footprint.soonest)]
 
 
 def lasting(duration: int) -> str:
-    """Return in s what is in ns; what a table would say lasted 0 is a moment."""
+    """Return a duration in ns as text in s; 'moment' where it would be rounded to 0."""
     return f'{duration / 1e9:.3f}' if duration >= _MOMENT else 'moment'
 
 
@@ -159,7 +164,7 @@ def _footprint_row(footprint: FootprintResult, result: Result) -> tuple[str, ...
 
 
 def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]], title: str) -> list[str]:
-    """Return the lines of a table, of which very many rows are cut off."""
+    """Return the lines of a table, of the first rows only where there are very many."""
     if not rows:
         return []
     shown = [head, *rows[:_MOST_ROWS]]

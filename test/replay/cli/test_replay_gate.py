@@ -20,7 +20,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from xml.etree import ElementTree
 
 import pytest
@@ -283,11 +282,10 @@ def test_interrupt_ends_all_processes(tmp_path):
                                 '--jobs', '2'], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                                text=True)
     process.stdout.readline()
-    begun = time.monotonic()
     process.send_signal(signal.SIGINT)
-    _, error = process.communicate(timeout=60)
+    output, error = process.communicate(timeout=120)
     assert (process.returncode, error) == (2, 'replay_check: interrupted\n')
-    assert time.monotonic() - begun < 20
+    assert output.count('\n') < 1000
 
 
 def test_recording_is_known_by_its_content(bags, tmp_path, capsys):

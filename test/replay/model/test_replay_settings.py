@@ -23,7 +23,7 @@ pytest.importorskip('rosbags')
 from recordings import INSTANCE, POLYGON, SOURCE  # noqa: E402
 from sat_collision.replay.model.configuration import (  # noqa: E402
     parameter_of_text, parameters_of_file, settings_of)
-from sat_collision.replay.model.topics import settings_for  # noqa: E402
+from sat_collision.replay.model.configuration import settings_for  # noqa: E402
 from sat_collision.scene.parameters import ParameterError  # noqa: E402
 
 CONFIG = Path(__file__).resolve().parents[3] / 'config'

@@ -14,7 +14,10 @@
 
 """Pictures of a replay: what they show, and that it can be read."""
 
+import functools
 from itertools import combinations
+from pathlib import Path
+import tempfile
 
 import pytest
 
@@ -28,22 +31,25 @@ from sat_collision.replay.cli.command import main  # noqa: E402
 from sat_collision.replay.cli.example import write_example  # noqa: E402
 from sat_collision.replay.model.configuration import parameters_of_file  # noqa: E402
 from sat_collision.replay.model.options import Options  # noqa: E402
+from sat_collision.replay.output.drawing import CONTACT, rows_of  # noqa: E402
 from sat_collision.replay.output.figure import draw_picture  # noqa: E402
-from sat_collision.replay.output.rows import rows_of  # noqa: E402
-from sat_collision.replay.output.style import CONTACT  # noqa: E402
 from sat_collision.replay.run import check  # noqa: E402
 
 CROWD = 9
+_FOLDER = tempfile.TemporaryDirectory(prefix='sat_collision_drawings_')
+FOLDER = Path(_FOLDER.name)
 
 
-def of_warehouse(path):
+@functools.cache
+def of_warehouse():
     """Return the result of the example."""
-    write_example(path / 'warehouse')
-    parameters = parameters_of_file(str(path / 'warehouse' / 'params.yaml'), '/footprint_monitor')
-    return check(path / 'warehouse', Options(parameters=parameters, keyframes=True))
+    path = FOLDER / 'warehouse'
+    write_example(path)
+    parameters = parameters_of_file(str(path / 'params.yaml'), '/footprint_monitor')
+    return check(path, Options(parameters=parameters, keyframes=True))
 
 
-def of_crowd(path):
+def of_crowd():
     """Return the result of robots with long names that stand side by side and are all met."""
     names = [f'robot_with_a_long_name_number_{k}' for k in range(CROWD)]
     messages = []
@@ -54,32 +60,32 @@ def of_crowd(path):
         messages += [('/obstacles', time, box(1.2 * k, 0.9 if met else 3.0, 0.4))
                      for k in range(CROWD)]
         messages.append(('/obstacles', time, []))
-    bag = write(path / ('recording_of_a_crowd_' + 'whose_name_is_long_' * 6), messages)
+    bag = write(FOLDER / ('recording_of_a_crowd_' + 'whose_name_is_long_' * 6), messages)
     topics = tuple(f'{name}:=/robots/{name}' for name in names)
     return check(bag, Options(footprints=topics, obstacles=('/obstacles',), keyframes=True))
 
 
-def of_nothing(path):
+def of_nothing():
     """Return the result of a recording without obstacles."""
-    return check(write(path / 'bag', [('/footprint', k / 10, box(0)) for k in range(20)]),
+    return check(write(FOLDER / 'nothing', [('/footprint', k / 10, box(0)) for k in range(20)]),
                  Options(keyframes=True))
 
 
-def of_long(path):
+@functools.cache
+def of_long():
     """Return the result of a contact of a quarter of a second in five minutes."""
-    return check(write(path / 'long', drive(300.0, rate=4.0, contact=(170.0, 170.2))),
+    return check(write(FOLDER / 'long', drive(300.0, rate=4.0, contact=(170.0, 170.2))),
                  Options(keyframes=True))
 
 
-def of_published(name):
-    def made(path):
-        return check(published(name), Options(keyframes=True))
-    return pytest.param(made, id=name)
+def of_published(name, marks=()):
+    return pytest.param(lambda: check(published(name), Options(keyframes=True)), id=name,
+                        marks=marks)
 
 
 RESULTS = [of_warehouse, of_crowd, of_nothing, of_long, of_published('tysik_front_scan_polygons'),
-           of_published('autoware_ego_trajectory_boxes'),
-           of_published('commonroad_BEL_Zaventem-1_2_T-1')]
+           of_published('autoware_ego_trajectory_boxes', pytest.mark.long),
+           of_published('commonroad_BEL_Zaventem-1_2_T-1', pytest.mark.long)]
 
 
 def texts(figure):
@@ -97,9 +103,9 @@ def texts(figure):
 
 
 @pytest.mark.parametrize('made', RESULTS)
-def test_no_text_of_a_picture_covers_another_or_is_cut_off(tmp_path, made):
+def test_no_text_of_a_picture_covers_another_or_is_cut_off(made):
     """Names of bodies, bars, footprints, titles and numbers."""
-    figure = draw_picture(made(tmp_path))
+    figure = draw_picture(made())
     found = texts(figure)
     assert len(found) > 5
     for text, bounds in found:
@@ -109,9 +115,9 @@ def test_no_text_of_a_picture_covers_another_or_is_cut_off(tmp_path, made):
         assert not bounds.overlaps(covered), (text, other)
 
 
-def test_picture_says_what_it_is_of_and_whose_contact_is_which(tmp_path):
+def test_picture_says_what_it_is_of_and_whose_contact_is_which():
     """The recording's name above, obstacles beside their bars and bodies."""
-    result = of_warehouse(tmp_path)
+    result = of_warehouse()
     written = [text for text, _ in texts(draw_picture(result))]
     assert 'warehouse: collision' in written
     assert '9.698 s: amr and people/0, 0.394 m deep' in written
@@ -124,9 +130,9 @@ def test_picture_says_what_it_is_of_and_whose_contact_is_which(tmp_path):
     assert titles == sorted(titles, key=lambda text: float(text.split()[0])) and len(titles) == 3
 
 
-def test_each_bar_lies_in_the_row_of_its_footprint(tmp_path):
+def test_each_bar_lies_in_the_row_of_its_footprint():
     """At the time of the contact."""
-    result = of_warehouse(tmp_path)
+    result = of_warehouse()
     _, rows, *_ = draw_picture(result).axes
     bars = {rows.get_yticklabels()[round(patch.get_y() + patch.get_height() / 2)].get_text():
             (patch.get_x(), patch.get_x() + patch.get_width()) for patch in rows.patches
@@ -148,9 +154,9 @@ def test_bars_that_overlap_in_time_have_rows_of_their_own(tmp_path):
     assert [row for _, row in bars] == [0, 1, 0] and row.end == 2
 
 
-def test_short_contact_is_seen_on_a_long_axis(tmp_path):
+def test_short_contact_is_seen_on_a_long_axis():
     """Two pixels wide at least, in the row and as a shade."""
-    result = of_long(tmp_path)
+    result = of_long()
     assert len(result.contacts) == 1
     curves, rows, _ = draw_picture(result).axes
     for axes in (curves, rows):

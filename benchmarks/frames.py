@@ -22,8 +22,8 @@ serialised messages, so another type stands in for TFMessage where tf2_msgs is m
 
 import contextlib
 import os
+from pathlib import Path
 import statistics
-import struct
 import subprocess
 import sys
 import time
@@ -37,7 +37,10 @@ from sat_collision.monitor import Monitor
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, TF
 from std_msgs.msg import Bool
 
-SECOND = 10**9
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test' / 'support'))
+
+from builders import box, SECOND, serialised, transforms  # noqa: E402, I100
+
 RATE = 100
 SIZES = 1, 5, 20
 ROBOTS = 20
@@ -50,24 +53,12 @@ _PATIENCE = 60.0
 
 def message(stamp, children, x=0.0):
     """Write a TFMessage that has some children where x is."""
-    body = struct.pack('<I', len(children))
-    for child in children:
-        body += struct.pack('<iI', *divmod(stamp, SECOND))
-        for name in ('odom', child):
-            text = name.encode() + b'\0'
-            body += bytes(-len(body) % 4) + struct.pack('<I', len(text)) + text
-        body += bytes(-len(body) % 8) + struct.pack('<7d', x, 0, 0, 0, 0, 0, 1)
-    return b'\0\1\0\0' + body
+    return transforms(*(('odom', child, stamp, x, 0.0) for child in children))
 
 
 def polygon(stamp, frame_id, x, instance):
     """Write the message of a square that is an obstacle."""
-    text = frame_id.encode() + b'\0'
-    body = struct.pack('<iII', *divmod(stamp, SECOND), len(text)) + text
-    body += bytes(-len(body) % 4) + struct.pack('<I', 4)
-    for corner in ((x, 0), (x + 1, 0), (x + 1, 1), (x, 1)):
-        body += struct.pack('<3f', *corner, 0)
-    return b'\0\1\0\0' + body + bytes(-len(body) % 8) + struct.pack('<q', instance)
+    return serialised(box(x), stamp, frame_id, instance)
 
 
 class Publisher:

@@ -22,7 +22,7 @@ from typing import TypeAlias
 
 from sat_collision.messages.ingest import Batch, Ingest
 from sat_collision.messages.outlines import Outlines
-from sat_collision.messages.packer import Placement
+from sat_collision.messages.placement import Placement
 from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.scene import Scene

@@ -14,6 +14,7 @@
 
 """What every test runs with: DDS that stays on this machine, and nodes that end with the test."""
 
+import contextlib
 import fcntl
 import itertools
 import os
@@ -51,9 +52,9 @@ def pytest_unconfigure(config):
     config.ros_files.cleanup()
 
 
-@pytest.fixture
-def domain():
-    """Return a DDS domain id, locked against test sessions that run at the same time."""
+@contextlib.contextmanager
+def locked_domain():
+    """Yield a DDS domain id, locked against test sessions that run at the same time."""
     for number in _DOMAINS:
         lock = os.open(Path(tempfile.gettempdir(), f'sat_collision_domain_{number}.lock'),
                        os.O_CREAT | os.O_RDWR, 0o666)
@@ -66,6 +67,20 @@ def domain():
             return
         finally:
             os.close(lock)
+
+
+@pytest.fixture
+def domain():
+    """Return a DDS domain id of the test's own."""
+    with locked_domain() as number:
+        yield number
+
+
+@pytest.fixture(scope='module')
+def module_domain():
+    """Return a DDS domain id that all tests of a module share."""
+    with locked_domain() as number:
+        yield number
 
 
 @pytest.fixture

@@ -109,11 +109,11 @@ def test_separations_of_many_pairs():
 
 
 @pytest.mark.parametrize('points, words', [
-    ([('0', '0'), ('1', '1')], 'no numbers but str'),
-    ([(True, False), (False, True)], 'no numbers but bool'),
-    (np.array([(0, 0), (1, None)]), 'no numbers but object'),
-    (np.array([(0, 0), (1, '1')], object), 'no numbers but object'),
-    (np.array([(0, 0), (1, 1)], 'datetime64[s]'), 'no numbers but datetime64'),
+    ([('0', '0'), ('1', '1')], 'not numbers but str'),
+    ([(True, False), (False, True)], 'not numbers but bool'),
+    (np.array([(0, 0), (1, None)]), 'not numbers but object'),
+    (np.array([(0, 0), (1, '1')], object), 'not numbers but object'),
+    (np.array([(0, 0), (1, 1)], 'datetime64[s]'), 'not numbers but datetime64'),
     ([(0, 1, 2), (0, 0, 1)], r'shape \(2, 3\).*transpose'),
     (shapely.box(0, 0, 3, 3) - shapely.box(1, 1, 2, 2), 'polygon with holes'),
     (shapely.LineString([(0, 0), (1, 0), (1, 1)]), 'LineString of 3 points'),

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Pairs by the thousand, from memory that the processor has to be asked for in time.
+Thousands of pairs in one call, with memory that is prefetched.
 
-Most of the time of a pair that is not in the cache goes by waiting for it. So the headers are
-asked for some rows ahead. Of polygons with many vertices only the few that the search visits are
-worth fetching, and which these are is known one axis at a time: all pairs of a batch go on in
-step, and what one reads next comes while the others are at work.
+A pair that is not in the cache costs mostly the wait for memory, so headers are prefetched some
+rows ahead. Of polygons with many vertices only the few that the search visits are worth fetching,
+and these are known one axis at a time: all pairs of a batch advance in step, so that the vertices
+that one reads next are fetched while the others are computed.
 """
 
 import math

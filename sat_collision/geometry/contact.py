@@ -65,7 +65,7 @@ class Contact(NamedTuple):
     normal : (2,) ndarray
         Unit vector from b to a, also of bodies that touch.
     depth : float
-        Metres, 0 unless they overlap: moved by depth * normal, a only touches b, but for rounding
+        Metres, 0 unless they overlap: moved by depth * normal, a only touches b, up to rounding
         (2^-46 of the largest coordinate). Of convex bodies this is minus the separation, and no
         shorter move does. Of others it is the shortest move in the directions tried; none is
         shorter than minus the separation, the depth of the deepest pair of convex parts. A body

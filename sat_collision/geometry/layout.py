@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Where what stands in a packed polygon: a flat array of doubles that the kernels read.
+Memory layout of a packed polygon: a flat array of doubles that the kernels read.
 
 Every packed polygon begins with a header: two places whose meaning depends on the kind; the bounds
 (min x, min y, max x, max y); the radius of a disc inside the polygon; and a fingerprint, the same

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The one way to make a body: a checked, immutable polygon."""
+"""Bodies: checked, immutable polygons, segments and points."""
 
 from __future__ import annotations
 
@@ -164,7 +164,7 @@ class Polygon:
             raise _empty()
         if plane is None:
             received = np.frombuffer(data, np.float32, 3 * count, start).reshape(-1, 3)
-            with np.errstate(invalid='ignore'):  # what is no number is refused below
+            with np.errstate(invalid='ignore'):  # NaN is refused below
                 points = received[:, :2].astype(np.float64)
         else:
             points = np.asarray(moved_points(data, start, count, plane)).reshape(-1, 2)
@@ -181,7 +181,7 @@ class Polygon:
         return polygon
 
     def _pack(self, points: NDArray[np.float64], max_vertices: int, max_notched: int) -> None:
-        """Become what (n, 2) points make, or raise what is wrong with them."""
+        """Pack (n, 2) points, or raise what is wrong with them."""
         array = np.empty(packed_size(len(points)))
         verdict, count, i, j, first = pack(indexable(points.ravel()), indexable(array),
                                            max_vertices, max_notched)
@@ -252,7 +252,7 @@ class Polygon:
         return f'Polygon({self.vertices.tolist()})'
 
 
-# What is taken for a body: a Polygon, (n, 2) or (n, 3) points, or a geometry.
+# What is accepted as a body: a Polygon, (n, 2) or (n, 3) points, or a geometry.
 BodyLike: TypeAlias = Polygon | ArrayLike | Geometry
 
 
@@ -305,7 +305,7 @@ def coordinates(points: BodyLike) -> NDArray[np.float64]:
                      'them, or give two points without z')
     if array.dtype.kind not in 'fiu' and not (array.dtype == object and all(
             isinstance(x, Number) and not isinstance(x, bool) for x in array.flat)):
-        raise _wrong(f'coordinates that are no numbers but {array.dtype.name}')
+        raise _wrong(f'coordinates that are not numbers but {array.dtype.name}')
     try:
         return array.astype(np.float64)[:, :2]
     except OverflowError as error:

@@ -43,9 +43,9 @@ class PolygonSet:
     """
     A set of bodies by row number, that can grow, shrink and be replaced in place.
 
-    All lies in one array. The space of a removed or outgrown body is reused when a
-    body fits it, or won back when the array is next rebuilt, which keeps it below four times what
-    the bodies need.
+    All bodies are in one array. The space of a removed or outgrown body is reused when another
+    fits, or freed when the array is next rebuilt, which keeps it below four times what the bodies
+    need.
 
     Parameters
     ----------
@@ -393,9 +393,9 @@ class PolygonSet:
 
 class PackedSet(PolygonSet):
     """
-    The same for a caller that keeps account of the rows itself: none is checked.
+    The same for a caller that keeps track of the rows itself: they are not checked.
 
-    A wrong row overwrites memory. Rows may be empty, and packed bodies are taken.
+    A wrong row overwrites memory. Rows may be empty, and bodies are given packed.
     """
 
     new_row = PolygonSet._new_row
@@ -409,7 +409,7 @@ class PackedSet(PolygonSet):
         return int(write_run(run, self._array, indexable(np.array(rows)), others._array, margin))
 
     def hide(self, rows: Sequence[int]) -> None:
-        """Empty rows, each of which stays in use until it is filled anew or removed."""
+        """Empty rows, each of which stays in use until it is filled again or removed."""
         self._rows.n[rows] = 0
 
 

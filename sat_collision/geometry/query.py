@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is asked of any two bodies: do they touch, and how far apart or how deep are they."""
+"""Queries on any bodies: whether they touch, and how far apart or how deep they are."""
 
 from __future__ import annotations
 
@@ -202,7 +202,7 @@ def closest_points(a: BodyLike, b: BodyLike
     Returns
     -------
     (2,) ndarray, (2,) ndarray
-        A point of a and one of b, but for rounding. Apart: no two points are nearer. Touching:
+        A point of a and one of b, up to rounding. Apart: no two points are nearer. Touching:
         a common point. Overlapping: moving a by the second minus the first ends the overlap (of
         the deepest pair of convex parts).
 
@@ -225,7 +225,7 @@ def time_to_contact(footprint: BodyLike, twist: ArrayLike,
     """
     Return when a body that moves by a constant twist first shares a point with an obstacle.
 
-    All times are looked at, none is stepped over. `PolygonSet.first_contact` also says which
+    The motion is checked at all times, not in steps. `PolygonSet.first_contact` also says which
     obstacle it is.
 
     Parameters
@@ -253,7 +253,7 @@ def time_to_contact(footprint: BodyLike, twist: ArrayLike,
     float
         Seconds. 0.0: they share a point at time 0, exactly when `intersects` says so. Infinity:
         they share none up to the horizon. Else never later than the first contact. On a straight
-        way it is that, but for rounding: bodies are within 2^-40 of the coordinates and ways then.
+        way it is that, up to rounding: bodies are within 2^-40 of the coordinates and ways then.
         On a way that turns they are within the tolerance and that, or within 2^-25 a T^2 if this
         is more: T is the horizon and a = |omega| (|v| + |omega| r), with r the distance of the
         farthest vertex from the origin of the pose, no less than the acceleration of a vertex.

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Where what stands in the array of a set of bodies, row by row.
+Memory layout of a set of bodies, row by row.
 
-A set is one flat array, because each array that Python hands to a kernel costs 70 ns, a good part
-of what a message does. It begins with the number of rows that there is room for and that are, or
+A set is one flat array, because each array that Python passes to a kernel costs 70 ns, a good part
+of the time of a message. It begins with the number of rows that there is room for and that are, or
 were, in use. Then follow the table of rows, column by column, and the packed bodies.
 """
 
@@ -101,5 +101,5 @@ def views_of(array: NDArray[np.float64]) -> Rows:
 
 
 def use_rows(array: NDArray[np.float64], used: int) -> None:
-    """Note how many rows are in use."""
+    """Set how many rows are in use."""
     array[1] = used

@@ -241,7 +241,7 @@ def _is_level(v, i, k, ux, uy):
     """
     Return whether an edge whose rise is not certain is perpendicular to u, and runs to its left.
 
-    Perpendicular but for rounding, which cannot be told where underflow or overflow hides the
+    Perpendicular up to rounding, which cannot be told where underflow or overflow hides the
     rise; to its left as edges near the summit run, and those near the bottom do not. See
     docs/exactness.md, lemma 7.
     """

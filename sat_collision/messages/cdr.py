@@ -34,7 +34,7 @@ _read_header = _HEADER.unpack_from
 _read_count = struct.Struct('=I').unpack_from
 _read_id = struct.Struct('=q').unpack_from
 _read_stamp = struct.Struct('=4siI').unpack_from
-_STAMP_SIZE = 12
+STAMP_SIZE = 12
 COUNT_SIZE = 4
 _ID_SIZE = 8
 POINT_SIZE = 12
@@ -107,7 +107,7 @@ def decode(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
 
 def header_stamp(data: bytes) -> int:
     """Return the header stamp of a message in ns, 0 where it cannot be read in place."""
-    if len(data) < _STAMP_SIZE:
+    if len(data) < STAMP_SIZE:
         return 0
     encapsulation, seconds, nanoseconds = _read_stamp(data)
     if encapsulation != _OWN_CDR or nanoseconds >= _SECOND:

@@ -23,8 +23,9 @@ import numpy as np
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.polygon import PlaneMap, PolygonError
 from sat_collision.geometry.run import Run
-from sat_collision.messages.cdr import COUNT_SIZE, decode, MessageError, POINT_SIZE, Points
-from sat_collision.messages.packer import Packer, Placement, vertices_of
+from sat_collision.messages.cdr import COUNT_SIZE, decode, MessageError, Points
+from sat_collision.messages.packer import Packer, vertices_of
+from sat_collision.messages.placement import Placement, points_of_run
 from sat_collision.messages.rejections import (
     detail_of, EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE)
 from sat_collision.messages.transform_listener import TransformListener
@@ -121,11 +122,15 @@ class Ingest:
         taken = self._scene.obstacle_run(settings.name, Run(
             data, ends, begin - 1, begin, points_at - COUNT_SIZE, self._packer.max_vertices,
             plane or _UNMOVED, self._packer.array), stamp, now)
-        if self._placements is not None:
-            self._placements += [
-                Placement(settings.name, stamp, True, frame_id,
-                          (data, points_at, (len(data) - points_at) // POINT_SIZE), plane, None)
-                for data, _ in batch.messages[begin:begin + taken]]
+        placements = self._placements
+        if taken and placements is not None:
+            first = begin
+            if placements and placements[-1].points[0] is model:
+                # The message that they are like begins the run.
+                placements.pop()
+                first -= 1
+            points = points_of_run(data, ends, first, begin + taken, points_at)
+            placements.append(Placement(settings.name, stamp, True, frame_id, points, plane, None))
         return taken
 
     def take(self, settings: FootprintSettings | ObstacleSettings, data: bytes,

@@ -50,7 +50,7 @@ _COLOURS = {Status.CLEAR: _GREEN, Status.IMMINENT: _AMBER, Status.COLLISION: _RE
 _LINE = 0.03
 _DOT = 0.1
 _TEXT = 0.25
-# In so many places a footprint is shown on its way to a contact.
+# How many times a footprint is drawn on its way to a contact.
 _PLACES_AHEAD = 8
 # For how many periods markers are shown, so that a dead monitor leaves no green robot.
 _PERIODS = 3

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Footprints that nobody publishes: an outline, and a frame that moves it."""
+"""Footprints without a publisher: an outline, and a frame that moves it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from sat_collision.scene.settings import FootprintSettings, Settings
 from sat_collision.scene.times import NEVER
 from sat_collision.scene.velocity import ODOMETRY, pose_of, TRANSFORMS, Velocity
 
-# An outline in a static frame is placed again so often within its timeout.
+# How often an outline in a static frame is placed again within its timeout.
 _TIMES_PLACED = 3
 
 

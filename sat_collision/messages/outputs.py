@@ -93,7 +93,7 @@ class NodeLike(Protocol):
 
 class Outputs:
     """
-    The publishers of a scene; what nobody subscribes to, and what has not changed, costs nothing.
+    The publishers of a scene; only what has subscribers and has changed is computed.
 
     Parameters
     ----------
@@ -216,10 +216,9 @@ class Outputs:
 
     def publish_unknown(self, reason: str) -> list[Any]:
         """
-        Raise all flags and call all states unknown, whatever is known; return these statuses.
+        Raise all flags and report all states as unknown; return these statuses.
 
-        For a thread other than the one that all else is called from: it shares the publishers
-        only.
+        May be called from another thread than all else: it shares only the publishers.
         """
         for publisher in (self._common_flag, *self._flags.values()):
             publisher.publish(_FLAGS[True])

@@ -16,8 +16,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 from sat_collision.geometry.jit import COMPILED, indexable
@@ -26,47 +24,16 @@ from sat_collision.geometry.packing import pack_convex, pack_convex_moved
 from sat_collision.geometry.polygon import PackedBody, PlaneMap, Polygon, PolygonError, Reason
 from sat_collision.messages.cdr import Points
 
-# What plain Python has the time to cut into convex parts and to measure, see docs/reliability.md.
+# The most vertices that plain Python cuts into convex parts and measures in time, see
+# docs/reliability.md.
 _MOST_NOTCHED = 128
-# More points than this for each vertex accepted are not looked at.
+# Messages with more points than this for each vertex accepted are refused unread.
 _POINTS_FOR_A_VERTEX = 8
 
 
 def most_notched(max_vertices: int) -> int:
     """Return the most vertices of a polygon that is not convex, given those of any."""
     return max_vertices if COMPILED else min(max_vertices, _MOST_NOTCHED)
-
-
-class Placement(NamedTuple):
-    """
-    A message that was accepted: its points, and where they are.
-
-    Attributes
-    ----------
-    name : str
-        Of the footprint or source of obstacles.
-    stamp : int
-        Header stamp in ns, the time of reception if it has none.
-    is_stamped : bool
-        Whether it has a stamp.
-    frame_id : str
-        The frame after the map is applied.
-    points : Points
-        As received.
-    plane : PlaneMap or None
-        What takes the points to that frame, None if they are in it.
-    instance : int or None
-        The obstacle's id, of a source that gives ids.
-
-    """
-
-    name: str
-    stamp: int
-    is_stamped: bool
-    frame_id: str
-    points: Points
-    plane: PlaneMap | None
-    instance: int | None
 
 
 class Packer:

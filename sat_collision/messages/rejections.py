@@ -58,8 +58,8 @@ _ADVICE = {
     frame_tree.BAD_NAMES: 'a transform must name two frames',
     frame_tree.BAD_TRANSFORM: 'the publisher must send finite numbers and a quaternion that is '
                               'not zero',
-    frame_tree.OLD_TRANSFORM: 'check the clocks; two publishers of one frame do this, too',
-    frame_tree.TOO_MANY_FRAMES: 'find out who makes up names of frames',
+    frame_tree.OLD_TRANSFORM: 'check the clocks, and that the frame has one publisher',
+    frame_tree.TOO_MANY_FRAMES: 'find the publisher that makes up names of frames',
 }
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What two bodies share, to be drawn: rounded, and never asked whether they meet."""
+"""The region that two bodies share, for drawing: rounded, so it never decides contacts."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Ring: TypeAlias = NDArray[np.float64]
 
 # Bodies with more pairs of parts are marked where they are deepest in each other, to save time.
 _MOST_PAIRS = 2_000
-# What rounding may do, in parts of the largest coordinate.
+# Bound of rounding errors, relative to the largest coordinate.
 _SLACK = 1e-9
 
 
@@ -106,7 +106,7 @@ def _half_planes(ring: Ring) -> Iterator[tuple[Ring, Ring]]:
 
 
 def _meet(one: tuple[float, ...], other: tuple[float, ...], slack: float) -> bool:
-    """Return whether two boxes meet, but for rounding."""
+    """Return whether two boxes meet, up to rounding."""
     return (one[0] <= other[2] + slack and other[0] <= one[2] + slack
             and one[1] <= other[3] + slack and other[1] <= one[3] + slack)
 

@@ -81,7 +81,7 @@ class States:
     node_name : str
     settings : Settings
     moving : bool, optional
-        Whether they have what changes all the time, too, as those of ~/state.
+        Whether to include what changes all the time, as ~/state does.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class States:
         """
         Write down all states that have changed, or whose coordinates have other steps.
 
-        What is imminent changes all the time, where there are predictions by name.
+        An imminent state with a prediction changes all the time, so it is always written.
         """
         polygons = dict(scene.footprints)
         for name in self._statuses:

@@ -46,18 +46,18 @@ _LENGTH_SIZE = 4
 _TRANSFORM_SIZE = 56
 # Pose and twist, each with a covariance.
 _ODOMETRY_SIZE = 8 * 2 * 36 + 8 * (7 + 6)
-# From its twist on.
+# The twist, at the end, and its covariance.
 _TWIST_SIZE = 8 * 36 + 8 * 6
 _SECOND = 1_000_000_000
 
-# Names come again and again. One that is cut off by the end of a message may be among them: then
-# its transform is beyond the end.
+# Names repeat, so they are kept. A name that the end of a message cuts off may be among them; its
+# transform is then beyond the end, which is checked.
 _MOST_NAMES = 1000
 _names: dict[bytes, str] = {}
 
 
 class _Order:
-    """What reads the numbers of one byte order."""
+    """Readers of the numbers of one byte order."""
 
     def __init__(self, sign: str) -> None:
         self.count = struct.Struct(f'{sign}I').unpack_from
@@ -81,12 +81,13 @@ def decode_transforms(data: bytes) -> list[StampedTransform]:
     Raises
     ------
     MessageError
-        If not every byte is accounted for, a name is not UTF-8 or a stamp is no time.
+        If lengths do not add up, a name is not UTF-8 or a stamp is invalid.
 
     """
     order = _ORDERS.get(data[:4])
     if order is None or len(data) < _HEAD:
-        raise MessageError(f'{len(data)} bytes that begin with {data[:4].hex()!r} are no message')
+        raise MessageError(
+            f'{len(data)} bytes that begin with {data[:4].hex()!r} are not a message')
     count, = order.count(data, 4)
     head, link, transform, names = order.head, order.count, order.transform, _names
     at = _HEAD
@@ -128,7 +129,8 @@ def decode_odometry(data: bytes) -> StampedTransform:
     """
     order = _ORDERS.get(data[:4])
     if order is None:
-        raise MessageError(f'{len(data)} bytes that begin with {data[:4].hex()!r} are no message')
+        raise MessageError(
+            f'{len(data)} bytes that begin with {data[:4].hex()!r} are not a message')
     try:
         seconds, nanoseconds, length = order.head(data, 4)
         start = 4 + _STAMP_SIZE + _LENGTH_SIZE
@@ -160,9 +162,9 @@ def _name(text: bytes, length: int) -> str:
     Parameters
     ----------
     text : bytes
-        What there is of it.
+        Its bytes, as far as the message has them.
     length : int
-        How long it says to be.
+        Its announced length.
 
     """
     if length > LONGEST_FRAME_ID + 1:

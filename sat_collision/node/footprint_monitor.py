@@ -52,9 +52,9 @@ _LEASE = 0.5
 _TICK = 0.1
 _HEALTH_PERIOD = 1.0
 _LOG_PERIOD = 1.0
-# After so many s everything has had the time to start.
+# The time in s that everything has to start.
 _STARTED = 5.0
-# The node ticks so many times, at least, in the time after which the watchdog calls it stalled.
+# At least so many ticks fit into the time after which the watchdog reports a stall.
 _TICKS_IN_TIME = 3.0
 _SHORTEST_TICK = 0.02
 
@@ -161,7 +161,7 @@ class FootprintMonitor(Node):
             self._monitor.update_publishers(name, endpoints)
 
     def end_batch(self, messages: int, seconds: float) -> None:
-        """Publish what has changed, after so many messages that took so long."""
+        """Publish what a batch of messages has changed, which took some seconds."""
         self._health.count_batch(messages, seconds)
         self._outputs.markers_current = False
         self._publish_changes()
@@ -239,7 +239,7 @@ class FootprintMonitor(Node):
         self.get_logger().error(f'the monitor goes on after a stall of {stalled:.1f} s')
 
     def _report_unknown(self) -> None:
-        """Log once, when everything has had the time to start, what is not known yet, and why."""
+        """Log once, after the time to start, what is not known yet, and why."""
         self._reports_unknown_at = NEVER
         reasons = {reason for footprint in self._scene.settings.footprints
                    if footprint.enabled for reason in self._scene.unknown_reasons(footprint.name)}

@@ -162,7 +162,7 @@ class Health:
         if twice:
             publishers = ', '.join(sorted(publishers_of_tf(self._node))) or 'unknown'
             frames = ', '.join(map(in_words, [*twice][:_MOST_NAMED]))
-            problems.append(f'more than one publisher of /tf, of {publishers}, tells of {frames}')
+            problems.append(f'more than one publisher of /tf, of {publishers}, sends {frames}')
         if not self._node.get_clock().ros_time_is_active and self._node.count_publishers('/clock'):
             problems.append('/clock is published, but not used here: set use_sim_time: true')
         if refused > self._refused:

@@ -86,7 +86,7 @@ class Receiver(Protocol):
         """Record that the next message of a footprint or source is the first of its publisher."""
 
     def end_batch(self, messages: int, seconds: float) -> None:
-        """Publish what has changed, after so many messages that took so long."""
+        """Publish what a batch of messages has changed, which took some seconds."""
 
     def note_backlog(self, name: str, backlog: Backlog | None) -> None:
         """Record how far behind a topic is, None where it is not any more."""

@@ -30,7 +30,7 @@ from sat_collision.scene.streams import Endpoint
 
 _UNKNOWN = '_NODE_NAME_UNKNOWN_'
 _PASSED = 'one that has gone'
-# Looked at anew after so many looks, whatever the middleware has reported.
+# Publishers are looked up at least every so many times, even if no change was reported.
 _LOOKS = 10
 
 
@@ -80,7 +80,7 @@ class Publishers:
         self._unseen[name] += event.total_count_change
 
     def forget_matched(self, name: str) -> None:
-        """Count anew who is matched: an input has another subscription."""
+        """Reset the matched publishers of an input, which has a new subscription."""
         self.changed.add(name)
         self._matched.pop(name, None)
         self._unseen[name] = 0
@@ -154,7 +154,7 @@ class Publishers:
         return have_passed
 
     def _look(self, one: Input) -> list[Endpoint]:
-        """Return the publishers that live, in an order that does not change."""
+        """Return the live publishers, in an order that does not change."""
         subscription = one.subscription
         infos = self._node.get_publishers_info_by_topic(subscription.topic_name)
         known = self._order.get(one.name, [])

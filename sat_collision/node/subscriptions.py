@@ -94,7 +94,7 @@ class Subscriptions:
 
     def renew(self, name: str) -> bool:
         """
-        Subscribe anew, so that all comes again that the publisher keeps for late subscribers.
+        Subscribe again, to receive all that the publisher keeps for late subscribers.
 
         Returns
         -------

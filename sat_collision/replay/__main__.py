@@ -56,7 +56,7 @@ def main(args: Sequence[str] | None = None) -> int:
 
 def _prepare_kernels(options: argparse.Namespace) -> None:
     """Have the kernels compiled, and say so, where it pays; a cluster has kernels of its own."""
-    from sat_collision.replay.bag.unpacking import Limits
+    from sat_collision.replay.bag.storage import Limits
     from sat_collision.replay.kernels import choose, prepare
     limits = Limits(options.max_memory, options.max_disk)
     if not options.dask and choose(options.bags, limits):

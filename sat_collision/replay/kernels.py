@@ -28,10 +28,13 @@ from pathlib import Path
 import struct
 import sys
 import time
+from typing import cast, TYPE_CHECKING
 
 from sat_collision.extras import missing
-from sat_collision.replay.bag.storage import Message
-from sat_collision.replay.bag.unpacking import Limits
+from sat_collision.replay.bag.storage import Limits, Message
+
+if TYPE_CHECKING:
+    from sat_collision.replay.bag.recording import Recording
 
 _TYPES = ('geometry_msgs/msg/PolygonStamped', 'geometry_msgs/msg/PolygonInstanceStamped')
 # So many messages take plain Python some 2 s, and compiling takes more than 10 s. That pays off
@@ -111,7 +114,7 @@ _SQUARE = ((0, 0), (1, 0), (1, 1), (0, 1))
 
 
 class _WarmUp:
-    """What is asked of a recording: a robot with a notch, and two obstacles that pass it."""
+    """A stand-in for a Recording: a robot with a notch, and two obstacles that pass it."""
 
     path = Path('warm-up')
     start, end = _SECOND, 2 * _SECOND
@@ -137,7 +140,7 @@ def _warm_up() -> None:
     from sat_collision.replay.run import check_recording
     for as_live in (False, True):
         for margin in (0.0, 0.1):
-            result = check_recording(_WarmUp(), Options(
+            result = check_recording(cast('Recording', _WarmUp()), Options(
                 parameters={'margin': margin}, as_live=as_live))
             assert result.contacts and not result.problems, result
 

@@ -150,7 +150,8 @@ class Timeline:
     def deepen(self, now: int) -> None:
         """Measure the open contacts of bodies that have moved."""
         for name, contacts in self.touching.items():
-            for obstacle, *bodies in self._scene.contacts(name):
+            # In an order that is the same in each run: of equal depths the first counts.
+            for obstacle, *bodies in sorted(self._scene.contacts(name), key=_name_and_place):
                 contact = contacts.get(obstacle)
                 if contact is None or self._measured.get((name, obstacle)) == bodies:
                     continue
@@ -210,6 +211,11 @@ class Timeline:
         result = self._results[name]
         if result.least is None or found.separation < result.least.separation:
             result.least = found
+
+
+def _name_and_place(contact: tuple[ObstacleId, Polygon, Polygon]) -> tuple[object, ...]:
+    obstacle, _, other = contact
+    return obstacle, other.bounds
 
 
 class Rows:

@@ -25,12 +25,12 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from sat_collision.geometry.polygon import Reason
 from sat_collision.messages.cdr import header_stamp
-from sat_collision.messages.packer import Placement
+from sat_collision.messages.placement import Placement
 from sat_collision.messages.rejections import EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE
 from sat_collision.messages.transform_listener import TF_STATIC, TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
 from sat_collision.replay.bag.recording import Recording
-from sat_collision.replay.bag.storage import Message, Recorded
+from sat_collision.replay.bag.storage import Message
 from sat_collision.replay.bag.writer import OutputError
 from sat_collision.replay.live import Rows, SceneKeyframes, Timeline
 from sat_collision.replay.model.configuration import (
@@ -115,7 +115,7 @@ def _half(progress: OnProgress, share: float) -> None:
     progress(0.5 * share)
 
 
-def check_recording(recording: Recorded, options: Options,
+def check_recording(recording: Recording, options: Options,
                     progress: OnProgress | None = None, keyframes: Keyframes | None = None,
                     tape: Tape | None = None) -> Result:
     """Check what is open, as `check` does, and fill keyframes or a tape if there is one."""
@@ -135,7 +135,7 @@ def check_recording(recording: Recorded, options: Options,
 class _Run:
     """One recording on its way through the scene."""
 
-    def __init__(self, recording: Recorded, settings: Settings, options: Options,
+    def __init__(self, recording: Recording, settings: Settings, options: Options,
                  result: Result, keyframes: Keyframes | Tape | None) -> None:
         self._recording = recording
         self._settings = settings

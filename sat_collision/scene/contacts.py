@@ -62,14 +62,14 @@ class Contacts:
         self._obstacles: _Placed[Obstacle] = _Placed()
 
     def use_margin(self, margin: float) -> None:
-        """Decide everything anew by another margin, if it is another."""
+        """Decide everything again, if the margin has changed."""
         if margin != self._margin:
             self._margin = margin
             for footprint in self._footprints.bodies.values():
                 self.decide(footprint)
 
     def decide(self, footprint: Footprint) -> None:
-        """Decide a footprint anew, if it is placed."""
+        """Decide a footprint again, if it is placed."""
         if footprint.row is not None:
             polygon = self._footprints.polygons.polygon(footprint.row)
             rows = self._obstacles.polygons.rows_within(polygon, self._margin).tolist()

@@ -136,7 +136,7 @@ class Footprint(Body[Obstacle]):
         self.configure(settings)
 
     def configure(self, settings: FootprintSettings) -> None:
-        """Apply settings; with other sources its contacts must be decided anew."""
+        """Apply settings; with other sources its contacts must be decided again."""
         self.settings = settings
         self.timeout = round(settings.timeout * 1e9) if settings.timeout > 0.0 else NEVER
         self.stream.timeout = self.timeout
@@ -160,7 +160,7 @@ class Footprint(Body[Obstacle]):
         return self._names
 
     def toggle(self, others: Collection[Obstacle]) -> None:
-        """Meet each of these if it did not, and no more if it did."""
+        """Add those of some bodies that are not contacts, and remove those that are."""
         super().toggle(others)
         for other in others:
             name = other.name

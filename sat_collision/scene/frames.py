@@ -89,7 +89,7 @@ class NoTransform(NamedTuple):
     reason : str
         A few words without names and figures, to count by.
     detail : str
-        What is the matter here, for users.
+        What is wrong, for users.
     may_come : bool
         Whether later transforms may yet give an answer.
 
@@ -247,8 +247,8 @@ class Frames:
         tree, way = self._tree, _between(source, target)
         for name in (source, target):
             if not name or name[0] == '/':
-                return NoTransform(BAD_FRAME_ID, f'{in_quotes(name)} is no frame: a name is not '
-                                   'empty and begins without a slash', False)
+                return NoTransform(BAD_FRAME_ID, f'{in_quotes(name)} is not a valid frame: a '
+                                   'name is not empty and does not begin with a slash', False)
         for name in (source, target):
             if name not in tree:
                 return NoTransform(UNKNOWN_FRAME, f'{way}: no good transform has named '

@@ -64,7 +64,7 @@ class Body(Generic[_Other]):
         self._polygon = None
 
     def toggle(self, others: Collection[_Other]) -> None:
-        """Meet each of these if it did not, and no more if it did."""
+        """Add those of some bodies that are not contacts, and remove those that are."""
         self.contacts.symmetric_difference_update(others)
 
 

@@ -32,7 +32,7 @@ _ROUNDED = 1.0 + 1e-6
 
 
 class OutlineError(ValueError):
-    """A footprint has no outline that makes sense; the message begins with the parameter."""
+    """A footprint has an invalid outline; the message begins with the parameter."""
 
 
 def outline_of(settings: FootprintSettings, max_vertices: int) -> Outline:
@@ -53,7 +53,7 @@ def outline_of(settings: FootprintSettings, max_vertices: int) -> Outline:
     try:
         Polygon(vertices, max_vertices)
     except PolygonError as error:
-        raise OutlineError(f'{name}.points are no simple polygon: {error}') from error
+        raise OutlineError(f'{name}.points are not a simple polygon: {error}') from error
     return tuple((x, y) for x, y in vertices.tolist())
 
 
@@ -91,7 +91,7 @@ def _pairs(settings: FootprintSettings) -> list[tuple[float, float]]:
         return list(zip(points[::2], points[1::2]))
     try:
         pairs = [(float(x), float(y)) for x, y in ast.literal_eval(points.strip())]
-    # Whatever the parser of Python raises at what is no list of pairs.
+    # Whatever the parser of Python raises for anything else than a list of pairs.
     except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError) as error:
         raise OutlineError(f'{name}.points: a string must have the form '
                            "'[[x1, y1], [x2, y2], ...]'") from error

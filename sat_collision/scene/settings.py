@@ -96,7 +96,7 @@ class FootprintSettings:
         'names of the sources whose obstacles it must not touch, and whose faults make it '
         "unknown; [''] for all", live=True, safety=True))
     points: str | tuple[float, ...] = field(default='', metadata=_setting(
-        'm; the outline of a footprint that no topic tells: it moves with its frame_id. '
+        'm; the outline of a footprint without a topic: it moves with its frame_id. '
         '[x1, y1, x2, y2, ...], or a string as Nav2 has it, [[x1, y1], [x2, y2], ...]; empty for '
         'none', live=True, safety=True, is_any_type=True))
     radius: float = field(default=0.0, metadata=_setting(
@@ -110,8 +110,7 @@ class FootprintSettings:
     rate: float = field(default=50.0, metadata=_setting(
         'Hz; how often the outline is placed at most', limits=(0.1, 1000.0)))
     odometry: str = field(default='', metadata=_setting(
-        'topic of nav_msgs/Odometry that tells where the frame is instead of /tf; empty for '
-        '/tf'))
+        'topic of nav_msgs/Odometry that gives the pose of the frame; empty for /tf'))
     min_time_to_collision: float = field(default=0.0, metadata=_setting(
         's; the flag is raised, too, when the footprint, moving on as it does, is in contact '
         'within this time; 0.0 for contact alone', live=True, safety=True,
@@ -137,7 +136,7 @@ class ObstacleSettings:
         'obstacles for the source that there is by default'))
     type: str = field(default=POLYGON, metadata=_setting(  # noqa: A003, the parameter's name
         'polygon is geometry_msgs/PolygonStamped, whose stamps make sets; polygon_instance is '
-        'PolygonInstanceStamped, whose ids tell obstacles apart',
+        'PolygonInstanceStamped, whose ids identify obstacles',
         choices=(POLYGON, POLYGON_INSTANCE)))
     timeout: float = field(default=2.0, metadata=_setting(
         's; older obstacles are forgotten, and a source without a whole set or without a message '
@@ -203,8 +202,8 @@ class Settings:
         'm; a footprint collides when its separation from an obstacle is no more; 0.0 is contact, '
         'decided exactly', live=True, safety=True, limits=(0.0, 1000.0)))
     horizon: float = field(default=3.0, metadata=_setting(
-        's; contacts are predicted so far ahead where somebody subscribes to what tells of them; '
-        '0.0 for none', live=True, limits=(0.0, 60.0)))
+        's; how far ahead contacts are predicted, while somebody subscribes to a topic with '
+        'predictions; 0.0 for not at all', live=True, limits=(0.0, 60.0)))
     resolution: float = field(default=0.001, metadata=_setting(
         'm; ~/state warns of footprints whose coordinates have larger float32 steps',
         live=True, limits=(0.0, 1000.0)))
@@ -226,8 +225,8 @@ class Settings:
         'processor time and delays an answer by no more; 0.0 for never',
         live=True, limits=(0.0, 0.1)))
     watchdog: float = field(default=0.3, metadata=_setting(
-        's; when the node has not come to look after its messages for so long, a thread beside it '
-        'raises all flags; 0.0 for never', live=True, safety=True, limits=(0.0, 60.0)))
+        's; when the node has not processed messages for so long, a separate thread raises all '
+        'flags; 0.0 for never', live=True, safety=True, limits=(0.0, 60.0)))
     lock_parameters: bool = field(default=False, metadata=_setting(
         'true refuses, once the node runs, to change what decides about clear: the parameters '
         'marked with a +, and use_sim_time'))

@@ -28,7 +28,7 @@ from sat_collision.scene.times import NEVER
 
 
 class News(enum.Enum):
-    """What the number of a message says before the message itself."""
+    """What the sequence number of a message means."""
 
     CONTINUES = 'it is the next one of its stream'
     LOST = 'it is of the same stream, but some before it were lost'
@@ -153,7 +153,7 @@ class Stream:
             self._find_speaker(number, expected, now)
             return BEGUN if number == 1 else MET
         if expected is None:
-            # Whose it is is not known, unless there is only one.
+            # Its publisher is not known, unless there is only one.
             if self._endpoints and len(self._endpoints) == 1:
                 self._speaker, = self._endpoints
                 self._perhaps_silent.clear()
@@ -163,12 +163,12 @@ class Stream:
             return MET
         self.lost += number - expected
         if number > self._last_before:
-            # It may be of a namesake that lives after all.
+            # It may be from a publisher of the same node name that is alive after all.
             self._speaker = None
         return LOST
 
     def update(self, endpoints: Sequence[Endpoint]) -> bool:
-        """Take the publishers there are now; return whether knowledge begins anew by it."""
+        """Update the publishers; return whether what is known must be rebuilt."""
         before = [one.gid for one in self.publishers]
         known = self._endpoints or {}
         current = {one.gid: one for one in endpoints}
@@ -211,12 +211,12 @@ class Stream:
             self.mixed_until = now + min(self.timeout, _LONGEST_MIXED)
 
     def interrupt(self) -> None:
-        """Let no number continue the stream, but for the first one of another."""
+        """Accept no number as the next one of the stream, only the first of another."""
         if self.next is not None:
             self._last, self.next = self.next - 1, None
 
     def restart(self) -> None:
-        """Begin to listen anew, to all that the publisher still keeps."""
+        """Start over with a new subscription, to all that the publisher still keeps."""
         self.next, self._last = None, 0
         self._silent = {one.gid for one in self.publishers}
         self._perhaps_silent.clear()

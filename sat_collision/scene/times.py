@@ -19,4 +19,4 @@ NEVER = float('inf')
 # Stamps so far from the present are by another clock.
 FAR = 3600 * 10**9
 BY_ANOTHER_CLOCK = ('more than an hour from the clock of this node: set use_sim_time: true where '
-                    'a recording or a simulation tells the time by /clock')
+                    'a recording or a simulation publishes /clock')

@@ -23,9 +23,9 @@ _SLOW = 10.0
 
 
 @pytest.fixture(scope='module')
-def made():
+def made(module_domain):
     """Return one node's process, to which all is done."""
-    with rig() as made:
+    with rig(module_domain) as made:
         yield made
 
 

@@ -30,7 +30,7 @@ import time
 
 from recordings import box, write
 from sat_collision.replay.bag.recording import Recording
-from sat_collision.replay.bag.unpacking import Limits
+from sat_collision.replay.bag.storage import Limits
 from sat_collision.replay.model.configuration import parameters_of_file, settings_of
 from sat_collision.replay.output.baseline import Baseline, BaselineError
 from sat_collision.replay.output.formats import write_json

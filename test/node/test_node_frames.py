@@ -193,7 +193,7 @@ def test_two_publishers_of_a_frame_are_named(domain, start_with_tf):
     running.until(both, 'two publishers')
     assert 'transforms of arm: publishers took turns' not in health(running)
     assert float(health(running)['transforms: rate [Hz]']) > 1.0
-    assert 'of /peer, tells of base' in running.health().message.replace('/peer, /peer', '/peer')
+    assert 'of /peer, sends base' in running.health().message.replace('/peer, /peer', '/peer')
     other.close()
 
 

@@ -24,7 +24,7 @@ import pytest
 from recordings import box, drive, write
 from sat_collision.geometry.jit import COMPILED
 from sat_collision.replay import kernels
-from sat_collision.replay.bag.unpacking import Limits
+from sat_collision.replay.bag.storage import Limits
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason='nothing is compiled here')
 

@@ -12,15 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is not known of frames is refused, in words; times are seconds since START."""
+"""Frames: what is known of them, as transforms say, and against matrices and the real tf2."""
 
 import math
 
 import numpy as np
+from published import load
 import pytest
 from sat_collision.scene import frames
 from sat_collision.scene.frame_tree import BAD_NAMES, BAD_TRANSFORM, OLD_TRANSFORM
 from sat_collision.scene.frames import Frames, Mapped, NoTransform
+from sat_collision.scene.rotations import (
+    accepted, composed, fixed, IDENTITY, interpolated, plane_map, relative, rounded, tilt)
 
 SECOND = 10**9
 START = 1000 * SECOND
@@ -140,7 +143,7 @@ def test_a_quaternion_need_not_have_length_one(tree):
 def test_names_that_are_none(tree, name):
     found = tree.where(name, 0.5)
     assert (found.reason, found.may_come) == (frames.BAD_FRAME_ID, False)
-    assert f"'{name}' is no frame" in found.detail
+    assert f"'{name}' is not a valid frame" in found.detail
     assert tree.where('base', 0.5, target=name).reason == frames.BAD_FRAME_ID
 
 
@@ -346,3 +349,207 @@ def test_two_publishers_of_one_frame_have_the_last_word_each():
         told[time] = float(k)
         tree.moving('odom', 'base', (time, k))
     assert all(tree.where('base', time) == x for time, x in told.items())
+
+
+def about(axis, angle):
+    """Return the matrix that turns by an angle about an axis of unit length (Rodrigues)."""
+    x, y, z = axis
+    cross = np.array([(0, -z, y), (z, 0, -x), (-y, x, 0)])
+    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+
+
+def turned(axis, angle, translation=(0.0, 0.0, 0.0)):
+    """Return a received transform, and the same as a 4 x 4 matrix."""
+    axis = np.asarray(axis, float) / np.linalg.norm(axis)
+    matrix = np.eye(4)
+    matrix[:3, :3] = about(axis, angle)
+    matrix[:3, 3] = translation
+    transform = (*map(float, translation), *(math.sin(angle / 2) * axis).tolist(),
+                 math.cos(angle / 2))
+    return transform, matrix
+
+
+def matrix_of(transform):
+    """Return the 4 x 4 matrix of a transform, column by column: where it takes the unit points."""
+    def taken(*point):
+        return rounded(composed(transform, fixed((*point, 0.0, 0.0, 0.0, 1.0))))[:3]
+
+    origin = np.array(taken(0.0, 0.0, 0.0))
+    matrix = np.eye(4)
+    matrix[:3, 3] = origin
+    for k in range(3):
+        matrix[:3, k] = np.array(taken(*np.eye(3)[k].tolist())) - origin
+    return matrix
+
+
+@pytest.fixture
+def random_turns():
+    rng = np.random.default_rng(1)
+    return [turned(rng.normal(size=3), rng.uniform(-np.pi, np.pi), rng.normal(size=3))
+            for _ in range(50)]
+
+
+def test_one_after_the_other_is_the_product(random_turns):
+    for (outer, a), (inner, b) in zip(random_turns, random_turns[1:]):
+        outer, inner = fixed(outer), fixed(inner)
+        np.testing.assert_allclose(matrix_of(outer), a, atol=1e-14)
+        np.testing.assert_allclose(matrix_of(composed(outer, inner)), a @ b, atol=1e-14)
+
+
+def test_from_one_frame_to_another_is_the_way_back_after_the_way_there(random_turns):
+    for (source, a), (target, b) in zip(random_turns, random_turns[1:]):
+        found = relative(fixed(target), fixed(source))
+        np.testing.assert_allclose(matrix_of(found), np.linalg.inv(b) @ a, atol=1e-14)
+
+
+@pytest.mark.parametrize('sign', (1.0, -1.0))
+@pytest.mark.parametrize('angle', (0.0, 1e-9, 0.3, 1.0, 3.0))
+def test_half_way_is_half_the_angle_and_half_the_distance(angle, sign):
+    """Also where one is told by the opposite quaternion, which means the same rotation."""
+    axis = np.array([1.0, 2.0, 2.0]) / 3
+    one, start = turned(axis, 0.4, (1, 2, 3))
+    two, _ = turned(axis, 0.4 + angle, (3, 2, 7))
+    for passed in (0, 1, 2, 4):
+        share = passed / 4
+        found = interpolated(one, (*two[:3], *(sign * part for part in two[3:])), passed, 4)
+        _, wanted = turned(axis, 0.4 + share * angle, (1 + 2 * share, 2, 3 + 4 * share))
+        np.testing.assert_allclose(matrix_of(found), wanted, atol=1e-12)
+
+
+def test_the_plane_is_mapped_by_the_matrix(random_turns):
+    for transform, matrix in random_turns:
+        np.testing.assert_allclose(plane_map(fixed(transform)), matrix[:2, [0, 1, 3]].ravel(),
+                                   atol=1e-14)
+
+
+@pytest.mark.parametrize('axis, angle, wanted', [
+    ((0, 0, 1), 1.0, 0.0), ((1, 0, 0), 0.1, 0.1), ((0, 1, 0), -0.1, 0.1), ((1, 1, 0), 2e-7, 2e-7),
+    ((1, 0, 0), math.pi, 0.0), ((0, 1, 0), 3.0, math.pi - 3.0),
+    ((1, 0, 0), math.pi / 2, math.pi / 2)])
+def test_tilt_is_the_angle_of_the_z_axes_as_lines(axis, angle, wanted):
+    """A laser that hangs upside down sees the same plane."""
+    heading, _ = turned((0, 0, 1), 0.7)
+    transform, matrix = turned(axis, angle)
+    transform = fixed(transform)
+    assert tilt(transform) == pytest.approx(wanted, abs=1e-15)
+    assert tilt(composed(fixed(heading), transform)) == pytest.approx(wanted, abs=1e-15)
+    assert math.cos(wanted) == pytest.approx(abs(matrix[2, 2]), abs=1e-15)
+
+
+@pytest.mark.parametrize('place', range(7))
+@pytest.mark.parametrize('value', (math.nan, math.inf, -math.inf))
+def test_what_is_not_finite_is_no_transform(place, value):
+    transform = list(rounded(IDENTITY))
+    transform[place] = value
+    assert accepted(tuple(transform)) is None
+
+
+def test_all_zero_is_no_rotation():
+    assert accepted((1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 0.0)) is None
+    assert accepted((1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 5e-324)) is not None
+
+
+def test_a_translation_of_any_size_is_kept_as_a_double():
+    for x in (0.1, -1e6, 1e250, -1e300):
+        assert rounded(fixed(accepted((x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))))[0] == x
+    assert accepted((1e302, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)) is None
+
+
+CASES = load('tf2_lookups')
+ERRORS = {
+    'ExtrapolationException': {frames.NO_TRANSFORM},
+    'LookupException': {frames.UNKNOWN_FRAME},
+    'InvalidArgumentException': {frames.BAD_FRAME_ID},
+    'ConnectivityException': {frames.NOT_CONNECTED},
+}
+# Infinitely far away: tf2 takes it.
+NOT_TAKEN = {('refused', 'i')}
+RECORDED = 1_700_000_000_000_000_000
+
+
+def transform_of(event):
+    return tuple(map(float, (*event['xyz'], *event['quaternion'])))
+
+
+def look_up(buffer, target, source, stamp):
+    return buffer.lookup(target, source, stamp) if stamp else buffer.newest(target, source)
+
+
+def assert_same(found, translation, quaternion):
+    """Compare with what tf2 found; a quaternion and its opposite are one rotation."""
+    *place, x, y, z, w = found.transform
+    np.testing.assert_allclose(place, translation, rtol=0, atol=1e-9)
+    sign = 1 if np.dot((x, y, z, w), quaternion) > 0 else -1
+    np.testing.assert_allclose((x, y, z, w), np.multiply(sign, quaternion), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize('case', CASES, ids=lambda case: case['name'].replace(' ', '_'))
+def test_recorded_answers(case):
+    buffer = Frames(round(case['cache_time'] * 1e9))
+    for event in case['events']:
+        if event['do'] == 'set':
+            buffer.insert(event['parent'], event['child'], event['stamp'], transform_of(event),
+                          event['static'])
+            continue
+        target, source, stamp = event['target'], event['source'], event['stamp']
+        found = look_up(buffer, target, source, stamp)
+        if (case['name'], source) in NOT_TAKEN:
+            assert found.reason == frames.UNKNOWN_FRAME
+        elif 'error' in event:
+            assert found.reason in ERRORS[event['error']], event
+        else:
+            assert not isinstance(found, NoTransform), found
+            assert_same(found, event['xyz'], event['quaternion'])
+            assert source == target or (found.at or 0) == event['at']
+
+
+def test_all_recorded_answers_are_there():
+    lookups = [event for case in CASES for event in case['events'] if event['do'] == 'lookup']
+    assert len(CASES) == 23 and len(lookups) == 975
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_random_trees_beside_tf2(seed):
+    """With jumps, late transforms, changes of parent and static frames in between."""
+    tf2 = pytest.importorskip('tf2_py')
+    from geometry_msgs.msg import TransformStamped
+    from rclpy.duration import Duration
+    from rclpy.time import Time
+    rng = np.random.default_rng(seed)
+    theirs = tf2.BufferCore(Duration(seconds=3))
+    ours = Frames(3 * 10**9)
+    names = [f'f{k}' for k in range(6)]
+    static = rng.random(6) < 0.2
+    answered = refused = 0
+    for step in range(400):
+        stamp = RECORDED + 25_000_000 * step
+        child = int(rng.integers(1, 6))
+        parent = child - 1 if rng.random() < 0.95 else int(rng.integers(child))
+        sent = stamp - int(rng.integers(10**9)) if rng.random() < 0.1 else stamp
+        message = TransformStamped()
+        message.header.frame_id, message.child_frame_id = names[parent], names[child]
+        message.header.stamp = Time(nanoseconds=sent).to_msg()
+        quaternion = rng.normal(size=4)
+        quaternion /= np.linalg.norm(quaternion)
+        values = (*rng.normal(size=3).tolist(), *quaternion.tolist())
+        translation, rotation = message.transform.translation, message.transform.rotation
+        translation.x, translation.y, translation.z = values[:3]
+        rotation.x, rotation.y, rotation.z, rotation.w = values[3:]
+        put = theirs.set_transform_static if static[child] else theirs.set_transform
+        put(message, 'test')
+        ours.insert(names[parent], names[child], sent, values, bool(static[child]))
+        source, target = rng.choice(names, 2, replace=False).tolist()
+        asked = 0 if rng.random() < 0.2 else stamp - int(rng.integers(4 * 10**9))
+        found = look_up(ours, target, source, asked)
+        try:
+            wanted = theirs.lookup_transform_core(target, source, Time(nanoseconds=asked))
+        except tf2.TransformException as error:
+            assert isinstance(found, NoTransform), error
+            refused += 1
+            continue
+        assert not isinstance(found, NoTransform), found
+        translation, rotation = wanted.transform.translation, wanted.transform.rotation
+        assert_same(found, (translation.x, translation.y, translation.z),
+                    (rotation.x, rotation.y, rotation.z, rotation.w))
+        answered += 1
+    assert answered > 30 and refused > 30

@@ -12,11 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Settings: each has a meaning, and a default that it may have."""
+"""Settings and the parameters that make them: meanings, defaults, names, outlines."""
 
 from dataclasses import FrozenInstanceError, MISSING
 
 import pytest
+from sat_collision.scene.outlines import outline_of
+from sat_collision.scene.parameters import declare_parameters, ParameterError, read_settings
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, specs
 from stage import LIDAR, ROBOT
 
@@ -57,3 +59,158 @@ def test_settings_cannot_be_changed_in_place():
     for settings in (ROBOT, LIDAR, Settings((ROBOT,), (LIDAR,))):
         with pytest.raises(FrozenInstanceError):
             settings.enabled = False
+
+
+def declared(**given):
+    """Return all values by name, then the names of the footprints and those of the sources."""
+    values = {}
+
+    def declare(name, default, spec):
+        values[name] = given.get(name.replace('.', '__'), default)
+        return values[name]
+    return values, *declare_parameters(declare)
+
+
+def settings_of(resolve=str, **given):
+    """Return the Settings that the given parameters make; two underscores stand for the dot."""
+    values, footprints, obstacles = declared(**given)
+    return read_settings(footprints, obstacles, values.__getitem__, resolve)
+
+
+def test_nothing_given_makes_the_defaults():
+    """One footprint and one source of obstacles."""
+    assert settings_of() == Settings((FootprintSettings('footprint', 'footprint'),),
+                                     (ObstacleSettings('obstacle', 'obstacles'),))
+
+
+def test_every_source_has_parameters_of_its_own():
+    """All its settings, by its name."""
+    values, footprints, obstacles = declared(footprints=['a', 'b'], obstacles=['c'])
+    assert (footprints, obstacles) == (['a', 'b'], ['c'])
+    assert set(values) == {*specs(Settings),
+                           *(f'{name}.{field}' for name in 'ab'
+                             for field in specs(FootprintSettings)),
+                           *(f'c.{field}' for field in specs(ObstacleSettings))}
+
+
+def test_what_is_given_is_what_is_set():
+    """Of one source among several, and of the monitor."""
+    settings = settings_of(obstacles=['map', 'people'], people__max_count=7, margin=0.5)
+    assert settings.obstacles == (ObstacleSettings('map', 'map'),
+                                  ObstacleSettings('people', 'people', max_count=7))
+    assert settings.margin == 0.5
+
+
+def test_topics_are_resolved():
+    """By whoever knows the namespace; where that fails, the error names the parameter."""
+    assert settings_of('/robot/{}'.format).footprints[0].topic == '/robot/footprint'
+
+    def refuse(topic):
+        raise ValueError(f'{topic!r} is\nno topic')
+    with pytest.raises(ParameterError, match="^footprint.topic: 'a b' is no topic$"):
+        settings_of(refuse, footprint__topic='a b')
+
+
+def test_only_ids_tell_what_has_moved():
+    """Of other obstacles it is not known which one has become which."""
+    assert settings_of(obstacle__moving=True,
+                       obstacle__type='polygon_instance').obstacles[0].moving
+    with pytest.raises(ParameterError, match='^obstacle.moving: only ids .* polygon_instance$'):
+        settings_of(obstacle__moving=True)
+
+
+@pytest.mark.parametrize('given, words', [
+    ({'footprints': ['left arm']}, "'left arm' cannot be a name: use letters"),
+    ({'obstacles': ['größe']}, "'größe' cannot be a name: use letters"),
+    ({'footprints': ['']}, "'' cannot be a name"),
+    ({'obstacles': ['margin']}, "'margin' cannot be a name, because a parameter"),
+    ({'footprints': ['use_sim_time']}, "'use_sim_time' cannot be a name, because a parameter"),
+    ({'footprints': ['a'], 'obstacles': ['b', 'a']}, "'a' is used twice")])
+def test_senseless_names_are_refused(given, words):
+    """The message says which one, why, and what to do."""
+    with pytest.raises(ParameterError, match=words):
+        declared(**given)
+
+
+def test_sources_are_given_by_name():
+    """Empty names are none; a name that is not there is refused with the one that was meant."""
+    given = {'obstacles': ['walls', 'dock'], 'footprints': ['a', 'b']}
+    a, b = settings_of(**given, a__obstacles=['walls'], b__obstacles=['']).footprints
+    assert (a.obstacles, b.obstacles) == (('walls',), ())
+    with pytest.raises(ParameterError, match=(
+            r"^a.obstacles: there is no obstacle source 'wals'; did you mean 'walls'\?$")):
+        settings_of(**given, a__obstacles=['dock', 'wals'])
+    with pytest.raises(ParameterError, match="^b.obstacles: there is no obstacle source 'x'$"):
+        settings_of(**given, b__obstacles=['x'])
+
+
+SQUARE = ((0.5, 0.25), (-0.5, 0.25), (-0.5, -0.25), (0.5, -0.25))
+FLAT = [coordinate for point in SQUARE for coordinate in point]
+
+
+def settings_with(**given):
+    """Return the settings of a monitor whose footprint is given these parameters."""
+    given = {'frame_id': 'odom', **{
+        f'footprint.{name}' if name != 'fixed' else 'frame_id': value
+        for name, value in {'frame_id': 'base_link', **given}.items()}}
+    values = {}
+
+    def declare(name, default, spec):
+        values[name] = given.get(name, default)
+        return values[name]
+    return read_settings(*declare_parameters(declare), values.__getitem__, '/ns/{}'.format)
+
+
+def outline(**given):
+    settings = settings_with(**given)
+    return outline_of(settings.footprints[0], settings.max_vertices)
+
+
+@pytest.mark.parametrize('points', [
+    FLAT, tuple(FLAT), '[[0.5, 0.25], [-0.5, 0.25], [-0.5, -0.25], [0.5, -0.25]]',
+    ' [ [.5,25e-2],[-0.5,0.25],[-.5,-0.25], [0.5 , -0.25] ] '])
+def test_points_are_numbers_or_what_nav2_has(points):
+    assert outline(points=points) == SQUARE
+
+
+def test_whole_numbers_are_numbers():
+    """A parameter file has integers where nobody wrote a point."""
+    assert outline(points=[1, 0, 0, 1, -1, 0]) == ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0))
+
+
+def test_a_footprint_may_be_a_point_or_a_segment():
+    assert outline(points=[1.0, 0.0]) == ((1.0, 0.0),)
+    assert outline(points='[[1, 0], [2, 0]]') == ((1.0, 0.0), (2.0, 0.0))
+
+
+def test_its_topic_is_where_its_frame_is_told():
+    assert settings_with(points=FLAT).footprints[0].topic == '/ns//tf'
+    assert settings_with(points=FLAT, odometry='odom').footprints[0].topic == '/ns/odom'
+    assert settings_with(frame_id='').footprints[0].topic == '/ns/footprint'
+
+
+@pytest.mark.parametrize('given, words', [
+    ({'points': '[[0, 0], [1, 1], [1, 0], [0, 1]]'},
+     '^footprint.points are not a simple polygon: '),
+    ({'points': [0.0, 0.0, float('nan'), 1.0, 1.0, 0.0]},
+     '^footprint.points are not a simple polygon: '),
+    ({'points': [0.0, 0.0, 1e300, 1.0, 1.0, 0.0]}, '^footprint.points are not a simple polygon: '),
+    ({'points': [0.0, 1.0, 2.0]}, '^footprint.points has 3 numbers, but each point has two$'),
+    ({'points': 'base'}, r"^footprint.points: a string must have the form '\[\[x1, y1\], "),
+    ({'points': '[[0, 0], [1, 2, 3]]'}, '^footprint.points: a string must have the form'),
+    ({'points': '[0, 0, 1, 2]'}, '^footprint.points: a string must have the form'),
+    ({'points': '(' * 5000}, '^footprint.points: a string must have the form'),
+    ({'points': 3}, "^parameter 'footprint.points' is 3, but must be a string or an array of"),
+    ({'points': ['a']}, r"^parameter 'footprint.points' is \['a'\], but must be"),
+    ({'points': FLAT, 'radius': 1.0},
+     '^footprint.points and footprint.radius are both given: choose one$'),
+    ({'points': FLAT, 'frame_id': ''}, '^footprint.frame_id: an outline needs the frame'),
+    ({'points': FLAT, 'frame_id': '/base_link'}, 'without a slash before it$'),
+    ({'radius': 1.0, 'fixed': ''},
+     '^frame_id: the outline of footprint needs the fixed frame that it moves in, such as odom$'),
+    ({}, '^footprint.frame_id is for an outline: give footprint.points or footprint.radius, too'),
+    ({'frame_id': '', 'odometry': 'odom'}, '^footprint.odometry is for an outline: ')])
+def test_what_makes_no_sense_is_told_in_one_line(given, words):
+    with pytest.raises(ParameterError, match=words) as error:
+        settings_with(**given)
+    assert '\n' not in str(error.value)

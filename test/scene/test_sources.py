@@ -17,34 +17,13 @@
 from dataclasses import replace
 
 import pytest
-from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.scene import FROM_FUTURE
 from sat_collision.scene.settings import ObstacleSettings
-from sat_collision.scene.sources import Source, TOO_OLD
+from sat_collision.scene.sources import TOO_OLD
 from sat_collision.scene.streams import Endpoint
 from stage import (
-    ACCUMULATED, EVERY_KIND, findings, INSTANCES, LIDAR, nanoseconds, NOTHING_SENT,
-    PATIENT_LIDAR, square, Stage, START, with_robot)
-
-LIDAR_SAYS = 'obstacle source lidar on /polygons '
-REFUSED = LIDAR_SAYS + 'sent what was refused: '
-KEYED = pytest.mark.parametrize('settings', [INSTANCES, ACCUMULATED],
-                                ids=['instances', 'accumulate'])
-
-
-def known_stage(*sources):
-    """Return a stage with a robot at 0 and a known source, without any obstacle."""
-    stage = with_robot(*sources)
-    stage.end(stamp=-2.0)
-    stage.end()
-    return stage
-
-
-def clear_stage(settings):
-    """Return one on which the robot is clear."""
-    stage = known_stage(settings)
-    assert findings(stage) == ('clear', ())
-    return stage
+    EVERY_KIND, findings, INSTANCES, KEYED, known_stage, LIDAR, LIDAR_SAYS,
+    NOTHING_SENT, PATIENT_LIDAR, REFUSED, Stage, with_robot)
 
 
 def test_instances_are_known_by_their_id():
@@ -60,7 +39,7 @@ def test_instances_are_known_by_their_id():
 
 def test_older_polygon_of_an_id_changes_nothing():
     """Two messages overtake each other on the way: where the obstacle is now is known already."""
-    stage = clear_stage(INSTANCES)
+    stage = known_stage(INSTANCES)
     stage.see(0.5, instance=1)
     assert stage.see(10, stamp=-0.1, instance=1) is None
     stage.refuse(stamp=-0.1, instance=1)
@@ -71,7 +50,7 @@ def test_older_polygon_of_an_id_changes_nothing():
 
 def test_instance_that_returns_to_a_former_place():
     """A door opens and closes: the same two shapes in turn under one id."""
-    stage = clear_stage(INSTANCES)
+    stage = known_stage(INSTANCES)
     for time, x, status in ((0.1, 0.5, 'collision'), (0.2, 9, 'clear'), (0.3, 0.5, 'collision')):
         stage.wait_until(time)
         stage.see(x, instance=1)
@@ -82,7 +61,7 @@ def test_instance_that_returns_to_a_former_place():
 def test_key_is_forgotten_by_its_publisher_not_by_time(settings):
     """It lives and has not refreshed it; or it has ended, and the obstacle may still be there."""
     for is_alive, expected in ((True, 'clear'), (False, 'unknown')):
-        stage = clear_stage(settings)
+        stage = known_stage(settings)
         stage.see(0.5, instance=1)
         stage.wait_until(1.4)
         stage.end()
@@ -113,7 +92,7 @@ def test_last_whole_set_stays_until_the_source_is_unknown():
 
 def test_set_that_is_whole_too_late_is_forgotten_at_once():
     """It was held for the set before it, which was young."""
-    stage = clear_stage(LIDAR)
+    stage = known_stage(LIDAR)
     stage.see(0.5, stamp=-1.9)
     stage.wait_until(0.2)
     assert stage.status() == 'collision'
@@ -151,7 +130,7 @@ def test_obstacle_lives_from_its_stamp_not_from_its_arrival(settings):
 @EVERY_KIND
 def test_stamp_further_ahead_than_the_tolerance_is_refused(settings):
     """The publisher's clock is an hour ahead: nobody knows how long a message was on the way."""
-    stage = clear_stage(settings)
+    stage = known_stage(settings)
     assert stage.see(10, stamp=3600.0, instance=1) == 'from the future'
     assert stage.status() == 'unknown'
     for time in (2.1, 4.1):
@@ -206,7 +185,7 @@ def test_source_of_which_nothing_came_is_unknown(settings):
 @EVERY_KIND
 def test_silent_source_is_unknown_until_it_is_known_again(settings):
     """The sensor is unplugged and plugged in again."""
-    stage = clear_stage(settings)
+    stage = known_stage(settings)
     stage.see(10, instance=1)
     stage.end()
     stage.wait_until(2.0)
@@ -261,7 +240,7 @@ def test_message_of_any_key_is_missing_at_the_beginning_too(settings):
 
 def test_refused_instance_of_a_silent_source_is_forgotten():
     """It came in the silence, without a stamp that could end it."""
-    stage = clear_stage(INSTANCES)
+    stage = known_stage(INSTANCES)
     stage.wait_until(3.0)
     stage.see(10, stamp=100.0, instance=1)
     silent = LIDAR_SAYS + 'has been silent for longer than its timeout of 2 s'
@@ -371,7 +350,7 @@ def test_lossy_source_is_unknown_when_its_last_whole_set_is_too_old():
 @KEYED
 def test_loss_of_keys_counts_for_the_timeout(settings):
     """By then all that is there has been received anew."""
-    stage = clear_stage(settings)
+    stage = known_stage(settings)
     stage.lose()
     stage.see(10, instance=1)
     reason = LIDAR_SAYS + ('has not been received for its timeout of 2 s without a gap since '
@@ -387,7 +366,7 @@ def test_loss_of_keys_counts_for_the_timeout(settings):
 
 def test_loss_before_an_empty_polygon_of_stamp_0_is_one_in_the_set():
     """It ends no set, but its number shows that one of this set was lost."""
-    stage = clear_stage(LIDAR)
+    stage = known_stage(LIDAR)
     stage.wait_until(1.0)
     stage.see(10)
     stage.lose()
@@ -400,7 +379,7 @@ def test_loss_before_an_empty_polygon_of_stamp_0_is_one_in_the_set():
 
 def test_loss_before_an_id_without_a_usable_stamp_is_one_of_any_key():
     """What was lost may have been of another id than that which is refused, and mended."""
-    stage = clear_stage(INSTANCES)
+    stage = known_stage(INSTANCES)
     stage.lose()
     assert stage.see(10, stamp=100.0, instance=1) == FROM_FUTURE
     stage.see(10, instance=1)
@@ -432,7 +411,7 @@ def test_lossy_map_is_asked_for_again():
 
 def test_lost_footprint_is_made_up_for_by_the_next():
     """A loss of footprints is only counted."""
-    stage = clear_stage(LIDAR)
+    stage = known_stage(LIDAR)
     stage.lose(name='robot')
     stage.robot()
     assert findings(stage) == ('clear', ())
@@ -460,7 +439,7 @@ def test_enabled_source_begins_anew(settings, timeout):
 @EVERY_KIND
 def test_restarted_publisher_is_known_by_its_own_listing(settings):
     """What the one before has told stays until its timeout."""
-    stage = clear_stage(settings)
+    stage = known_stage(settings)
     stage.publish_by('a')
     stage.restart()
     stage.see(0.5, instance=1)
@@ -549,132 +528,3 @@ def test_stamps_of_0_among_others_begin_anew():
     assert findings(stage) == ('collision', ())
     stage.wait_until(2.001)
     assert findings(stage) == ('clear', ())
-
-
-def test_refused_obstacle_of_a_set_counts_until_the_next_is_whole():
-    """A polygon with a NaN stands for an obstacle somewhere; other sources are untouched."""
-    stage = with_robot(LIDAR, ObstacleSettings('radar', '/radar'))
-    stage.send(9, name='radar')
-    stage.see(10)
-    stage.refuse()
-    stage.see(30)
-    stage.end()
-    assert stage.held == {0: (9, 10), 2: 30}
-    assert findings(stage) == ('unknown', (REFUSED + 'not finite',))
-    stage.see(0.5, name='radar')
-    assert findings(stage) == ('collision', (REFUSED + 'not finite',))
-    stage.send(name='radar', stamp=0.0)
-    stage.wait_until(0.1)
-    stage.see(11)
-    assert findings(stage) == ('collision', (REFUSED + 'not finite',))
-    stage.end()
-    assert findings(stage) == ('collision', ())
-
-
-def test_refused_instance_counts_until_it_is_good_or_forgotten():
-    """A good message of another one heals nothing."""
-    for is_mended in (True, False):
-        stage = clear_stage(INSTANCES)
-        stage.refuse(instance=1)
-        stage.wait_until(0.5)
-        stage.see(10, instance=2)
-        assert findings(stage) == ('unknown', (REFUSED + 'not finite',))
-        if is_mended:
-            stage.see(10, instance=1)
-        else:
-            stage.wait_until(2.0)
-            stage.see(10, instance=2)
-            assert stage.status() == 'unknown'
-            stage.wait_until(2.001)
-            stage.see(10, instance=2)
-        assert findings(stage) == ('clear', ())
-
-
-@EVERY_KIND
-def test_message_that_tells_neither_stamp_nor_id_is_a_gap(settings):
-    """It may have been of this set, or of any key."""
-    stage = clear_stage(settings)
-    stage.send_garbage()
-    stage.wait_until(0.1)
-    stage.see(10, instance=1)
-    stage.end()
-    stage.wait_until(2.001)
-    assert stage.status() == 'unknown'
-    stage.see(10, instance=1)
-    stage.end()
-    assert findings(stage) == ('clear', ())
-
-
-def test_refused_shape_is_a_gap():
-    """Of what accumulates, a refused polygon has no key."""
-    stage = clear_stage(ACCUMULATED)
-    stage.refuse('self-intersecting')
-    assert findings(stage) == ('unknown', (
-        LIDAR_SAYS + 'has not been received for its timeout of 2 s without a gap since a message '
-        'was refused: self-intersecting',))
-    stage.wait_until(2.0)
-    stage.end()
-    assert findings(stage) == ('clear', ())
-
-
-def test_reasons_for_refusal_are_named_once_each():
-    """Two bad polygons of one kind and one of another make two sentences."""
-    stage = with_robot(LIDAR)
-    for reason in ('not finite', 'self-intersecting', 'not finite'):
-        stage.refuse(reason)
-    stage.end()
-    assert stage.state().reasons == (REFUSED + 'not finite', REFUSED + 'self-intersecting')
-    stage.wait_until(0.1)
-    stage.refuse('not finite')
-    assert len(stage.state().reasons) == 2
-    stage.end()
-    assert stage.state().reasons == (REFUSED + 'not finite',)
-
-
-def test_set_beyond_max_count_is_unknown_until_a_set_fits():
-    """The scan has more obstacles than the limit: what was cut off may be anywhere."""
-    stage = with_robot(replace(LIDAR, max_count=2))
-    stage.send(10, 20)
-    assert stage.status() == 'clear'
-    for time in (0.1, 0.2):
-        stage.wait_until(time)
-        for x in (11, 21):
-            stage.see(x)
-        assert stage.status() == ('clear' if time == 0.1 else 'unknown')
-        assert stage.see(30) == stage.see(40) == 'too many obstacles'
-        assert findings(stage) == ('unknown', (REFUSED + 'too many obstacles',))
-    stage.wait_until(0.3)
-    stage.send(12, 22)
-    assert findings(stage) == ('clear', ())
-
-
-@KEYED
-def test_more_keys_than_max_count_are_a_gap(settings):
-    """What did not fit may be there for the timeout, whatever else comes and goes."""
-    stage = known_stage(replace(settings, max_count=2))
-    stage.see(10, instance=1)
-    stage.see(20, instance=2)
-    assert stage.see(30, instance=3) == 'too many obstacles'
-    assert sorted(stage.held.values()) == [10, 20]
-    stage.wait_until(1.999)
-    stage.see(20, instance=2)
-    assert findings(stage) == ('unknown', (
-        LIDAR_SAYS + 'has not been received for its timeout of 2 s without a gap since there '
-        'were too many obstacles',))
-    stage.wait_until(2.001)
-    stage.end()
-    assert stage.see(40, instance=4) is None
-    assert findings(stage) == ('clear', ())
-
-
-@EVERY_KIND
-def test_flood_takes_no_more_room_than_max_count(settings):
-    """A publisher gone wild sends thousands of obstacles, good and bad, in one instant."""
-    source = Source(replace(settings, max_count=5), Contacts())
-    now = nanoseconds(START)
-    for number in range(1000):
-        source.receive(square(number).packed, 'map', now, now, number, 2 * number + 1)
-        source.receive(None, 'map', now, now, -1 - number, 2 * number + 2, 'not finite')
-    obstacles = [body for body in source.store if body.polygon is not None]
-    assert 2 < len(obstacles) <= 5
-    assert len(list(source.store)) <= 7

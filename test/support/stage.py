@@ -36,6 +36,10 @@ EVERY_KIND = pytest.mark.parametrize('settings', [LIDAR, INSTANCES, ACCUMULATED]
 TOO_OLD = 'footprint robot on /footprint is older than its timeout of 1 s'
 NOT_RECEIVED = 'footprint robot on /footprint has not been received yet'
 NOTHING_SENT = 'obstacle source lidar on /polygons has not sent anything yet'
+KEYED = pytest.mark.parametrize('settings', [INSTANCES, ACCUMULATED],
+                                ids=['instances', 'accumulate'])
+LIDAR_SAYS = 'obstacle source lidar on /polygons '
+REFUSED = LIDAR_SAYS + 'sent what was refused: '
 
 
 def nanoseconds(seconds):
@@ -152,6 +156,15 @@ def with_robot(*sources, footprints=(PATIENT_ROBOT,), stamp=None):
     """Return a stage with a footprint that stands at 0 and, unless told otherwise, never ages."""
     stage = Stage(*sources, footprints=footprints)
     stage.robot(stamp=stamp)
+    return stage
+
+
+def known_stage(*sources):
+    """Return one whose source is known and sees nothing: the robot is clear."""
+    stage = with_robot(*sources)
+    stage.end(stamp=-2.0)
+    stage.end()
+    assert findings(stage) == ('clear', ())
     return stage
 
 

@@ -19,7 +19,7 @@ recording    a bag, of one or more storage files, opened once
 mcap         MCAP storage
 sqlite       SQLite storage (.db3)
 rosbag2      what only the library of ROS unpacks here
-unpacking    decompression within limits of memory and disk
+storage      what the readers have in common: faults, limits, decompression
 writer       new bags
 
 The readers are our own because those of others stop at damage: of files with random damage, in

@@ -25,8 +25,7 @@ import struct
 from typing import NamedTuple, TypeAlias
 import zlib
 
-from sat_collision.replay.bag.storage import Faults, Message
-from sat_collision.replay.bag.unpacking import Damage, in_words, Limits, unpacked
+from sat_collision.replay.bag.storage import Damage, Faults, in_words, Limits, Message, unpacked
 
 _MESSAGE = 5
 _MESSAGE_HEAD = struct.Struct('<HIQQ')
@@ -54,7 +53,7 @@ class McapFile:
 
     Chunks that cannot be unpacked or have a wrong checksum are left out, so that no coordinates
     are made up of damaged bytes. What was read is compared with what indexes and statistics
-    announce. The attributes are those of Storage.
+    announce. The attributes are those of `Recording`.
 
     Parameters
     ----------
@@ -122,7 +121,7 @@ class McapFile:
         layout = self._layout
         if layout is None:
             return
-        # What is wrong has been noted already where all was read before.
+        # Faults have been recorded already where all was read before.
         faults = Faults(Path()) if self._surveyed else self._faults
         wanted = {channel: topic for channel, (topic, _) in layout.channels.items()
                   if topic in topics}
@@ -148,7 +147,7 @@ class McapFile:
             self._compare_statistics(read, layout.statistics, layout)
 
     def _survey(self, layout: Layout) -> Counter[int]:
-        """Read all, where the file does not sum itself up; return the counts by channel."""
+        """Read all, of a file without a summary; return the counts by channel."""
         found: Counter[int] = Counter()
         for number, block in enumerate(layout.blocks):
             loaded = self._load(block, number, 0, self._faults)
@@ -161,7 +160,7 @@ class McapFile:
         return found
 
     def _load(self, block: Block, number: int, held: int, faults: Faults) -> list[_Entry]:
-        """Return the messages of a block, noting what is wrong with it."""
+        """Return the messages of a block, recording its faults."""
         assert self._layout
         entries: list[_Entry] = []
         try:
@@ -262,7 +261,7 @@ class Layout:
     faults : Faults
         Takes what is wrong.
     most : int
-        So large may a record be that is read as a whole, in bytes.
+        The largest record that is read as a whole, in bytes.
 
     Attributes
     ----------
@@ -331,7 +330,7 @@ class Layout:
             self._faults.differs((kind, key), said)
 
     def _walk_summary(self) -> None:
-        """Read what is behind the data, if the end of the file says that there is something."""
+        """Read the summary behind the data, if the end of the file announces one."""
         try:
             footer = self.read(max(self._size - _FOOTER_SIZE, 0), _FOOTER_SIZE)
             kind, size, start, _, checksum = _FOOTER.unpack_from(footer)
@@ -462,7 +461,7 @@ class Layout:
             self.blocks.append(Block(time, time, 0, where, whole, '', whole, 0))
 
     def _account(self) -> None:
-        """Keep what is kept of the file within the limit."""
+        """Count an entry that is kept; raise Damage where they are too many."""
         self._left -= _ENTRY
         if self._left < 0:
             raise Damage('too many chunks for --max-memory')

@@ -22,16 +22,17 @@ import hashlib
 from pathlib import Path
 import re
 from types import TracebackType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 import zlib
 
 from sat_collision.replay.bag.mcap import McapFile
 from sat_collision.replay.bag.rosbag2 import is_there, Rosbag2Storage
 from sat_collision.replay.bag.sqlite import SqliteFile
-from sat_collision.replay.bag.storage import Faults, Message, Storage
-from sat_collision.replay.bag.unpacking import (
-    Damage, in_words, Limits, Scratch, unpacked, why_not_unpacked, ZSTD_MAGIC)
+from sat_collision.replay.bag.storage import (
+    Damage, Faults, in_words, Limits, Message, Scratch, unpacked, why_not_unpacked, ZSTD_MAGIC)
 import yaml
+
+_Storage: TypeAlias = McapFile | SqliteFile | Rosbag2Storage
 
 _STORAGE = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 _ROS_1 = b'#ROSBAG V'
@@ -44,9 +45,8 @@ class Recording:
     """
     A rosbag2 recording: a directory with metadata.yaml, or one storage file.
 
-    Every fault of a file is recorded, so that a damaged
-    recording is read as far as possible. What metadata.yaml announces is compared with what is
-    there. To be used as a context manager.
+    A damaged recording is read as far as possible, and every fault of a file is recorded. What
+    metadata.yaml announces is compared with what is there. To be used as a context manager.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class Recording:
         self._faults: list[Faults] = []
         self._own = self._faults_of(self.path)
         self._metadata: Metadata | None = None
-        self._parts: list[Storage] = []
+        self._parts: list[_Storage] = []
         self._sums: Counter[str] = Counter()
         self._compressions: set[str] = set()
 
@@ -181,7 +181,7 @@ class Recording:
         return [file for file in listed if file.exists()]
 
     def _bags_within(self) -> list[Path]:
-        """Return the folders in this one that are recordings, if it is none itself."""
+        """Return the folders in this one that are recordings, unless it is one itself."""
         if (self.path / 'metadata.yaml').exists():
             return []
         return sorted({file.parent for pattern in ('*/metadata.yaml', '*/*.mcap', '*/*.db3')
@@ -215,7 +215,7 @@ class Recording:
             faults.damaged('neither a .mcap nor a .db3 file')
 
     def _open_by_rosbag2(self, missing: str) -> None:
-        """Begin anew, now that there is something that nothing but rosbag2_py unpacks here."""
+        """Read all with rosbag2_py instead, which alone can decompress it here."""
         for part in self._parts:
             part.close()
         self._parts.clear()
@@ -227,7 +227,7 @@ class Recording:
             return
         self._add(Rosbag2Storage(self.path, self._own, by_one, self._scratch))
 
-    def _add(self, part: Storage) -> None:
+    def _add(self, part: _Storage) -> None:
         self._parts.append(part)
         for topic, kind in part.topics.items():
             if self.topics.setdefault(topic, kind) != kind:
@@ -278,7 +278,7 @@ class Metadata(NamedTuple):
 
 def read_metadata(path: Path, most: int) -> Metadata:
     """
-    Read metadata.yaml, of at most so many bytes.
+    Read metadata.yaml, which may have at most so many bytes.
 
     Raises
     ------
@@ -291,7 +291,7 @@ def read_metadata(path: Path, most: int) -> Metadata:
     try:
         content = yaml.load(path.read_text(encoding='utf-8'), yaml.SafeLoader)
     except Exception as error:  # whatever the constructors of YAML's types raise
-        raise Damage(f'is no YAML: {in_words(error)}') from error
+        raise Damage(f'is not YAML: {in_words(error)}') from error
     information = _entry(content, 'rosbag2_bagfile_information', dict)
     files = [Path(_checked(name, str, 'relative_file_paths')).name
              for name in _entry(information, 'relative_file_paths', list)]

@@ -25,8 +25,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
-from sat_collision.replay.bag.storage import Faults, is_installed, Message
-from sat_collision.replay.bag.unpacking import in_words, Scratch
+from sat_collision.replay.bag.storage import Faults, in_words, is_installed, Message, Scratch
 
 
 def is_there() -> bool:
@@ -36,7 +35,7 @@ def is_there() -> bool:
 
 class Rosbag2Storage:
     """
-    A recording as rosbag2_py reads it. The attributes are those of Storage.
+    A recording as rosbag2_py reads it. The attributes are those of `Recording`.
 
     Parameters
     ----------

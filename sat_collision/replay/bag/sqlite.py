@@ -22,8 +22,7 @@ import os
 from pathlib import Path
 import sqlite3
 
-from sat_collision.replay.bag.storage import Faults, Message
-from sat_collision.replay.bag.unpacking import Damage, in_words, Limits, Scratch
+from sat_collision.replay.bag.storage import Damage, Faults, in_words, Limits, Message, Scratch
 
 _LOGS = ('-wal', '-journal')
 _COLUMNS = {'topics': {'id', 'name', 'type'},
@@ -34,7 +33,7 @@ FROM messages NOT INDEXED"""
 _READ = 'SELECT topic_id, timestamp, {} FROM messages {} WHERE topic_id IN ({}) ORDER BY {}'
 # What is damaged may have values of any type and size.
 _GUARDED = "CASE WHEN typeof(data) = 'blob' AND length(data) <= {} THEN data END"
-# So often SQLite calls back, and an interrupt is noticed.
+# After so many steps SQLite calls back, so that an interrupt is noticed.
 _STEPS = 100_000
 
 
@@ -43,8 +42,8 @@ class SqliteFile:
     A .db3 file, read through SQLite in the order of time.
 
     Where SQLite finds the file damaged it is read in the order of writing, up to the damage. Rows
-    with a value of another type are counted: data that is none is handed on as b'', to be refused
-    as any message that cannot be decoded; without a time a row cannot be handed on.
+    with a value of another type are counted: data of another type is yielded as b'', which cannot
+    be decoded and so is refused; a row without a time is left out.
 
     Parameters
     ----------
@@ -121,7 +120,7 @@ class SqliteFile:
                 raise Damage(f"'{table}' is not a table of a recording")
         for key, name, kind in connection.execute('SELECT id, name, type FROM topics'):
             if not isinstance(name, str) or not isinstance(kind, str):
-                self._faults.damaged('a topic whose name or type is no text')
+                self._faults.damaged('a topic whose name or type is not text')
                 continue
             self._names[key] = name
             if self.topics.setdefault(name, kind) != kind:

@@ -12,86 +12,35 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the readers of storage files have in common, and the faults that they find."""
+"""What the readers have in common: faults, and decompression within limits of memory and disk."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Collection, Iterator, Set
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Protocol, TypeAlias
+import sys
+import tempfile
+from typing import Any, BinaryIO, TypeAlias
 
 Message: TypeAlias = tuple[str, int, bytes]  # topic, time in ns, data
 
+ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
+_PIECE = 2**20
+_MISSING = 'it is compressed: unpacking {0} needs {1} (pip install {1}) or rosbag2_py of ROS'
+# How many differences are named for a file, and the length of the text about all its faults.
+_MOST = 3
+_LONGEST = 1000
+
 
 def is_installed(library: str) -> bool:
-    """Return whether a library can be imported; a folder of the same name is none."""
+    """Return whether a library can be imported; a folder of the same name does not count."""
     try:
         spec = find_spec(library)
     except ModuleNotFoundError:  # what it lies in
         return False
     return spec is not None and spec.origin is not None
-
-
-class Storage(Protocol):
-    """
-    A storage file, of which faults are recorded while it is opened and read.
-
-    Attributes
-    ----------
-    topics, counts : dict
-        Type and number of messages of each topic.
-    start, end : int
-        Times of the first and the last message in ns, None if there is none.
-
-    """
-
-    topics: dict[str, str]
-    counts: Counter[str]
-    start: int | None
-    end: int | None
-
-    def close(self) -> None:
-        ...
-
-    def messages(self, topics: Collection[str], start: int | None,
-                 stop: int | None) -> Iterator[Message]:
-        """Yield (topic, time in ns, data) of some topics, from start on and before stop (ns)."""
-        ...
-
-
-class Recorded(Protocol):
-    """The interface of a recording that is checked; the attributes are those of Recording."""
-
-    path: Path
-    topics: dict[str, str]
-    counts: Counter[str]
-
-    @property
-    def latched(self) -> Set[str]:
-        ...
-
-    @property
-    def start(self) -> int | None:
-        ...
-
-    @property
-    def end(self) -> int | None:
-        ...
-
-    @property
-    def problems(self) -> list[str]:
-        ...
-
-    def messages(self, topics: Collection[str], start: int | None = None,
-                 stop: int | None = None) -> Iterator[Message]:
-        """Yield (topic, time in ns, data) of some topics, from start on and before stop (ns)."""
-        ...
-
-
-_MOST = 3
-_LONGEST = 1000
 
 
 class Faults:
@@ -137,3 +86,173 @@ class Faults:
         # Names of topics come from the file, and may be anything.
         text = ''.join(letter if letter.isprintable() else '?' for letter in '; '.join(parts))
         return f'{self._file}: {text[:_LONGEST]}'
+
+
+class Damage(Exception):
+    """Something cannot be read; the message says what is wrong."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """
+    How much memory and disk a recording may take, in bytes.
+
+    Attributes
+    ----------
+    memory : int
+        For what is unpacked and indexed. Python itself comes on top of it.
+    disk : int
+        For temporary files: storage files unpacked, and copies to be mended.
+
+    """
+
+    memory: int = 2 * 10**9
+    disk: int = 4 * 10**9
+
+    @property
+    def chunk(self) -> int:
+        """
+        What may be unpacked at a time.
+
+        A message takes at least 31 bytes of a chunk, and some 200 as an entry of a list.
+        """
+        return self.memory // 8
+
+
+def unpacked(packed: bytes, compression: str, most: int) -> bytes:
+    """
+    Return what data of a compression ('zstd', 'lz4' or '' for none) holds.
+
+    Raises
+    ------
+    Damage
+        If it is not whole, or holds more bytes than `most`.
+
+    """
+    if not compression:
+        return packed
+    if compression not in ('zstd', 'lz4'):
+        raise Damage(f"unknown compression '{compression}'")
+    errors: tuple[type[Exception], ...] = RuntimeError, EOFError
+    if compression == 'zstd':
+        zstd = _zstd()
+        decompressor = zstd.ZstdDecompressor()
+        errors += zstd.ZstdError,
+    else:
+        decompressor = _lz4().LZ4FrameDecompressor()
+    try:
+        content: bytes = decompressor.decompress(packed, max_length=most + 1)
+    except errors as error:
+        raise Damage(in_words(error)) from error
+    if len(content) > most:
+        raise Damage(f'it holds more than {most} bytes')
+    if not decompressor.eof:
+        raise Damage('compressed data that is cut off')
+    return content
+
+
+def why_not_unpacked(compressions: Iterable[str]) -> str | None:
+    """Return what is missing here to unpack what is compressed so, None if nothing is."""
+    for compression in compressions:
+        try:
+            _LIBRARIES[compression]()
+        except KeyError:
+            pass  # reported when it is read
+        except Damage as damage:
+            return str(damage)
+    return None
+
+
+def _zstd() -> Any:
+    try:
+        if sys.version_info >= (3, 14):
+            from compression import zstd
+        else:
+            from backports import zstd
+    except ImportError as error:
+        raise Damage(_MISSING.format('zstd', 'backports.zstd')) from error
+    return zstd
+
+
+def _lz4() -> Any:
+    try:
+        from lz4 import frame
+    except ImportError as error:
+        raise Damage(_MISSING.format('lz4', 'lz4')) from error
+    return frame
+
+
+_LIBRARIES = {'zstd': _zstd, 'lz4': _lz4}
+
+
+class Scratch:
+    """
+    A folder for temporary files, which take no more of the disk than is allowed.
+
+    Parameters
+    ----------
+    most : int
+        Bytes in all.
+
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = self._left = most
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+
+    def close(self) -> None:
+        """Remove all."""
+        if self._folder:
+            self._folder.cleanup()
+
+    def copy(self, file: Path) -> Path:
+        """
+        Copy a file, keeping its name, and return the copy.
+
+        Raises
+        ------
+        Damage
+            If it is too large.
+
+        """
+        plain = self._place(file.name)
+        with file.open('rb') as source, plain.open('wb') as target:
+            self._write(source.read, target)
+        return plain
+
+    def unpack(self, packed: Path) -> tuple[Path, Damage | None]:
+        """
+        Return a file with what a zstd-compressed one holds, and why that is not all.
+
+        Raises
+        ------
+        Damage
+            If there is no library for it.
+
+        """
+        plain = self._place(packed.stem)
+        zstd = _zstd()
+        try:
+            with zstd.open(packed, 'rb') as source, plain.open('wb') as target:
+                self._write(source.read, target)
+        except (EOFError, zstd.ZstdError) as error:
+            return plain, Damage(in_words(error))
+        except Damage as damage:
+            return plain, damage
+        return plain, None
+
+    def _place(self, name: str) -> Path:
+        self._folder = self._folder or tempfile.TemporaryDirectory(prefix='replay_check_')
+        return Path(self._folder.name, name)
+
+    def _write(self, read: Callable[[int], bytes], target: BinaryIO) -> None:
+        while piece := read(_PIECE):
+            if len(piece) > self._left:
+                raise Damage(f'temporary files would take more than {self._most / 1e9:g} GB: '
+                             'allow more with --max-disk')
+            self._left -= target.write(piece)
+
+
+def in_words(error: BaseException) -> str:
+    """Return in one line what an exception says, or its kind if it says nothing."""
+    return ' '.join(str(error).split()) or type(error).__name__

@@ -28,7 +28,7 @@ import sys
 from typing import NoReturn
 
 from sat_collision import __version__
-from sat_collision.replay.bag.unpacking import Limits
+from sat_collision.replay.bag.storage import Limits
 from sat_collision.replay.model.options import HEADER, NODE, RECEIVE
 from sat_collision.replay.model.result import Verdict
 
@@ -59,7 +59,7 @@ def parse(args: Sequence[str] | None = None) -> argparse.Namespace:
     if options.write_bag and not options.as_live:
         parser.error('--write-bag writes what the node would have published: it needs --as-live')
     if options.min_ttc is not None and options.as_live:
-        parser.error('--min-ttc goes by recorded motion: it cannot be had with --as-live')
+        parser.error('--min-ttc uses recorded motion: it cannot be combined with --as-live')
     return options
 
 
@@ -99,7 +99,7 @@ def _parser() -> argparse.ArgumentParser:
     add('--node', type=_node, default=NODE,
         help='full name of the node, for parameter files and topics (%(default)s)')
     add('--as-live', action='store_true',
-        help='tell what the monitor would have said; without, what touched by recorded motion')
+        help='answer what the monitor would have said, not what touched by recorded motion')
     add('--clock', choices=(RECEIVE, HEADER), default=RECEIVE,
         help='time of a message: when it was received, or its header stamp (%(default)s)')
     add('--start', type=_seconds, default=0.0, metavar='S',

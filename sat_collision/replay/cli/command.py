@@ -23,7 +23,7 @@ import sys
 import traceback
 
 from sat_collision.extras import missing
-from sat_collision.replay.bag.unpacking import in_words, Limits
+from sat_collision.replay.bag.storage import in_words, Limits
 from sat_collision.replay.bag.writer import check_bag_writer, OutputError
 from sat_collision.replay.cli.arguments import parse
 from sat_collision.replay.cli.parallel import (

@@ -25,7 +25,7 @@ from pathlib import Path
 import signal
 import traceback
 
-from sat_collision.replay.bag.unpacking import in_words
+from sat_collision.replay.bag.storage import in_words
 from sat_collision.replay.model.options import Options
 from sat_collision.replay.model.result import Result
 from sat_collision.replay.run import check, OnProgress
@@ -61,7 +61,7 @@ def check_here(paths: Iterable[str], options: Options, jobs: int) -> Iterator[Re
         _abandon(pool)
         raise
     pool.shutdown()
-    # When a process dies all that was under way fails, so the culprit is found one by one.
+    # When a process dies, all running checks fail: run them again one by one.
     pool = _pool(1)
     for path in again:
         for _ in range(_ATTEMPTS - 1):
@@ -83,7 +83,7 @@ def _pool(jobs: int) -> ProcessPoolExecutor:
 
 
 def _abandon(pool: ProcessPoolExecutor) -> None:
-    """End what is under way, and do not begin what waits."""
+    """End running checks, and cancel pending ones."""
     pool.shutdown(wait=False, cancel_futures=True)
     for process in multiprocessing.active_children():
         process.terminate()

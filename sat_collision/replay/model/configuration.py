@@ -25,7 +25,7 @@ from pathlib import Path
 import re
 from typing import Any, TypeAlias
 
-from sat_collision.replay.bag.unpacking import in_words
+from sat_collision.replay.bag.storage import in_words
 from sat_collision.replay.model.options import NODE
 from sat_collision.scene.parameters import (
     check_names_given, declare_parameters, is_name_of, ParameterError, parameters_by_node,
@@ -112,7 +112,7 @@ def settings_of(parameters: Mapping[str, Any], node: str = NODE,
     """
     Return the Settings that parameters by dotted names make; what the node refuses is refused.
 
-    Unless they are complete, parameters of sources that nobody has named yet are left out.
+    Unless they are complete, parameters of sources not named yet are ignored.
 
     Raises
     ------
@@ -284,7 +284,7 @@ def _named(kind: str, topics: Iterable[str], default: str) -> dict[str, object]:
 
 
 def _detected(polygons: Mapping[str, str], kinds: list[str]) -> dict[str, str]:
-    """Return the topic of each kind of which there is any."""
+    """Return the topic detected for each kind, if any."""
     found: dict[str, str] = {}
     certain = True
     if 'footprints' in kinds:

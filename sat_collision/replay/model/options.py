@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from sat_collision.replay.bag.unpacking import Limits
+from sat_collision.replay.bag.storage import Limits
 
 NODE = '/footprint_monitor'
 RECEIVE = 'receive'

@@ -258,7 +258,7 @@ class Result:
 
     @property
     def too_undetermined(self) -> list[SourceResult]:
-        """Those of which it is not known for too long how something moved."""
+        """The sources whose motion was undetermined for too long."""
         if self.max_undetermined is None:
             return []
         most = 1e9 * self.max_undetermined
@@ -266,7 +266,7 @@ class Result:
 
     @property
     def too_soon(self) -> list[FootprintResult]:
-        """Those whose least time to collision is less than is allowed."""
+        """The footprints whose least time to collision is less than allowed."""
         return [footprint for footprint in self.footprints if self.min_ttc is not None
                 and footprint.soonest and footprint.soonest.time_to_collision < self.min_ttc]
 
@@ -330,7 +330,7 @@ class Series:
 
 
 def least_of(series: Iterable[list[Sample]]) -> Iterable[Sample]:
-    """Yield the least of what several series, each in the order of time, have said last."""
+    """Yield the least of the latest values of several series, each in the order of time."""
     latest: dict[int, float | None] = {}
     before: Sample | None = None
     for time, number, value in merge(*(
@@ -378,7 +378,7 @@ class Unknowns:
             self.intervals.append(self._open[name])
 
     def finish(self, now: int) -> None:
-        """End what is open; what came and went between two messages of one time never was."""
+        """End open intervals, and drop those without duration."""
         for unknown in self._open.values():
             unknown.last = now
         self.intervals = [one for one in self.intervals if one.last > one.first]

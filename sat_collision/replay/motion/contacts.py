@@ -12,19 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where and when a footprint on its way touches what a source of obstacles tells of."""
+"""Where and when a footprint on its way touches the obstacles of a source."""
 
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Container, Iterable
+from collections.abc import Iterable
 from math import isnan
 from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
 from sat_collision.geometry.jit import indexable
-from sat_collision.geometry.polygon import Polygon, PolygonError
+from sat_collision.geometry.polygon import PackedBody, Polygon, PolygonError
 from sat_collision.geometry.query import closest_points, separation
 from sat_collision.geometry.sweep import time_of_contact
 from sat_collision.replay.model.result import (
@@ -37,7 +37,7 @@ from sat_collision.scene.obstacles import ObstacleId
 
 # What rounding may take from a separation or add to a way, in parts of the largest coordinate.
 _SLACK = 1e-12
-_NOTHING = indexable(np.zeros(1))
+_NOTHING = indexable(np.zeros(1)), 0
 
 
 class ContactTracker:
@@ -73,10 +73,9 @@ class ContactTracker:
 
     def decide(self, step: Step) -> None:
         """Decide a step; the footprint's way through it must be known, as far as it ever is."""
-        stamps = step.seen.stamps if step.seen is not None else ()
         followed: dict[ObstacleId, Contact] = {}
         for motion in step.motions:
-            self._follow(motion, followed, stamps)
+            self._follow(motion, followed, step.seen)
         if step.gone is None:
             before, self._touching = self._touching, followed
         else:
@@ -94,63 +93,62 @@ class ContactTracker:
             self._touching.pop(name, None)
 
     def finish(self) -> None:
-        """Take note of the contacts that last to the end."""
+        """Mark the contacts that last to the end."""
         for contact in self._touching.values():
             contact.at_end = True
 
     def _look(self, seen: Bodies, before: dict[ObstacleId, Contact]) -> dict[ObstacleId, Contact]:
         """Decide a moment: return what touches, and note how deep, and what is nearest."""
         touching: dict[ObstacleId, Contact] = {}
-        box = self._trajectory.bounds(min(seen.stamps), max(seen.stamps)) if len(seen) else None
+        box = self._trajectory.bounds(seen.begin, seen.end) if len(seen) else None
         if box is None:
             return touching
         self.decided = True
         least: tuple[float, int] | None = None
-        outline = self._trajectory.outline(seen.stamps[0]) if len({*seen.stamps}) == 1 else None
-        for gap, row, value in _by_gap(outline, box, seen, np.arange(len(seen)), self._margin):
+        body = self._trajectory.packed(seen.begin) if seen.begin == seen.end else None
+        for gap, row, value in _by_gap(body, box, seen, None, self._margin):
             if gap > self._margin and least is not None and gap > least[0]:
                 break
-            time, name = seen.stamps[row], seen.names[row]
-            outline = self._trajectory.outline(time)
-            if outline is None:
-                continue
-            if isnan(value):
-                value = separation(outline, seen.polygon(row))
-            if value <= self._margin:
-                contact = self._touching.get(name) or before.get(name) or (
-                    self._contacts.begin(name, time))
-                touching[name] = contact
-                contact.last = time
-                contact.found = AT_A_SAMPLE
-                self._contacts.deepen(contact, name, 0.0 - value, time,
-                                      (outline, seen.polygon(row)))
+            if isnan(value) or value <= self._margin:
+                time = int(seen.stamps[row])
+                outline = self._trajectory.outline(time)
+                if outline is None:
+                    continue
+                if isnan(value):
+                    value = separation(outline, seen.polygon(row))
+                if value <= self._margin:
+                    name = seen.names[row]
+                    contact = self._touching.get(name) or before.get(name) or (
+                        self._contacts.begin(name, time))
+                    touching[name] = contact
+                    contact.last = time
+                    contact.found = AT_A_SAMPLE
+                    self._contacts.deepen(contact, name, 0.0 - value, time,
+                                          (outline, seen.polygon(row)))
             if least is None or value < least[0]:
                 least = value, row
         if least:
-            value, row = least
-            self._series.add(seen.stamps[row], value)
-            self._contacts.measure(seen.names[row], seen.stamps[row], value, seen.polygon(row))
+            self._series.add(int(seen.stamps[least[1]]), least[0])
+            self._contacts.measure(seen, least[1], int(seen.stamps[least[1]]), least[0])
         return touching
 
     def _follow(self, motion: LinearMotion, followed: dict[ObstacleId, Contact],
-                seen: Container[int]) -> None:
+                seen: Bodies | None) -> None:
         """Decide a motion of known bodies; put what touches at its end to the rest."""
-        start, finish = min(motion.starts), max(motion.finishes)
-        box = self._trajectory.bounds(start, finish)
+        box = self._trajectory.bounds(motion.begin, motion.end)
+        near: list[int] = []
+        if box is not None:
+            self.decided = True
+            rows = np.empty(len(motion), np.int64)
+            near = rows[:rows_near(box, motion.boxes, self._margin, rows)].tolist()
         names = motion.before.names
-        rows = np.empty(len(motion), np.int64)
-        near = set() if box is None else {
-            *rows[:rows_near(box, motion.boxes, self._margin, rows)].tolist()}
         if self._touching:
-            for i, row in enumerate(motion.rows):
-                if names[row] in self._touching and i not in near:
-                    del self._touching[names[row]]
-        if box is None:
-            return
-        self.decided = True
-        for i in sorted(near):
+            for i in {*range(len(motion))}.difference(near):
+                self._touching.pop(names[motion.rows[i]], None)
+        for i in near:
             contact = self._touching.pop(names[motion.rows[i]], None)
-            for begin, end, piece in self._trajectory.pieces(motion.starts[i], motion.finishes[i]):
+            for begin, end, piece in self._trajectory.pieces(int(motion.starts[i]),
+                                                             int(motion.finishes[i])):
                 if contact is not None and contact.last != begin:
                     contact = None
                 try:
@@ -160,24 +158,25 @@ class ContactTracker:
                     self.undetermined += end - begin
             if contact is not None:
                 followed[motion.after.names[motion.next_rows[i]]] = contact
-        self._look_at_still(motion, start, finish, seen)
+        if box is not None:
+            self._look_at_still(motion, seen)
 
-    def _look_at_still(self, motion: LinearMotion, start: int, finish: int,
-                       seen: Container[int]) -> None:
-        """Find what is nearest of all that does not move, at the frames of the footprint."""
-        times = [time for time in self._trajectory.frames(start, finish) if time not in seen]
+    def _look_at_still(self, motion: LinearMotion, seen: Bodies | None) -> None:
+        """Find what is nearest of all that does not move, at the samples of the footprint."""
+        times = [time for time in self._trajectory.samples(motion.begin, motion.end)
+                 if seen is None or time not in seen.moments]
         if not times:
             return
-        still = [i for i, moved in enumerate(motion.moved) if not moved]
+        still = motion.moved == 0.0
+        are_all_still = np.count_nonzero(still) == len(motion.before)
         for time in times:
             outline = self._trajectory.outline(time)
             if outline is None:
                 continue
-            rows = [motion.rows[i] for i in still
-                    if motion.starts[i] <= time <= motion.finishes[i]]
+            rows = motion.rows[still & (motion.starts <= time) & (time <= motion.finishes)]
             least = None
-            for gap, row, value in _by_gap(outline, np.array(outline.bounds), motion.before,
-                                           np.array(rows, np.int64), -np.inf):
+            for gap, row, value in _by_gap(outline.packed, np.array(outline.bounds),
+                                           motion.before, rows, -np.inf):
                 if least is not None and gap > least[0]:
                     break
                 if isnan(value):
@@ -185,11 +184,9 @@ class ContactTracker:
                 if least is None or value < least[0]:
                     least = value, row
             if least:
-                value, row = least
-                self._contacts.measure(motion.before.names[row], time, value,
-                                       motion.before.polygon(row))
-                if len(still) == len(motion.before):
-                    self._series.add(time, value)
+                self._contacts.measure(motion.before, least[1], time, least[0])
+                if are_all_still:
+                    self._series.add(time, least[0])
 
     def _cross(self, pair: _Pair, contact: Contact | None) -> Contact | None:
         """Decide a piece of the way of a pair; return the contact in which it ends, if in one."""
@@ -248,19 +245,19 @@ class _Pair(NamedTuple):
 
     @property
     def name(self) -> ObstacleId:
-        return self.motion.before.names[self.motion.rows[self.i]]
+        return self.motion.before.names[int(self.motion.rows[self.i])]
 
     @property
     def end_name(self) -> ObstacleId:
         """What the obstacle is called at the end."""
         if self.end < self.motion.finishes[self.i]:
             return self.name
-        return self.motion.after.names[self.motion.next_rows[self.i]]
+        return self.motion.after.names[int(self.motion.next_rows[self.i])]
 
     @property
     def ends_at_a_sample(self) -> bool:
-        """Whether the footprint has a frame at the end, and the other does not move."""
-        return (self.end == self.piece.finishes[0] and not self.piece.after.is_between
+        """Whether the footprint has a sample at the end, and the other does not move."""
+        return (self.end == self.piece.end and not self.piece.after.is_between
                 and not self.motion.moved[self.i])
 
     def backwards(self) -> _Pair:
@@ -288,17 +285,18 @@ def _between(first: int, last: int) -> list[int]:
     return [first + (last - first) * part // 8 for part in (4, 2, 6, 1, 3, 5, 7)]
 
 
-def _by_gap(outline: Polygon | None, box: Floats, bodies: Bodies, rows: Integers,
+def _by_gap(body: PackedBody | None, box: Floats, bodies: Bodies, rows: Integers | None,
             margin: float) -> list[tuple[float, int, float]]:
     """
     Return what `measure_near` finds, the nearest boxes first: gap, row and separation.
 
-    Without an outline nothing is measured.
+    Without a body nothing is measured; without rows all bodies are looked at.
     """
-    body = outline.packed if outline else (_NOTHING, 0)
+    if rows is None:
+        rows = np.arange(len(bodies))
     near, (gaps, values) = np.empty(len(rows), np.int64), np.empty((2, len(rows)))
     rings = bodies.boxes, bodies.points, bodies.firsts, bodies.counts
-    found = measure_near(body, box, rows, rings, margin, (near, gaps, values))
+    found = measure_near(body or _NOTHING, box, rows, rings, margin, (near, gaps, values))
     return sorted(zip(*(one[:found].tolist() for one in (gaps, near, values))))
 
 
@@ -343,14 +341,17 @@ class Contacts:
         self._series.append(Series([]))
         return self._series[-1]
 
-    def measure(self, obstacle: ObstacleId, time: int, value: float, other: Polygon) -> None:
+    def measure(self, bodies: Bodies, row: int, time: int, value: float) -> None:
         """Note how far an obstacle is."""
         least = self._result.least
+        if least is not None and value >= least.separation:
+            return
         own = self._trajectory.outline(time)
-        if own is not None and (least is None or value < least.separation):
-            (ax, ay), (bx, by) = (point.tolist() for point in closest_points(own, other))
-            self._note_least(Least(value + 0.0, time, str(obstacle), (ax + bx) / 2, (ay + by) / 2,
-                                   AT_A_SAMPLE))
+        if own is not None:
+            (ax, ay), (bx, by) = (
+                point.tolist() for point in closest_points(own, bodies.polygon(row)))
+            self._note_least(Least(value + 0.0, time, str(bodies.names[row]), (ax + bx) / 2,
+                                   (ay + by) / 2, AT_A_SAMPLE))
 
     def draw_curve(self, unknown: Iterable[Unknown]) -> None:
         """Make the curve of all sources, interrupted where nothing was known."""

@@ -22,27 +22,59 @@ import math
 
 import numpy as np
 from sat_collision.geometry.distance import measure
-from sat_collision.geometry.jit import kernel, scratch
+from sat_collision.geometry.jit import kernel, scratch, words_and_floats
 from sat_collision.geometry.layout import Packed, packed_size
 from sat_collision.geometry.moving import STRIDE
 from sat_collision.geometry.packing import pack
 from sat_collision.geometry.ring import CONVEX
 
+# The bytes of a float32, and how many of them a point has in a message.
+_WORD = 4
+_POINT = 3
+# So many times a key of these bits fits into 64 bits with any word.
+_FACTOR = 1_000_003
+_KEY_BITS = 2**42 - 1
+
 
 @kernel
-def describe(values, lengths, planes, out):
+def may_repeat(data, starts, lengths):
+    """
+    Tell whether two rings may be the same to the bit; if they are, it is never denied.
+
+    The rings are as `describe` takes them.
+    """
+    words, _ = words_and_floats(data)
+    keys = np.empty(len(starts), np.int64)
+    for i in range(len(starts)):
+        start = starts[i] // _WORD
+        key = lengths[i]
+        for k in range(start, start + _POINT * lengths[i]):
+            key = (_FACTOR * key + np.int64(words[k])) & _KEY_BITS
+        keys[i] = key
+    keys.sort()
+    for i in range(1, len(keys)):
+        if keys[i] == keys[i - 1]:
+            return True
+    return False
+
+
+@kernel
+def describe(data, starts, lengths, planes, stamps, out):
     """
     Write the points of rings, and where each is.
 
     Parameters
     ----------
-    values : (3 v,) array of float32
-        x, y and z of the points of all rings, as received.
+    data : bytes
+    starts : (n,) array of int64
+        Where in it the points of each ring start: x, y and z of each as float32.
     lengths : (n,) array of int64
         How many points each ring has.
     planes : (n, 6) array of float64
         The map that takes each ring to the frame that counts, as a PlaneMap; empty if none is
         needed.
+    stamps : (n,) array of int64
+        When each ring is there, ns.
     out : tuple
         What is written: points, firsts, counts, boxes, centres.
     points : (v, 2) array of float64
@@ -53,14 +85,22 @@ def describe(values, lengths, planes, out):
     centres : (n, 2) array of float64
         The middle of the box: what a ring is known by from one set to the next.
 
+    Returns
+    -------
+    begin, end : int
+        When the first and the last ring is there; 0 if there is none.
+
     """
+    _, values = words_and_floats(data)
     points, firsts, counts, boxes, centres = out
     start = 0
     for i in range(len(lengths)):
         last = start + lengths[i] - 1
+        at = starts[i] // _WORD
         for k in range(start, last + 1):
-            points[k, 0] = values[3 * k]
-            points[k, 1] = values[3 * k + 1]
+            points[k, 0] = values[at]
+            points[k, 1] = values[at + 1]
+            at += _POINT
             if len(planes):
                 # As `packing.moved_points`.
                 x = points[k, 0]
@@ -81,6 +121,13 @@ def describe(values, lengths, planes, out):
             boxes[i, 2 + axis] = most
             centres[i, axis] = 0.5 * least + 0.5 * most
         start = last + 1
+    if not len(stamps):
+        return 0, 0
+    begin = end = stamps[0]
+    for stamp in stamps:
+        begin = min(begin, stamp)
+        end = max(end, stamp)
+    return begin, end
 
 
 @kernel
@@ -165,7 +212,7 @@ def mutual_nearest(rings, other_rings, longest, rows, other_rows):
 
 
 @kernel
-def motions_between(rings, rows, next_rings, next_rows, out):
+def motions_between(rings, rows, next_rings, next_rows, is_new, out):
     """
     Write the ways of rings from one set to the next, vertex by vertex.
 
@@ -176,15 +223,19 @@ def motions_between(rings, rows, next_rings, next_rows, out):
     Parameters
     ----------
     rings, next_rings : tuple
-        Points, firsts and counts of each set, as follows.
+        Points, firsts, counts and stamps of each set, as follows.
+    is_new : array of bool
+        Receives which of the next set come from somewhere else; empty if nobody asks.
     out : tuple
-        What is written: array, ends, boxes, moved.
+        What is written: array, ends, boxes, moved, starts, finishes.
     points, next_points : (v, 2) array of float64
         The points of all rings of a set, and of the next one.
     firsts, next_firsts : (n,) array of int64
         Where each ring starts.
     counts : (n,) array of int64
         How many points those of the first set have; the partners have as many.
+    stamps, next_stamps : (n,) array of int64
+        When each ring is there, ns.
     rows, next_rows : (m,) array of int64
         Which ring becomes which.
     array : flat array of float64
@@ -196,12 +247,21 @@ def motions_between(rings, rows, next_rings, next_rows, out):
         What bounds all of the way.
     moved : (m,) array of float64
         The way of the vertex that moves furthest, metres.
+    starts, finishes : (m,) array of int64
+        When each way begins and ends, ns.
+
+    Returns
+    -------
+    begin, end : int
+        When the first begins and the last ends.
 
     """
-    points, firsts, counts = rings
-    next_points, next_firsts, _ = next_rings
-    array, ends, boxes, moved = out
+    points, firsts, counts, stamps = rings
+    next_points, next_firsts, _, next_stamps = next_rings
+    array, ends, boxes, moved, starts, finishes = out
     at = 0
+    begin = stamps[rows[0]]
+    end = next_stamps[next_rows[0]]
     for r in range(len(rows)):
         n = counts[rows[r]]
         p = firsts[rows[r]]
@@ -230,6 +290,13 @@ def motions_between(rings, rows, next_rings, next_rows, out):
             boxes[r, 3] = max(boxes[r, 3], max(y0, y1))
         moved[r] = math.sqrt(most)
         ends[r] = at
+        starts[r] = stamps[rows[r]]
+        finishes[r] = next_stamps[next_rows[r]]
+        begin = min(begin, starts[r])
+        end = max(end, finishes[r])
+        if len(is_new) and moved[r] > 0.0:
+            is_new[next_rows[r]] = True
+    return begin, end
 
 
 @kernel
@@ -355,12 +422,19 @@ def _gap(box, other):
 @kernel
 def _separation(outline, n, points, first, count):
     """Return the separation of a packed body from a ring, NaN if that is not convex."""
+    packed = scratch(packed_size(count))
+    m = pack_ring(points, first, count, packed)
+    if m == 0:
+        return math.nan
+    return measure(Packed(outline, 0, n), Packed(packed, 0, m))[0]
+
+
+@kernel
+def pack_ring(points, first, count, packed):
+    """Pack the polygon that a ring makes; return how many vertices it has, 0 if not convex."""
     ring = scratch(2 * count)
     for k in range(count):
         ring[2 * k] = points[first + k, 0]
         ring[2 * k + 1] = points[first + k, 1]
-    packed = scratch(packed_size(count))
-    verdict, m, _, _, _ = pack(ring, packed, count, 0)
-    if verdict != CONVEX:
-        return math.nan
-    return measure(Packed(outline, 0, n), Packed(packed, 0, m))[0]
+    verdict, n, _, _, _ = pack(ring, packed, count, 0)
+    return n if verdict == CONVEX else 0

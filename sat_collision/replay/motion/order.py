@@ -18,11 +18,11 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterable, Iterator
-from itertools import groupby
+from itertools import chain, groupby
 from operator import itemgetter
 from typing import TypeAlias
 
-from sat_collision.messages.cdr import header_stamp
+from sat_collision.messages.cdr import header_stamp, STAMP_SIZE
 from sat_collision.messages.transform_listener import TF_STATIC
 from sat_collision.replay.bag.storage import Message
 from sat_collision.scene.settings import TF
@@ -59,17 +59,28 @@ class StampOrder:
         self.delay = 0
         self._messages = messages
         self._by_header = by_header
-        self._waiting: list[tuple[int, int, str, bytes]] = []
+        # Messages of one topic and time that came one after another, with the count of the first.
+        self._waiting: list[tuple[int, int, str, list[bytes]]] = []
 
     def __iter__(self) -> Iterator[Timed]:
         by_header, waiting = self._by_header, self._waiting
-        latest = released = 0
+        latest = released = stamp = 0
+        last_topic, last_head, run = '', b'', [b'']
         for count, (topic, received, data) in enumerate(self._messages):
+            head = data[:STAMP_SIZE]
+            if head == last_head and topic == last_topic and (
+                    by_header or -WINDOW <= received - stamp <= WINDOW):
+                run.append(data)
+                if not by_header:
+                    self.delay = received - stamp
+                    latest = max(latest, received)
+                continue
+            run, last_head = [data], b''
             if topic == TF_STATIC:
                 # It holds at any time.
-                waiting.append((0, count, topic, data))
+                waiting.append((0, count, topic, run))
                 continue
-            time = _tf_stamp(data) if topic == TF else header_stamp(data)
+            time = stamp = _tf_stamp(data) if topic == TF else header_stamp(data)
             if by_header:
                 if time and time < latest - WINDOW:
                     # The clock was set back: what is from before comes first.
@@ -78,13 +89,16 @@ class StampOrder:
                 time = received = time or latest
             elif not (time and -WINDOW <= received - time <= WINDOW):
                 time = received
+            if time == stamp and topic != TF:
+                last_topic, last_head = topic, head
             self.delay = received - time
             if received > latest:
                 latest = received
-            waiting.append((time, count, topic, data))
+            waiting.append((time, count, topic, run))
             if latest > released + 2 * WINDOW:
                 released = latest - WINDOW
                 yield from self._take(released)
+                last_head = b''
         yield from self._take(None)
 
     def _take(self, until: int | None) -> Iterator[Timed]:
@@ -94,8 +108,8 @@ class StampOrder:
         end = len(waiting) if until is None else bisect_left(waiting, (until,))
         ready = waiting[:end]
         del waiting[:end]
-        for (topic, time), run in groupby(ready, itemgetter(2, 0)):
-            yield topic, time, [message[3] for message in run]
+        for (topic, time), runs in groupby(ready, itemgetter(2, 0)):
+            yield topic, time, [*chain.from_iterable(run for _, _, _, run in runs)]
 
 
 def _tf_stamp(data: bytes) -> int:

@@ -69,7 +69,7 @@ class Prediction:
     def look_ahead(self, step: Step) -> None:
         """Predict from where bodies are in a step; the footprint's way through it is known."""
         for motion in step.motions:
-            for time in self._times(min(motion.starts), max(motion.finishes)):
+            for time in self._times(motion.begin, motion.end):
                 way = self._trajectory.way_from(time)
                 own = self._trajectory.outline(time)
                 velocity = way and _velocity(way)
@@ -94,14 +94,14 @@ class Prediction:
 
     def _times(self, start: int, finish: int) -> list[int]:
         """Return the messages of the footprint to look at, from a time until before another."""
-        frames = self._trajectory.frames(start - start % _EVERY - 1, finish - 1)
-        firsts = {time // _EVERY: time for time in reversed(frames)}
+        samples = self._trajectory.samples(start - start % _EVERY - 1, finish - 1)
+        firsts = {time // _EVERY: time for time in reversed(samples)}
         return [time for time in firsts.values() if time >= start]
 
     def _first(self, own: Polygon, velocity: Velocity, motion: LinearMotion,
                time: int) -> _Found:
         """Return when the footprint first touches any of the bodies that move from a time on."""
-        starts, finishes = np.array(motion.starts), np.array(motion.finishes)
+        starts, finishes = motion.starts, motion.finishes
         moved = motion.after.centres[motion.next_rows] - motion.before.centres[motion.rows]
         velocities = moved / np.maximum(finishes - starts, 1)[:, None] * 1e9
         speeds = _fastest(own, velocity) + np.hypot(*velocities.T)
@@ -123,7 +123,7 @@ class Prediction:
 
 def _velocity(way: LinearMotion) -> Velocity | None:
     """Return the velocity at the beginning of a way: that of its end, gone backwards."""
-    start, finish = way.starts[0], way.finishes[0]
+    start, finish = way.begin, way.end
     return fitted(way.ring(0, finish), way.ring(0, start), (start - finish) / 1e9, FOOTPRINTS)
 
 

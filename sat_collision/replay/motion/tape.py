@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recorded motion on a tape, developed to keyframes once it is known what is worth drawing."""
+"""Recorded motion in a temporary file, made into keyframes once their moments are known."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from sat_collision.scene.obstacles import ObstacleId
 
 class Tape:
     """
-    A temporary file of the ways by which recorded motion decides.
+    A temporary file of the motion by which contacts are decided.
 
     Parameters
     ----------
@@ -55,13 +55,13 @@ class Tape:
         self._timeouts[footprint] = timeout
 
     def follow(self, tracker: Tracker, step: Step) -> None:
-        """Keep what a source tells of the time from one moment to the next."""
+        """Keep a step of a source."""
         number = self._numbers.setdefault(tracker, len(self._numbers))
         self._write((number, step))
 
-    def place(self, footprint: str, frame: Bodies | None) -> None:
-        """Keep where a footprint was; None if that is not known until its next frame."""
-        self._write((footprint, frame))
+    def place(self, footprint: str, sample: Bodies | None) -> None:
+        """Keep a sample of a footprint; None if it is nowhere until its next one."""
+        self._write((footprint, sample))
 
     def develop(self, keyframes: Keyframes, end: int) -> None:
         """Fill keyframes with what was kept; the recording ends at a time in ns."""
@@ -77,9 +77,9 @@ class Tape:
             elif event is None:
                 trajectories[key].lose()
             else:
-                trajectories[key].add(event)
+                trajectories[key].add(event.begin, event)
                 motion.walk(key, trajectories[key])
-                trajectories[key].drop_before(event.stamps[0] - LONGEST)
+                trajectories[key].drop_before(event.begin - LONGEST)
         for name, trajectory in trajectories.items():
             trajectory.stand(end)
             motion.walk(name, trajectory)
@@ -113,7 +113,7 @@ class _Sight(NamedTuple):
 
 class _Developer:
     """
-    Fills keyframes with what recorded motion goes by, the same by which it decides.
+    Fills keyframes with recorded motion, the same by which contacts are decided.
 
     A body whose way is not known is shown where it was last, and marked so.
 
@@ -131,11 +131,11 @@ class _Developer:
         self._next: dict[str, int] = {}
 
     def follow(self, tracker: int, step: Step) -> None:
-        """Keyframes what a source tells of the time from one moment to the next."""
+        """Show the bodies of a source in a step."""
         sights = self._sights.setdefault(tracker, {})
         arrived: dict[ObstacleId, ShownBody] = {}
         for motion in step.motions:
-            for i, row in enumerate(motion.rows):
+            for i, row in enumerate(motion.rows.tolist()):
                 name = motion.before.names[row]
                 sight = sights.get(name)
                 if sight is None:
@@ -145,15 +145,15 @@ class _Developer:
                     arrived[motion.after.names[motion.next_rows[i]]] = sight.body
                     del sights[name]
                 else:
-                    sights[name] = sight._replace(time=motion.finishes[i])
+                    sights[name] = sight._replace(time=int(motion.finishes[i]))
         seen = step.seen
-        end = min(seen.stamps) if seen is not None and len(seen) else step.finish
+        end = seen.begin if seen is not None and len(seen) else step.finish
         for name in list(sights) if step.gone is None else step.gone:
             if name in sights:
                 self._hold(sights.pop(name), end if step.gone is None else step.finish)
         if seen is None:
             return
-        for row, (name, stamp) in enumerate(zip(seen.names, seen.stamps)):
+        for row, (name, stamp) in enumerate(zip(seen.names, seen.stamps.tolist())):
             body = arrived.get(name)
             if body is None and name in sights:
                 self._hold(sights[name], stamp)
@@ -161,7 +161,7 @@ class _Developer:
             sights[name] = _Sight(stamp, str(name), seen.ring(row), body or self._keyframes.add())
 
     def walk(self, name: str, trajectory: Trajectory) -> None:
-        """Keyframes a footprint on its way, as far as that is known now."""
+        """Show a footprint on its way, as far as that is known now."""
         if trajectory.latest is None:
             return
         until = bisect_right(self._keyframes.moments, trajectory.latest)
@@ -184,7 +184,7 @@ class _Developer:
             self._lose(name, len(self._keyframes.moments))
 
     def _move(self, sight: _Sight, motion: LinearMotion, i: int) -> None:
-        start, finish = motion.starts[i], motion.finishes[i]
+        start, finish = int(motion.starts[i]), int(motion.finishes[i])
         first, end = self._keyframes.number(start), self._keyframes.number(finish)
         if not motion.moved[i]:
             sight.body.show(first, end, sight.name, motion.ring(i, start))

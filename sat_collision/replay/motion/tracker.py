@@ -24,14 +24,16 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from itertools import chain, compress
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from sat_collision.geometry.polygon import PlaneMap
-from sat_collision.messages.packer import Placement
-from sat_collision.replay.motion.kernels import mutual_nearest
-from sat_collision.replay.motion.trajectories import Bodies, LinearMotion, stay
+from numpy.typing import NDArray
+from sat_collision.messages.placement import Placement
+from sat_collision.replay.motion.kernels import may_repeat, mutual_nearest
+from sat_collision.replay.motion.trajectories import (
+    Bodies, Integers, LinearMotion, Rings, rings_of, stay)
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import ObstacleSettings, POLYGON_INSTANCE
 from sat_collision.scene.times import NEVER
@@ -44,7 +46,7 @@ _TOGETHER = 10**8
 
 class Step(NamedTuple):
     """
-    What a source tells of the time from one moment to the next.
+    What is known of a source's bodies from one moment to the next.
 
     Attributes
     ----------
@@ -55,7 +57,7 @@ class Step(NamedTuple):
     gone : sequence of ObstacleId or None
         Names of those that are there no longer; None for all that was not seen.
     finish : int
-        The last time that it tells of, ns.
+        The last time of which anything is known, ns.
 
     """
 
@@ -63,6 +65,12 @@ class Step(NamedTuple):
     seen: Bodies | None
     gone: Sequence[ObstacleId] | None
     finish: int
+
+    @property
+    def frame_id(self) -> str:
+        """The frame that its bodies are in, empty if there is none."""
+        bodies = [motion.before for motion in self.motions] if self.seen is None else [self.seen]
+        return bodies[0].frame_id if bodies else ''
 
 
 Emit: TypeAlias = 'Callable[[Tracker, Step], None]'
@@ -96,8 +104,8 @@ class Tracker(ABC):
         self._frame_id = ''
 
     @abstractmethod
-    def place(self, run: Sequence[Placement]) -> None:
-        """Take where bodies were at one stamp; no points say that the publisher has told all."""
+    def place(self, placement: Placement) -> None:
+        """Take where bodies were; no points say that the publisher has sent all."""
 
     @abstractmethod
     def rest(self, now: int, is_over: bool = False) -> None:
@@ -107,16 +115,16 @@ class Tracker(ABC):
         """Drop what is in another frame than this."""
         self._frame_id = frame_id
 
-    def _bodies(self, names: Sequence[ObstacleId], placements: Sequence[Placement]) -> Bodies:
-        """Return what has come in, in the frame that counts."""
+    def _bodies(self, names: Sequence[ObstacleId], rings: Rings,
+                placements: Iterable[Placement]) -> Bodies:
+        """Return what has come in; there may be more names than rings."""
         frames = {placement.frame_id for placement in placements}
-        if self._frame_id and frames - {self._frame_id}:
-            kept = [k for k, one in enumerate(placements) if one.frame_id == self._frame_id]
-            names, placements = [names[k] for k in kept], [placements[k] for k in kept]
-            frames = {self._frame_id}
-        return Bodies(names, [placement.stamp for placement in placements],
-                      [(placement.points, placement.plane) for placement in placements],
-                      self._max_vertices, frames.pop() if len(frames) == 1 else '')
+        return Bodies(names[:len(rings.stamps)], rings, self._max_vertices,
+                      frames.pop() if len(frames) == 1 else '')
+
+    def _is_usable(self, placement: Placement) -> bool:
+        """Return whether a placement is in the frame that counts, if there is one yet."""
+        return not self._frame_id or placement.frame_id == self._frame_id
 
 
 class SetTracker(Tracker):
@@ -132,28 +140,25 @@ class SetTracker(Tracker):
         super().__init__(settings, max_vertices, emit)
         self._window = round(settings.set_window * 1e9)
         self._stamp: int | None = None
-        # What comes in, until the set is whole, by shape: a body that is there already is the
-        # same, and its last message counts.
-        self._pending: dict[tuple[bytes, PlaneMap | None], Placement] = {}
+        # What comes in, until the set is whole.
+        self._pending: list[Placement] = []
         self._names: list[ObstacleId] = []
         # The last set, when each of it was seen, and which rows may be seen again.
         self._last: Bodies | None = None
         self._last_stamp = 0
-        self._seen_at: Sequence[int] = ()
-        self._alive = np.zeros(0, np.bool_)
+        self._seen_at: Integers = np.zeros(0, np.int64)
+        self._alive: NDArray[np.bool_] = np.zeros(0, np.bool_)
 
-    def place(self, run: Sequence[Placement]) -> None:
-        stamp = run[0].stamp
+    def place(self, placement: Placement) -> None:
+        stamp = placement.stamp
         if self._stamp is not None and abs(stamp - self._stamp) > self._window:
             self._close()
-        for placement in run:
-            if self._stamp is None:
-                self._stamp = stamp
-            data, start, count = placement.points
-            if count:
-                self._pending[data[start:start + 12 * count], placement.plane] = placement
-            else:
-                self._close()
+        if self._stamp is None:
+            self._stamp = stamp
+        if placement.is_empty:
+            self._close()
+        else:
+            self._pending.append(placement)
 
     def use_frame(self, frame_id: str) -> None:
         super().use_frame(frame_id)
@@ -164,72 +169,85 @@ class SetTracker(Tracker):
         if self._stamp is not None and (is_over or now > self._stamp + self._longest):
             self._close()
         last = self._last
-        if last is None or not self._alive.any() or not (
-                is_over or now > self._last_stamp + self._longest):
+        if last is None or not (is_over or now > self._last_stamp + self._longest) or (
+                not self._alive.any()):
             return
         alive = np.flatnonzero(self._alive).tolist()
-        ends = {row: min(now, self._seen_at[row] + self._timeout) for row in alive}
+        stamps, seen_at = last.stamps.tolist(), self._seen_at.tolist()
+        ends = {row: min(now, seen_at[row] + self._timeout) for row in alive}
         until = {row: round(end) for row, end in ends.items()
-                 if not last.moving[row] and end > last.stamps[row]}
+                 if not last.moving[row] and end > stamps[row]}
         self.undetermined += max([0, *(round(ends[row]) - self._last_stamp
                                        for row in alive if row not in until)])
-        left = {row for row in until if self._seen_at[row] + self._timeout > now}
+        left = [row for row in until if seen_at[row] + self._timeout > now]
         self._emit(self, Step([stay(last, until)] if until else [], None,
                               [last.names[row] for row in alive if row not in left],
                               max(until.values(), default=self._last_stamp)))
-        self._last = last.at([now if row in left else stamp
-                              for row, stamp in enumerate(last.stamps)])
+        self._alive = np.isin(np.arange(len(last)), left)
+        self._last = last.at(np.where(self._alive, now, last.stamps).tolist())
         self._last_stamp = now
-        self._alive = np.isin(np.arange(len(last)), [*left])
 
     def _close(self) -> None:
         """Take the set that came in for whole, and follow the bodies of the one before to it."""
         stamp, self._stamp = self._stamp, None
         if stamp is None:
             return
-        pending, self._pending = [*self._pending.values()], {}
-        self._names += [ObstacleId(self._source, k)
-                        for k in range(len(self._names), len(pending))]
-        seen = self._bodies(self._names[:len(pending)], pending)
+        seen = self._take_set()
         last = self._last
         motions: list[LinearMotion] = []
         until: dict[int, int] = {}
         if last is not None:
             rows, next_rows = np.empty((2, len(last)), np.int64)
             found = mutual_nearest(
-                (last.centres, last.counts, np.array(last.stamps, np.int64)),
-                (seen.centres, seen.counts, np.array(seen.stamps, np.int64)),
-                self._longest, rows, next_rows)
+                (last.centres, last.counts, last.stamps),
+                (seen.centres, seen.counts, seen.stamps), self._longest, rows, next_rows)
             rows, next_rows = rows[:found], next_rows[:found]
-            lost = self._alive.copy()
-            lost[rows] = False
-            if len(rows):
+            if found:
                 motions.append(LinearMotion(last, seen, rows, next_rows))
-            if lost.any():
+            is_lost = found < len(last)
+            if is_lost:
+                lost = self._alive.copy()
+                lost[rows] = False
                 # What was forgotten before this set was there until then.
                 for row in np.flatnonzero(lost & ~last.moving).tolist():
-                    end = self._seen_at[row] + self._timeout
+                    end = int(self._seen_at[row]) + self._timeout
                     if last.stamps[row] < end < stamp:
                         until[row] = round(end)
-            if until:
-                motions.append(stay(last, until))
-            if len(rows) < len(seen) or len(until) < np.count_nonzero(lost):
+                if until:
+                    motions.append(stay(last, until))
+                is_lost = len(until) < np.count_nonzero(lost)
+            if found < len(seen) or is_lost:
                 self.undetermined += min(max(stamp - self._last_stamp, 0), self._longest)
-        self._emit(self, Step(motions, seen, None, max([stamp, *seen.stamps, *until.values()])))
+        self._emit(self, Step(motions, seen, None, max(stamp, seen.end, *until.values())))
         self._last, self._last_stamp, self._seen_at = seen, stamp, seen.stamps
         self._alive = np.ones(len(seen), np.bool_)
 
+    def _take_set(self) -> Bodies:
+        """Return the set that came in; of bodies in the same place the last message counts."""
+        pending, self._pending = self._pending, []
+        rings = rings_of(pending)
+        self._names += [ObstacleId(self._source, k)
+                        for k in range(len(self._names), len(rings.stamps))]
+        names = self._names
+        if may_repeat(*rings[:3]) or not all(map(self._is_usable, pending)):
+            shapes = {}
+            for one in chain.from_iterable(placement.each() for placement in pending):
+                shapes[one.shape, one.plane] = one
+            usable = [*map(self._is_usable, shapes.values())]
+            names = [*compress(names, usable)]
+            pending = [*compress(shapes.values(), usable)]
+            rings = rings_of(pending)
+        return self._bodies(names, rings, pending)
+
 
 class _Sighting(NamedTuple):
-    """A body among those that were seen together, and when it was seen itself."""
+    """A body among those that were seen together, when it was seen, and until when it stood."""
 
     bodies: Bodies
     row: int
     seen_at: int
 
-    @property
-    def stamp(self) -> int:
-        return self.bodies.stamps[self.row]
+    stamp: int
 
 
 class KeyTracker(Tracker):
@@ -244,17 +262,17 @@ class KeyTracker(Tracker):
         self._shapes: dict[tuple[bytes, object], ObstacleId] = {}
         self._first_stamp = self._rested = 0
 
-    def place(self, run: Sequence[Placement]) -> None:
-        for placement in run:
-            name = self._name(placement)
-            if name is None:
-                continue
+    def place(self, placement: Placement) -> None:
+        if placement.is_empty:
+            return
+        for one in placement.each():
+            name = self._name(one)
             if self._pending and (name in self._pending
-                                  or abs(placement.stamp - self._first_stamp) > _TOGETHER):
+                                  or abs(one.stamp - self._first_stamp) > _TOGETHER):
                 self._close()
             if not self._pending:
-                self._first_stamp = placement.stamp
-            self._pending[name] = placement
+                self._first_stamp = one.stamp
+            self._pending[name] = one
 
     def use_frame(self, frame_id: str) -> None:
         super().use_frame(frame_id)
@@ -268,16 +286,11 @@ class KeyTracker(Tracker):
             self._rested = now
             self._stand(now, 0 if is_over else self._longest, is_over)
 
-    def _name(self, placement: Placement) -> ObstacleId | None:
-        """Return the name of a body, None if there is no body."""
-        data, start, count = placement.points
-        if not count:
-            return None
+    def _name(self, placement: Placement) -> ObstacleId:
         if self._by_id:
             return ObstacleId(self._source, placement.instance or 0)
-        shape = data[start:start + 12 * count], placement.plane
-        return self._shapes.setdefault(
-            shape, ObstacleId(self._source, -1 - len(self._shapes)))
+        return self._shapes.setdefault((placement.shape, placement.plane),
+                                       ObstacleId(self._source, -1 - len(self._shapes)))
 
     def _stand(self, now: int, least: int, is_over: bool = False) -> None:
         """Let what was seen at least so long ago have stood until now, or until forgotten."""
@@ -285,17 +298,17 @@ class KeyTracker(Tracker):
         found: dict[int, Bodies] = {}
         gone = []
         for name, sighting in list(self._seen.items()):
-            bodies, row, seen_at = sighting
-            if sighting.stamp >= now - least:
+            bodies, row, seen_at, stamp = sighting
+            if stamp >= now - least:
                 continue
             end = round(min(now, seen_at + self._timeout))
             is_forgotten = seen_at + self._timeout < now
             if not bodies.moving[row]:
-                if end > sighting.stamp:
+                if end > stamp:
                     found[id(bodies)] = bodies
                     standing[id(bodies)][row] = end
             elif is_over or is_forgotten:
-                self.undetermined += max(end - sighting.stamp, 0)
+                self.undetermined += max(end - stamp, 0)
             if is_forgotten:
                 gone.append(name)
                 del self._seen[name]
@@ -305,37 +318,38 @@ class KeyTracker(Tracker):
                 (end for until in standing.values() for end in until.values()), default=now)))
         for key, until in standing.items():
             rested = found[key].at([until.get(row, stamp)
-                                    for row, stamp in enumerate(found[key].stamps)])
-            for row in until:
+                                    for row, stamp in enumerate(found[key].stamps.tolist())])
+            for row, end in until.items():
                 name = rested.names[row]
                 if name in self._seen:
-                    self._seen[name] = self._seen[name]._replace(bodies=rested)
+                    self._seen[name] = self._seen[name]._replace(bodies=rested, stamp=end)
 
     def _close(self) -> None:
         """Follow the bodies that were seen together from where they were seen last."""
-        pending, self._pending = self._pending, {}
-        seen = self._bodies([*pending], [*pending.values()])
-        if len(seen):
-            self._stand(min(seen.stamps), self._longest)
+        pending = {name: one for name, one in self._pending.items() if self._is_usable(one)}
+        self._pending = {}
+        if not pending:
+            return
+        seen = self._bodies([*pending], rings_of([*pending.values()]), pending.values())
+        self._stand(seen.begin, self._longest)
         followed: defaultdict[int, list[tuple[int, int]]] = defaultdict(list)
         found: dict[int, Bodies] = {}
         undetermined = 0
-        for row, name in enumerate(seen.names):
+        for row, (name, stamp) in enumerate(zip(seen.names, seen.stamps.tolist())):
             last = self._seen.get(name)
             if last is not None:
-                passed = seen.stamps[row] - last.stamp
+                passed = stamp - last.stamp
                 if 0 < passed <= self._longest and (
                         last.bodies.counts[last.row] == seen.counts[row]):
                     found[id(last.bodies)] = last.bodies
                     followed[id(last.bodies)].append((last.row, row))
                 else:
                     undetermined = max(undetermined, min(passed, self._longest))
-            self._seen[name] = _Sighting(seen, row, seen.stamps[row])
+            self._seen[name] = _Sighting(seen, row, stamp, stamp)
         self.undetermined += undetermined
         motions = []
         for key, pairs in followed.items():
             rows, next_rows = np.array(pairs, np.int64).T
             motions.append(LinearMotion(found[key], seen, np.ascontiguousarray(rows),
                                         np.ascontiguousarray(next_rows)))
-        if len(seen):
-            self._emit(self, Step(motions, seen, (), max(seen.stamps)))
+        self._emit(self, Step(motions, seen, (), seen.end))

@@ -17,49 +17,109 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 import copy
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from sat_collision.geometry.jit import indexable
+from sat_collision.geometry.layout import packed_size
 from sat_collision.geometry.moving import STRIDE
-from sat_collision.geometry.polygon import MAX_VERTICES, PlaneMap, Polygon, PolygonError
-from sat_collision.messages.cdr import Points
+from sat_collision.geometry.polygon import (
+    MAX_VERTICES, PackedBody, PlaneMap, Polygon, PolygonError)
+from sat_collision.messages.cdr import POINT_SIZE, Points
+from sat_collision.messages.placement import Placement
 from sat_collision.messages.transform_listener import TransformListener
-from sat_collision.replay.motion.kernels import describe, motions_between
+from sat_collision.replay.motion.kernels import describe, motions_between, pack_ring
 from sat_collision.scene.frames import NoTransform
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.times import NEVER
 
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
-# Points as received, and the map that takes them to the frame that all is in, if they are not.
-Ring: TypeAlias = tuple[Points, PlaneMap | None]
 
 NUMBERS = 3  # a point's, in a message
 IDENTITY = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0
 NO_PLANES = np.empty((0, len(IDENTITY)))
+_NO_ROWS = np.empty(0, np.bool_)
+
+
+class Rings(NamedTuple):
+    """
+    The outlines of some bodies as received.
+
+    Attributes
+    ----------
+    data : bytes
+    starts, lengths : (n,) array of int
+        Where in it the points of each are, and how many.
+    planes : (n, 6) array
+        The map that takes each to the frame that all are in; empty if they are in it.
+    stamps : (n,) array of int
+        When each was there, ns.
+
+    """
+
+    data: bytes
+    starts: Integers
+    lengths: Integers
+    planes: Floats
+    stamps: Integers
+
+
+def rings_of(placements: Sequence[Placement]) -> Rings:
+    """Return the outlines of all messages of some placements, in their order."""
+    if len(placements) == 1 and placements[0].plane is None:
+        _, stamp, _, _, (data, start, count), *_ = placements[0]
+        if isinstance(start, int) or isinstance(count, int):
+            start, count = np.array([[start], [count]])
+        return Rings(data, start, count, NO_PLANES, np.full(len(start), stamp))
+    stamps: list[int] = []
+    planes: list[PlaneMap | None] = []
+    pieces, starts, lengths = [], [], []
+    at = 0
+    for placement in placements:
+        data, start, count = placement.points
+        pieces.append(data)
+        number = 1
+        if isinstance(start, int) or isinstance(count, int):
+            starts.append(at + start)
+            lengths.append(count)
+        else:
+            number = len(start)
+            starts += (at + start).tolist()
+            lengths += count.tolist()
+        stamps += number * [placement.stamp]
+        planes += number * [placement.plane]
+        at += len(data)
+    maps: Floats = NO_PLANES
+    if any(plane is not None for plane in planes):
+        maps = np.array([plane or IDENTITY for plane in planes])
+    return Rings(b''.join(pieces), np.array(starts, np.int64), np.array(lengths, np.int64), maps,
+                 np.array(stamps, np.int64))
 
 
 class Bodies:
     """
-    The outlines of some bodies as told: one footprint, or the obstacles of a set.
+    The outlines of some bodies: one footprint, or the obstacles of a set.
 
     Parameters
     ----------
     names : sequence of ObstacleId
-    stamps : sequence of int
-        When each was there, ns.
-    rings : sequence of Ring
+    rings : Rings
     max_vertices : int, optional
     frame_id : str, optional
         The frame that all are in, empty if there is none.
     is_between : bool, optional
-        Whether they were not told, but lie between what was.
+        Whether they were not received, but lie between what was.
 
     Attributes
     ----------
+    stamps : (n,) array of int
+        When each was there, ns.
+    begin, end : int
+        When the first and the last one was there; 0 if there is none.
     points : (v, 2) array
         The points of all rings.
     firsts, counts : (n,) array
@@ -72,26 +132,22 @@ class Bodies:
 
     """
 
-    def __init__(self, names: Sequence[ObstacleId], stamps: Sequence[int],
-                 rings: Sequence[Ring], max_vertices: int = MAX_VERTICES,
-                 frame_id: str = '', is_between: bool = False) -> None:
+    def __init__(self, names: Sequence[ObstacleId], rings: Rings,
+                 max_vertices: int = MAX_VERTICES, frame_id: str = '',
+                 is_between: bool = False) -> None:
+        data, starts, lengths, planes, self.stamps = rings
         self.names = names
-        self.stamps = stamps
         self.frame_id = frame_id
         self.is_between = is_between
-        self.moving = np.zeros(len(names), np.bool_)
-        data = b''.join([data[start:start + 4 * NUMBERS * count]
-                         for (data, start, count), _ in rings])
-        planes = NO_PLANES
-        if any(plane is not None for _, plane in rings):
-            planes = np.array([plane or IDENTITY for _, plane in rings])
-        values = np.frombuffer(data, np.float32)
-        count = len(names)
-        self.points = np.empty((len(values) // NUMBERS, 2))
+        count = len(starts)
+        self.moving = np.zeros(count, np.bool_)
+        self.points = np.empty((len(data) // POINT_SIZE, 2))
         self.firsts, self.counts = np.empty(count, np.int64), np.empty(count, np.int64)
         self.boxes, self.centres = np.empty((count, 4)), np.empty((count, 2))
-        describe(values, np.array([points[2] for points, _ in rings], np.int64), planes,
-                 (self.points, self.firsts, self.counts, self.boxes, self.centres))
+        begin, end = describe(
+            data, starts, lengths, planes, self.stamps,
+            (self.points, self.firsts, self.counts, self.boxes, self.centres))
+        self.begin, self.end = int(begin), int(end)
         self._max_vertices = max_vertices
         self._polygons: dict[int, Polygon] = {}
 
@@ -101,14 +157,20 @@ class Bodies:
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, '_polygons': {}}
 
+    @property
+    def moments(self) -> Sequence[int]:
+        """All times at which one of them was there."""
+        return [self.begin] if self.begin == self.end else self.stamps.tolist()
+
     def at(self, stamps: Sequence[int]) -> Bodies:
         """Return the same bodies, in the same places at other times."""
         other = copy.copy(self)
-        other.stamps = stamps
+        other.stamps = np.array(stamps, np.int64)
+        other.begin, other.end = min(stamps), max(stamps)
         return other
 
     def ring(self, row: int) -> Floats:
-        """Return the vertices of a body as told, (n, 2)."""
+        """Return the vertices of a body as received, (n, 2)."""
         first = int(self.firsts[row])
         return self.points[first:first + int(self.counts[row])]
 
@@ -127,42 +189,44 @@ class LinearMotion:
     Parameters
     ----------
     before, after : Bodies
-    rows, next_rows : (m,) array of int
+    rows, next_rows : (m,) array of int, m >= 1
         Which body becomes which; both have as many vertices.
-    finishes : sequence of int, optional
+    finishes : (m,) array of int, optional
         When each way ends in ns; that of the body that it leads to where none is given.
 
     Attributes
     ----------
-    starts, finishes : list of int
+    starts, finishes : (m,) array of int
         When each way begins and ends.
-    rows, next_rows : list of int
+    begin, end : int
+        When the first one begins and the last one ends.
     boxes : (m, 4) array
         What bounds all of each way.
-    moved : list of float
+    moved : (m,) array
         How far the vertex goes that goes furthest, m.
 
     """
 
     def __init__(self, before: Bodies, after: Bodies, rows: Integers, next_rows: Integers,
-                 finishes: Sequence[int] | None = None) -> None:
+                 finishes: Integers | None = None) -> None:
         self.before = before
         self.after = after
-        self.rows: list[int] = rows.tolist()
-        self.next_rows: list[int] = next_rows.tolist()
-        self._array = np.empty(STRIDE * int(before.counts[rows].sum()))
-        self.boxes = np.empty((len(rows), 4))
-        ends, moved = np.empty(len(rows), np.int64), np.empty(len(rows))
-        motions_between((before.points, before.firsts, before.counts), rows,
-                        (after.points, after.firsts, after.counts), next_rows,
-                        (self._array, ends, self.boxes, moved))
-        self._ends: list[int] = ends.tolist()
-        self.moved: list[float] = moved.tolist()
-        if after is not before:
-            after.moving[next_rows] |= moved > 0.0
-        self.starts = [before.stamps[row] for row in self.rows]
-        self.finishes = [after.stamps[row] for row in self.next_rows] if finishes is None else (
-            list(finishes))
+        self.rows = rows
+        self.next_rows = next_rows
+        count = len(rows)
+        self._array = np.empty(STRIDE * len(before.points))
+        self._ends, self.starts = np.empty(count, np.int64), np.empty(count, np.int64)
+        self.finishes: Integers = np.empty(count, np.int64)
+        self.boxes, self.moved = np.empty((count, 4)), np.empty(count)
+        begin, end = motions_between(
+            (before.points, before.firsts, before.counts, before.stamps), rows,
+            (after.points, after.firsts, after.counts, after.stamps), next_rows,
+            _NO_ROWS if after is before else after.moving,
+            (self._array, self._ends, self.boxes, self.moved, self.starts, self.finishes))
+        self.begin, self.end = int(begin), int(end)
+        if finishes is not None:
+            self.finishes = finishes
+            self.end = int(finishes.max())
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -171,7 +235,7 @@ class LinearMotion:
         """Return the vertices of a body at a time on its way, (n, 2)."""
         first = self._ends[i - 1] if i else 0
         way: Floats = self._array[first:self._ends[i]].reshape(-1, STRIDE)
-        start, finish = self.starts[i], self.finishes[i]
+        start, finish = int(self.starts[i]), int(self.finishes[i])
         if time <= start:
             return way[:, :2]
         if time >= finish:
@@ -190,16 +254,16 @@ class LinearMotion:
 
         """
         if time <= self.starts[i] or not self.moved[i]:
-            return self.before.polygon(self.rows[i])
+            return self.before.polygon(int(self.rows[i]))
         if time >= self.finishes[i]:
-            return self.after.polygon(self.next_rows[i])
+            return self.after.polygon(int(self.next_rows[i]))
         return Polygon(self.ring(i, time))
 
 
 def stay(bodies: Bodies, until: Mapping[int, int]) -> LinearMotion:
     """Return the motion of bodies that stand where they are, of each row until a time."""
     rows = np.array(list(until), np.int64)
-    return LinearMotion(bodies, bodies, rows, rows, list(until.values()))
+    return LinearMotion(bodies, bodies, rows, rows, np.array(list(until.values()), np.int64))
 
 
 _ONE = np.zeros(1, np.int64)
@@ -207,10 +271,10 @@ _ONE = np.zeros(1, np.int64)
 
 class Trajectory:
     """
-    The frames of a footprint, and the pieces of its way.
+    The samples of a footprint, and the pieces of its way.
 
-    A piece leads from one frame to the next if no refused footprint came between them, if they
-    are no further apart in time than the timeout, and if they have as many vertices. A frame
+    A piece leads from one sample to the next if no refused footprint came between them, if they
+    are no further apart in time than the timeout, and if they have as many vertices. A sample
     alone is a piece without length.
 
     Parameters
@@ -223,7 +287,7 @@ class Trajectory:
     Attributes
     ----------
     latest : int or None
-        Stamp of the last frame.
+        Stamp of the last sample.
     undetermined : int
         For how long the way is not known though the footprint was there, ns.
 
@@ -236,97 +300,108 @@ class Trajectory:
         self.undetermined = 0
         self._pieces: list[LinearMotion] = []
         self._starts: list[int] = []
-        self._last: Bodies | None = None
+        self._last: tuple[int, Bodies] | None = None
         self._outline: tuple[int, Polygon | None] = -1, None
 
-    def add(self, frame: Bodies) -> None:
-        """Take a frame: a footprint as received; one that comes late tells nothing new."""
-        time, last = frame.stamps[0], self._last
-        if last is not None and last.stamps[0] - self._longest <= time < last.stamps[0]:
+    def add(self, time: int, sample: Bodies) -> None:
+        """Take a footprint as received; one that comes late tells nothing new."""
+        begin, last = self._last or (None, sample)
+        if begin is not None and begin - self._longest <= time < begin:
             return
-        self._last, self.latest = frame, time
-        if last is not None and time > last.stamps[0]:
-            if time - last.stamps[0] <= self._longest and last.counts[0] == frame.counts[0]:
-                self._append(LinearMotion(last, frame, _ONE, _ONE))
+        self._last, self.latest = (time, sample), time
+        if begin is None or time < begin:
+            self._append(LinearMotion(sample, sample, _ONE, _ONE))
+        elif time > begin:
+            if time - begin <= self._longest and last.counts[0] == sample.counts[0]:
+                self._append(LinearMotion(last, sample, _ONE, _ONE))
             else:
-                self.undetermined += round(min(time - last.stamps[0], self._longest))
-                self._append(LinearMotion(frame, frame, _ONE, _ONE))
-        elif last is None or time < last.stamps[0]:
-            self._append(LinearMotion(frame, frame, _ONE, _ONE))
+                self.undetermined += round(min(time - begin, self._longest))
+                self._append(LinearMotion(sample, sample, _ONE, _ONE))
 
     def lose(self) -> None:
-        """Take note that the footprint is nowhere until its next frame."""
+        """Mark that the footprint is nowhere until its next sample."""
         self._last = None
 
     def lose_way(self, until: int) -> None:
-        """Take note that it is not known where the footprint was until its next frame."""
+        """Mark that it is not known where the footprint was until its next sample."""
         if self._last is not None:
-            self.undetermined += until - self._last.stamps[0]
+            self.undetermined += until - self._last[0]
         self.lose()
 
     def begin_of_way(self, until: int) -> int | None:
-        """Return when the way began that leads to a frame at a time, None if none does."""
-        last = self._last
-        if last is None or not 0 < until - last.stamps[0] <= self._longest:
+        """Return when the way began that leads to a sample at a time, None if none does."""
+        if self._last is None or not 0 < until - self._last[0] <= self._longest:
             return None
-        return last.stamps[0]
+        return self._last[0]
 
     def stand(self, until: int) -> None:
         """Let a footprint that never times out have stood where it is until a time."""
-        last = self._last
-        if self._never_stale and last is not None and last.stamps[0] < until:
-            self.add(last.at([until]))
+        if self._never_stale and self._last is not None and self._last[0] < until:
+            self.add(until, self._last[1].at([until]))
 
     def drop_before(self, time: int) -> None:
         """Forget the pieces that end before a time."""
         count = 0
-        while count < len(self._pieces) - 1 and self._pieces[count].finishes[0] < time:
+        while count < len(self._pieces) - 1 and self._pieces[count].end < time:
             count += 1
         if count:
             del self._pieces[:count], self._starts[:count]
 
-    def pieces(self, start: int, finish: int) -> Iterator[tuple[int, int, LinearMotion]]:
-        """Yield the beginning and the end of each piece between two times, with its way."""
-        first = max(bisect_right(self._starts, start) - 1, 0)
+    def pieces(self, start: int, finish: int) -> list[tuple[int, int, LinearMotion]]:
+        """Return the beginning and the end of each piece between two times, with its way."""
+        starts, pieces = self._starts, self._pieces
+        k = max(bisect_right(starts, start) - 1, 0)
         # Pieces of no length may share their time with the end of the one before.
-        while first > 0 and self._pieces[first - 1].finishes[0] >= start:
-            first -= 1
-        found = [(max(piece.starts[0], start), min(piece.finishes[0], finish), piece)
-                 for piece in self._pieces[first:bisect_right(self._starts, finish)]]
-        reached = None
-        for k, (begin, end, piece) in enumerate(found):
+        while k > 0 and pieces[k - 1].end >= start:
+            k -= 1
+        found: list[tuple[int, int, LinearMotion]] = []
+        while k < len(starts) and starts[k] <= finish:
+            begin, end = max(starts[k], start), min(pieces[k].end, finish)
             # An instant that is the end of the piece before, or begins the next, adds nothing.
-            begins_next = k + 1 < len(found) and found[k + 1][0] == end < found[k + 1][1]
-            if begin < end or (begin == end != reached and not begins_next):
-                yield begin, end, piece
-                reached = end
+            if begin < end or begin == end and not (found and found[-1][1] == end) and not (
+                    k + 1 < len(starts) and max(starts[k + 1], start) == end
+                    and end < min(pieces[k + 1].end, finish)):
+                found.append((begin, end, pieces[k]))
+            k += 1
+        return found
 
     def bounds(self, start: int, finish: int) -> Floats | None:
         """Return what bounds the footprint between two times, None if it is nowhere then."""
         if start == finish:
             piece = self._piece_at(start)
             return None if piece is None else piece.boxes[0]
-        boxes = [piece.boxes[0] for _, _, piece in self.pieces(start, finish)]
-        if len(boxes) < 2:
-            return boxes[0] if boxes else None
+        found = self.pieces(start, finish)
+        if len(found) < 2:
+            return found[0][2].boxes[0] if found else None
+        boxes = [piece.boxes[0] for _, _, piece in found]
         box: Floats = np.concatenate([np.min(boxes, axis=0)[:2], np.max(boxes, axis=0)[2:]])
         return box
 
-    def frames(self, after: int, until: int) -> list[int]:
-        """Return the stamps of the frames after one time and until another."""
+    def samples(self, after: int, until: int) -> list[int]:
+        """Return the stamps of the samples after one time and until another."""
         first, end = bisect_right(self._starts, after), bisect_right(self._starts, until)
-        found = [piece.starts[0] for piece in self._pieces[first:end]
-                 if not piece.before.is_between]
+        found = {piece.begin for piece in self._pieces[first:end] if not piece.before.is_between}
         if self.latest is not None and after < self.latest <= until:
-            found.append(self.latest)
-        return sorted(set(found))
+            found.add(self.latest)
+        return sorted(found)
 
     def way_from(self, time: int) -> LinearMotion | None:
         """Return the piece that begins at a time and leads on from there, None if none does."""
         for k in range(bisect_left(self._starts, time), bisect_right(self._starts, time)):
-            if self._pieces[k].finishes[0] > time:
+            if self._pieces[k].end > time:
                 return self._pieces[k]
         return None
+
+    def packed(self, time: int) -> PackedBody | None:
+        """Return where the footprint was at a time as `outline` does, packed."""
+        piece = self._piece_at(time)
+        if piece is not None and self._outline[0] != time:
+            ring = piece.ring(0, time)
+            array = indexable(np.empty(packed_size(len(ring))))
+            if count := pack_ring(ring, 0, len(ring), array):
+                return array, count
+        outline = self.outline(time)
+        return None if outline is None else outline.packed
 
     def outline(self, time: int) -> Polygon | None:
         """Return where the footprint was at a time, None if that is not known."""
@@ -342,21 +417,21 @@ class Trajectory:
             return None
 
     def _piece_at(self, time: int) -> LinearMotion | None:
-        """Return the first piece that has a time; those that meet there end in one frame."""
+        """Return the first piece that has a time; those that meet there end in one sample."""
         found = None
         for k in range(bisect_right(self._starts, time) - 1, -1, -1):
-            if self._pieces[k].finishes[0] < time:
+            if self._pieces[k].end < time:
                 break
             found = self._pieces[k]
         return found
 
     def _append(self, piece: LinearMotion) -> None:
-        if self._starts and piece.starts[0] < self._starts[-1]:
+        if self._starts and piece.begin < self._starts[-1]:
             # The clock of the stamps was set back: what was before belongs to another time.
             self._pieces.clear()
             self._starts.clear()
         self._pieces.append(piece)
-        self._starts.append(piece.starts[0])
+        self._starts.append(piece.begin)
 
 
 # How far a vertex may be from the straight line that stands for its way, in m: to this the sweep

@@ -23,10 +23,9 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator
-from itertools import groupby
-from operator import attrgetter, itemgetter
+from operator import attrgetter
 
-from sat_collision.messages.packer import Placement
+from sat_collision.messages.placement import Placement
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.model.result import Contact, FootprintResult, Unknown, Unknowns
 from sat_collision.replay.motion.contacts import Contacts, ContactTracker
@@ -34,7 +33,7 @@ from sat_collision.replay.motion.prediction import Prediction
 from sat_collision.replay.motion.tape import Tape
 from sat_collision.replay.motion.tracker import (
     Emit, KeyTracker, LONGEST, SetTracker, Step, Tracker)
-from sat_collision.replay.motion.trajectories import Bodies, Poses, Trajectory
+from sat_collision.replay.motion.trajectories import Bodies, Poses, rings_of, Trajectory
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
@@ -44,7 +43,7 @@ from sat_collision.scene.times import NEVER
 
 class Sweep:
     """
-    A footprint on its way through what all sources of obstacles tell.
+    Decides one footprint against the steps of all sources that it monitors.
 
     Parameters
     ----------
@@ -120,10 +119,11 @@ class Sweep:
         if self.trajectory.latest is not None:
             self.trajectory.drop_before(self.trajectory.latest - self._keep)
 
-    def skip(self) -> None:
-        """Drop all that is to be decided: it is in another frame."""
-        for waiting in self._waiting.values():
-            waiting.clear()
+    def use_frame(self, frame_id: str) -> None:
+        """Drop what is to be decided in another frame than this."""
+        for tracker, waiting in self._waiting.items():
+            self._waiting[tracker] = deque(
+                step for step in waiting if step.frame_id == frame_id)
 
     def finish(self, end: int) -> None:
         """Decide all that is left."""
@@ -139,7 +139,7 @@ class Sweep:
             self.prediction.look_ahead(step)
 
     def _is_due(self, step: Step, now: int) -> bool:
-        """Return whether the way through a step is known, or no frame of it will come any more."""
+        """Return whether the way through a step is known, or no sample of it will come."""
         latest = self.trajectory.latest
         if latest is not None and step.finish <= latest:
             return True
@@ -192,13 +192,12 @@ class Motion:
 
     def place(self, placements: Iterable[Placement]) -> None:
         """Take where bodies were, in the order of stamps."""
-        for (name, stamp, is_stamped), run in groupby(placements, itemgetter(0, 1, 2)):
-            self._now = max(self._now, stamp)
-            if name in self._sweeps:
-                for placement in run:
-                    self._place_footprint(placement)
+        for placement in placements:
+            self._now = max(self._now, placement.stamp)
+            if placement.name in self._sweeps:
+                self._place_footprint(placement)
             else:
-                self._tracker(name, is_stamped).place([*run])
+                self._tracker(placement.name, placement.is_stamped).place(placement)
 
     def _tracker(self, name: str, is_stamped: bool) -> Tracker:
         """Return what follows the bodies of a source, those with stamps or those without."""
@@ -223,7 +222,7 @@ class Motion:
         """Decide all that is left, now that the recording is over."""
         self._now = end
         latest = [sweep.trajectory.latest for sweep in self._sweeps.values()]
-        # What is told after the last footprint is of no interest.
+        # Obstacles after the last footprint are of no interest.
         last = max((time for time in latest if time is not None), default=end)
         for tracker in self._trackers.values():
             tracker.rest(last, is_over=True)
@@ -254,13 +253,13 @@ class Motion:
             for tracker in self._trackers.values():
                 tracker.use_frame(self._frame_id)
             for sweep in self._sweeps.values():
-                sweep.skip()
+                sweep.use_frame(self._frame_id)
         sweep = self._sweeps[placement.name]
         trajectory, stamp = sweep.trajectory, placement.stamp
         begin = trajectory.begin_of_way(stamp) if sweep.settings.has_outline else None
         if begin is not None:
             poses = Poses(self._transforms, sweep.settings.frame_id,
-                          placement.points).between(begin, stamp)
+                          placement.single).between(begin, stamp)
             if poses is None:
                 trajectory.lose_way(stamp)
                 if self._tape:
@@ -273,13 +272,12 @@ class Motion:
         sweep.advance(self._now)
 
     def _add(self, sweep: Sweep, placement: Placement, is_between: bool = False) -> None:
-        """Add a frame to the trajectory of a footprint."""
-        frame = Bodies([ObstacleId(placement.name, 0)], [placement.stamp],
-                       [(placement.points, placement.plane)], self._max_vertices,
-                       is_between=is_between)
-        sweep.trajectory.add(frame)
+        """Add a sample to the trajectory of a footprint."""
+        sample = Bodies([ObstacleId(placement.name, 0)], rings_of([placement]),
+                        self._max_vertices, is_between=is_between)
+        sweep.trajectory.add(placement.stamp, sample)
         if self._tape:
-            self._tape.place(placement.name, frame)
+            self._tape.place(placement.name, sample)
 
     def _emit_of(self, source: str) -> Emit:
         """Return what takes a step of a source, to be decided when the ways are known."""

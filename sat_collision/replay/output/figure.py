@@ -131,7 +131,7 @@ def _words(view: _View, result: Result) -> str:
 
 
 def _draw_curves(result: Result, rows: list[Rows], axes: Axes) -> None:
-    """Draw separations over time, with contacts and unknown times as shades behind them."""
+    """Draw separations over time, with contacts and unknown times shaded."""
     axes.set_ylabel('separation [m]')
     bars = [bar for row in rows for bar in row.bars]
     for is_contact, colour in ((False, UNKNOWN), (True, CONTACT)):
@@ -156,7 +156,7 @@ def _draw_curves(result: Result, rows: list[Rows], axes: Axes) -> None:
 
 
 def _draw_rows(result: Result, rows: list[Rows], axes: Axes) -> None:
-    """Draw the rows, without words but for the names of footprints."""
+    """Draw the rows and the names of footprints, without other texts."""
     axes.set_xlabel('time since the recording begins [s]')
     axes.set_ylim(_height(rows) - 0.5, -0.5)
     axes.set_yticks([(row.first + row.end - 1) / 2 for row in rows],
@@ -210,20 +210,9 @@ def _use_times(result: Result, axes: Axes) -> None:
 def _draw_scene(result: Result, keyframes: Keyframes, number: int, axes: Axes,
                 named: Collection[str] = ()) -> None:
     """
-    Draw bodies, with their outlines broken where it is not known that they are there.
+    Draw bodies at a moment into axes with final limits, with dotted outlines where not known.
 
-    Parameters
-    ----------
-    result : Result
-    keyframes : Keyframes
-        Of the result.
-    number : int
-        Of the moment.
-    axes : matplotlib.axes.Axes
-        Its limits are final.
-    named : collection of str, optional
-        Obstacles to name beside footprints and what is in contact.
-
+    Footprints, what is in contact and the obstacles `named` get labels.
     """
     of_footprint = colours(result)
     in_contact = touching(result, keyframes, keyframes.moments[number])
@@ -248,14 +237,14 @@ def _draw_scene(result: Result, keyframes: Keyframes, number: int, axes: Axes,
 
 
 def _look_at_view(axes: Axes, view: _View, footprint: ShownBody | None) -> None:
-    """Show where a footprint is nearest to an obstacle, and what is around it."""
+    """Set the limits to show where a footprint is nearest to an obstacle, and around it."""
     size = float(np.max(np.ptp(footprint.spans[0].ring, axis=0))) if footprint else 0.0
     reach = max(view.separation + 1.5 * size, 1.5 * size, 1.0)
     _look_at(axes, np.array([view.x, view.y]), np.array([reach, reach]))
 
 
 def _look_at_all(axes: Axes, keyframes: Keyframes) -> None:
-    """Show wherever a footprint comes, and some of what is around it."""
+    """Set the limits to show all places of the footprints, and some space around them."""
     rings = [span.ring for body in keyframes.bodies if body.is_footprint for span in body.spans]
     points = np.concatenate(rings or [np.zeros((1, 2))])
     low, high = points.min(axis=0), points.max(axis=0)
@@ -264,7 +253,7 @@ def _look_at_all(axes: Axes, keyframes: Keyframes) -> None:
 
 
 def _look_at(axes: Axes, middle: Floats, reach: Floats) -> None:
-    """Show what is this far from a point, and more where the axes have another shape."""
+    """Set the limits to reach this far from a point, and farther along the longer axis."""
     scale = max(reach[0] / axes.bbox.width, reach[1] / axes.bbox.height)
     axes.set_xlim(middle[0] - scale * axes.bbox.width, middle[0] + scale * axes.bbox.width)
     axes.set_ylim(middle[1] - scale * axes.bbox.height, middle[1] + scale * axes.bbox.height)

@@ -81,7 +81,7 @@ def _as_json(value: Any) -> str:
 
 
 def _fitted(result: Result, most: int) -> str:
-    """Return a recording as JSON of at most so many characters."""
+    """Return a recording as JSON of at most `most` characters."""
     keyframes = result.keyframes or Keyframes([])
     needed = {keyframes.number(time) for contact in deepest_contacts(result)
               for time in (contact.first, contact.deepest)}
@@ -157,7 +157,7 @@ def _recording(result: Result, keyframes: Keyframes, numbers: list[int],
 
 
 def _thinned(samples: list[Sample], most: int) -> list[Sample]:
-    """Return no more than so many samples, the least of each run of neighbours."""
+    """Return at most `most` samples, the least of each run of neighbours."""
     step = -(-len(samples) // most)
     if step <= 1:
         return samples

@@ -33,8 +33,7 @@ import pytest
 from recordings import box, drive, POLYGON, SOURCE, START, write
 from sat_collision.replay.__main__ import main
 from sat_collision.replay.bag.sqlite import SqliteFile
-from sat_collision.replay.bag.storage import Faults
-from sat_collision.replay.bag.unpacking import Limits, Scratch
+from sat_collision.replay.bag.storage import Faults, Limits, Scratch
 from sat_collision.replay.bag.writer import check_bag_writer, OutputError
 from sat_collision.replay.model.options import Options
 from sat_collision.replay.model.result import Verdict

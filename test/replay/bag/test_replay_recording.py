@@ -12,15 +12,25 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings of every storage, whole and broken on purpose: what is read, and what is said."""
+"""Recordings: what is read of them, with libraries and without."""
 
+from importlib.machinery import ModuleSpec
+import json
+from pathlib import Path
 import shutil
 import struct
+import subprocess
+import sys
+from types import ModuleType, SimpleNamespace
 import zlib
 
 from builders import serialised
 import pytest
 from recordings import box, drive, POLYGON, START, write
+from rosbags.highlevel import AnyReader
+from sat_collision.replay.bag import storage as storages
+from sat_collision.replay.cli.command import main
+from sat_collision.replay.model.options import Options
 from sat_collision.replay.model.result import Verdict
 from sat_collision.replay.run import check
 
@@ -257,3 +267,149 @@ def test_damaged_part_of_a_file_is_left_out_and_said(tmp_path, parts, count, wor
     else:
         problem, = result.problems
         assert str(file) in problem and words in problem
+
+
+HIDDEN = ('rosbags', 'lz4', 'backports', 'compression')
+# The command where none of these can be imported.
+WITHOUT = """
+import sys
+sys.modules.update(dict.fromkeys({names!r}))
+from sat_collision.replay.__main__ import main
+sys.exit(main(sys.argv[1:]))
+"""
+TOUCHING = drive(2.0, contact=(1.0, 1.5))
+PACKED = [('sqlite3', 'file'), ('sqlite3', 'message'), ('mcap', 'file'), ('mcap', 'message'),
+          ('mcap', 'storage')]
+
+
+def run_without(names, *arguments):
+    return subprocess.run([sys.executable, '-c', WITHOUT.format(names=names), *arguments],
+                          capture_output=True, text=True)
+
+
+def results_of(path):
+    """Return what --json wrote of recordings."""
+    return json.loads(path.read_text())['bags']
+
+
+@pytest.mark.parametrize('names', (HIDDEN, (*HIDDEN, 'rclpy', 'geometry_msgs')))
+def test_plain_recordings_need_no_library(tmp_path, names):
+    """The same results, with ROS and without."""
+    bags = [str(write(tmp_path / storage, TOUCHING, storage)) for storage in ('mcap', 'sqlite3')]
+    assert main([*bags, '--json', str(tmp_path / 'a.json')]) == 1
+    result = run_without(names, *bags, '--json', str(tmp_path / 'b.json'))
+    assert (result.returncode, result.stderr) == (1, '')
+    assert results_of(tmp_path / 'a.json') == results_of(tmp_path / 'b.json')
+
+
+def test_packed_recordings_name_what_they_need(tmp_path):
+    """Bad input, told in one line for each."""
+    bags = [str(write(tmp_path / '_'.join(packed), TOUCHING, *packed)) for packed in PACKED]
+    result = run_without(HIDDEN, *bags)
+    assert (result.returncode, result.stderr) == (3, '')
+    lines = [line for line in result.stdout.splitlines() if 'problem' in line]
+    assert len(lines) == len(bags)
+    assert all('unpacking zstd needs' in line and 'rosbag2_py' in line for line in lines)
+
+
+def test_writing_names_what_it_needs(tmp_path):
+    """Before the run."""
+    bag = str(write(tmp_path / 'bag', TOUCHING))
+    for arguments in ((bag, '--as-live', '--write-bag', str(tmp_path / 'out')),
+                      ('--write-example', str(tmp_path / 'out'))):
+        result = run_without(HIDDEN, *arguments)
+        assert (result.returncode, result.stdout) == (3, '')
+        assert 'needs rosbags' in result.stderr and result.stderr.count('\n') == 1
+    assert not (tmp_path / 'out').exists()
+
+
+class _Reader:
+    """What rosbag2_py has to read, as its documentation says, on the readers of rosbags."""
+
+    def open(self, storage, _):  # noqa: A003
+        self._reader = AnyReader([Path(storage.uri)])
+        try:
+            self._reader.open()
+        except Exception as error:
+            raise RuntimeError(error) from error
+        self._topics = None
+
+    def get_metadata(self):
+        reader = self._reader
+        return SimpleNamespace(
+            topics_with_message_count=[SimpleNamespace(
+                topic_metadata=SimpleNamespace(name=name, type=topic.msgtype),
+                message_count=topic.msgcount) for name, topic in reader.topics.items()],
+            message_count=reader.message_count,
+            starting_time=SimpleNamespace(nanoseconds=reader.start_time),
+            duration=SimpleNamespace(nanoseconds=reader.duration - 1))
+
+    def set_filter(self, wanted):
+        self._messages = self._reader.messages(
+            [one for one in self._reader.connections if one.topic in wanted.topics])
+        self._next = next(self._messages, None)
+
+    def has_next(self):
+        return self._next is not None
+
+    def read_next(self):
+        (connection, time, data), self._next = self._next, next(self._messages, None)
+        return connection.topic, data, time
+
+
+@pytest.fixture(params=('real', 'stand-in'))
+def rosbag2_py(request, monkeypatch):
+    """Hide what unpacks, and have rosbag2_py: that of ROS, or where it is not, a stand-in."""
+    if request.param == 'real':
+        pytest.importorskip('rosbag2_py')
+    else:
+        stand_in = ModuleType('rosbag2_py')
+        stand_in.__spec__ = ModuleSpec('rosbag2_py', None, origin='stand-in')
+        stand_in.SequentialReader = stand_in.SequentialCompressionReader = _Reader
+        stand_in.StorageOptions = stand_in.StorageFilter = SimpleNamespace
+        stand_in.ConverterOptions = lambda *formats: formats
+        monkeypatch.setitem(sys.modules, 'rosbag2_py', stand_in)
+
+    def missing():
+        raise storages.Damage('it is hidden')
+
+    monkeypatch.setattr(storages, '_zstd', missing)
+    monkeypatch.setitem(storages._LIBRARIES, 'zstd', missing)
+
+
+@pytest.mark.parametrize('storage, compression', PACKED)
+@pytest.mark.parametrize('part', ({}, {'start': 0.5, 'duration': 1.0}))
+def test_packed_recordings_are_read_by_rosbag2(tmp_path, rosbag2_py, storage, compression, part):
+    """The same results as of the plain recording, and nothing is left beside the packed one."""
+    plain = check(write(tmp_path / 'plain', TOUCHING, storage), Options(**part))
+    bag = write(tmp_path / 'bag', TOUCHING, storage, compression)
+    before = sorted(bag.iterdir())
+    result = check(bag, Options(**part))
+    assert result.problems == [] and len(result.contacts) == 1
+    assert (result.content, result.footprints, result.contacts, result.unknown) == (
+        plain.content, plain.footprints, plain.contacts, plain.unknown)
+    assert sorted(bag.iterdir()) == before
+
+
+def test_what_rosbag2_refuses_is_told(tmp_path, rosbag2_py):
+    """A damaged recording is bad input in one line."""
+    bag = write(tmp_path / 'bag', TOUCHING, 'mcap', 'storage')
+    file = bag / 'bag.mcap'
+    file.write_bytes(file.read_bytes()[:2000])
+    result = check(bag)
+    assert result.verdict == 3 and len(result.problems) == 1
+
+
+def test_bag_is_written_by_rosbag2(tmp_path):
+    """Where rosbags is not there: the same messages."""
+    pytest.importorskip('rosbag2_py')
+    bag = str(write(tmp_path / 'bag', TOUCHING))
+    check(bag, Options(as_live=True, write_bag=str(tmp_path / 'a')))
+    assert run_without(('rosbags',), bag, '--as-live', '--write-bag',
+                       str(tmp_path / 'b')).returncode == 1
+    messages = []
+    for name in 'ab':
+        with AnyReader([tmp_path / name]) as reader:
+            messages.append([(connection.topic, connection.msgtype, time, bytes(data))
+                             for connection, time, data in reader.messages()])
+    assert messages[0] == messages[1]

@@ -16,7 +16,7 @@
 
 import numpy as np
 import pytest
-from sat_collision.messages.packer import Placement
+from sat_collision.messages.placement import Placement
 from sat_collision.replay.motion.tracker import SetTracker
 from sat_collision.scene.settings import ObstacleSettings
 
@@ -71,7 +71,8 @@ def test_bodies_of_sets_are_those_that_are_nearest_to_each_other(extent):
                          lambda tracker, step: steps.append(step))
     sets = [random_set(rng, rng.integers(0, 12), extent) for _ in range(300)]
     for number, rings in enumerate(sets, 1):
-        tracker.place([placement(number, points) for points in [*rings, ()]])
+        for points in [*rings, ()]:
+            tracker.place(placement(number, points))
     assert len(steps) == len(sets)
     undetermined = followed = 0
     for before, after, step in zip(sets, sets[1:], steps[1:]):

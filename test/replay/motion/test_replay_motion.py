@@ -378,6 +378,20 @@ def test_obstacles_that_are_received_late_count_at_their_own_stamps(tmp_path, de
     assert result.footprints[0].unknown < SECOND // 2
 
 
+@pytest.mark.parametrize('delay', [-0.01, 0.15])
+def test_contact_at_the_first_stamp_counts_whichever_is_received_first(tmp_path, delay):
+    """The obstacle is there at the beginning alone, when no frame is known yet."""
+    messages = []
+    for k in range(20):
+        messages += [at(1 + k / 10, box(0.0), delay, '/footprint'),
+                     at(1 + k / 10, box(0.5) if k == 0 else box(5.0)[:3]),
+                     at(1 + k / 10, [])]
+    messages.sort(key=lambda message: message[1])
+    result = check(write(tmp_path / 'bag', messages))
+    assert result.verdict is Verdict.COLLISION
+    assert since(result, result.contacts[0].first) == [pytest.approx(max(-delay, 0.0))]
+
+
 def test_what_is_received_after_the_part_that_is_checked_may_be_of_it(tmp_path):
     """With --duration, a stamp decides."""
     messages = [at(k / 10, box(0.0 if k == 50 else 5.0), 0.5 if k == 50 else 0.0, '/footprint')

@@ -37,17 +37,21 @@ GRAZE = 2e-3
 class World:
     """A monitor that is asked for predictions; times are seconds since START."""
 
-    def __init__(self, bodies, dock=(), horizon=3.0, release_delay=0.0, **footprint):
+    def __init__(self, bodies, dock=(), horizon=3.0, release_delay=0.0, margin=0.0, moving=False,
+                 **footprint):
         self.settings = Settings(
             footprints=(FootprintSettings('robot', '/robot', **footprint),),
-            obstacles=(MAP, DOCK), horizon=horizon, release_delay=release_delay)
+            obstacles=(replace(MAP, moving=moving), DOCK), horizon=horizon,
+            release_delay=release_delay, margin=margin)
         self.monitor = Monitor(self.settings)
         self.scene = self.monitor.scene
         self.scene.tracks_motion = True
         self.time = 0.0
+        self.count = 0
         for name, polygons in (('map', bodies), ('dock', dock)):
             for k, points in enumerate((*polygons, ())):
                 self.monitor.receive(name, serialised(points, 0, 'map', k), self.now, k + 1)
+                self.count += name == 'map'
 
     @property
     def now(self):
@@ -68,6 +72,14 @@ class World:
         """Let a footprint come again and again that drives along x, at x = 0 at time 0."""
         for time in times:
             self.send(time, [(x + speed * time, v + y) for x, v in ROBOT])
+
+    def see(self, time, points, key=0, age=0.0):
+        """Let an obstacle come of an id that is so old already."""
+        self.wait_until(time)
+        self.count += 1
+        self.monitor.receive('map', serialised(points, self.now - round(age * SECOND), 'map', key),
+                             self.now, self.count)
+        self.scene.look_ahead()
 
     @property
     def prediction(self):
@@ -110,7 +122,17 @@ def test_zero_in_contact_and_where_contact_was_due():
     world = World([AHEAD])
     world.drive(2.25)
     assert world.status == 'collision'
-    assert world.prediction == (0.0, ObstacleId('map', 0), None, 0.0)
+    assert world.prediction == (0.0, ObstacleId('map', 0), None, 0.0, ())
+
+
+def test_a_margin_is_a_collision_so_the_time_is_that_until_within_it():
+    world = World([AHEAD], margin=0.5)
+    world.drive(1.3, 1.4)
+    assert world.seconds == pytest.approx(0.1, abs=1e-3)
+    world.drive(1.49)
+    assert world.status == 'clear' and world.seconds == pytest.approx(0.01, abs=1e-3)
+    world.drive(1.51)
+    assert world.status == 'collision' and world.seconds == 0.0
 
 
 def test_infinity_beyond_the_horizon_and_for_what_stands():
@@ -121,7 +143,7 @@ def test_infinity_beyond_the_horizon_and_for_what_stands():
     assert world.seconds == pytest.approx(0.999, abs=1e-3)
     world.drive(1.1, 1.2, speed=0.0)
     assert world.prediction == (
-        math.inf, None, ((0, 0, 0), pytest.approx((0.14, 0, 0)), 'footprints'), math.inf)
+        math.inf, None, ((0, 0, 0), pytest.approx((0.14, 0, 0)), 'footprints'), math.inf, ())
 
 
 def test_only_what_concerns_the_footprint_is_in_its_way():
@@ -214,6 +236,56 @@ def test_unknown_is_unknown_whatever_is_imminent():
     assert world.status == 'unknown'
     world.drive(1.3)
     assert world.status == 'imminent'
+
+
+def walker(time, speed=-1.0, turn=0.0, x=5.0):
+    """Return where one is who comes along x, at x = 5 at time 0."""
+    c, s = math.cos(turn * time), math.sin(turn * time)
+    return [(x + speed * time + c * u - s * v, s * u + c * v) for u, v in box(-0.25, -0.25, 0.5)]
+
+
+def test_an_obstacle_that_moves():
+    """4.05 m apart at first and coming together at 2 m/s, whatever the ages of the messages."""
+    world = World([walker(0.0)], moving=True)
+    world.drive(0.0, 0.1)
+    assert world.prediction.unknown == (ObstacleId('map', 0),) and not world.prediction.is_known
+    world.see(0.2, walker(0.2))
+    assert world.prediction[:2] == (pytest.approx(1.825, abs=1e-3), ObstacleId('map', 0))
+    assert world.prediction.is_known
+    world.see(0.6, walker(0.4), age=0.2)
+    assert world.seconds == pytest.approx(1.425, abs=1e-3)
+    world.drive(0.9)
+    assert world.seconds == pytest.approx(1.125, abs=1e-3)
+    world.monitor.update(replace(world.settings, obstacles=(MAP, DOCK)))
+    assert world.seconds == pytest.approx(2.75, abs=1e-3) and world.prediction.is_known
+
+
+@pytest.mark.parametrize('next_one', [
+    walker(0.3)[:3], walker(0.3, turn=0.5), walker(0.3, speed=2000.0)],
+    ids=['another shape', 'one that turns', 'too fast'])
+def test_unknown_motion_is_said_and_not_guessed(next_one):
+    """The flag is raised by when it is in contact at the latest."""
+    world = World([walker(0.0), AHEAD], moving=True, min_time_to_collision=3.0)
+    world.see(0.1, AHEAD, 1)
+    world.see(0.2, AHEAD, 1)
+    world.see(0.2, walker(0.2))
+    world.drive(0.1, 0.25)
+    assert world.prediction.is_known
+    world.see(0.3, next_one)
+    assert world.prediction.unknown == (ObstacleId('map', 0),)
+    assert world.prediction[:2] == (pytest.approx(1.7, abs=1e-3), ObstacleId('map', 1))
+    assert world.status == 'imminent'
+
+
+def test_a_velocity_of_an_obstacle_lasts_two_seconds():
+    """One that stood goes on standing."""
+    world = World([walker(0.0), FAR], moving=True, timeout=9.0)
+    world.see(0.1, walker(0.1))
+    world.see(0.1, FAR, 1)
+    world.drive(2.0, 2.05)
+    assert world.prediction.is_known
+    world.drive(2.15)
+    assert world.prediction.unknown == (ObstacleId('map', 0),)
 
 
 def where(outline, twist, seconds):

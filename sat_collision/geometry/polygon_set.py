@@ -280,18 +280,18 @@ class PolygonSet:
 
     def first_contact(self, footprint: BodyLike, twist: ArrayLike, horizon: float,
                       velocities: ArrayLike | None = None, pose: ArrayLike = (0.0, 0.0, 0.0),
-                      tolerance: float = 1e-3, skipped: Iterable[int] = ()
+                      tolerance: float = 1e-3, margin: float = 0.0
                       ) -> tuple[int, float] | None:
         """
-        Return which row a moving body meets first, and when.
+        Return which row a moving body meets first, or comes within a margin of, and when.
 
         Parameters
         ----------
         footprint, twist, horizon, velocities, pose, tolerance
             As `time_to_contact` has them, which raises the same; one velocity a row, also of rows
             that have no body.
-        skipped : iterable of int, optional
-            Rows to leave out, as `nearest` does.
+        margin : float, optional
+            Bodies no further apart than this count as in contact, metres.
 
         Returns
         -------
@@ -306,7 +306,13 @@ class PolygonSet:
         (1, 1.5)
 
         """
-        motion = motion_of(twist, horizon, pose, tolerance)
+        motion = motion_of(twist, horizon, pose, tolerance, margin)
+        return self._first_met(footprint, motion, velocities)
+
+    def _first_met(self, footprint: BodyLike, motion: NDArray[np.float64],
+                   velocities: ArrayLike | None = None,
+                   skipped: Iterable[int] = ()) -> tuple[int, float] | None:
+        """Return the same for a `prediction.Motion`, but for rows to leave out."""
         packed, count = as_polygon(footprint).packed
         row, time = first_row_met(self._array, packed, count, indexable(motion),
                                   indexable(velocities_of(velocities, self._used_rows)),
@@ -397,6 +403,7 @@ class PackedSet(PolygonSet):
     place = PolygonSet._place
     remove = PolygonSet._remove
     polygon = PolygonSet._polygon
+    first_met = PolygonSet._first_met
 
     def place_run(self, run: Run, rows: Any, first: int, limit: int, others: PackedSet,
                   margin: float) -> int:

@@ -21,6 +21,10 @@ is added to the margin: what is clear by that is clear. Where a piece is not, it
 there on, until the sagitta is a part of the tolerance. So the time found is never late, and the
 bodies are within the tolerance then (docs/exactness.md, lemma 23). A straight way is one piece
 without a sagitta.
+
+Most bodies that stand near the way are beside it, which is seen at once: a point of a body that
+turns keeps its distance from the centre of the turn, and one that moves straight its distance from
+a line along the way.
 """
 
 from __future__ import annotations
@@ -35,10 +39,10 @@ from sat_collision.geometry.jit import (
     borrowed, inlined, inner, kernel, scratch, scratch_integers)
 from sat_collision.geometry.layout import convex_part, first_vertex, Packed
 from sat_collision.geometry.moving import STRIDE
-from sat_collision.geometry.plane import length
+from sat_collision.geometry.plane import length, unit
 from sat_collision.geometry.predicates import UNDERFLOW_BOUND
 from sat_collision.geometry.rows import body_of, rows_of
-from sat_collision.geometry.scan import contains, intersecting_rows
+from sat_collision.geometry.scan import contains, intersecting_rows, rows_within
 from sat_collision.geometry.sweep import first_contact_of_moving
 
 # The most that a body turns in a piece, rad, unless that takes too many.
@@ -61,7 +65,7 @@ class Motion(NamedTuple):
         Its velocity at time 0, m/s, and rad/s.
     horizon : float
         Seconds.
-    tolerance : float
+    tolerance, margin : float
         Metres.
 
     """
@@ -73,6 +77,7 @@ class Motion(NamedTuple):
     turn: float
     horizon: float
     tolerance: float
+    margin: float
 
 
 class Moving(NamedTuple):
@@ -108,6 +113,9 @@ class Way(NamedTuple):
         How many it is cut into.
     boxes : flat array of float64
         min x, min y, max x, max y of each piece, then of all; relative to the origin.
+    inner, outer : float
+        The least and the greatest distance of the body from the centre of its turn; of a straight
+        way from a line along it, negative on its right; m.
 
     """
 
@@ -117,10 +125,12 @@ class Way(NamedTuple):
     reach: float
     pieces: int
     boxes: Any
+    inner: float
+    outer: float
 
 
-def motion_of(twist: ArrayLike, horizon: float, pose: ArrayLike,
-              tolerance: float) -> NDArray[np.float64]:
+def motion_of(twist: ArrayLike, horizon: float, pose: ArrayLike, tolerance: float,
+              margin: float) -> NDArray[np.float64]:
     """Return a `Motion` as an array; raise `ValueError` naming what is wrong with it."""
     vx, vy, turn = _finite(twist, 'twist', 'vx and vy in m/s, omega in rad/s').tolist()
     x, y, yaw = _finite(pose, 'pose', 'x and y in metres, yaw in rad').tolist()
@@ -128,11 +138,14 @@ def motion_of(twist: ArrayLike, horizon: float, pose: ArrayLike,
         raise ValueError(f'horizon {horizon}, but it has to be 0 or more seconds, and finite')
     if not 0.0 < tolerance < math.inf:
         raise ValueError(f'tolerance {tolerance}, but it has to be positive and finite')
+    if not 0.0 <= margin < math.inf:
+        raise ValueError(f'margin {margin}, but it has to be 0 or more, and finite')
     if not math.isfinite((abs(vx) + abs(vy)) * horizon) or not math.isfinite(turn * horizon):
         raise ValueError(f'twist {(vx, vy, turn)} leads beyond the largest double within the '
                          f'horizon of {horizon} s')
     c, s = math.cos(yaw), math.sin(yaw)
-    return np.array([x, y, c * vx - s * vy, s * vx + c * vy, turn, horizon, tolerance])
+    return np.array([x, y, c * vx - s * vy, s * vx + c * vy, turn, horizon, tolerance,
+                     margin])
 
 
 def velocities_of(velocities: ArrayLike | None, rows: int) -> NDArray[np.float64]:
@@ -167,7 +180,7 @@ def first_row_met(set_array, body, count, motion, velocities, skipped):
         See `rows`.
     body, count
         A packed polygon.
-    motion : (7,) array of float64
+    motion : (8,) array of float64
         A `Motion`.
     velocities : flat array of float64
         vx, vy of each row, m/s.
@@ -179,12 +192,16 @@ def first_row_met(set_array, body, count, motion, velocities, skipped):
     row : int
         Of several the first; -1 if there is none.
     time : float
-        Seconds; 0 just where they share a point at time 0, infinity if there is none.
+        Seconds; 0 just where they are in contact, or within the margin, at time 0; infinity if
+        there is none.
 
     """
     require_nearest(count)
     rows = rows_of(borrowed(set_array))
-    for k in range(intersecting_rows(set_array, body, count)):
+    margin = motion[7]
+    met = (intersecting_rows(set_array, body, count) if margin == 0.0
+           else rows_within(set_array, body, count, margin))
+    for k in range(met):
         if not contains(skipped, rows.found[k]):
             return rows.found[k], 0.0
     way = _way(Packed(body, 0, count), motion)
@@ -192,7 +209,7 @@ def first_row_met(set_array, body, count, motion, velocities, skipped):
     candidates = 0
     for row in range(rows.used):
         if (rows.n[row] != 0 and _may_meet(way, way.pieces, rows, row, velocities)
-                and not contains(skipped, row)):
+                and not contains(skipped, row) and not _is_beside(way, rows, row, velocities)):
             rows.found[candidates] = row
             candidates += 1
     first = -1
@@ -213,7 +230,8 @@ def first_row_met(set_array, body, count, motion, velocities, skipped):
 @inner
 def _way(p, motion):
     """Return the way of a packed polygon."""
-    motion = Motion(motion[0], motion[1], motion[2], motion[3], motion[4], motion[5], motion[6])
+    motion = Motion(motion[0], motion[1], motion[2], motion[3], motion[4], motion[5], motion[6],
+                    motion[7])
     body = _parts(p, motion)
     radius = 0.0
     for k in range(0, len(body.array), 2):
@@ -222,7 +240,8 @@ def _way(p, motion):
     turned = min(abs(motion.turn) * motion.horizon / _TURN, _MOST_PIECES)
     pieces = max(1, int(math.ceil(turned)))
     boxes = scratch(4 * pieces + 4)
-    way = Way(motion, body, speed, radius + speed * motion.horizon, pieces, boxes)
+    inner, outer = _distances(body, motion)
+    way = Way(motion, body, speed, radius + speed * motion.horizon, pieces, boxes, inner, outer)
     _bound(way)
     return way
 
@@ -246,6 +265,51 @@ def _parts(p, motion):
             array[end + 1] = part.array[k + 1] - motion.y
             end += 2
     return Moving(array, ends)
+
+
+@inner
+def _distances(body, motion):
+    """Return `inner` and `outer` of a `Way`, or the same of a body that stands beside it."""
+    v = body.array
+    least = math.inf
+    most = -math.inf
+    if motion.turn == 0.0:
+        ux, uy = unit(motion.vx, motion.vy)
+        for k in range(0, len(v), 2):
+            height = ux * v[k + 1] - uy * v[k]
+            least = min(least, height)
+            most = max(most, height)
+        return least, most
+    x = -motion.vy / motion.turn
+    y = motion.vx / motion.turn
+    first = 0
+    for i in range(len(body.ends)):
+        end = body.ends[i] // 2
+        nearest = math.inf
+        nearest_x = nearest_y = 0.0
+        # Counter-clockwise, so that the part is on the left of each edge, and further away.
+        height = -math.inf
+        ax = v[end - 2] - x
+        ay = v[end - 1] - y
+        for k in range(first, end, 2):
+            bx = v[k] - x
+            by = v[k + 1] - y
+            away = length(bx, by)
+            most = max(most, away)
+            if away < nearest:
+                nearest = away
+                nearest_x = bx
+                nearest_y = by
+            ux, uy = unit(bx - ax, by - ay)
+            height = max(height, ay * ux - ax * uy)
+            ax = bx
+            ay = by
+        ux, uy = unit(nearest_x, nearest_y)
+        for k in range(first, end, 2):
+            nearest = min(nearest, (v[k] - x) * ux + (v[k + 1] - y) * uy)
+        least = min(least, max(nearest, height))
+        first = end
+    return least, most
 
 
 @inner
@@ -316,7 +380,7 @@ def _may_meet(way, piece, rows, row, velocities):
     vy = velocities[2 * row + 1]
     if way.speed == 0.0 and vx == 0.0 and vy == 0.0:
         return False
-    margin = _rounding(way, rows, row, vx, vy)
+    margin = motion.margin + _rounding(way, rows, row, vx, vy)
     box = 4 * piece
     return not (
         rows.min_x[row] - motion.x + min(vx * start, vx * end) - way.boxes[box + 2] > margin
@@ -325,12 +389,26 @@ def _may_meet(way, piece, rows, row, velocities):
         or way.boxes[box + 1] - (rows.max_y[row] - motion.y + max(vy * start, vy * end)) > margin)
 
 
+@inner
+def _is_beside(way, rows, row, velocities):
+    """Return whether the body of a row stands, and is beside the way by more than tolerances."""
+    motion = way.motion
+    if velocities[2 * row] != 0.0 or velocities[2 * row + 1] != 0.0:
+        return False
+    least, most = _distances(_parts(body_of(rows, row), motion), motion)
+    centre = length(motion.vx, motion.vy) / abs(motion.turn) if motion.turn != 0.0 else 0.0
+    finest = motion.horizon / _MOST_PIECES
+    margin = (motion.margin + max(motion.tolerance, 4.0 * _sagitta(way, finest))
+              + _ROUNDING * centre + _rounding(way, rows, row, 0.0, 0.0))
+    return least - way.outer > margin or way.inner - most > margin
+
+
 @inlined
 def _rounding(way, rows, row, vx, vy):
     """Return what rounding may do to the gap between the body on its way and that of a row."""
     x = max(abs(rows.min_x[row] - way.motion.x), abs(rows.max_x[row] - way.motion.x))
     y = max(abs(rows.min_y[row] - way.motion.y), abs(rows.max_y[row] - way.motion.y))
-    reach = max(x, y) + (abs(vx) + abs(vy)) * way.motion.horizon
+    reach = max(x, y) + (abs(vx) + abs(vy)) * way.motion.horizon + way.motion.margin
     return _ROUNDING * (way.reach + reach) + UNDERFLOW_BOUND
 
 
@@ -339,7 +417,7 @@ def _first_contact_in_piece(way, piece, rows, row, velocities, before):
     """Return when in a piece the body meets that of a row; infinity if not before a time."""
     vx = velocities[2 * row]
     vy = velocities[2 * row + 1]
-    rounding = _rounding(way, rows, row, vx, vy)
+    apart = way.motion.margin + _rounding(way, rows, row, vx, vy)
     other = _parts(body_of(rows, row), way.motion)
     chords = scratch(2 * len(way.body.array))
     other_chords = scratch(2 * len(other.array))
@@ -357,7 +435,7 @@ def _first_contact_in_piece(way, piece, rows, row, velocities, before):
             other_chords[2 * k + 2] = other.array[k] + vx * stop
             other_chords[2 * k + 3] = other.array[k + 1] + vy * stop
         share = first_contact_of_moving(chords, way.body.ends, other_chords, other.ends, sagitta,
-                                        sagitta + rounding)
+                                        sagitta + apart)
         if share == math.inf:
             start = stop
             step *= 2.0

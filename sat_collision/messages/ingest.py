@@ -187,6 +187,8 @@ class Ingest:
             else:
                 body = self._packer.pack(points, plane) if points[2] else None
                 refusal = scene.obstacle(name, body, frame_id, stamp, now, instance, number)
+                if settings.moving and body and instance is not None and refusal is None:
+                    scene.track_obstacle(name, instance, vertices_of(points, plane), stamp, now)
         except MessageError as error:
             return self.refuse(settings, UNDECODABLE, str(error), now, number=number)
         except PolygonError as error:

@@ -211,7 +211,8 @@ class Markers:
 
     def _draw_ahead(self, name: str, prediction: Prediction | None) -> None:
         """Draw where a footprint is on its way to a contact, and when it is there."""
-        if not (prediction and prediction.velocity and 0.0 < prediction.seconds < math.inf):
+        if not (prediction and prediction.is_known and prediction.velocity
+                and 0.0 < prediction.seconds < math.inf):
             return
         vertices = self._shapes[name].polygon.vertices
         rings = [prediction.velocity.carry(vertices, prediction.way * k / _PLACES_AHEAD)

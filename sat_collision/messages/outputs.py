@@ -250,7 +250,8 @@ class Outputs:
     def _publish_time(self, name: str, prediction: Prediction | None) -> None:
         """Publish when a footprint collides, infinity for not within the horizon."""
         self._times[name].publish(
-            serialize(Float64(data=prediction.seconds)) if prediction else _UNKNOWN)
+            serialize(Float64(data=prediction.seconds)) if prediction and prediction.is_known
+            else _UNKNOWN)
 
     def _publish_states(self, nearest: Mapping[str, Nearest | None],
                         predictions: Mapping[str, Prediction | None], stamp: Any) -> None:

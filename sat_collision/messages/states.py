@@ -39,7 +39,7 @@ _NAMED_IN_MESSAGE = 3
 _NOT_MEASURED = 'distances are not measured yet: their kernels are being compiled'
 _MOVING = ('age', 'least separation', 'nearest obstacle', 'nearest obstacle is newer by',
            'contacts are newer by', 'frame', 'age of transform', 'time to collision',
-           'first contact with', 'velocity')
+           'first contact with', 'velocity', 'obstacles of unknown motion')
 
 
 def in_words(state: State, margin: float = 0.0, prediction: Prediction | None = None) -> str:
@@ -56,7 +56,8 @@ def in_words(state: State, margin: float = 0.0, prediction: Prediction | None = 
 
     """
     if state.status is Status.IMMINENT and prediction and prediction.obstacle:
-        return f'collision with {prediction.obstacle} in {prediction.seconds:.1f} s'
+        most = '' if prediction.is_known else 'at most '
+        return f'collision with {prediction.obstacle} in {most}{prediction.seconds:.1f} s'
     if state.status is Status.COLLISION and state.contacts:
         names = [str(obstacle) for obstacle in state.contacts[:_NAMED_IN_MESSAGE]]
         more = len(state.contacts) - len(names)
@@ -185,7 +186,8 @@ class States:
 
         """
         (age_value, separation_value, obstacle_value, nearest_value, contacts_value, frame_value,
-         transform_value, time_value, first_value, velocity_value) = self._moving[name]
+         transform_value, time_value, first_value, velocity_value,
+         unknown_value) = self._moving[name]
         frame_id, transform_age = origin
         frame_value.value = name_in_words(frame_id) if frame_id else ''
         transform_value.value = '' if transform_age is None else f'{transform_age:.3f}'
@@ -197,8 +199,10 @@ class States:
         contacts_value.value = ', '.join(f'{obstacle} {newer[obstacle]:.3f}'
                                          for obstacle in self._contacts[name]
                                          if obstacle in newer)
-        time_value.value = f'{prediction.seconds:.3f}' if prediction else ''
-        first_value.value = str(prediction.obstacle or '') if prediction else ''
+        is_known = prediction and prediction.is_known
+        time_value.value = f'{prediction.seconds:.3f}' if prediction and is_known else ''
+        first_value.value = str(prediction.obstacle or '') if prediction and is_known else ''
+        unknown_value.value = ', '.join(map(str, prediction.unknown)) if prediction else ''
         velocity_value.value = 'unknown'
         if prediction and prediction.velocity:
             vx, vy, omega = prediction.velocity.twist

@@ -16,18 +16,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any, Generic, TypeVar
+from collections.abc import Iterable, Mapping
+from typing import Any, Generic, TypeAlias, TypeVar
 
-from sat_collision.geometry.polygon import PackedBody
+from sat_collision.geometry.polygon import PackedBody, Polygon
 from sat_collision.geometry.polygon_set import PackedSet, Point
+from sat_collision.geometry.prediction import motion_of
 from sat_collision.geometry.run import Run
 from sat_collision.scene.footprints import Footprint
 from sat_collision.scene.obstacles import Body, Obstacle
-from sat_collision.scene.velocity import Velocity
+from sat_collision.scene.velocity import Velocity, Vertices
 
 _Kind = TypeVar('_Kind', bound=Body[Any])
 _Other = TypeVar('_Other', bound=Body[Any])
+
+# How near a footprint that turns may be to what it meets, at the time returned, m.
+_TOLERANCE = 1e-3
+# Where an obstacle is, and its vx and vy in m/s.
+Course: TypeAlias = tuple[Polygon, Vertices]
 
 
 class Contacts:
@@ -147,15 +153,26 @@ class Contacts:
             footprint.polygon, left_out + self._unmonitored(footprint))
         return found and (self._obstacles.bodies[found[0]], *found[1:])
 
-    def first_contact(self, footprint: Footprint, velocity: Velocity,
-                      seconds: float) -> tuple[Obstacle, float] | None:
-        """Return what a footprint meets first in so long, and after how many s; None if none."""
+    def first_contact(self, footprint: Footprint, velocity: Velocity, seconds: float,
+                      moving: Mapping[Obstacle, Course] = {}) -> tuple[Obstacle, float] | None:
+        """
+        Return what a footprint meets first in so long, and after how many s; None if none.
+
+        Obstacles stand, but for those that move: where they are at first, and vx and vy in m/s.
+        """
         if footprint.polygon is None:
             return None
-        found = self._obstacles.polygons.first_contact(
-            footprint.polygon, velocity.twist, seconds, pose=velocity.pose,
-            skipped=self._unmonitored(footprint))
-        return found and (self._obstacles.bodies[found[0]], found[1])
+        motion = motion_of(velocity.twist, seconds, velocity.pose, _TOLERANCE, self._margin)
+        skipped = [one.row for one in moving if one.row is not None]
+        found = self._obstacles.polygons.first_met(
+            footprint.polygon, motion, skipped=skipped + self._unmonitored(footprint))
+        first = found and (self._obstacles.bodies[found[0]], found[1])
+        if moving:
+            polygons, velocities = zip(*moving.values())
+            found = PackedSet(polygons).first_met(footprint.polygon, motion, velocities)
+            if found and not (first and first[1] <= found[1]):
+                first = [*moving][found[0]], found[1]
+        return first
 
     def _unmonitored(self, footprint: Footprint) -> list[int]:
         """Return the rows of the obstacles that do not concern a footprint."""

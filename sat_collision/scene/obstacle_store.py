@@ -277,6 +277,10 @@ class KeyedGroup(ObstacleGroup):
         self._put(obstacle, body, frame_id, time, refusal)
         return refusal
 
+    def get(self, key: Key) -> Obstacle | None:
+        """Return the obstacle of a key, None if there is none."""
+        return self._held.get(key)
+
     def forget_before(self, time: float) -> None:
         """Drop the obstacles whose time is earlier."""
         while self.oldest < time:

@@ -21,6 +21,7 @@ from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.polygon_set import PackedSet
+from sat_collision.scene.velocity import MotionTracker
 
 _Other = TypeVar('_Other', bound='Body[Any]')
 
@@ -106,10 +107,12 @@ class Obstacle(Body[Body[Any]]):
     frame_id : str
     refused : str or None
         Why the message that it stands for was refused.
+    motion : MotionTracker or None
+        What its velocity is known from, if its source has obstacles that move.
 
     """
 
-    __slots__ = ('group', 'key', 'name', 'time', 'listing', 'frame_id', 'refused')
+    __slots__ = ('group', 'key', 'name', 'time', 'listing', 'frame_id', 'refused', 'motion')
 
     def __init__(self, group: object, source: str, key: Key, number: int) -> None:
         super().__init__()
@@ -120,3 +123,4 @@ class Obstacle(Body[Body[Any]]):
         self.listing = 0
         self.frame_id = ''
         self.refused: str | None = None
+        self.motion: MotionTracker | None = None

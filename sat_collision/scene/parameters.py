@@ -25,7 +25,7 @@ from typing import Any
 from sat_collision.scene.outlines import check, OutlineError
 from sat_collision.scene.settings import (
     DEFAULT_FOOTPRINT, DEFAULT_SOURCE, DEFAULT_SOURCE_TOPIC, FootprintSettings, ObstacleSettings,
-    Settings, Spec, specs, TF)
+    POLYGON_INSTANCE, Settings, Spec, specs, TF)
 
 _LISTS = {'footprints': DEFAULT_FOOTPRINT, 'obstacles': DEFAULT_SOURCE}
 # What every node of rclpy has beside these parameters.
@@ -192,6 +192,10 @@ def read_settings(footprints: Iterable[str], obstacles: Iterable[str],
         obstacles=tuple(ObstacleSettings(name=name, **values(ObstacleSettings, name))
                         for name in sources),
         **{name: value(name) for name in specs(Settings) if name not in _LISTS})
+    for source in settings.obstacles:
+        if source.moving and source.type != POLYGON_INSTANCE:
+            raise ParameterError(f'{source.name}.moving: only ids tell which obstacle has moved: '
+                                 f'set {source.name}.type to {POLYGON_INSTANCE}')
     try:
         check(settings)
     except OutlineError as error:

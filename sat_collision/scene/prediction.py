@@ -16,12 +16,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from itertools import chain
 import math
 from typing import NamedTuple
 
-from sat_collision.scene.contacts import Contacts
+from sat_collision.geometry.polygon import Polygon, PolygonError
+from sat_collision.scene.contacts import Contacts, Course
 from sat_collision.scene.footprints import Footprint, Status
-from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.obstacles import Obstacle, ObstacleId
+from sat_collision.scene.sources import Source
 from sat_collision.scene.velocity import FOOTPRINTS, TRANSFORMS, Velocity
 
 # What moves is where its velocity takes it for so long, in ns; what stands stays there.
@@ -30,7 +34,7 @@ _VELOCITY_LASTS = 2 * 10**9
 
 class Prediction(NamedTuple):
     """
-    When a footprint is in contact, moving on as it does while all obstacles stand.
+    When a footprint is in contact, moving on as it does while obstacles stand or move on.
 
     Attributes
     ----------
@@ -42,6 +46,9 @@ class Prediction(NamedTuple):
         At the stamp of the footprint. None only while in contact, where none is needed.
     way : float
         From the stamp until the contact, in s.
+    unknown : tuple of ObstacleId
+        Obstacles of which it is not known how they move, sorted: they are taken to stand, so the
+        contact may be sooner. Empty where that cannot be.
 
     """
 
@@ -49,6 +56,12 @@ class Prediction(NamedTuple):
     obstacle: ObstacleId | None
     velocity: Velocity | None
     way: float
+    unknown: tuple[ObstacleId, ...] = ()
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the time is, not only that it is no later."""
+        return not self.unknown
 
 
 def velocity_of(footprint: Footprint) -> Velocity | None:
@@ -59,7 +72,7 @@ def velocity_of(footprint: Footprint) -> Velocity | None:
         footprint.time, TRANSFORMS if footprint.settings.has_outline else FOOTPRINTS)
 
 
-def predict(footprint: Footprint, contacts: Contacts, now: int,
+def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source], now: int,
             horizon: float) -> Prediction | None:
     """
     Return when a footprint is in contact, None while its state or its velocity is unknown.
@@ -68,6 +81,8 @@ def predict(footprint: Footprint, contacts: Contacts, now: int,
     ----------
     footprint : Footprint
     contacts : Contacts
+    sources : iterable of Source
+        All that there are.
     now : int
         Present time in ns.
     horizon : float
@@ -84,8 +99,33 @@ def predict(footprint: Footprint, contacts: Contacts, now: int,
     age = now - footprint.time
     if velocity is None or age > _VELOCITY_LASTS and any(velocity.twist):
         return None
-    found = contacts.first_contact(footprint, velocity, horizon + age / 1e9)
+    courses: dict[Obstacle, Course] = {}
+    unknown = []
+    for obstacle in chain.from_iterable(
+            source.store for source in sources if source.settings.moving
+            and footprint.settings.monitors(source.settings.name)):
+        if obstacle.polygon is not None:
+            course = _course(obstacle, obstacle.polygon, footprint.time, now)
+            if course:
+                courses[obstacle] = course
+            else:
+                unknown.append(obstacle.name)
+    found = contacts.first_contact(footprint, velocity, horizon + age / 1e9, courses)
     seconds = max(found[1] - age / 1e9, 0.0) if found else math.inf
+    if seconds == 0.0:
+        unknown.clear()
     if not found or seconds > horizon:
-        return Prediction(math.inf, None, velocity, math.inf)
-    return Prediction(seconds, found[0].name, velocity, found[1])
+        return Prediction(math.inf, None, velocity, math.inf, tuple(sorted(unknown)))
+    return Prediction(seconds, found[0].name, velocity, found[1], tuple(sorted(unknown)))
+
+
+def _course(obstacle: Obstacle, polygon: Polygon, time: int, now: int) -> Course | None:
+    """Return where an obstacle is at a time, and its velocity; None where that is unknown."""
+    velocity = obstacle.motion.translation(obstacle.time) if obstacle.motion else None
+    if velocity is None or now - obstacle.time > _VELOCITY_LASTS and velocity.any():
+        return None
+    way = (time - obstacle.time) / 1e9 * velocity
+    try:
+        return (Polygon(polygon.vertices + way) if way.any() else polygon), velocity
+    except PolygonError:  # so thin that rounding makes it none
+        return None

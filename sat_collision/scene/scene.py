@@ -225,6 +225,11 @@ class Scene:
         if footprint.time is not None:
             footprint.motion.place(footprint.time, vertices, given)
 
+    def track_obstacle(self, name: str, instance: int, vertices: Vertices, stamp: int,
+                       now: int) -> None:
+        """Take the vertices, in the order sent, of an obstacle just taken that may move."""
+        self._sources[name].track(instance, stamp if 0 < stamp < now else now, vertices)
+
     def velocity(self, name: str) -> Velocity | None:
         """Return the velocity of a footprint at its stamp, None while unknown."""
         return velocity_of(self._footprints[name])
@@ -237,13 +242,16 @@ class Scene:
         """
         footprint = self._footprints[name]
         horizon = max(self.settings.horizon, footprint.settings.min_time_to_collision)
-        return predict(footprint, self._contacts, self._now, horizon) if horizon else None
+        if not horizon:
+            return None
+        return predict(footprint, self._contacts, self._sources.values(), self._now, horizon)
 
     def look_ahead(self) -> None:
         """Find out which footprints are about to collide, as their settings have it."""
         for name, threshold in self._looks_ahead.items():
             footprint = self._footprints[name]
-            found = predict(footprint, self._contacts, self._now, threshold + _AHEAD)
+            found = predict(footprint, self._contacts, self._sources.values(), self._now,
+                            threshold + _AHEAD)
             seconds = found.seconds if found else math.inf
             if footprint.is_imminent != (seconds <= threshold):
                 footprint.is_imminent = seconds <= threshold

@@ -157,6 +157,10 @@ class ObstacleSettings:
     max_count: int = field(default=10_000, metadata=_setting(
         'the most obstacles of the source, with which a set is whole; more are refused and make '
         'the footprints unknown', live=True, safety=True, limits=(1, 1_000_000)))
+    moving: bool = field(default=False, metadata=_setting(
+        'true predicts contacts with obstacles that go on as they moved between the last two '
+        'messages of an id, which polygon_instance has; false with obstacles that stand',
+        live=True, safety=True))
 
 
 @dataclass(frozen=True, slots=True)

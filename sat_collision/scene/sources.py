@@ -29,6 +29,7 @@ from sat_collision.scene.obstacles import Key
 from sat_collision.scene.settings import ObstacleSettings, POLYGON_INSTANCE
 from sat_collision.scene.streams import BEGUN, CONTINUES, Endpoint, MET, News, Stream
 from sat_collision.scene.times import BY_ANOTHER_CLOCK, FAR, NEVER
+from sat_collision.scene.velocity import MotionTracker, Vertices
 
 TOO_OLD = 'too old'
 
@@ -203,6 +204,13 @@ class Source:
                 self.faults or refusal):
             self._find_faults(now)
         return refusal
+
+    def track(self, instance: int, time: int, vertices: Vertices) -> None:
+        """Take the vertices, in the order sent, of an obstacle by its id, unless it is newer."""
+        obstacle = None if isinstance(self.listing, Sets) else self.listing.group.get(instance)
+        if obstacle is not None and obstacle.time == time:
+            obstacle.motion = obstacle.motion or MotionTracker()
+            obstacle.motion.place(time, vertices)
 
     def receive_run(self, run: Run, frame_id: str, stamp: int, number: int | None,
                     now: int) -> int:

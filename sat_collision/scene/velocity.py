@@ -43,6 +43,8 @@ _LONGEST = 2 * 10**9
 _MOST_PLACES = 100
 # What is faster, in m/s or rad/s, is no velocity of a robot.
 _FASTEST = 1e3
+# A vertex that is this much faster or slower than the others, in m/s, does not move as they do.
+_MOST_SPREAD = 0.05
 # An outline that differs from the moved one by more, in parts of its size, has another shape.
 _MOST_CHANGE = 0.1
 
@@ -141,6 +143,19 @@ class MotionTracker:
         if not _SHORTEST <= time - since <= _LONGEST:
             return None
         return fitted(before, self._places[-1][1], (time - since) / 1e9, origin)
+
+    def translation(self, time: float) -> Vertices | None:
+        """Return vx and vy in m/s at a time as `velocity`; None also for what turns."""
+        if not self._places or self._places[-1][0] != time:
+            return None
+        since, before = self._places[0]
+        last, after = self._places[-1]
+        if not _SHORTEST <= last - since <= _LONGEST or before.shape != after.shape:
+            return None
+        velocities = (after - before) / ((last - since) / 1e9)
+        mean: Vertices = velocities.mean(0)
+        is_rigid = np.abs(velocities - mean).max() <= _MOST_SPREAD
+        return mean if is_rigid and np.abs(mean).max() <= _FASTEST else None
 
 
 def fitted(before: Vertices, after: Vertices, seconds: float, origin: str) -> Velocity | None:

@@ -192,6 +192,65 @@ def test_among_many_that_move():
     assert found > 30
 
 
+@pytest.mark.parametrize('omega', [0.0, 1e-12, 0.3, -4.0])
+@pytest.mark.parametrize('tolerance', [1e-3, 1e-6])
+def test_what_stands_beside_the_way_changes_no_answer(omega, tolerance):
+    """
+    Bit by bit, however near it is, and where the centre of the turn is in a body.
+
+    Obstacles that move, be it by nothing, are not left out for standing beside the way.
+    """
+    rng = np.random.default_rng(5)
+    met = {True: 0, False: 0}
+    for k in range(150):
+        body = BODIES[k % len(BODIES)] - [0.5, rng.choice([0.0, 0.5])]
+        twist = (rng.choice([0.0, 1.0, rng.uniform(-2, 2)]), rng.choice([0.0, 0.5]), omega)
+        beside = []
+        for _ in range(6):
+            there = posed(body, twist, rng.uniform(0, 3))
+            off = rng.normal(0, rng.choice([1e-4, 0.02, 1]), 2)
+            corner = there[rng.integers(len(there))] + off
+            beside.append(0.3 * BODIES[rng.integers(len(BODIES))] + corner)
+        for others in ([other] for other in beside):
+            time = time_to_contact(body, twist, others, 3.0, tolerance=tolerance)
+            assert time == time_to_contact(body, twist, others, 3.0, [(1e-300, 0)],
+                                           tolerance=tolerance) or not any(twist)
+            met[time < math.inf] += 1
+    assert min(met.values()) > 100, met
+
+
+def within(margin, body, twist, other, velocities=None):
+    contact = PolygonSet([other]).first_contact(body, twist, 3.0, velocities, margin=margin)
+    return contact[1] if contact else math.inf
+
+
+def test_a_margin():
+    """The first time within it: never late, and early by no more than the tolerance."""
+    rng = np.random.default_rng(9)
+    found = 0
+    for k in range(150):
+        body = BODIES[k % len(BODIES)]
+        twist = (*rng.uniform(-2, 2, 2), rng.choice([0.0, 1e-9, 0.3, -3.0]))
+        other = BODIES[rng.integers(len(BODIES))] + rng.uniform(-5, 5, 2)
+        own = rng.uniform(-1, 1, 2) * (k % 2)
+        margin = rng.choice([1e-9, 0.1, 1.0])
+        time = within(margin, body, twist, other, [own])
+        assert (time == 0.0) == (separation(body, other) <= margin)
+        for t in np.linspace(0.0, min(time, 3.0), 60)[:-1 if time else 0].tolist():
+            assert separation(posed(body, twist, t), other + t * own) > margin - 1e-12
+        if 0.0 < time < math.inf:
+            found += 1
+            assert separation(posed(body, twist, time), other + time * own) <= (
+                margin + (1e-3 if twist[2] else 1e-10))
+    assert found > 20
+    assert within(1.0, BAR, (2, 0, 0), [(4, 0.6)]) == pytest.approx(1.1, abs=1e-12)
+    assert within(1.0, BAR, (2, 0, 0), [(4, 1)]) == pytest.approx(1.5)
+    assert within(1.0, BAR, (2, 0, 0), [(4, 1.001)]) == math.inf
+    for margin in (-1.0, math.nan, math.inf):
+        with pytest.raises(ValueError, match=f'margin {margin}'):
+            within(margin, BAR, (2, 0, 0), [(4, 1)])
+
+
 def test_straight_ways_of_bodies_that_are_not_convex():
     """As `time_of_contact` has them."""
     rng = np.random.default_rng(4)

@@ -22,7 +22,7 @@ from harness import box, Peer, SECOND, to_ns, values
 import numpy as np
 from rclpy.parameter_client import AsyncParameterClient
 from sat_collision import KERNEL
-from sat_collision.geometry.polygon_set import PolygonSet
+from sat_collision.geometry.polygon_set import PackedSet
 from sat_collision.messages import outputs
 from sat_collision.messages.markers import Markers
 from sat_collision.messages.outputs import contact_cloud
@@ -128,11 +128,11 @@ def drive(monitor, condition, what):
 def test_the_time_to_a_collision_comes_while_somebody_subscribes(start, monkeypatch):
     """Not a number at first; nothing is predicted, nor any motion tracked, before."""
     asked = []
-    first_contact = PolygonSet.first_contact
+    first_met = PackedSet.first_met
     monitor = start(**LASTING)
     monitor.until(lambda: monitor.monitor._outputs.measures, 'kernels')
-    monkeypatch.setattr(PolygonSet, 'first_contact',
-                        lambda *a, **b: asked.append(1) or first_contact(*a, **b))
+    monkeypatch.setattr(PackedSet, 'first_met',
+                        lambda *a, **b: asked.append(1) or first_met(*a, **b))
     monitor.send_set('obstacles', box(3, 0))
     drive(monitor, lambda: monitor.flag() is False, 'a clear state')
     monitor.spin(0.3)
@@ -172,6 +172,33 @@ def test_states_and_markers_tell_of_a_collision_ahead(start):
     monitor.until(lambda: monitor.flag() is False and 'footprint/ahead' not in spaces(
         monitor.markers()[-1]), 'a lowered flag')
     assert values(monitor.status())['time to collision'] == 'inf'
+
+
+def test_states_and_times_of_obstacles_that_move(start):
+    """Known once an id came twice; one that comes in another shape has no velocity."""
+    monitor = start(obstacle__type='polygon_instance', obstacle__moving=True,
+                    obstacle__timeout=0.5, footprint__timeout=0.0)
+    times = monitor.listen('~/footprint/time_to_collision')
+    begun = monitor.now()
+
+    def told(count=4):
+        """Let it come at 1 m/s, for a second again and again, with so many corners."""
+        stamp = monitor.now()
+        x = 3.0 - (stamp - begun) % SECOND / SECOND
+        monitor.send('footprint', ROBOT, stamp)
+        monitor.send('obstacles', box(x)[:count], stamp, instance=7)
+        monitor.spin(0.05)
+        return values(monitor.status()) if monitor.status() else {}
+    found = monitor.until(lambda: told().get('first contact with') == 'obstacle/7' and told(),
+                          'a contact with what comes')
+    assert found['obstacles of unknown motion'] == ''
+    monitor.until(lambda: told() and 0.0 < times[-1].data < 3.0, 'a time')
+    for count in (3, 4):
+        found = monitor.until(lambda count=count: (
+            now := told(count))['obstacles of unknown motion'] and now, 'unknown motion')
+        assert found['obstacles of unknown motion'] == 'obstacle/7'
+        assert found['time to collision'] == found['first contact with'] == ''
+    monitor.until(lambda: told(3) and math.isnan(times[-1].data), 'no time')
 
 
 def test_health_tells_rates_rejections_check_time_and_kernel(start):

@@ -126,7 +126,7 @@ def test_every_setting_can_be_given(declare):
     footprints = (FootprintSettings('a', '/robot', 0.5, False, ('d',)),
                   FootprintSettings('b', '/b', obstacles=('c', 'd')))
     obstacles = (ObstacleSettings('c', '/map', 'polygon_instance', 0.0, False, 0.1, 0.2, True,
-                                  7),
+                                  7, True),
                  ObstacleSettings('d', '/d'))
     wanted = Settings(footprints, obstacles, frame_id='odom', transform_timeout=0.3,
                       max_tf_gap=1.0, max_tilt=0.2, tf_cache_time=5.0, future_tolerance=0.1,

@@ -111,6 +111,14 @@ def test_topics_are_resolved():
         settings_of(refuse, footprint__topic='a b')
 
 
+def test_only_ids_tell_what_has_moved():
+    """Of other obstacles it is not known which one has become which."""
+    assert settings_of(obstacle__moving=True,
+                       obstacle__type='polygon_instance').obstacles[0].moving
+    with pytest.raises(ParameterError, match='^obstacle.moving: only ids .* polygon_instance$'):
+        settings_of(obstacle__moving=True)
+
+
 @pytest.mark.parametrize('given, words', [
     ({'footprints': ['left arm']}, "'left arm' cannot be a name: use letters"),
     ({'obstacles': ['größe']}, "'größe' cannot be a name: use letters"),

@@ -55,12 +55,15 @@ class Prediction:
         Of the footprint.
     horizon : float
         How far ahead to look, s.
+    margin : float
+        How far apart bodies are in collision, m.
 
     """
 
-    def __init__(self, trajectory: Trajectory, horizon: float) -> None:
+    def __init__(self, trajectory: Trajectory, horizon: float, margin: float) -> None:
         self._trajectory = trajectory
         self._horizon = horizon
+        self._margin = margin
         self._found: dict[int, _Found] = {}
 
     def look_ahead(self, step: Step) -> None:
@@ -101,8 +104,9 @@ class Prediction:
         starts, finishes = motion.starts, motion.finishes
         moved = motion.after.centres[motion.next_rows] - motion.before.centres[motion.rows]
         velocities = moved / np.maximum(finishes - starts, 1)[:, None] * 1e9
-        near = _gaps(np.array(own.bounds), motion.boxes) <= _SLACK + self._horizon * (
-            _fastest(own, velocity) + np.hypot(*velocities.T))
+        speeds = _fastest(own, velocity) + np.hypot(*velocities.T)
+        near = _gaps(np.array(own.bounds), motion.boxes) <= (
+            _SLACK + self._margin + self._horizon * speeds)
         names, polygons, rows = [], [], []
         for i in np.flatnonzero(near & (starts <= time) & (time < finishes)).tolist():
             try:
@@ -112,7 +116,8 @@ class Prediction:
             names.append(str(motion.before.names[motion.rows[i]]))
             rows.append(i)
         found = polygons and PolygonSet(polygons).first_contact(
-            own, velocity.twist, self._horizon, velocities[rows], velocity.pose)
+            own, velocity.twist, self._horizon, velocities[rows], velocity.pose,
+            margin=self._margin)
         return (found[1], names[found[0]]) if found else (inf, '')
 
 

@@ -83,7 +83,8 @@ class Sweep:
         self._keep = keep
         self.trajectory = Trajectory(self.timeout, LONGEST)
         self.contacts = Contacts(result, contacts, self.trajectory)
-        self.prediction = None if horizon is None else Prediction(self.trajectory, horizon)
+        self.prediction = (None if horizon is None
+                           else Prediction(self.trajectory, horizon, margin))
         self._waiting: dict[Tracker, deque[Step]] = {}
         self._contact_trackers: dict[Tracker, ContactTracker] = {}
 

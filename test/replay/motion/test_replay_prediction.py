@@ -51,6 +51,13 @@ def approach(gap=Fraction(5), back=30):
     return messages
 
 
+def test_a_margin_is_a_collision(tmp_path):
+    result = check(write(tmp_path / 'bag', approach()),
+                   Options(min_ttc=0.5, parameters={'margin': 0.25}))
+    samples = since(result, result.footprints[0].time_to_collision)
+    assert samples[29] == pytest.approx(0.9, abs=1e-9)
+
+
 def test_times_before_a_wall_are_exact(tmp_path):
     """Unknown at first, then 5 m at 5/4 m/s, and none once it goes back."""
     result = check(write(tmp_path / 'bag', approach()), Options(min_ttc=0.5))

@@ -7,11 +7,13 @@ BIN := $(VENV)/bin
 demo: $(VENV)/demo.stamp
 	$(BIN)/python -m sat_collision.demo
 
-test: TESTS = -m 'not long'
+# Three at a time, because tests of nodes mostly wait.
+test: TESTS = -m 'not long' -n 3
+test-all: TESTS = -n 2
 test test-all: $(VENV)/test.stamp
 	$(BIN)/python -m mypy
 	$(BIN)/python -m sat_collision.replay.kernels
-	$(BIN)/python -m pytest -n 3 --dist loadfile $(TESTS)
+	$(BIN)/python -m pytest --dist loadfile $(TESTS)
 
 # What README, config and docs take from the code and from the benchmarks.
 docs: $(VENV)/demo.stamp

@@ -286,15 +286,14 @@ class Scene:
         if not source.settings.enabled:
             return None
         faults, listing = source.faults, source.listing
-        refusal: str | None = None
         if stamp > now and self._is_from_future(stamp):
             # With such a stamp it can be of no set; an empty polygon is of no instance.
             refusal = source.receive(None, frame_id, None, now,
                                      None if body is None else instance, number, FROM_FUTURE)
+        elif body is not None and self.frame_id and frame_id != self.frame_id:
+            refusal = source.receive(None, frame_id, stamp, now, instance, number, OTHER_FRAME)
         else:
-            if body is not None and self.frame_id and frame_id != self.frame_id:
-                body, refusal = None, OTHER_FRAME
-            refusal = source.receive(body, frame_id, stamp, now, instance, number, refusal)
+            refusal = source.receive(body, frame_id, stamp, now, instance, number)
         due = (stamp if 0 < stamp < now else now) + source.timeout
         if due < self.deadline:
             self.deadline = due
@@ -373,8 +372,7 @@ class Scene:
     def wants_history(self, name: str) -> bool:
         """Return whether the one publisher of a map must be asked for all that it has sent."""
         source = self._sources.get(name)
-        return (source is not None and source.wants_history
-                and not source.stream.faults())
+        return source is not None and source.wants_history and not source.stream.faults()
 
     def renew(self, name: str) -> None:
         """Take what comes of a source from now on for all that its publisher has ever sent."""
@@ -567,13 +565,8 @@ class Scene:
 
     def _reevaluate_all(self) -> None:
         """Evaluate the footprints for which something has changed: all, if a common fault has."""
-        monitor_fault = ''
-        if not self.settings.enabled:
-            monitor_fault = _DISABLED
-        elif not self._now:
-            monitor_fault = _NO_CLOCK
-        elif self._clock_stands:
-            monitor_fault = _CLOCK_STANDS
+        monitor_fault = (_DISABLED if not self.settings.enabled else _NO_CLOCK if not self._now
+                         else _CLOCK_STANDS if self._clock_stands else '')
         causes = monitor_fault, self.settings, *(one.faults for one in self._sources.values())
         if causes != self._causes:
             self._causes = causes

@@ -14,6 +14,7 @@
 
 """What a running node shows beside its flags: markers, diagnostics, live parameters."""
 
+import itertools
 import math
 import re
 
@@ -193,12 +194,12 @@ def test_states_and_times_of_obstacles_that_move(start):
                           'a contact with what comes')
     assert found['obstacles of unknown motion'] == ''
     monitor.until(lambda: told() and 0.0 < times[-1].data < 3.0, 'a time')
-    for count in (3, 4):
-        found = monitor.until(lambda count=count: (
-            now := told(count))['obstacles of unknown motion'] and now, 'unknown motion')
-        assert found['obstacles of unknown motion'] == 'obstacle/7'
-        assert found['time to collision'] == found['first contact with'] == ''
-    monitor.until(lambda: told(3) and math.isnan(times[-1].data), 'no time')
+    corners = itertools.cycle((3, 4))
+    found = monitor.until(lambda: (
+        now := told(next(corners)))['obstacles of unknown motion'] and now, 'unknown motion')
+    assert found['obstacles of unknown motion'] == 'obstacle/7'
+    assert found['time to collision'] == found['first contact with'] == ''
+    monitor.until(lambda: told(next(corners)) and math.isnan(times[-1].data), 'no time')
 
 
 def test_health_tells_rates_rejections_check_time_and_kernel(start):

@@ -55,10 +55,10 @@ class Preparation:
                 [sys.executable, '-m', warm_up.__name__], stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
         warm_up.prepare_contacts()
+        warm_up.prepare_parts()
         if self._other and self._other.stdout:
             self._other.stdout.readline()
         warm_up.prepare_packing()
-        warm_up.prepare_parts()
         if not self._other:
             warm_up.prepare_distances()
         say(f'kernels ({KERNEL}) ready after {self._seconds()}'

@@ -16,7 +16,7 @@ Kernels compiled, or loaded, before they are needed, so that no message has to w
 
 Compiling takes seconds where nothing is kept from an earlier process, see `kernel_cache`. Two
 processes may share the work, as what one has compiled the other finds on disk: while one prepares
-contacts, ``python -m sat_collision.geometry.warm_up`` prepares packing and convex parts, says so
+contacts and convex parts, ``python -m sat_collision.geometry.warm_up`` prepares packing, says so
 by a line, and goes on with distances, until it is done or its standard input ends, which the
 other one holds; see `preparation`.
 """
@@ -26,9 +26,11 @@ import threading
 
 import numpy as np
 from sat_collision.geometry.contact import contact, contact_of_arrays
+from sat_collision.geometry.convex_parts import convex_parts
 from sat_collision.geometry.jit import COMPILED, indexable
 from sat_collision.geometry.layout import packed_size
 from sat_collision.geometry.packing import pack_convex, pack_convex_moved
+from sat_collision.geometry.plane import centroid
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.polygon_set import PackedSet, PolygonSet
 from sat_collision.geometry.query import (
@@ -37,7 +39,7 @@ from sat_collision.geometry.sweep import time_of_contact
 
 _TRIANGLE = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
 _UNMOVED = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
-_NOTCHED = [(0, 0), (4, 0), (4, 4), (2, 1)]
+_NOTCHED = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (2.0, 1.0)]
 
 
 def is_prepared() -> bool:
@@ -66,7 +68,10 @@ def prepare_packing() -> None:
 
 def prepare_parts() -> None:
     """Have ready what cuts bodies into convex parts, and finds their centroids."""
-    Polygon(_NOTCHED).centroid
+    # Not by a Polygon, whose packing may still be in the making.
+    outline = indexable(np.array(_NOTCHED).ravel())
+    convex_parts(outline)
+    centroid(outline, len(_NOTCHED))
 
 
 def prepare_contacts() -> None:
@@ -113,6 +118,5 @@ def _end_with_input() -> None:
 if __name__ == '__main__':
     threading.Thread(target=_end_with_input, daemon=True).start()
     prepare_packing()
-    prepare_parts()
     print('what decides is ready', flush=True)
     prepare_distances()

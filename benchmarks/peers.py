@@ -94,10 +94,10 @@ class Floor(Peer):
 
     present = staticmethod(time.time_ns)
 
-    def receive(self, name, messages, now):
+    def receive(self, name, messages, now, number):
         """Take messages, for the loop."""
         take = self._answer if name == 'footprint' else self._count
-        for data, _ in messages:
+        for data in messages:
             take(data)
 
     def begin_stream(self, name):

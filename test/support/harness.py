@@ -23,6 +23,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PolygonStamped
 from rcl_interfaces.msg import Log
 import rclpy
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
@@ -281,9 +282,13 @@ class RunningMonitor(MonitorPeer):
         """Tell whether the monitor's scene, too, knows of our publisher, if it is to know."""
         topic = self.node.resolve_topic_name(topic)
         reported = self.monitor._inputs.publishers.reported
-        return super()._is_heard(topic) and all(
-            reported.get(one.name) for one in self.monitor._inputs.inputs
-            if one.subscription.topic_name == topic)
+        try:
+            return super()._is_heard(topic) and all(
+                reported.get(one.name) for one in self.monitor._inputs.inputs
+                if one.subscription.topic_name == topic)
+        except InvalidHandle:
+            # The node subscribes anew meanwhile.
+            return False
 
     @property
     def received(self):

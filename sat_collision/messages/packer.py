@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The points of messages: where they are placed, and how they are packed."""
+"""The points of messages as packed polygons, and as arrays."""
 
 from __future__ import annotations
 

@@ -11,6 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
 """The places of bodies as of messages, the input of recorded motion."""
 
 from __future__ import annotations
@@ -22,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 from sat_collision.geometry.polygon import PlaneMap
 from sat_collision.messages.cdr import POINT_SIZE, Points
-
 
 # The bytes of a run, and two arrays: where in them the points of each message start, and how many
 # there are.

@@ -103,7 +103,9 @@ def footprint(name: str, time: float) -> Outline:
 def courier(way: float) -> Outline:
     """Return the (n, 2) footprint of the robot that brakes after a way in metres."""
     x, y, heading = COURIER_START
-    return _turned(COURIER, heading) + (x + way * np.cos(heading), y + way * np.sin(heading))
+    placed: Outline = _turned(COURIER, heading) + (x + way * np.cos(heading),
+                                                   y + way * np.sin(heading))
+    return placed
 
 
 def person(time: float) -> Outline:

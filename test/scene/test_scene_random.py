@@ -72,7 +72,7 @@ GRAZE = 1e-6
 
 # In milliseconds, timeouts among them to the nanosecond; None is for a stamp of 0.
 ages = st.sampled_from((0, 0, 0, 1, 15, 20, 90, 500, 600, 700, 1000, 2000, -10, -2000, None))
-waits = st.sampled_from((1, 5, 30, 100, 500, 600))
+waits = st.sampled_from((1, 5, 30, 100, 500, 600, 2100))
 bodies = st.sampled_from(tuple(BODIES))
 margins = st.sampled_from((0.0, 0.0, 0.5, 0.75))
 flaws = st.sampled_from((OTHER_FRAME, UNDECODABLE, *BAD_POINTS))
@@ -135,11 +135,19 @@ class SceneMachine(RuleBasedStateMachine):
     @rule(name=footprints | sources, shape=st.sampled_from(tuple(SHAPES)), places=st.lists(
         st.sampled_from([f'{x} {y}' for y in range(3) for x in range(4)]), min_size=2, max_size=3),
         milliseconds=st.sampled_from((9, 15, 90)), age=st.sampled_from((0, 1, 20)),
-        instance=instances)
-    def move(self, name, shape, places, milliseconds, age, instance):
+        instance=instances, late=st.sampled_from((0, 0, 30)))
+    def move(self, name, shape, places, milliseconds, age, instance, late):
+        """Move a body, and send it once more as it was before."""
         for place in places:
             self.wait(milliseconds)
             self._place(name, f'{shape} {place}', age, instance)
+        if late:
+            self._place(name, f'{shape} {places[0]}', late, instance)
+
+    @rule(tracks=st.booleans(), moving=st.booleans())
+    def track(self, tracks, moving):
+        self.scene.tracks_motion = self.model.tracks_motion = tracks
+        self._use(with_one(self.model.settings, 'tracks', moving=moving))
 
     @rule(name=footprints, flaw=flaws, age=ages)
     def bad_footprint(self, name, flaw, age):
@@ -348,4 +356,5 @@ def test_scene_agrees_with_a_model_that_recomputes_everything(machine):
     assert min(machine.seen[status] for status in ('clear', 'collision', 'unknown')) > 500
     assert min(machine.seen[refusal] for refusal in (
         FROM_FUTURE, OTHER_FRAME, OVERTAKEN, TOO_MANY, TOO_OLD)) > 50
+    print(machine.seen)
     assert min(machine.seen[what] for what in ('brief', 'time', 'never', 'unknown motion')) > 10

@@ -68,6 +68,7 @@ class SceneModel:
 
     def __init__(self, settings):
         self.settings = settings
+        self.tracks_motion = True
         self._footprints = {one.name: Place() for one in settings.footprints}
         self._sources = {one.name: SourceModel(one) for one in settings.obstacles}
 
@@ -111,7 +112,7 @@ class SceneModel:
             refusal = FROM_FUTURE if refusal in (None, OTHER_FRAME) else refusal
         if name in self._sources:
             return self._sources[name].receive(
-                Message(ring, refusal, stamp, now, instance, number))
+                Message(ring, refusal, stamp, now, instance, number, is_tracked=settings.moving))
         if refusal:
             self._footprints[name] = Place(fault=(
                 f"is not in the frame '{self.settings.frame_id}'" if refusal == OTHER_FRAME
@@ -121,8 +122,10 @@ class SceneModel:
         if not last.fault and settings.timeout and not is_past(settings, last.time, now) and (
                 time < last.time):
             return OVERTAKEN
-        self._footprints[name] = Place(
-            ring, time, '', followed_by(() if last.fault else last.places, time, ring))
+        places = () if last.fault else last.places
+        if self.tracks_motion or settings.min_time_to_collision:
+            places = followed_by(places, time, ring)
+        self._footprints[name] = Place(ring, time, '', places)
         return None
 
     def obstacles(self, now):
@@ -212,7 +215,9 @@ def _is_met(ring, other, x, y, margin):
     way = shapely.union_all([_shape(ring), _shape(moved), *(
         shapely.convex_hull(shapely.MultiPoint([ring[k - 1], ring[k], moved[k - 1], moved[k]]))
         for k in range(len(ring)))])
-    return bool(shapely.distance(way.buffer(min(margin, 0.0)), _shape(other)) <= max(margin, 0.0))
+    if margin < 0.0:
+        return bool(way.buffer(margin).intersects(_shape(other)))
+    return bool(shapely.distance(way, _shape(other)) <= margin)
 
 
 def _shape(ring):

@@ -42,6 +42,7 @@ class Message(NamedTuple):
     number: int
     is_first: bool = False
     is_after_gap: bool = False
+    is_tracked: bool = False
 
     @property
     def time(self):
@@ -210,9 +211,11 @@ def place(settings, held, message, listing=0):
     if before is None and len(held) >= settings.max_count:
         return False
     places = before.places if before else ()
+    if message.is_tracked and not message.refusal and not (before and message.time < before.time):
+        places = followed_by(places, message.time, message.ring)
     held[key] = before if before and message.time < before.time else Obstacle(
         key, None if message.refusal else message.ring, message.refusal, message.time, listing,
-        places if message.refusal else followed_by(places, message.time, message.ring))
+        places)
     return True
 
 
@@ -223,7 +226,7 @@ def followed_by(places, time, ring):
 
 def velocity_of(places, time):
     """Return vx and vy in m/s of what moved without turning, None if it is not known at a time."""
-    last, ring = places[-1]
+    last, ring = places[-1] if places else (None, ())
     earlier = [place for place in places if last - place[0] >= 10 * SECOND // 1000]
     if last != time or not earlier or last - earlier[-1][0] > 2 * SECOND:
         return None

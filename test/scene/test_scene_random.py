@@ -356,5 +356,4 @@ def test_scene_agrees_with_a_model_that_recomputes_everything(machine):
     assert min(machine.seen[status] for status in ('clear', 'collision', 'unknown')) > 500
     assert min(machine.seen[refusal] for refusal in (
         FROM_FUTURE, OTHER_FRAME, OVERTAKEN, TOO_MANY, TOO_OLD)) > 50
-    print(machine.seen)
     assert min(machine.seen[what] for what in ('brief', 'time', 'never', 'unknown motion')) > 10

@@ -194,8 +194,8 @@ class World:
             if own.plan:
                 options.append('send')
             elif self.mode == 'ids':
-                options += ['key:T', 'key:F', 'key:M', 'key:other', 'key:refused', 'key:unreadable',
-                            'key:old', 'key:ahead']
+                options += ['key:T', 'key:F', 'key:M', 'key:other', 'key:refused',
+                            'key:unreadable', 'key:old', 'key:ahead']
             else:
                 options += [f'list:{bodies}' for bodies in ('F', 'FT', 'TF', 'R', 'U')]
             # Settling assumes that a map is sent and received without a pause, or a death.

@@ -144,10 +144,9 @@ class SceneMachine(RuleBasedStateMachine):
         if late:
             self._place(name, f'{shape} {places[0]}', late, instance)
 
-    @rule(tracks=st.booleans(), moving=st.booleans())
-    def track(self, tracks, moving):
+    @rule(tracks=st.booleans())
+    def track(self, tracks):
         self.scene.tracks_motion = self.model.tracks_motion = tracks
-        self._use(with_one(self.model.settings, 'tracks', moving=moving))
 
     @rule(name=footprints, flaw=flaws, age=ages)
     def bad_footprint(self, name, flaw, age):

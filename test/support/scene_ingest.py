@@ -38,7 +38,7 @@ class ByPolygons:
 
     def __init__(self, settings):
         self.scene = Scene(settings)
-        self._sources = {source.name for source in settings.obstacles}
+        self._sources = {source.name: source for source in settings.obstacles}
 
     def place(self, name, ring, stamp, now, instance, number, frame_id='map'):
         body = Polygon(ring).packed if ring else None
@@ -48,7 +48,7 @@ class ByPolygons:
                 self.scene.track(name, np.array(ring))
             return refusal
         refusal = self.scene.obstacle(name, body, frame_id, stamp, now, instance, number)
-        if refusal is None and ring and self.scene.settings_of(name).moving:
+        if refusal is None and ring and self._sources[name].moving:
             self.scene.track_obstacle(name, instance, np.array(ring), stamp, now)
         return refusal
 

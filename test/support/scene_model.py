@@ -112,7 +112,7 @@ class SceneModel:
             refusal = FROM_FUTURE if refusal in (None, OTHER_FRAME) else refusal
         if name in self._sources:
             return self._sources[name].receive(
-                Message(ring, refusal, stamp, now, instance, number, is_tracked=settings.moving))
+                Message(ring, refusal, stamp, now, instance, number))
         if refusal:
             self._footprints[name] = Place(fault=(
                 f"is not in the frame '{self.settings.frame_id}'" if refusal == OTHER_FRAME

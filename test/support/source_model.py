@@ -42,7 +42,6 @@ class Message(NamedTuple):
     number: int
     is_first: bool = False
     is_after_gap: bool = False
-    is_tracked: bool = False
 
     @property
     def time(self):
@@ -210,12 +209,14 @@ def place(settings, held, message, listing=0):
     before = held.pop(key, None)
     if before is None and len(held) >= settings.max_count:
         return False
+    if before and message.time < before.time:
+        held[key] = before
+        return True
     places = before.places if before else ()
-    if message.is_tracked and not message.refusal and not (before and message.time < before.time):
+    if not message.refusal:
         places = followed_by(places, message.time, message.ring)
-    held[key] = before if before and message.time < before.time else Obstacle(
-        key, None if message.refusal else message.ring, message.refusal, message.time, listing,
-        places)
+    held[key] = Obstacle(key, None if message.refusal else message.ring, message.refusal,
+                         message.time, listing, places)
     return True
 
 

@@ -25,7 +25,6 @@ none may be given while its state is unknown.
 import argparse
 import bisect
 import contextlib
-import itertools
 import math
 from pathlib import Path
 import resource
@@ -108,30 +107,31 @@ class Drive:
 
     def __init__(self, node):
         self._publisher = node.create_publisher(PolygonInstanceStamped, 'walker', 10)
-        self._clock = node.get_clock()
-        self._begun = time.monotonic()
+        self._begun = time.time_ns()
+        self._count = 0
         self.stays = []
 
-    def footprints(self):
-        """Yield them as `Traffic` has them; who walks is published with them."""
-        for k in itertools.count():
+    def footprint_at(self, stamp):
+        """Return a footprint as `Traffic` has it; who walks is published with every fifth."""
+        walker = 1000.0 + _WALK_SPEED * (stamp - self._begun) / 1e9
+        if self._count % round(FOOTPRINT_RATE / SET_RATE) == 0:
+            self._publish(walker, stamp)
+        is_first, is_on = self._count % _STAY == 0, self._count // _STAY % 2 == 0
+        self._count += 1
+        if is_first:
             now = time.monotonic()
-            walker = 1000.0 + _WALK_SPEED * (now - self._begun)
-            if k % round(FOOTPRINT_RATE / SET_RATE) == 0:
-                self._publish(walker)
-            is_first, is_on = k % _STAY == 0, k // _STAY % 2 == 0
-            if is_first:
-                self.stays.append((now, None if is_on else now + _MEET_AFTER))
-            x = 0.0
-            if not is_on:
-                left = self.stays[-1][1] - now
-                x = walker + _WALKER_RADIUS - ROBOT[0][0] + left * (_WALK_SPEED - _ROBOT_SPEED)
-            yield tail(np.float32([(x + dx, dy, 0.0) for dx, dy in ROBOT])), is_on, is_first
+            self._meet_at = stamp / 1e9 + _MEET_AFTER
+            self.stays.append((now, None if is_on else now - time.time() + self._meet_at))
+        x = 0.0
+        if not is_on:
+            left = self._meet_at - stamp / 1e9
+            x = walker + _WALKER_RADIUS - ROBOT[0][0] + left * (_WALK_SPEED - _ROBOT_SPEED)
+        return tail(np.float32([(x + dx, dy, 0.0) for dx, dy in ROBOT])), is_on, is_first
 
-    def _publish(self, x):
+    def _publish(self, x, stamp):
         message = PolygonInstanceStamped()
         message.header.frame_id = 'map'
-        message.header.stamp = self._clock.now().to_msg()
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
         message.polygon.polygon.points = [
             Point32(x=x, y=y) for x, y in regular(4, x, 0.0, _WALKER_RADIUS).tolist()]
         self._publisher.publish(message)
@@ -192,7 +192,7 @@ def soak(minutes, obstacles):
     with running('predicting') as process, contextlib.closing(Reader()) as reader, \
             contextlib.closing(Traffic(obstacles, 4, 1, timed=True)) as traffic:
         drive = Drive(traffic.node)
-        traffic.footprints = drive.footprints()
+        traffic.footprint_at = drive.footprint_at
         traffic.connect()
         traffic.run(_SETTLING)
         traffic.changes.clear()

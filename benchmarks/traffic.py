@@ -69,8 +69,8 @@ class Traffic:
     for `stay` footprints each. The others are scattered around and never twice the same. An empty
     polygon ends each set. `changes` has when, by the monotonic clock, the first footprint of each
     stay was sent, and whether the robot is on an obstacle there; `heard` when flags came, and
-    `times`, if it is `timed`, when times to collision came. `footprints` are endless: what follows
-    the stamp, whether it is on an obstacle, and whether it begins a stay.
+    `times`, if it is `timed`, when times to collision came. `footprint_at` takes a stamp in ns and
+    returns what follows it, whether that is on an obstacle, and whether it begins a stay.
     """
 
     def __init__(self, obstacles, vertices, seed, stay=1, timed=False):
@@ -84,9 +84,10 @@ class Traffic:
             for k, (x, y) in enumerate(centres + rng.uniform(-0.1, 0.1, centres.shape)):
                 points[k, :, :2] = regular(vertices, x, y, 0.5)
             self._sets.append([tail(outline) for outline in (*points, points[0, :0])])
-        self.footprints = itertools.cycle(
+        footprints = itertools.cycle(
             (tail(np.float32([(x + dx, dy, 0.0) for dx, dy in ROBOT])), hit, k == 0)
             for x, hit in ((0.0, True), (1000.0, False)) for k in range(stay))
+        self.footprint_at = lambda stamp: next(footprints)
         self.changes = []
         self.heard = []
         self.times = []
@@ -121,7 +122,7 @@ class Traffic:
             stamp = time.time_ns()
             for obstacle in self._sets[0]:
                 self._obstacle.publish(_head(stamp) + obstacle)
-            body, hit, _ = next(self.footprints)
+            body, hit, _ = self.footprint_at(stamp)
             self._footprint.publish(_head(stamp) + body)
             time.sleep(0.2)
             if hit in _arrived(self._flags, Bool) and all(
@@ -152,12 +153,13 @@ class Traffic:
             if self._times:
                 self.times += [(begun + now, one) for one in _arrived(self._times, Float64)]
             if now < seconds and footprints / FOOTPRINT_RATE <= now:
-                body, hit, changes = next(self.footprints)
+                stamp = time.time_ns()
+                body, hit, changes = self.footprint_at(stamp)
                 if changes:
                     sent = time.monotonic()
                     unanswered.append((sent - begun, hit))
                     self.changes.append((sent, hit))
-                self._footprint.publish(_head(time.time_ns()) + body)
+                self._footprint.publish(_head(stamp) + body)
                 footprints += 1
             elif now < seconds and self._due(obstacles, burst) <= now * rate:
                 number, k = divmod(obstacles, self._per_set)

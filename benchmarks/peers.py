@@ -164,7 +164,7 @@ def run_floor(in_loop):
     node = Floor(in_loop)
     ended = Signalled()
     if in_loop:
-        runner = loop.Loop(node, node.inputs, node, lambda: 0.002)
+        runner = loop.Loop(node, node.inputs, node, lambda: 0.005)
         runner.run(ended)
         runner.close()
     else:

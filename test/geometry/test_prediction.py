@@ -192,6 +192,24 @@ def test_among_many_that_move():
     assert found > 30
 
 
+@pytest.mark.parametrize('omega', [0.0, 1e-9, 0.3, -4.0, 200.0])
+def test_a_contact_at_the_horizon_is_not_too_late(omega):
+    """A vertex is 1e-10 m inside a box then, which stands or moves."""
+    rng = np.random.default_rng(7)
+    before = 0
+    for k in range(150):
+        body = BODIES[k % len(BODIES)] - rng.uniform(0, 2, 2)
+        twist, own = (*rng.uniform(-2, 2, 2), omega), rng.uniform(-1, 1, 2) * (k % 2)
+        horizon = rng.uniform(0.1, 3.0) / max(abs(omega), 1.0)
+        vertex = posed(body, twist, horizon)[rng.integers(len(body))]
+        inside = rng.choice([-1, 1]) * (0.15 - 1e-10), rng.uniform(-0.1, 0.1)
+        box = 0.3 * (BOX - 0.5) + vertex + inside - horizon * own
+        time = time_to_contact(body, twist, [box], horizon, [own])
+        assert time <= horizon
+        before += time < 0.99 * horizon
+    assert before < 140, before
+
+
 @pytest.mark.parametrize('omega', [0.0, 1e-12, 0.3, -4.0])
 @pytest.mark.parametrize('tolerance', [1e-3, 1e-6])
 def test_what_stands_beside_the_way_changes_no_answer(omega, tolerance):

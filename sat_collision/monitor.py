@@ -195,6 +195,8 @@ class Monitor:
             How many were taken. The next one has to be received by itself.
 
         """
+        if name in self.commands.names:
+            return 0
         settings = self.scene.settings_of(name)
         taken = self.ingest.take_run(settings, batch, begin, now) if settings.enabled else 0
         self.received[name] += taken

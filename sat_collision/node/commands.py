@@ -73,8 +73,9 @@ class CommandSubscriptions:
                 self._follow(command, one)
 
     def _follow(self, command: CommandSettings, one: Input | None) -> None:
-        published = {info.topic_type for info
-                     in self._node.get_publishers_info_by_topic(command.topic)}
+        # The settings have the remapped name, which must not be remapped again.
+        topic = self._node.get_parameter(command.name).value
+        published = {info.topic_type for info in self._node.get_publishers_info_by_topic(topic)}
         types = published & _TYPES.keys()
         if published and not types and published != self._reported.get(command.name):
             self._node.get_logger().error(
@@ -87,8 +88,6 @@ class CommandSubscriptions:
             self._node.destroy_subscription(one.subscription)
         elif types and not one:
             kind = _TYPES[min(types)]
-            # The settings have the remapped name, which must not be remapped again.
-            topic = self._node.get_parameter(command.name).value
             try:
                 subscription = self._node.create_subscription(
                     kind, topic, leave, _QOS, raw=True, callback_group=self._group)

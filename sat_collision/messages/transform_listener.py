@@ -174,7 +174,8 @@ def decode_command(data: bytes) -> tuple[int, str, Twist]:
 def stamped(twist: bytes) -> bytes:
     """Return a serialised Twist as a TwistStamped without stamp and frame."""
     order: Literal['little', 'big'] = 'little' if twist[1:2] == b'\1' else 'big'
-    return twist[:4] + bytes(_STAMP_SIZE) + (1).to_bytes(_LENGTH_SIZE, order) + bytes(4) + twist[4:]
+    length = (1).to_bytes(_LENGTH_SIZE, order)
+    return twist[:4] + bytes(_STAMP_SIZE) + length + bytes(4) + twist[4:]
 
 
 def _read_header(data: bytes) -> tuple[_Order, int, str, int]:

@@ -204,7 +204,7 @@ class FootprintMonitor(Node):
             self._health.publish(self._monitor, self._outputs.statuses())
 
     def _look_around(self, now: int, steady: float) -> None:
-        """Poll what sends no event: publishers, types, clock, middleware, kernels being compiled."""
+        """Poll what sends no event: publishers, clock, middleware, kernels being compiled."""
         for name, endpoints in self._inputs.publishers.news(self._behind):
             self._monitor.update_publishers(name, endpoints)
         self._commands.follow()

@@ -69,9 +69,8 @@ def velocity_of(footprint: Footprint, now: int) -> Velocity | str:
     if settings and command:
         if command.refusal:
             return f'the last command on {settings.topic} was refused: {command.refusal}'
-        age = (now - command.time) / 1e9
-        if age > settings.timeout:
-            return f'no command on {settings.topic} for {age:.1f} s'
+        if not command.holds(now, settings.timeout):
+            return f'no command on {settings.topic} for {(now - command.time) / 1e9:.1f} s'
     velocity = footprint.time is not None and footprint.motion.velocity(
         footprint.time, TRANSFORMS if footprint.settings.has_outline else FOOTPRINTS)
     if velocity and command:

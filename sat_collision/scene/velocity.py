@@ -104,6 +104,10 @@ class Command(NamedTuple):
     twist: Twist = (0.0, 0.0, 0.0)
     refusal: str = ''
 
+    def holds(self, now: int, timeout: float) -> bool:
+        """Return whether it is what a footprint does at a time in ns, given for how many s."""
+        return not self.refusal and now - self.time <= timeout * 1e9
+
 
 class MotionTracker:
     """Keeps the last places of a footprint, and what was said of its velocity at the last one."""

@@ -16,8 +16,8 @@
 """
 How soon a footprint would have touched something, had all gone on as it moved then.
 
-At a message of a footprint its velocity is that of its way from there on, a constant twist; that
-of the last command before, if it has commands. Each obstacle moves on straight at the velocity with
+At a message of a footprint its velocity is that of its way from there on, a constant twist, or if
+it has commands that of the last one before. Each obstacle moves on straight at the velocity with
 which it was on its own way.
 """
 
@@ -39,7 +39,7 @@ from sat_collision.replay.motion.trajectories import Floats, LinearMotion, Traje
 from sat_collision.scene.outlines import outline_of
 from sat_collision.scene.settings import FootprintSettings
 from sat_collision.scene.velocity import (
-    Command, COMMAND, fitted, FOOTPRINTS, pose_between, Velocity, VELOCITY_LASTS)
+    COMMAND, Command, fitted, FOOTPRINTS, pose_between, Velocity, VELOCITY_LASTS)
 
 # How far ahead to look unless a longer time is asked for, s.
 HORIZON = 3.0
@@ -123,7 +123,7 @@ class Prediction:
                           FOOTPRINTS)
         k = bisect_right(self._commands, time, key=_time_of)
         command = self._commands[k - 1] if k else None
-        if not command or command.refusal or time - command.time > self._settings.timeout * 1e9:
+        if not (command and command.holds(time, self._settings.timeout)):
             return None
         return Velocity(command.twist, pose_between(self._outline, way.ring(0, time)), COMMAND)
 

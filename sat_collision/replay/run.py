@@ -360,6 +360,7 @@ class _Run:
                 continue
             if timer is None or timer.due >= now:
                 break
+            self._scene.pass_time(int(timer.due))
             timer.act(min(deadline, now))
         self._now = now
         self._due = timer.due if timer else NEVER

@@ -200,6 +200,11 @@ def settings_for(types: Mapping[str, str], parameters: Mapping[str, object],
     defaults: dict[str, Source] = {'footprints': default.footprints[0],
                                    'obstacles': default.obstacles[0]}
     values = dict(parameters)
+
+    def settings_so_far() -> Settings:
+        # Whether obstacles may move is a matter of the type, which the recording may tell.
+        return settings_of({name: value for name, value in values.items()
+                            if not name.endswith('.moving')}, node, False)
     for kind, topics in (('footprints', footprints), ('obstacles', obstacles)):
         if topics:
             values.update(_named(kind, topics, defaults[kind].name))
@@ -207,12 +212,12 @@ def settings_for(types: Mapping[str, str], parameters: Mapping[str, object],
     said = [kind for kind, source in defaults.items()
             if kind in values or f'{source.name}.topic' in values or source.topic in polygons
             or isinstance(source, FootprintSettings) and _has_outline(source.name, values)]
-    settings = settings_of(values, node, False)
+    settings = settings_so_far()
     taken = {source.topic for kind in said for source in getattr(settings, kind)}
     free = {topic: kind for topic, kind in polygons.items() if topic not in taken}
     for kind, topic in _detected(free, [kind for kind in defaults if kind not in said]).items():
         values.update(_named(kind, [topic], defaults[kind].name))
-    for source in settings_of(values, node, False).obstacles:
+    for source in settings_so_far().obstacles:
         if source.topic in polygons:
             values.setdefault(f'{source.name}.type', polygons[source.topic])
     return settings_of(values, node)

@@ -32,7 +32,7 @@ BELOW = {
     'monitor': {'messages', 'scene', 'geometry'},
     'node': {'extras', 'sat_collision', 'monitor', 'messages', 'scene', 'geometry'},
     'replay': {'extras', 'sat_collision', 'monitor', 'messages', 'scene', 'geometry'},
-    'demo': {'extras'},
+    'demo': {'extras', 'geometry'},
     'prepare_kernels': {'extras', 'replay', 'geometry'},
 }
 # Parts of other projects that are for some modules only; a module is said by its full name.

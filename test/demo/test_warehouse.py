@@ -13,6 +13,7 @@
 # limitations under the License.
 """The demo's scene causes just the contacts that it says it does, and the demo sees them."""
 
+import os
 import re
 import subprocess
 import sys
@@ -41,6 +42,19 @@ def test_contacts_of_the_scene(name):
     for contact in warehouse.CONTACTS[name]:
         expected += [[contact], []]
     assert touched == expected
+
+
+def test_first_demo_does_not_wait_for_the_compiler(tmp_path):
+    """After an installation the node runs in plain Python."""
+    pytest.importorskip('numba')
+    environment = {name: value for name, value in os.environ.items()
+                   if name != 'NUMBA_DISABLE_JIT'}
+    first = subprocess.run(
+        [sys.executable, '-c', 'import os, sat_collision.demo.__main__ as demo\n'
+         'demo.compile_nothing()\nprint(os.environ.get("NUMBA_DISABLE_JIT"))'],
+        env=environment | {'NUMBA_CACHE_DIR': str(tmp_path)}, capture_output=True, text=True,
+        timeout=60, check=True)
+    assert first.stdout == '1\n'
 
 
 @pytest.mark.long

@@ -145,6 +145,15 @@ def test_links_lead_somewhere(path):
             assert not heading or heading in headings(other), target
 
 
+def test_commands_of_make_exist():
+    """Each one that a page names has a rule."""
+    rules = re.findall(r'^([a-z-][a-z -]*):', (ROOT / 'Makefile').read_text(), re.MULTILINE)
+    rules = ' '.join(rules).split()
+    for path in PAGES:
+        for name in re.findall(r'(?:`|^)make ([a-z-]+)', path.read_text(), re.MULTILINE):
+            assert name in rules, f'{path.name}: make {name}'
+
+
 def headings(path):
     """Return the anchors of a page's headings, as they are on the web."""
     return {re.sub(r'[^a-z0-9_ -]', '', line.lstrip('# ').lower()).replace(' ', '-')

@@ -16,8 +16,8 @@
 Damaged recordings and parameter files, made by chance: python test/fuzz/fuzz_files.py --help.
 
 Whatever is done to a file, nothing is raised; and a recording that is told to be in order has
-every message that was written. Where a format has checksums the messages are the very same, unless the
-damage makes one 0: in MCAP that says that there is none.
+every message that was written. Where a format has checksums the messages are the very same,
+unless the damage makes one 0: in MCAP that says that there is none.
 """
 
 import argparse

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterable
-from math import isnan
+from math import inf, isnan
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -104,10 +104,11 @@ class ContactTracker:
         if box is None:
             return touching
         self.decided = True
-        least: tuple[float, int] | None = None
+        least = inf
+        nearest = -1
         body = self._trajectory.packed(seen.begin) if seen.begin == seen.end else None
         for gap, row, value in _by_gap(body, box, seen, None, self._margin):
-            if gap > self._margin and least is not None and gap > least[0]:
+            if gap > self._margin and gap > least:
                 break
             if isnan(value) or value <= self._margin:
                 time = int(seen.stamps[row])
@@ -125,11 +126,12 @@ class ContactTracker:
                     contact.found = AT_A_SAMPLE
                     self._contacts.deepen(contact, name, 0.0 - value, time,
                                           (outline, seen.polygon(row)))
-            if least is None or value < least[0]:
-                least = value, row
-        if least:
-            self._series.add(int(seen.stamps[least[1]]), least[0])
-            self._contacts.measure(seen, least[1], int(seen.stamps[least[1]]), least[0])
+            if value < least:
+                least, nearest = value, row
+        if nearest >= 0:
+            time = int(seen.stamps[nearest])
+            self._series.add(time, least)
+            self._contacts.measure(seen, nearest, time, least)
         return touching
 
     def _follow(self, motion: LinearMotion, followed: dict[ObstacleId, Contact],

@@ -317,6 +317,12 @@ class Piece:
         """The way, vertex by vertex."""
         return LinearMotion(self.before, self.after, _ONE, _ONE)
 
+    def ring(self, time: int) -> Floats:
+        """Return the vertices at a time on the way, (n, 2); those of a sample as received."""
+        if self.begin < time < self.end:
+            return self.motion.ring(0, time)
+        return (self.before if time <= self.begin else self.after).ring(0)
+
 
 def _around(box: Sequence[float], other: Sequence[float]) -> Box:
     (a, b, c, d), (e, f, g, h) = box, other
@@ -403,6 +409,9 @@ class Trajectory:
         """Return the beginning and the end of each piece between two times, with its way."""
         starts, pieces = self._starts, self._pieces
         k = max(bisect_right(starts, start) - 1, 0)
+        if starts and starts[k] <= start < finish <= pieces[k].end and (
+                not k or pieces[k - 1].end <= start):
+            return [(start, finish, pieces[k])]
         # Pieces of no length may share their time with the end of the one before.
         while k > 0 and pieces[k - 1].end >= start:
             k -= 1
@@ -444,7 +453,7 @@ class Trajectory:
         """Return where the footprint was at a time as `outline` does, packed."""
         piece = self._piece_at(time)
         if piece is not None and self._outline[0] != time:
-            ring = piece.motion.ring(0, time)
+            ring = piece.ring(time)
             array = indexable(np.empty(packed_size(len(ring))))
             if count := pack_ring(ring, 0, len(ring), array):
                 return array, count

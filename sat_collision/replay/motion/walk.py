@@ -81,12 +81,14 @@ class Sweep:
         self.timeout = round(settings.timeout * 1e9) or NEVER
         self._margin = margin
         self._keep = keep
+        self._longest = round(2 * min(self.timeout, LONGEST))
         self.trajectory = Trajectory(self.timeout, LONGEST)
         self.contacts = Contacts(result, contacts, self.trajectory)
         self.prediction = (None if horizon is None
                            else Prediction(self.trajectory, horizon, margin))
-        self._waiting: dict[Tracker, deque[Step]] = {}
         self._contact_trackers: dict[Tracker, ContactTracker] = {}
+        # The steps that are to be decided once the way is known.
+        self._waiting: dict[Tracker, deque[Step]] = {}
 
     @property
     def is_decided(self) -> bool:
@@ -100,20 +102,21 @@ class Sweep:
 
     def queue(self, tracker: Tracker, step: Step, now: int) -> None:
         """Take a step, to be decided when the way is known."""
-        if tracker not in self._contact_trackers:
+        waiting = self._waiting.get(tracker)
+        if waiting is None:
             if step.seen is not None and not len(step.seen):
                 return
             self._contact_trackers[tracker] = ContactTracker(
                 self.trajectory, self.contacts, self._margin)
-            self._waiting[tracker] = deque()
-        self._waiting[tracker].append(step)
-        if self._is_due(self._waiting[tracker][0], now):
+            waiting = self._waiting[tracker] = deque()
+        waiting.append(step)
+        if waiting[0].finish <= self._known_until(now):
             self.advance(now)
 
     def advance(self, now: int) -> None:
         """Decide what can be decided."""
         for tracker, waiting in self._waiting.items():
-            while waiting and self._is_due(waiting[0], now):
+            while waiting and waiting[0].finish <= self._known_until(now):
                 self.trajectory.stand(waiting[0].finish)
                 self._decide(tracker, waiting.popleft())
         if self.trajectory.latest is not None:
@@ -138,12 +141,10 @@ class Sweep:
         if self.prediction:
             self.prediction.look_ahead(step)
 
-    def _is_due(self, step: Step, now: int) -> bool:
-        """Return whether the way through a step is known, or no sample of it will come."""
-        latest = self.trajectory.latest
-        if latest is not None and step.finish <= latest:
-            return True
-        return now > step.finish + 2 * min(self.timeout, LONGEST)
+    def _known_until(self, now: int) -> int:
+        """Return until when the way is known, or no sample of it will come."""
+        over, latest = now - self._longest - 1, self.trajectory.latest
+        return over if latest is None else max(latest, over)
 
 
 class Motion:

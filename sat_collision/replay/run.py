@@ -54,6 +54,8 @@ OnProgress: TypeAlias = Callable[[float], None]
 
 _APART = 3600 * 10**9
 _PROGRESS_EVERY = 500
+# So many placements are followed one after another, which is faster than one by one in between.
+_TOGETHER = 64
 # Why a message tells of no body, whenever and wherever it is received.
 _OF_CONTENT = {EMPTY_FRAME_ID, LONG_FRAME_ID, *(reason.value for reason in Reason)}
 _LONGEST_QUIET = 60 * 10**9
@@ -145,7 +147,10 @@ class _Run:
                       for footprint in settings.footprints]
         self._transforms = [topic for topic in TRANSFORM_TOPICS if settings.frame_id
                             and recording.topics.get(topic) == TRANSFORM_TYPE]
+        # What recorded motion is yet to take. Where transforms must be asked for, that is at once.
         self._placements: list[Placement] = []
+        self._together = 1 if any(one.has_outline for one in settings.footprints) else _TOGETHER
+        self._untaken = 0
         self._monitor = Monitor(settings, bool(self._transforms),
                                 None if options.as_live else self._placements)
         self._scene = self._monitor.scene
@@ -278,6 +283,7 @@ class _Run:
         for timer in self._timers:
             if timer.due <= end:
                 timer.action(end)
+        self._place(len(self._placements))
         self._timeline.finish(end)
         self._result.end = end
         if self._outputs:
@@ -303,6 +309,7 @@ class _Run:
         """Keep the first example of each reason."""
         for rejection in rejections:
             if self._motion and rejection.reason != OVERTAKEN:
+                self._place(self._untaken)
                 self._motion.lose(rejection.name)
             if rejection.reason == UNDECODABLE:
                 self._undecodable.setdefault(rejection.topic, []).append(rejection.detail)
@@ -311,14 +318,21 @@ class _Run:
 
     def _follow(self, now: int) -> None:
         """Take what was placed, and what has changed."""
-        if self._placements and self._motion:
-            self._motion.place(self._placements)
-            self._placements.clear()
+        self._untaken = len(self._placements)
+        if self._untaken >= self._together:
+            self._place(self._untaken)
         changed = self._scene.changes()
         if changed:
             self._change(changed, now)
         if self._live and self._live.touching:
             self._live.deepen(now)
+
+    def _place(self, count: int) -> None:
+        """Have recorded motion take what was placed first."""
+        if self._motion and count:
+            self._motion.place(self._placements[:count])
+            del self._placements[:count]
+            self._untaken = 0
 
     def _begin(self, start: int) -> None:
         """Let the time begin."""

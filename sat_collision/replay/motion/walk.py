@@ -30,7 +30,7 @@ from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.model.result import Contact, FootprintResult, Unknown, Unknowns
 from sat_collision.replay.motion.contacts import Contacts, ContactTracker
 from sat_collision.replay.motion.prediction import Prediction
-from sat_collision.replay.motion.tape import Tape
+from sat_collision.replay.motion.tape import MotionTape
 from sat_collision.replay.motion.tracker import (
     Emit, KeyTracker, LONGEST, SetTracker, Step, Tracker)
 from sat_collision.replay.motion.trajectories import Bodies, Poses, rings_of, Trajectory
@@ -158,7 +158,7 @@ class Motion:
         What is known of frames, for footprints that have an outline.
     results : list of FootprintResult
         To be filled in.
-    tape : Tape, optional
+    tape : MotionTape, optional
         To be filled, for a drawing.
     horizon : float, optional
         How far ahead to look for collisions, s; without, none are predicted.
@@ -171,7 +171,7 @@ class Motion:
     """
 
     def __init__(self, settings: Settings, transforms: TransformListener,
-                 results: list[FootprintResult], tape: Tape | None = None,
+                 results: list[FootprintResult], tape: MotionTape | None = None,
                  horizon: float | None = None) -> None:
         self.contacts: list[Contact] = []
         self._now = 0

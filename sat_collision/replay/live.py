@@ -22,24 +22,20 @@ from collections.abc import Iterable, Iterator
 from itertools import groupby, islice
 from math import inf
 from operator import itemgetter
-from typing import TypeAlias
 
+import numpy as np
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.query import separation
 from sat_collision.messages.ingest import Batch
 from sat_collision.monitor import Monitor
 from sat_collision.replay.bag.storage import Message
-from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody, Tape
+from sat_collision.replay.model.keyframes import Keyframes, ShownBody, Tape
 from sat_collision.replay.model.result import (
     Contact, FootprintResult, Least, Series, Unknown, Unknowns)
 from sat_collision.scene.footprints import Status
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
 
-
-# Name of a body, whether it is a footprint, and which one of this name; then where it is.
-_Key: TypeAlias = tuple[str, bool, int]
-_Place: TypeAlias = tuple[_Key, Floats]
 
 # As many messages as the node takes together.
 _LONGEST_ROW = 64
@@ -66,34 +62,33 @@ class SceneTape(Tape):
         """Keep the scene as it is; of several at one time that of the deepest contact counts."""
         if self._times[-1:] != [now]:
             self._times.append(now)
-        self._write((now, depth, self._places()))
+        self._write((now, depth, *(
+            [(str(name), polygon.vertices.tobytes()) for name, polygon in bodies]
+            for bodies in (self._scene.footprints, self._scene.obstacles))))
 
     def develop(self, moments: Iterable[int], end: int) -> Keyframes:
-        """Return keyframes at the times of scenes that were there at some moments."""
+        """Return keyframes at the times of the scenes that there were at some moments."""
         times = self._times
         keyframes = Keyframes(sorted({times[max(bisect_right(times, moment) - 1, 0)]
                                       for moment in moments}))
-        held: dict[_Key, ShownBody] = {}
+        # By name, whether it is a footprint, and which one: while a set comes in, two obstacles
+        # may have the same name.
+        held: dict[tuple[str, bool, int], ShownBody] = {}
         for now, scenes in groupby(self._events(), itemgetter(0)):
             number = keyframes.number(now)
-            if keyframes.moments[number:number + 1] == [now]:
-                for key, ring in max(scenes, key=itemgetter(1))[2]:
+            if keyframes.moments[number:number + 1] != [now]:
+                continue
+            _, _, *scene = max(scenes, key=itemgetter(1))
+            for is_footprint, bodies in zip((True, False), scene):
+                found: Counter[str] = Counter()
+                for name, vertices in bodies:
+                    key = name, is_footprint, found[name]
+                    found[name] += 1
                     if key not in held:
-                        held[key] = keyframes.add(key[1])
-                    held[key].show(number, number + 1, key[0], ring)
+                        held[key] = keyframes.add(is_footprint)
+                    held[key].show(number, number + 1, name,
+                                   np.frombuffer(vertices).reshape(-1, 2))
         return keyframes
-
-    def _places(self) -> list[_Place]:
-        """Return where all is; while a set comes in, two obstacles may have the same name."""
-        places: list[_Place] = []
-        found: Counter[tuple[str, bool]] = Counter()
-        for is_footprint, bodies in ((True, self._scene.footprints),
-                                     (False, self._scene.obstacles)):
-            for name, polygon in bodies:
-                key = str(name), is_footprint
-                places.append(((*key, found[key]), polygon.vertices))
-                found[key] += 1
-        return places
 
 
 class Timeline:

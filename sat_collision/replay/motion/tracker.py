@@ -29,7 +29,6 @@ from itertools import chain, compress
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from sat_collision.messages.placement import Placement
 from sat_collision.replay.motion.kernels import COUNT, mutual_nearest
 from sat_collision.replay.motion.trajectories import (

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
+from collections import deque
 from collections.abc import Iterable
 from math import inf, isnan
 from operator import itemgetter
@@ -55,6 +56,8 @@ class ContactTracker:
 
     Attributes
     ----------
+    waiting : deque of Step
+        What is to be decided once the way is known.
     decided : bool
         Whether footprint and source were ever known at the same time.
     undetermined : int
@@ -63,6 +66,7 @@ class ContactTracker:
     """
 
     def __init__(self, trajectory: Trajectory, contacts: Contacts, margin: float) -> None:
+        self.waiting: deque[Step] = deque()
         self.decided = False
         self.undetermined = 0
         self._trajectory = trajectory

@@ -87,8 +87,6 @@ class Sweep:
         self.prediction = (None if horizon is None
                            else Prediction(self.trajectory, horizon, margin))
         self._contact_trackers: dict[Tracker, ContactTracker] = {}
-        # The steps that are to be decided once the way is known.
-        self._waiting: dict[Tracker, deque[Step]] = {}
 
     @property
     def is_decided(self) -> bool:
@@ -102,42 +100,41 @@ class Sweep:
 
     def queue(self, tracker: Tracker, step: Step, now: int) -> None:
         """Take a step, to be decided when the way is known."""
-        waiting = self._waiting.get(tracker)
-        if waiting is None:
+        one = self._contact_trackers.get(tracker)
+        if one is None:
             if step.seen is not None and not len(step.seen):
                 return
-            self._contact_trackers[tracker] = ContactTracker(
+            one = self._contact_trackers[tracker] = ContactTracker(
                 self.trajectory, self.contacts, self._margin)
-            waiting = self._waiting[tracker] = deque()
-        waiting.append(step)
-        if waiting[0].finish <= self._known_until(now):
+        one.waiting.append(step)
+        if one.waiting[0].finish <= self._known_until(now):
             self.advance(now)
 
     def advance(self, now: int) -> None:
         """Decide what can be decided."""
-        for tracker, waiting in self._waiting.items():
-            while waiting and waiting[0].finish <= self._known_until(now):
-                self.trajectory.stand(waiting[0].finish)
-                self._decide(tracker, waiting.popleft())
+        for one in self._contact_trackers.values():
+            while one.waiting and one.waiting[0].finish <= self._known_until(now):
+                self.trajectory.stand(one.waiting[0].finish)
+                self._decide(one)
         if self.trajectory.latest is not None:
             self.trajectory.drop_before(self.trajectory.latest - self._keep)
 
     def use_frame(self, frame_id: str) -> None:
         """Drop what is to be decided in another frame than this."""
-        for tracker, waiting in self._waiting.items():
-            self._waiting[tracker] = deque(
-                step for step in waiting if step.frame_id == frame_id)
+        for one in self._contact_trackers.values():
+            one.waiting = deque(step for step in one.waiting if step.frame_id == frame_id)
 
     def finish(self, end: int) -> None:
         """Decide all that is left."""
         self.trajectory.stand(end)
-        for tracker, waiting in self._waiting.items():
-            for step in waiting:
-                self._decide(tracker, step)
-            self._contact_trackers[tracker].finish()
+        for one in self._contact_trackers.values():
+            while one.waiting:
+                self._decide(one)
+            one.finish()
 
-    def _decide(self, tracker: Tracker, step: Step) -> None:
-        self._contact_trackers[tracker].decide(step)
+    def _decide(self, one: ContactTracker) -> None:
+        step = one.waiting.popleft()
+        one.decide(step)
         if self.prediction:
             self.prediction.look_ahead(step)
 

@@ -73,7 +73,7 @@ class Floor(Peer):
         # Not _publishers, which is rclpy's own list of all that a node has.
         self._flag_publishers = [
             self.create_publisher(Bool, topic, flag_qos())
-            for topic in ('~/footprint/collision', '~/collision')]
+            for topic in ('~/collision', '~/footprint/collision')]
         group = loop.Reserved() if in_loop else None
         self.inputs = [
             loop.Input('footprint', self.create_subscription(
@@ -164,7 +164,7 @@ def run_floor(in_loop):
     node = Floor(in_loop)
     ended = Signalled()
     if in_loop:
-        runner = loop.Loop(node, node.inputs, node, lambda: 0.002)
+        runner = loop.Loop(node, node.inputs, node, lambda: 0.005)
         runner.run(ended)
         runner.close()
     else:

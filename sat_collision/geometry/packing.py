@@ -79,7 +79,7 @@ def pack(points, packed, most, most_notched):
 
 
 @kernel
-def pack_convex(data, start, received, packed, most):
+def pack_convex(data, start, received, packed, most, plane):
     """
     Pack a polygon, given as bytes of a message, if it is convex.
 
@@ -93,37 +93,13 @@ def pack_convex(data, start, received, packed, most):
         As for `pack`.
     most : int
         The most vertices accepted.
+    plane : PlaneMap
+        Takes the points to another frame.
 
     Returns
     -------
     int
         The number of vertices; 0 if the polygon is not convex or the points are refused.
-
-    """
-    values = float32_values(data, start)
-    points = scratch(2 * received)
-    for i in range(received):
-        points[2 * i] = values[3 * i]
-        points[2 * i + 1] = values[3 * i + 1]
-    verdict, count, _, _, _ = pack(points, packed, most, 0)
-    return count if verdict == CONVEX else 0
-
-
-@kernel
-def pack_convex_moved(data, start, received, packed, most, plane):
-    """
-    Pack a polygon as `pack_convex` does, in the frame that a map of the plane takes it to.
-
-    Parameters
-    ----------
-    data, start, received, packed, most
-        As for `pack_convex`.
-    plane : PlaneMap
-
-    Returns
-    -------
-    int
-        As `pack_convex`.
 
     """
     verdict, count, _, _, _ = pack(moved_points(data, start, received, plane), packed, most, 0)
@@ -135,13 +111,12 @@ def moved_points(data, start, received, plane):
     """
     Return where a map of the plane takes the points of a message.
 
-    Each coordinate is rounded four times, see docs/exactness.md, lemma 14.
+    Each coordinate is rounded four times, see docs/exactness.md, lemma 14; by UNMOVED not at all.
 
     Parameters
     ----------
-    data, start, received
+    data, start, received, plane
         As for `pack_convex`.
-    plane : PlaneMap
 
     Returns
     -------

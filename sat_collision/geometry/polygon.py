@@ -39,6 +39,7 @@ PackedBody: TypeAlias = tuple[NDArray[np.float64], int]
 
 # Takes (x, y) to (a x + b y + c, d x + e y + f), as a, b, c, d, e, f; c and f in metres.
 PlaneMap: TypeAlias = tuple[float, float, float, float, float, float]
+UNMOVED: PlaneMap = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 
 class Reason(enum.Enum):
@@ -142,7 +143,7 @@ class Polygon:
 
     @classmethod
     def from_float32(cls, data: bytes, start: int, count: int, max_vertices: int = MAX_VERTICES,
-                     max_notched: int | None = None, plane: PlaneMap | None = None) -> Polygon:
+                     max_notched: int | None = None, plane: PlaneMap = UNMOVED) -> Polygon:
         """
         Make a polygon of the points of a serialised message.
 
@@ -162,12 +163,7 @@ class Polygon:
         """
         if count == 0:
             raise _empty()
-        if plane is None:
-            received = np.frombuffer(data, np.float32, 3 * count, start).reshape(-1, 3)
-            with np.errstate(invalid='ignore'):  # NaN is refused below
-                points = received[:, :2].astype(np.float64)
-        else:
-            points = np.asarray(moved_points(data, start, count, plane)).reshape(-1, 2)
+        points = np.asarray(moved_points(data, start, count, plane)).reshape(-1, 2)
         polygon = cls.__new__(cls)
         polygon._pack(points, max_vertices,
                       max_vertices if max_notched is None else max_notched)

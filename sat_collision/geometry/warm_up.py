@@ -29,16 +29,15 @@ from sat_collision.geometry.contact import contact, contact_of_arrays
 from sat_collision.geometry.convex_parts import convex_parts
 from sat_collision.geometry.jit import COMPILED, indexable
 from sat_collision.geometry.layout import packed_size
-from sat_collision.geometry.packing import pack_convex, pack_convex_moved
+from sat_collision.geometry.packing import pack_convex
 from sat_collision.geometry.plane import centroid
-from sat_collision.geometry.polygon import Polygon
+from sat_collision.geometry.polygon import Polygon, UNMOVED
 from sat_collision.geometry.polygon_set import PackedSet, PolygonSet
 from sat_collision.geometry.query import (
     closest_points, intersects, intersects_pairs, separations)
 from sat_collision.geometry.sweep import time_of_contact
 
 _TRIANGLE = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
-_UNMOVED = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 _NOTCHED = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (2.0, 1.0)]
 
 
@@ -55,14 +54,13 @@ def prepare_packing() -> None:
     """Have ready what makes polygons of messages."""
     packed = indexable(np.empty(packed_size(len(_TRIANGLE))))
     points = _TRIANGLE.tobytes(), 0, len(_TRIANGLE)
-    pack_convex(*points, packed, len(_TRIANGLE))
-    pack_convex_moved(*points, packed, len(_TRIANGLE), _UNMOVED)
+    pack_convex(*points, packed, len(_TRIANGLE), UNMOVED)
     Polygon(_TRIANGLE)
-    Polygon.from_float32(*points, plane=_UNMOVED)
+    Polygon.from_float32(*points)
     message = np.array((0, len(_TRIANGLE)), np.uint32).tobytes() + points[0]
     ends = indexable(np.array((len(message),)))
     bodies = PackedSet([_origin()])
-    bodies.place_run((2 * message, ends, 1, 4, _UNMOVED, len(_TRIANGLE), packed),
+    bodies.place_run((2 * message, ends, 1, 4, UNMOVED, len(_TRIANGLE), packed),
                      indexable(np.zeros(1, np.int64)), 0, 1, PackedSet(), 0.0)
 
 

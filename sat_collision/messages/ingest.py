@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 from sat_collision.geometry.jit import indexable
-from sat_collision.geometry.polygon import PlaneMap, PolygonError
+from sat_collision.geometry.polygon import PlaneMap, PolygonError, UNMOVED
 from sat_collision.messages.cdr import COUNT_SIZE, decode, MessageError, Points
 from sat_collision.messages.packer import Packer, vertices_of
 from sat_collision.messages.placement import Placement, points_of_run
@@ -37,8 +37,6 @@ from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
 from sat_collision.scene.velocity import Velocity
 from sat_collision.scene.waiting import WAIT, Wait
-
-_UNMOVED: PlaneMap = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 
 class Batch:
@@ -136,7 +134,7 @@ class Ingest:
                 return 0
             plane, frame_id = found.plane, self._fixed
         taken = self._scene.obstacle_run(
-            name, (batch.data, batch.ends, begin, points_at - COUNT_SIZE, plane or _UNMOVED,
+            name, (batch.data, batch.ends, begin, points_at - COUNT_SIZE, plane or UNMOVED,
                    self._packer.max_vertices, self._packer.array),
             frame_id, stamp, now, batch.number and batch.number + begin)
         placements = self._placements
@@ -179,14 +177,14 @@ class Ingest:
                 plane, at = found
                 origin, frame_id = (frame_id, at), self._fixed
             if isinstance(settings, FootprintSettings):
-                refusal = scene.footprint(name, self._packer.pack(points, plane), frame_id,
-                                          stamp, now, origin, number)
+                body = self._packer.pack(points, plane or UNMOVED)
+                refusal = scene.footprint(name, body, frame_id, stamp, now, origin, number)
                 if refusal is None and scene.is_tracked(name):
                     scene.track(name, vertices_of(points, plane))
             else:
-                body = self._packer.pack(points, plane) if points[2] else None
-                refusal = scene.obstacle(name, body, frame_id, stamp, now, instance, number)
-                if settings.moving and body and instance is not None and refusal is None:
+                obstacle = self._packer.pack(points, plane or UNMOVED) if points[2] else None
+                refusal = scene.obstacle(name, obstacle, frame_id, stamp, now, instance, number)
+                if settings.moving and obstacle and instance is not None and refusal is None:
                     scene.track_obstacle(name, instance, vertices_of(points, plane), stamp, now)
         except MessageError as error:
             return self.refuse(settings, UNDECODABLE, str(error), now, number=number)

@@ -176,18 +176,18 @@ class Outputs:
 
     def publish_rise(self, names: Iterable[str]) -> None:
         """Publish that footprints were in collision, although they are not any more."""
-        for name in names:
-            self._flags[name].publish(_FLAGS[True])
         if not self._watched.isdisjoint(names):
             self._common_flag.publish(_FLAGS[True])
+        for name in names:
+            self._flags[name].publish(_FLAGS[True])
 
     def publish(self, names: Iterable[str] | None = None) -> None:
         """Publish the common flag, what is known of some footprints or all, and all states."""
         is_periodic = names is None
         names = list(self._flags if names is None else names)
+        self._common_flag.publish(_FLAGS[not self._raised.isdisjoint(self._watched)])
         for name in names:
             self._flags[name].publish(_FLAGS[name in self._raised])
-        self._common_flag.publish(_FLAGS[not self._raised.isdisjoint(self._watched)])
         measured = [name for name in names if self._separations[name].get_subscription_count()]
         with_states = self._state_publisher.get_subscription_count() > 0
         nearest = {name: self._nearest(name)
@@ -202,12 +202,14 @@ class Outputs:
             self._publish_separation(name, nearest[name])
         for name in timed:
             self._publish_time(name, predictions[name])
-        stamp = self._clock.now().to_msg()
+        clouded = [name for name in names
+                   if self.measures and self._clouds[name].get_subscription_count()]
+        if with_states or clouded:
+            stamp = self._clock.now().to_msg()
         if with_states:
             self._publish_states(nearest, predictions, stamp)
-        for name in names:
-            if self.measures and self._clouds[name].get_subscription_count():
-                self._clouds[name].publish(contact_cloud(self._scene, name, stamp))
+        for name in clouded:
+            self._clouds[name].publish(contact_cloud(self._scene, name, stamp))
 
     def statuses(self) -> list[Any]:
         """Return a status of each footprint, without what changes all the time."""

@@ -20,8 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 from sat_collision.geometry.jit import COMPILED, indexable
 from sat_collision.geometry.layout import packed_size
-from sat_collision.geometry.packing import pack_convex, pack_convex_moved
-from sat_collision.geometry.polygon import PackedBody, PlaneMap, Polygon, PolygonError, Reason
+from sat_collision.geometry.packing import pack_convex
+from sat_collision.geometry.polygon import (
+    PackedBody, PlaneMap, Polygon, PolygonError, Reason, UNMOVED)
 from sat_collision.messages.cdr import Points
 
 # The most vertices that plain Python cuts into convex parts and measures in time, see
@@ -54,7 +55,7 @@ class Packer:
         self._most_points = max_vertices + 1
         self.array = indexable(np.empty(packed_size(self._most_points)))
 
-    def pack(self, points: Points, plane: PlaneMap | None = None) -> PackedBody:
+    def pack(self, points: Points, plane: PlaneMap = UNMOVED) -> PackedBody:
         """
         Return the body that points make, good until the next call.
 
@@ -72,10 +73,7 @@ class Packer:
         """
         count = points[2]
         if 0 < count <= self._most_points:
-            if plane is None:
-                vertices = pack_convex(*points, self.array, self.max_vertices)
-            else:
-                vertices = pack_convex_moved(*points, self.array, self.max_vertices, plane)
+            vertices = pack_convex(*points, self.array, self.max_vertices, plane)
             if vertices:
                 return self.array, vertices
         most = _POINTS_FOR_A_VERTEX * self.max_vertices

@@ -91,8 +91,7 @@ class FootprintMonitor(Node):
         parameters = Parameters(self)
         settings = parameters.settings
         self._preparation = Preparation(self.get_logger().info, self.get_logger().warning)
-        if settings.margin or any(one.min_time_to_collision for one in settings.footprints):
-            self._preparation.complete()
+        self._prepare(settings)
         self._choose_clock()
         self._clock_changes = self.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=None, on_clock_change=True),
@@ -130,10 +129,14 @@ class FootprintMonitor(Node):
                                 (settings.watchdog or 1.0) / _TICKS_IN_TIME)
         self._watchdog.use(settings.watchdog)
 
+    def _prepare(self, settings: Settings) -> None:
+        """Wait for what measures distances where flags are decided by them."""
+        if settings.margin or any(one.min_time_to_collision for one in settings.footprints):
+            self._preparation.complete()
+
     def _configure(self, settings: Settings) -> None:
         """Apply changed parameters and publish what follows from them."""
-        # What they change may be decided by distances.
-        self._preparation.complete()
+        self._prepare(settings)
         self._set_rates(settings)
         self._log(self._monitor.update(settings))
         self._outputs.configure(settings)

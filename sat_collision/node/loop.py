@@ -47,10 +47,11 @@ _FEW = 5
 # After a longer wait a message has come alone, as a rule, in s. To look for another one behind it
 # costs as much as taking it; if there is one, the next wait is short.
 _LONG_WAIT = 1e-4
-# So many messages are taken from the middleware before they are received together: few at first,
-# because each may take long to check.
+# So many messages are taken from the middleware before they are received together: few until they
+# have been found to be quick to check, and of long ones, each of which may take long, fewer again.
 _FEWEST_TOGETHER = 4
 _MOST_TOGETHER = 64
+_MOST_BYTES = 8192
 # What the middleware calls the number of a message among those of its publisher.
 _NUMBER = 'publication_sequence_number'
 # A process that comes so much too late was held up, and what was sent meanwhile may still be on
@@ -294,23 +295,27 @@ class _Topic:
         # A message that does not follow the one before, which begins the next batch.
         self._next: tuple[bytes, dict[str, Any]] | None = None
         self._is_empty = True
+        self._limit = _FEWEST_TOGETHER
 
     def take(self, budget: float, now: int) -> int:
         """Have what has come received, for so many s at most; return how many messages."""
         was_behind, self.is_behind = self.is_behind, False
         end = time.monotonic() + budget
-        total, limit = 0, _FEWEST_TOGETHER
-        while count := self.take_batch(limit, now):
+        total = 0
+        while count := self.take_batch(self._limit, now):
             if not total:
                 self._first = self._first_of_batch
             total += count
+            is_late = time.monotonic() >= end
+            if is_late:
+                self._limit = _FEWEST_TOGETHER
             if self._is_empty:
                 break
-            if time.monotonic() >= end:
+            if is_late:
                 self.is_behind = True
                 total += self.take_batch(1, now) if self._next else 0
                 break
-            limit = min(4 * limit, _MOST_TOGETHER)
+            self._limit = min(4 * self._limit, _MOST_TOGETHER)
         if self.is_behind:
             self._receiver.note_backlog(self._name, self._backlog(total))
         elif was_behind:
@@ -321,6 +326,7 @@ class _Topic:
         """Have messages that follow one another received, up to a limit; return how many."""
         taken, self._next = self._next or self._take(), None
         batch: list[bytes] = []
+        size = 0
         while taken is not None:
             data, info = taken
             if not batch:
@@ -333,7 +339,8 @@ class _Topic:
                 break
             self._last = info
             batch.append(data)
-            if len(batch) == limit:
+            size += len(data)
+            if len(batch) == limit or size >= _MOST_BYTES:
                 break
             if number is not None:
                 number += 1

@@ -220,7 +220,7 @@ class Settings:
     marker_rate: float = field(default=10.0, metadata=_setting(
         'Hz; how often markers are published while somebody subscribes',
         live=True, limits=_RATES))
-    max_batch_delay: float = field(default=0.002, metadata=_setting(
+    max_batch_delay: float = field(default=0.005, metadata=_setting(
         's; where messages are many the node rests for so long between takes, which spares '
         'processor time and delays an answer by no more; 0.0 for never',
         live=True, limits=(0.0, 0.1)))

@@ -20,7 +20,7 @@ import threading
 import time
 from types import SimpleNamespace
 
-from geometry_msgs.msg import PolygonStamped
+from geometry_msgs.msg import Point32, Polygon, PolygonStamped
 from harness import Peer
 import pytest
 from rcl_interfaces.srv import ListParameters
@@ -134,6 +134,26 @@ def test_tick_tells_whether_all_was_taken(looped):
         time.sleep(0.2)
         one.run(lambda: len(receiver.told_all) == 2)
         assert [is_all_taken for is_all_taken, _ in receiver.told_all] == [False, True]
+
+
+def test_long_messages_are_received_by_themselves(looped):
+    """However many short ones were received together before: each may take long to check."""
+    peer, looped = looped
+    receiver = Recorder()
+    together = []
+    receive = receiver.receive
+    receiver.receive = lambda name, messages, *rest: (
+        together.append([len(data) for data in messages]), receive(name, messages, *rest))
+    arrive(peer, flood=200)
+    long = PolygonStamped(polygon=Polygon(points=1000 * [Point32()]))
+    publisher = peer.publisher('flood')
+    for _ in range(20):
+        publisher.publish(long)
+    assert publisher.wait_for_all_acked(Duration(seconds=60))
+    with looped(receiver) as one:
+        one.run(lambda: receiver.names.count('flood') == 220)
+    assert max(map(len, together)) > 50
+    assert max(sum(size > 10_000 for size in sizes) for sizes in together) == 1
 
 
 def test_first_message_of_a_publisher_is_told_of(looped):

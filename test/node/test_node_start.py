@@ -135,6 +135,8 @@ def test_flags_before_distances(start, domain):
         peer.spin(0.05)
         return flags and flags[-1].data is collides
     peer.until(lambda: is_told(9.0, False), 'a clear flag')
+    # A parameter that measures nothing does not wait for what measures.
+    assert peer.set_parameters(marker_rate=20.0) == [None]
     peer.until(lambda: is_told(0.5, True), 'a raised flag')
     del separations[:]
     peer.until(lambda: len(separations) > 3)

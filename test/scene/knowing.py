@@ -15,9 +15,7 @@
 """
 Enumerates what can happen around one source, and checks all promises in every state.
 
-First every order of events up to a depth, then random ones of many events; see docs/knowing.md.
-
-    python test/scene/knowing.py --depth 4 --runs 100000
+First every order of events up to a depth, then random ones of many events: `make knowing`.
 """
 
 import argparse

@@ -44,6 +44,15 @@ def test_contacts_of_the_scene(name):
     assert touched == expected
 
 
+def test_the_person_is_in_the_way_of_the_robot_that_brakes():
+    """If it did not brake, whenever it starts in the first 2.5 s."""
+    for start in (0.0, 2.5):
+        touched = [shapely.intersects(shapely.Polygon(warehouse.courier(1.2 * time)),
+                                      shapely.Polygon(warehouse.person(start + time)))
+                   for time in np.arange(0.0, 5.0, 0.01)]
+        assert any(touched) and not touched[0]
+
+
 def test_first_demo_does_not_wait_for_the_compiler(tmp_path):
     """After an installation the node runs in plain Python."""
     pytest.importorskip('numba')

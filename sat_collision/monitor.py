@@ -20,6 +20,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TypeAlias
 
+from sat_collision.messages.commands import Commands
 from sat_collision.messages.ingest import Batch, Ingest
 from sat_collision.messages.outlines import Outlines
 from sat_collision.messages.placement import Placement
@@ -78,6 +79,8 @@ class Monitor:
         The messages that wait for a transform.
     outlines : Outlines
         The footprints that nobody publishes.
+    commands : Commands
+        Passes to the scene what footprints are told to do.
 
     """
 
@@ -92,6 +95,7 @@ class Monitor:
                              self._watch_clock, placements)
         self.rejected = self.ingest.rejected
         self.outlines = Outlines(settings, self.ingest, self.transforms, self.received)
+        self.commands = Commands(settings, self.ingest, self.scene)
         self.waiting: Waiting[_Item, Rejection] = Waiting(self._take_waiting)
         self.scene.waiting = self.waiting.queues
         self._timeout = round(settings.transform_timeout * 1e9)
@@ -118,9 +122,9 @@ class Monitor:
         Parameters
         ----------
         name : str
-            Name of the footprint or source.
+            Name of the footprint, source or commands.
         data : bytes
-            The serialised PolygonStamped or PolygonInstanceStamped.
+            The serialised PolygonStamped, PolygonInstanceStamped, Odometry or TwistStamped.
         now : int
             Present time in ns, by the clock of the header stamps.
         number : int, optional
@@ -153,6 +157,8 @@ class Monitor:
 
         """
         self.received[name] += len(messages)
+        if name in self.commands.names:
+            return self.commands.receive(name, messages, now)
         rejections: Sequence[Rejection] = _NOTHING
         settings = self.scene.settings_of(name)
         if not settings.enabled:
@@ -189,6 +195,8 @@ class Monitor:
             How many were taken. The next one has to be received by itself.
 
         """
+        if name in self.commands.names:
+            return 0
         settings = self.scene.settings_of(name)
         taken = self.ingest.take_run(settings, batch, begin, now) if settings.enabled else 0
         self.received[name] += taken

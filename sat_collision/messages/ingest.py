@@ -34,7 +34,7 @@ from sat_collision.scene.frame_tree import LONGEST_FRAME_ID
 from sat_collision.scene.frames import Mapped, NoTransform
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
-    FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
+    CommandSettings, FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
 from sat_collision.scene.velocity import Velocity
 from sat_collision.scene.waiting import WAIT, Wait
 
@@ -233,8 +233,8 @@ class Ingest:
         self._scene.refuse(settings.name, reason, now, stamp, instance, number)
         return self.reject(settings, reason, detail)
 
-    def reject(self, settings: FootprintSettings | ObstacleSettings, reason: str,
-               detail: str) -> Rejection:
+    def reject(self, settings: FootprintSettings | ObstacleSettings | CommandSettings,
+               reason: str, detail: str) -> Rejection:
         """Count a message that was not taken, and put it into words."""
         self.rejected[settings.name, reason] += 1
         return Rejection(settings.name, settings.topic, reason, detail)

@@ -29,7 +29,7 @@ from sat_collision.scene.frames import Mapped, NoTransform
 from sat_collision.scene.outlines import Outline, outline_of
 from sat_collision.scene.settings import FootprintSettings, Settings
 from sat_collision.scene.times import NEVER
-from sat_collision.scene.velocity import ODOMETRY, pose_of, TRANSFORMS, Velocity
+from sat_collision.scene.velocity import COMMAND, ODOMETRY, pose_of, TRANSFORMS, Velocity
 
 # How often an outline in a static frame is placed again within its timeout.
 _TIMES_PLACED = 3
@@ -125,9 +125,14 @@ class Outlines:
         return [rejection] if rejection else []
 
     def _velocity(self, one: _Placed, found: Mapped) -> Velocity | None:
-        """Return the velocity of an outline where its frame is found; None if none is given."""
-        if found.at is None:
-            return Velocity((0.0, 0.0, 0.0), pose_of(found.plane), TRANSFORMS)
+        """
+        Return the velocity of an outline where its frame is found; None if none is given.
+
+        Of one that has commands it is the pose that counts.
+        """
+        if one.settings.cmd_vel or found.at is None:
+            return Velocity((0.0, 0.0, 0.0), pose_of(found.plane),
+                            COMMAND if one.settings.cmd_vel else TRANSFORMS)
         if not one.odometry:
             return None
         _, child, _, _ = decode_odometry(one.odometry)

@@ -262,7 +262,8 @@ class Outputs:
             state = self._scene.state(name)
             named = {*state.contacts, *((found[0],) if found else ())}
             self._states.write_moving(name, state.age, found, self._scene.newer_by(name, named),
-                                      self._scene.origin(name), predictions[name])
+                                      self._scene.origin(name), self._scene.velocity(name),
+                                      predictions[name])
         self._state_publisher.publish(self._states.message(stamp))
 
     def publish_markers(self) -> None:

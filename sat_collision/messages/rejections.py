@@ -26,11 +26,15 @@ from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
 from sat_collision.scene.sources import TOO_OLD
 from sat_collision.scene.times import BY_ANOTHER_CLOCK, FAR
 
+BAD_COMMAND = 'no velocity of a robot'
+COMMAND_FRAME = 'command in another frame'
 EMPTY_FRAME_ID = 'empty frame_id'
 LONG_FRAME_ID = 'long frame_id'
 UNDECODABLE = 'undecodable'
 
 _ADVICE = {
+    BAD_COMMAND: 'the publisher must send finite numbers, of up to 1000 m/s or rad/s',
+    COMMAND_FRAME: 'the publisher must send it in the frame of the outline, or name none',
     EMPTY_FRAME_ID: 'the publisher must say which frame the polygon is in',
     FROM_FUTURE: 'set the clocks of both machines by one, or raise the parameter future_tolerance',
     LONG_FRAME_ID: 'the publisher must name a frame as tf2 has it',
@@ -42,7 +46,7 @@ _ADVICE = {
     Reason.SELF_INTERSECTING.value: 'the publisher must send the outline of a simple polygon',
     Reason.TOO_MANY_VERTICES.value: 'simplify the polygon or raise the parameter max_vertices',
     TOO_MANY: 'publish fewer obstacles or raise the parameter max_count of the source',
-    TOO_OLD: 'check clocks and delays, or raise the parameter timeout of the source',
+    TOO_OLD: 'check clocks and delays, or raise the parameter timeout',
     UNDECODABLE: 'check that the publisher has the message type that this topic should have',
     frames.BAD_FRAME_ID: 'correct the header of the publisher, or the parameter frame_id',
     frames.GAP: 'publish transforms more often, or raise the parameter max_tf_gap',

@@ -28,6 +28,7 @@ from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.prediction import Prediction
 from sat_collision.scene.scene import Nearest, Scene
 from sat_collision.scene.settings import Settings
+from sat_collision.scene.velocity import Velocity
 
 _LEVELS = {
     Status.CLEAR: DiagnosticStatus.OK,
@@ -166,6 +167,7 @@ class States:
                      nearest: Nearest | None,
                      newer: Mapping[ObstacleId, float],
                      origin: tuple[str, float | None],
+                     velocity: Velocity | str,
                      prediction: Prediction | None) -> None:
         """
         Write down what changes all the time.
@@ -181,6 +183,8 @@ class States:
             By how many s the nearest obstacle, and each in contact, is newer than the footprint.
         origin : tuple
             As `Scene.origin` returns it.
+        velocity : Velocity or str
+            As `Scene.velocity` returns it.
         prediction : Prediction or None
             As `Scene.prediction` returns it.
 
@@ -203,11 +207,12 @@ class States:
         time_value.value = f'{prediction.seconds:.3f}' if prediction and is_known else ''
         first_value.value = str(prediction.obstacle or '') if prediction and is_known else ''
         unknown_value.value = ', '.join(map(str, prediction.unknown)) if prediction else ''
-        velocity_value.value = 'unknown'
-        if prediction and prediction.velocity:
-            vx, vy, omega = prediction.velocity.twist
+        if isinstance(velocity, str):
+            velocity_value.value = f'unknown: {velocity}' if velocity else 'unknown'
+        else:
+            vx, vy, omega = velocity.twist
             velocity_value.value = (f'{vx:.3f} m/s, {vy:.3f} m/s, {omega:.3f} rad/s by '
-                                    f'{prediction.velocity.origin}')
+                                    f'{velocity.origin}')
 
     @property
     def statuses(self) -> list[Any]:

@@ -15,14 +15,15 @@
 """
 Receives /tf, /tf_static and odometry, and returns the affine map for a message.
 
-tf2_msgs/TFMessage and nav_msgs/Odometry are read from their bytes, every length checked.
+tf2_msgs/TFMessage, nav_msgs/Odometry and geometry_msgs/TwistStamped are read from their bytes,
+every length checked.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 import struct
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 from sat_collision.messages.cdr import MessageError
 from sat_collision.messages.rejections import Rejection, UNDECODABLE
@@ -32,6 +33,7 @@ from sat_collision.scene.rotations import Transform
 from sat_collision.scene.scene import FROM_FUTURE
 from sat_collision.scene.settings import Settings, TF
 from sat_collision.scene.times import NEVER
+from sat_collision.scene.velocity import Twist
 
 TF_STATIC = '/tf_static'
 TRANSFORM_TOPICS = (TF, TF_STATIC)
@@ -46,8 +48,8 @@ _LENGTH_SIZE = 4
 _TRANSFORM_SIZE = 56
 # Pose and twist, each with a covariance.
 _ODOMETRY_SIZE = 8 * 2 * 36 + 8 * (7 + 6)
-# The twist, at the end, and its covariance.
-_TWIST_SIZE = 8 * 36 + 8 * 6
+_TWIST_SIZE = 8 * 6
+_TWIST_COVARIANCE_SIZE = 8 * 36
 _SECOND = 1_000_000_000
 
 # Names repeat, so they are kept. A name that the end of a message cuts off may be among them; its
@@ -127,32 +129,67 @@ def decode_odometry(data: bytes) -> StampedTransform:
         As `decode_transforms`.
 
     """
-    order = _ORDERS.get(data[:4])
-    if order is None:
-        raise MessageError(
-            f'{len(data)} bytes that begin with {data[:4].hex()!r} are not a message')
     try:
-        seconds, nanoseconds, length = order.head(data, 4)
-        start = 4 + _STAMP_SIZE + _LENGTH_SIZE
-        parent = _name(data[start:start + length], length)
-        start = ((start + length + 3) & ~3) + _LENGTH_SIZE
+        order, stamp, parent, end = _read_header(data)
+        start = ((end + 3) & ~3) + _LENGTH_SIZE
         length, = order.count(data, start - _LENGTH_SIZE)
         child = _name(data[start:start + length], length)
         at = ((start + length - 4 + 7) & ~7) + 4
         transform = order.transform(data, at)
     except struct.error as error:
         raise MessageError('ends before its pose does') from error
-    if nanoseconds >= _SECOND:
-        raise MessageError(f'{nanoseconds} nanoseconds in the stamp make more than a second')
     if at + _ODOMETRY_SIZE != len(data):
         raise MessageError(f'{len(data)} bytes where the contents need {at + _ODOMETRY_SIZE}')
-    return parent, child, seconds * _SECOND + nanoseconds, transform
+    return parent, child, stamp, transform
 
 
-def decode_twist(data: bytes) -> tuple[float, float, float]:
-    """Read vx, vy (m/s) and omega (rad/s) in the child frame from a whole Odometry."""
-    vx, vy, omega = _ORDERS[data[:4]].twist(data, len(data) - _TWIST_SIZE)
+def decode_twist(data: bytes) -> Twist:
+    """Read the twist in the child frame from a whole Odometry."""
+    vx, vy, omega = _ORDERS[data[:4]].twist(
+        data, len(data) - _TWIST_COVARIANCE_SIZE - _TWIST_SIZE)
     return vx, vy, omega
+
+
+def decode_command(data: bytes) -> tuple[int, str, Twist]:
+    """
+    Read a TwistStamped, of either byte order: its stamp in ns, its frame and its twist.
+
+    Raises
+    ------
+    MessageError
+        As `decode_transforms`.
+
+    """
+    try:
+        order, stamp, frame_id, end = _read_header(data)
+        at = ((end - 4 + 7) & ~7) + 4
+        vx, vy, omega = order.twist(data, at)
+    except struct.error as error:
+        raise MessageError('ends before its twist does') from error
+    if at + _TWIST_SIZE != len(data):
+        raise MessageError(f'{len(data)} bytes where the contents need {at + _TWIST_SIZE}')
+    return stamp, frame_id, (vx, vy, omega)
+
+
+def stamped(twist: bytes) -> bytes:
+    """Return a serialised Twist as a TwistStamped without stamp and frame."""
+    order: Literal['little', 'big'] = 'little' if twist[1:2] == b'\1' else 'big'
+    length = (1).to_bytes(_LENGTH_SIZE, order)
+    return twist[:4] + bytes(_STAMP_SIZE) + length + bytes(4) + twist[4:]
+
+
+def _read_header(data: bytes) -> tuple[_Order, int, str, int]:
+    """Read a header: the byte order, the stamp in ns, the frame, and where its name ends."""
+    order = _ORDERS.get(data[:4])
+    if order is None:
+        raise MessageError(
+            f'{len(data)} bytes that begin with {data[:4].hex()!r} are not a message')
+    seconds, nanoseconds, length = order.head(data, 4)
+    start = 4 + _STAMP_SIZE + _LENGTH_SIZE
+    frame_id = _name(data[start:start + length], length)
+    if nanoseconds >= _SECOND:
+        raise MessageError(f'{nanoseconds} nanoseconds in the stamp make more than a second')
+    return order, seconds * _SECOND + nanoseconds, frame_id, start + length
 
 
 def _name(text: bytes, length: int) -> str:

@@ -31,6 +31,7 @@ from sat_collision.messages.outputs import Outputs
 from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
+from sat_collision.node.commands import CommandSubscriptions
 from sat_collision.node.health import Health
 from sat_collision.node.loop import Backlog, Loop, Reserved
 from sat_collision.node.parameters import Parameters
@@ -118,8 +119,9 @@ class FootprintMonitor(Node):
         self._watchdog = Watchdog(self._on_stall, self._on_recovery)
         self._is_stalled = False
         self._set_rates(settings)
-        self.loop = Loop(self, [*(transform_inputs or ()), *self._inputs.inputs], self,
-                         lambda: self._scene.settings.max_batch_delay)
+        inputs = [*(transform_inputs or ()), *self._inputs.inputs]
+        self._commands = CommandSubscriptions(self, settings, taken_by, inputs)
+        self.loop = Loop(self, inputs, self, lambda: self._scene.settings.max_batch_delay)
         parameters.on_change(self._configure, self._health.note_change)
 
     def _set_rates(self, settings: Settings) -> None:
@@ -155,7 +157,8 @@ class FootprintMonitor(Node):
         if name in TRANSFORM_TOPICS:
             for k, data in enumerate(messages):
                 self._log(self._monitor.receive_transforms(name, data, now, number and number + k))
-        elif rejections := self._monitor.receive_batch(name, messages, now, number):
+        elif rejections := self._monitor.receive_batch(
+                name, self._commands.with_stamps(name, messages), now, number):
             self._log(rejections)
 
     def begin_stream(self, name: str) -> None:
@@ -207,6 +210,7 @@ class FootprintMonitor(Node):
         """Poll what sends no event: publishers, clock, middleware, kernels being compiled."""
         for name, endpoints in self._inputs.publishers.news(self._behind):
             self._monitor.update_publishers(name, endpoints)
+        self._commands.follow()
         for one in self._inputs.inputs:
             if self._scene.wants_history(one.name) and self._inputs.renew(one.name):
                 self._scene.renew(one.name)

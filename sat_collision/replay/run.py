@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
@@ -25,14 +25,15 @@ from sat_collision.geometry.polygon import Reason
 from sat_collision.messages.cdr import header_stamp
 from sat_collision.messages.placement import Placement
 from sat_collision.messages.rejections import EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE
-from sat_collision.messages.transform_listener import TF_STATIC, TRANSFORM_TOPICS
+from sat_collision.messages.transform_listener import stamped, TF_STATIC, TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.bag.storage import Message
 from sat_collision.replay.bag.writer import OutputError
 from sat_collision.replay.live import Rows, SceneTape, Timeline
 from sat_collision.replay.model.configuration import (
-    all_sources, is_subscribed, missing_topics, settings_for, TRANSFORM_TYPE, wrong_types)
+    all_sources, is_subscribed, missing_topics, settings_for, TRANSFORM_TYPE, TWIST_TYPE,
+    wrong_types)
 from sat_collision.replay.model.options import HEADER, Options, RECEIVE
 from sat_collision.replay.model.result import FootprintResult, moments_of, Result, SourceResult
 from sat_collision.replay.motion.order import StampOrder, Timed, WINDOW
@@ -198,7 +199,7 @@ class _Run:
         # What metadata.yaml says of the recording's bounds is not taken as a reason to drop any.
         # By stamps, what was received later may belong to the time that is checked.
         later = WINDOW if self._motion else 0
-        messages: Iterable[Message] = self._with_clocks_compared(self._recording.messages(
+        messages: Iterable[Message] = self._with_clocks_compared(self._messages(
             names, start if self._options.start else None, stop and stop + later))
         if progress:
             total = sum(self._recording.counts[topic] for topic in names)
@@ -262,11 +263,21 @@ class _Run:
     def _receive(self, name: str, messages: list[bytes], now: int, number: int | None) -> None:
         if rejections := self._monitor.receive_batch(name, messages, now, number):
             self._keep(rejections)
+        if self._motion and name in self._monitor.commands.last:
+            self._motion.command(name, self._monitor.commands.last[name])
         self._follow(now)
 
-    def _first_stamp(self, names: Iterable[str]) -> int | None:
+    def _messages(self, topics: Collection[str], start: int | None = None,
+                  stop: int | None = None) -> Iterator[Message]:
+        """Return messages of the recording, with a header where a command has none."""
+        twists = {topic for topic in topics if self._recording.topics.get(topic) == TWIST_TYPE}
+        messages = self._recording.messages(topics, start, stop)
+        return ((topic, time, stamped(data) if topic in twists else data)
+                for topic, time, data in messages) if twists else messages
+
+    def _first_stamp(self, names: Collection[str]) -> int | None:
         """Return the header stamp with which the recording begins, None if there is none."""
-        stamps = (header_stamp(data) for _, _, data in self._recording.messages([*names]))
+        stamps = (header_stamp(data) for _, _, data in self._messages(names))
         return next(filter(None, stamps), None)
 
     def _write_outputs(self, path: str) -> None:
@@ -333,6 +344,7 @@ class _Run:
                 continue
             if timer is None or timer.due >= now:
                 break
+            self._scene.pass_time(int(timer.due))
             timer.act(min(deadline, now))
         self._now = now
         self._due = timer.due if timer else NEVER

@@ -24,7 +24,7 @@ from sat_collision.scene.obstacles import Body, Obstacle, ObstacleId
 from sat_collision.scene.settings import FootprintSettings
 from sat_collision.scene.streams import Stream
 from sat_collision.scene.times import BY_ANOTHER_CLOCK, FAR, NEVER
-from sat_collision.scene.velocity import MotionTracker
+from sat_collision.scene.velocity import Command, MotionTracker
 
 
 class Status(enum.Enum):
@@ -93,6 +93,8 @@ class Footprint(Body[Obstacle]):
         Whether the good footprint is past its timeout.
     motion : MotionTracker
         What its velocity is known from, if that is tracked.
+    command : Command or None
+        What it was told last, if it has commands.
     is_imminent : bool
         Whether it is about to collide, as its min_time_to_collision has it.
     status : Status
@@ -108,7 +110,7 @@ class Footprint(Body[Obstacle]):
 
     __slots__ = ('settings', 'stream', 'timeout', 'time', 'frame_id', 'origin', 'received',
                  'fault', 'stale', 'status', 'evaluation', 'unknown_reasons', 'gained_or_lost',
-                 'motion', 'is_imminent', '_clear_since', '_release', '_held', '_names',
+                 'motion', 'command', 'is_imminent', '_clear_since', '_release', '_held', '_names',
                  '_stream_faults')
 
     evaluation: Evaluation
@@ -124,6 +126,7 @@ class Footprint(Body[Obstacle]):
         self.fault = ''
         self.stale = False
         self.motion = MotionTracker()
+        self.command: Command | None = None
         self.is_imminent = False
         self.status = Status.UNKNOWN
         self.unknown_reasons: tuple[str, ...] = ()
@@ -177,6 +180,7 @@ class Footprint(Body[Obstacle]):
     def set_back(self, now: int) -> None:
         """Forget all times: the clock was set back."""
         self.stream.set_back(now)
+        self.command = None
         self.received = self._clear_since = None
         self._release = NEVER
 

@@ -76,6 +76,10 @@ def check(settings: Settings) -> None:
                 raise OutlineError(f'frame_id: the outline of {name} needs the fixed frame that '
                                    'it moves in, such as odom')
             outline_of(one, settings.max_vertices)
+        elif one.cmd_vel:
+            raise OutlineError(f'{name}.cmd_vel: a command is in the frame of the robot, and a '
+                               f'footprint that is published does not say where that is: give '
+                               f'{name}.points or {name}.radius, and {name}.frame_id, instead')
         elif one.frame_id or one.odometry:
             given = 'frame_id' if one.frame_id else 'odometry'
             raise OutlineError(f'{name}.{given} is for an outline: give {name}.points or '

@@ -184,6 +184,8 @@ def read_settings(footprints: Iterable[str], obstacles: Iterable[str],
             settings = replace(settings, topic=resolved(f'{name}.odometry', settings.odometry))
         elif settings.has_outline:
             settings = replace(settings, topic=resolved(f'{name}.points', TF))
+        if settings.cmd_vel:
+            settings = replace(settings, cmd_vel=resolved(f'{name}.cmd_vel', settings.cmd_vel))
         return settings
 
     sources = list(obstacles)

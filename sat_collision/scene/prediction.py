@@ -26,10 +26,7 @@ from sat_collision.scene.contacts import Contacts, Course
 from sat_collision.scene.footprints import Footprint, Status
 from sat_collision.scene.obstacles import Obstacle, ObstacleId
 from sat_collision.scene.sources import Source
-from sat_collision.scene.velocity import FOOTPRINTS, TRANSFORMS, Velocity
-
-# What moves is where its velocity takes it for so long, in ns; what stands stays there.
-_VELOCITY_LASTS = 2 * 10**9
+from sat_collision.scene.velocity import FOOTPRINTS, TRANSFORMS, Velocity, VELOCITY_LASTS
 
 
 class Prediction(NamedTuple):
@@ -43,7 +40,7 @@ class Prediction(NamedTuple):
     obstacle : ObstacleId or None
         What it is in contact with then, None if there is no contact.
     velocity : Velocity or None
-        At the stamp of the footprint. None only while in contact, where none is needed.
+        From the stamp of the footprint on. None only while in contact, where none is needed.
     way : float
         From the stamp until the contact, in s.
     unknown : tuple of ObstacleId
@@ -64,12 +61,21 @@ class Prediction(NamedTuple):
         return not self.unknown
 
 
-def velocity_of(footprint: Footprint) -> Velocity | None:
-    """Return the velocity of a footprint at its stamp, None while unknown."""
-    if footprint.time is None:
-        return None
-    return footprint.motion.velocity(
+def velocity_of(footprint: Footprint, now: int) -> Velocity | str:
+    """Return the velocity of a footprint from its stamp on; while unknown why, if words help."""
+    settings, command = footprint.settings.command, footprint.command
+    if settings and not command:
+        return f'no command on {settings.topic} yet'
+    if settings and command:
+        if command.refusal:
+            return f'the last command on {settings.topic} was refused: {command.refusal}'
+        if not command.holds(now, settings.timeout):
+            return f'no command on {settings.topic} for {(now - command.time) / 1e9:.1f} s'
+    velocity = footprint.time is not None and footprint.motion.velocity(
         footprint.time, TRANSFORMS if footprint.settings.has_outline else FOOTPRINTS)
+    if velocity and command:
+        velocity = velocity._replace(twist=command.twist)
+    return velocity or ''
 
 
 def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source], now: int,
@@ -91,13 +97,14 @@ def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source],
     """
     if footprint.status is Status.UNKNOWN or footprint.time is None:
         return None
-    velocity = velocity_of(footprint)
+    known = velocity_of(footprint, now)
+    velocity = known if isinstance(known, Velocity) else None
     if footprint.contacts:
         first = min(obstacle.name for obstacle in footprint.contacts)
         return Prediction(0.0, first, velocity, 0.0)
     # The footprint was where it is known to be at its stamp: from there on it is carried.
     age = now - footprint.time
-    if velocity is None or age > _VELOCITY_LASTS and any(velocity.twist):
+    if velocity is None or age > VELOCITY_LASTS and any(velocity.twist):
         return None
     courses: dict[Obstacle, Course] = {}
     unknown = []
@@ -122,7 +129,7 @@ def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source],
 def _course(obstacle: Obstacle, polygon: Polygon, time: int, now: int) -> Course | None:
     """Return where an obstacle is at a time, and its velocity; None where that is unknown."""
     velocity = obstacle.motion.translation(obstacle.time) if obstacle.motion else None
-    if velocity is None or now - obstacle.time > _VELOCITY_LASTS and velocity.any():
+    if velocity is None or now - obstacle.time > VELOCITY_LASTS and velocity.any():
         return None
     way = (time - obstacle.time) / 1e9 * velocity
     try:

@@ -35,7 +35,7 @@ from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Se
 from sat_collision.scene.sources import Source
 from sat_collision.scene.streams import CONTINUES, Endpoint
 from sat_collision.scene.times import NEVER
-from sat_collision.scene.velocity import Velocity, Vertices
+from sat_collision.scene.velocity import Command, Velocity, Vertices
 
 FROM_FUTURE = 'from the future'
 OVERTAKEN = 'older than the last'
@@ -230,9 +230,13 @@ class Scene:
         """Take the vertices, in the order sent, of an obstacle just taken that may move."""
         self._sources[name].track(instance, stamp if 0 < stamp < now else now, vertices)
 
-    def velocity(self, name: str) -> Velocity | None:
-        """Return the velocity of a footprint at its stamp, None while unknown."""
-        return velocity_of(self._footprints[name])
+    def command(self, name: str, command: Command) -> None:
+        """Take what a footprint is told to do."""
+        self._footprints[name].command = command
+
+    def velocity(self, name: str) -> Velocity | str:
+        """Return the velocity of a footprint from its stamp on, or why it is unknown."""
+        return velocity_of(self._footprints[name], self._now)
 
     def prediction(self, name: str) -> Prediction | None:
         """
@@ -242,9 +246,8 @@ class Scene:
         """
         footprint = self._footprints[name]
         horizon = max(self.settings.horizon, footprint.settings.min_time_to_collision)
-        if not horizon:
-            return None
-        return predict(footprint, self._contacts, self._sources.values(), self._now, horizon)
+        return predict(footprint, self._contacts, self._sources.values(), self._now,
+                       horizon) if horizon else None
 
     def look_ahead(self) -> None:
         """Find out which footprints are about to collide, as their settings have it."""
@@ -259,8 +262,7 @@ class Scene:
             elif threshold < seconds < math.inf:
                 self.deadline = min(self.deadline,
                                     self._now + int((seconds - threshold) * 1e9) - 1)
-        if self._contacts.changed:
-            self._evaluate()
+        self._evaluate()
 
     def obstacle(self, name: str, body: PackedBody | None, frame_id: str, stamp: int, now: int,
                  instance: int | None = None, number: int | None = None) -> str | None:

@@ -21,6 +21,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
 
 from sat_collision.geometry.polygon import MAX_VERTICES
+from sat_collision.scene.velocity import VELOCITY_LASTS
 
 POLYGON = 'polygon'
 POLYGON_INSTANCE = 'polygon_instance'
@@ -80,6 +81,16 @@ def specs(kind: type) -> dict[str, tuple[Any, Spec]]:
 
 
 @dataclass(frozen=True, slots=True)
+class CommandSettings:
+    """The commands of a footprint: a topic with a name of its own, and how long (s) one holds."""
+
+    name: str
+    topic: str
+    timeout: float
+    enabled: bool
+
+
+@dataclass(frozen=True, slots=True)
 class FootprintSettings:
     """One footprint, with a name and a topic of its own."""
 
@@ -111,6 +122,9 @@ class FootprintSettings:
         'Hz; how often the outline is placed at most', limits=(0.1, 1000.0)))
     odometry: str = field(default='', metadata=_setting(
         'topic of nav_msgs/Odometry that gives the pose of the frame; empty for /tf'))
+    cmd_vel: str = field(default='', metadata=_setting(
+        'topic of geometry_msgs/TwistStamped or Twist, in the frame of the outline, with the '
+        'velocity that contacts are predicted with; empty for that with which it moves'))
     min_time_to_collision: float = field(default=0.0, metadata=_setting(
         's; the flag is raised, too, when the footprint, moving on as it does, is in contact '
         'within this time; 0.0 for contact alone', live=True, safety=True,
@@ -120,6 +134,14 @@ class FootprintSettings:
     def has_outline(self) -> bool:
         """Whether it has an outline as a parameter instead of a topic."""
         return bool(self.points) or self.radius > 0.0
+
+    @property
+    def command(self) -> CommandSettings | None:
+        """Its commands, if it has any; they hold for its timeout, and as velocities do."""
+        longest = VELOCITY_LASTS / 1e9
+        return CommandSettings(f'{self.name}.cmd_vel', self.cmd_vel,
+                               min(self.timeout or longest, longest),
+                               self.enabled) if self.cmd_vel else None
 
     def monitors(self, source: str) -> bool:
         """Return whether the obstacles of a source, and its faults, concern the footprint."""

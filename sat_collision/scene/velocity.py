@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The velocity of a footprint: given with it, or fitted to the last two places of its outline.
+The velocity of a footprint: as it was told, given with it, or fitted to its last two places.
 
 Both places have the same vertices in the same order. The rotation that takes the one to the other
 best, by least squares, has a closed form in the plane; the constant twist between two poses has
@@ -34,15 +34,23 @@ from sat_collision.geometry.polygon import PlaneMap
 ODOMETRY = 'odometry'
 TRANSFORMS = 'transforms'
 FOOTPRINTS = 'footprints'
+COMMAND = 'command'
+
+# For so long, in ns, what moves is where its velocity takes it.
+VELOCITY_LASTS = 2 * 10**9
 
 Vertices: TypeAlias = NDArray[np.float64]
+# vx and vy in m/s along the axes of a body's frame, omega in rad/s, counter-clockwise.
+Twist: TypeAlias = tuple[float, float, float]
+# That frame in the fixed frame: x and y in m, yaw in rad.
+Pose: TypeAlias = tuple[float, float, float]
 
 # Two places that are less or more apart in time, in ns, say nothing of the velocity.
 _SHORTEST = 10**7
 _LONGEST = 2 * 10**9
 _MOST_PLACES = 100
 # What is faster, in m/s or rad/s, is no velocity of a robot.
-_FASTEST = 1e3
+FASTEST = 1e3
 # A vertex that is this much faster or slower than the others, in m/s, does not move as they do.
 _MOST_SPREAD = 0.05
 # An outline that differs from the moved one by more, in parts of its size, has another shape.
@@ -55,23 +63,16 @@ class Velocity(NamedTuple):
 
     Attributes
     ----------
-    twist : (float, float, float)
-        vx and vy in m/s along the axes of the body's frame, omega in rad/s, counter-clockwise.
-    pose : (float, float, float)
-        That frame in the fixed frame: x and y in m, yaw in rad.
+    twist : Twist
+    pose : Pose
     origin : str
-        Where it comes from: ODOMETRY, TRANSFORMS or FOOTPRINTS.
+        Where the twist comes from: COMMAND, ODOMETRY, TRANSFORMS or FOOTPRINTS.
 
     """
 
-    twist: tuple[float, float, float]
-    pose: tuple[float, float, float]
+    twist: Twist
+    pose: Pose
     origin: str
-
-    @property
-    def is_plausible(self) -> bool:
-        """Whether it is finite, and that of a robot."""
-        return all(abs(value) <= _FASTEST for value in self.twist)
 
     def carry(self, vertices: Vertices, seconds: float) -> Vertices:
         """Return where (n, 2) vertices are after a time."""
@@ -82,6 +83,30 @@ class Velocity(NamedTuple):
         way = along * _rotation(yaw + half) @ (vx, vy)
         moved: Vertices = (vertices - (x, y)) @ _rotation(omega * seconds).T + (x, y) + way
         return moved
+
+
+class Command(NamedTuple):
+    """
+    The last message in which a footprint was told how to move.
+
+    Attributes
+    ----------
+    time : int
+        Its stamp in ns, not in the future.
+    twist : Twist
+        In the frame of the outline.
+    refusal : str
+        Why it was refused; empty if it was not.
+
+    """
+
+    time: int
+    twist: Twist = (0.0, 0.0, 0.0)
+    refusal: str = ''
+
+    def holds(self, now: int, timeout: float) -> bool:
+        """Return whether it is what a footprint does at a time in ns, given for how many s."""
+        return not self.refusal and now - self.time <= timeout * 1e9
 
 
 class MotionTracker:
@@ -137,7 +162,7 @@ class MotionTracker:
         """
         if not self._places or self._places[-1][0] != time:
             return None
-        if self._given is not None and self._given.is_plausible:
+        if self._given is not None and is_plausible(self._given.twist):
             return self._given
         since, before = self._places[0]
         if not _SHORTEST <= time - since <= _LONGEST:
@@ -155,7 +180,7 @@ class MotionTracker:
         velocities = (after - before) / ((last - since) / 1e9)
         mean: Vertices = velocities.mean(0)
         is_rigid = np.abs(velocities - mean).max() <= _MOST_SPREAD
-        return mean if is_rigid and np.abs(mean).max() <= _FASTEST else None
+        return mean if is_rigid and np.abs(mean).max() <= FASTEST else None
 
 
 def fitted(before: Vertices, after: Vertices, seconds: float, origin: str) -> Velocity | None:
@@ -167,19 +192,32 @@ def fitted(before: Vertices, after: Vertices, seconds: float, origin: str) -> Ve
     if before.shape != after.shape:
         return None
     start, end = before.mean(0), after.mean(0)
-    a, b = before - start, after - end
-    turn = math.atan2(float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()), float((a * b).sum()))
-    change = np.linalg.norm(b - a @ _rotation(turn).T)
-    if not change <= _MOST_CHANGE * np.linalg.norm(b):
+    *_, turn = pose_between(before, after)
+    change = np.linalg.norm(after - end - (before - start) @ _rotation(turn).T)
+    if not change <= _MOST_CHANGE * np.linalg.norm(after - end):
         return None
     half = turn / 2.0
     stretch = half / math.sin(half) if half else 1.0
     vx, vy = (stretch / seconds * _rotation(half) @ (end - start)).tolist()
     velocity = Velocity((vx, vy, turn / seconds), (*end.tolist(), 0.0), origin)
-    return velocity if velocity.is_plausible else None
+    return velocity if is_plausible(velocity.twist) else None
 
 
-def pose_of(plane: PlaneMap) -> tuple[float, float, float]:
+def pose_between(before: Vertices, after: Vertices) -> Pose:
+    """Return where the frame of vertices is now that they are elsewhere, by least squares."""
+    start, end = before.mean(0), after.mean(0)
+    a, b = before - start, after - end
+    yaw = math.atan2(float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()), float((a * b).sum()))
+    x, y = (end - _rotation(yaw) @ start).tolist()
+    return x, y, yaw
+
+
+def is_plausible(twist: Twist) -> bool:
+    """Return whether a twist is finite, and that of a robot."""
+    return all(abs(value) <= FASTEST for value in twist)
+
+
+def pose_of(plane: PlaneMap) -> Pose:
     """Return x, y and yaw of a frame whose points a map of the plane takes to the fixed frame."""
     a, _, x, d, _, y = plane
     return x, y, math.atan2(d, a)

@@ -139,7 +139,7 @@ def test_the_time_to_a_collision_comes_while_somebody_subscribes(start, monkeypa
     monitor.spin(0.3)
     scene = monitor.monitor._scene
     assert not asked and not scene.tracks_motion
-    assert scene.velocity('footprint') is None
+    assert scene.velocity('footprint') == ''
     times = monitor.listen('~/footprint/time_to_collision')
     drive(monitor, lambda: times and times[-1].data < 3.0, 'a time')
     assert math.isnan(times[0].data) and asked

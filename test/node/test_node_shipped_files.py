@@ -62,7 +62,7 @@ def test_foxglove_shows_our_topics(start):
     named = read_yaml('config', 'nav2.yaml')['/**']['ros__parameters']['footprints']
     ours = published(start(footprints=['footprint', *named]))
     topics = re.findall(r'"(/[^"]+)"', text)
-    assert len(topics) == 7
+    assert len(topics) == 9
     for topic, _, field in (path.partition('.') for path in topics):
         assert hasattr(ours[topic](), field or '__slots__')
 

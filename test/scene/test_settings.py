@@ -50,8 +50,9 @@ def test_only_names_and_topics_must_be_given():
 def test_what_shapes_the_node_is_not_live():
     """Names, topics, types, the frame, what memory is set aside for, and the lock stay."""
     fixed = {name for kind, name in EVERY_SETTING if not specs(kind)[name][1].live}
-    assert fixed == {'footprints', 'obstacles', 'frame_id', 'lock_parameters', 'max_vertices',
-                     'odometry', 'radius_vertices', 'rate', 'tf_cache_time', 'topic', 'type'}
+    assert fixed == {'cmd_vel', 'footprints', 'obstacles', 'frame_id', 'lock_parameters',
+                     'max_vertices', 'odometry', 'radius_vertices', 'rate', 'tf_cache_time',
+                     'topic', 'type'}
 
 
 def test_settings_cannot_be_changed_in_place():

@@ -73,6 +73,14 @@ def odometry(parent, child, stamp, x, y, yaw=0.0, order='<', twist=(0.0, 0.0, 0.
     return {'<': b'\0\1\0\0', '>': b'\0\0\0\0'}[order] + body
 
 
+def command(vx, vy=0.0, omega=0.0, stamp=0, frame_id='', order='<'):
+    """Write a TwistStamped; what is no motion in the plane is nonsense in it, as nobody asks."""
+    text = frame_id.encode() + b'\0'
+    body = struct.pack(order + 'iII', *divmod(stamp, SECOND), len(text)) + text
+    body += bytes(-len(body) % 8) + struct.pack(order + '6d', vx, vy, math.nan, 7.0, 8.0, omega)
+    return {'<': b'\0\1\0\0', '>': b'\0\0\0\0'}[order] + body
+
+
 def polygon_message(points, stamp=1000 * SECOND, frame_id='map', instance=None):
     """Build the message that `serialised` writes."""
     from geometry_msgs.msg import Point32, PolygonInstanceStamped, PolygonStamped

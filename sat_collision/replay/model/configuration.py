@@ -31,13 +31,16 @@ from sat_collision.scene.parameters import (
     check_names_given, declare_parameters, is_name_of, ParameterError, parameters_by_node,
     read_settings, type_problem)
 from sat_collision.scene.settings import (
-    FootprintSettings, ObstacleSettings, POLYGON, POLYGON_INSTANCE, Settings, Spec)
+    CommandSettings, FootprintSettings, ObstacleSettings, POLYGON, POLYGON_INSTANCE, Settings,
+    Spec)
 import yaml
 
-Source: TypeAlias = FootprintSettings | ObstacleSettings
+Source: TypeAlias = FootprintSettings | ObstacleSettings | CommandSettings
 
 TRANSFORM_TYPE = 'tf2_msgs/msg/TFMessage'
+TWIST_TYPE = 'geometry_msgs/msg/Twist'
 _ODOMETRY = 'nav_msgs/msg/Odometry'
+_STAMPED_TWIST = 'geometry_msgs/msg/TwistStamped'
 _KINDS = {'geometry_msgs/msg/PolygonStamped': POLYGON,
           'geometry_msgs/msg/PolygonInstanceStamped': POLYGON_INSTANCE}
 _TYPES = {kind: name for name, kind in _KINDS.items()}
@@ -197,6 +200,11 @@ def settings_for(types: Mapping[str, str], parameters: Mapping[str, object],
     defaults: dict[str, Source] = {'footprints': default.footprints[0],
                                    'obstacles': default.obstacles[0]}
     values = dict(parameters)
+
+    def settings_so_far() -> Settings:
+        # Whether obstacles may move is a matter of the type, which the recording may tell.
+        return settings_of({name: value for name, value in values.items()
+                            if not name.endswith('.moving')}, node, False)
     for kind, topics in (('footprints', footprints), ('obstacles', obstacles)):
         if topics:
             values.update(_named(kind, topics, defaults[kind].name))
@@ -204,29 +212,30 @@ def settings_for(types: Mapping[str, str], parameters: Mapping[str, object],
     said = [kind for kind, source in defaults.items()
             if kind in values or f'{source.name}.topic' in values or source.topic in polygons
             or isinstance(source, FootprintSettings) and _has_outline(source.name, values)]
-    settings = settings_of(values, node, False)
+    settings = settings_so_far()
     taken = {source.topic for kind in said for source in getattr(settings, kind)}
     free = {topic: kind for topic, kind in polygons.items() if topic not in taken}
     for kind, topic in _detected(free, [kind for kind in defaults if kind not in said]).items():
         values.update(_named(kind, [topic], defaults[kind].name))
-    for source in settings_of(values, node, False).obstacles:
+    for source in settings_so_far().obstacles:
         if source.topic in polygons:
             values.setdefault(f'{source.name}.type', polygons[source.topic])
     return settings_of(values, node)
 
 
 def all_sources(settings: Settings) -> tuple[Source, ...]:
-    """Return what the settings have a topic for: footprints and sources of obstacles."""
-    return *settings.footprints, *settings.obstacles
+    """Return what the settings have a topic for: footprints, sources of obstacles, commands."""
+    return (*settings.footprints, *settings.obstacles,
+            *(one.command for one in settings.footprints if one.command))
 
 
 def wrong_types(settings: Settings, types: Mapping[str, str]) -> Iterator[tuple[str, str]]:
     """Return (name, problem) of each source whose topic the recording has with another type."""
     for source in all_sources(settings):
-        wanted = _type_of(source)
-        found = types.get(source.topic, wanted)
-        if found != wanted:
-            yield source.name, f'{source.name}: {source.topic} has the type {found}, not {wanted}'
+        wanted = _types_of(source)
+        if types.get(source.topic, wanted[0]) not in wanted:
+            yield source.name, (f'{source.name}: {source.topic} has the type '
+                                f'{types[source.topic]}, not {" or ".join(wanted)}')
 
 
 def missing_topics(settings: Settings, types: Mapping[str, str]) -> list[str]:
@@ -250,13 +259,15 @@ def is_subscribed(source: Source) -> bool:
                 and not source.odometry)
 
 
-def _type_of(source: Source) -> str:
-    """Return the type that the topic of a source should have."""
+def _types_of(source: Source) -> tuple[str, ...]:
+    """Return the types that the topic of a source may have."""
+    if isinstance(source, CommandSettings):
+        return _STAMPED_TWIST, TWIST_TYPE
     if isinstance(source, ObstacleSettings):
-        return _TYPES[source.type]
+        return _TYPES[source.type],
     if source.has_outline:
-        return _ODOMETRY if source.odometry else TRANSFORM_TYPE
-    return _TYPES[POLYGON]
+        return _ODOMETRY if source.odometry else TRANSFORM_TYPE,
+    return _TYPES[POLYGON],
 
 
 def _has_outline(name: str, values: Mapping[str, object]) -> bool:

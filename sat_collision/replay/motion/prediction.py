@@ -16,14 +16,18 @@
 """
 How soon a footprint would have touched something, had all gone on as it moved then.
 
-At a message of a footprint its velocity is that of its way from there on, a constant twist, and
-each obstacle moves on straight at the velocity with which it was on its own way.
+At a message of a footprint its velocity is that of its way from there on, a constant twist, or if
+it has commands that of the last one before. Each obstacle moves on straight at the velocity with
+which it was on its own way.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_right, insort
 from collections.abc import Iterable
 from math import hypot, inf
+from operator import attrgetter
+from sys import maxsize
 from typing import TypeAlias
 
 import numpy as np
@@ -32,7 +36,10 @@ from sat_collision.geometry.polygon_set import PolygonSet
 from sat_collision.replay.model.result import FootprintResult, Sample, Series, Soonest, Unknown
 from sat_collision.replay.motion.tracker import Step
 from sat_collision.replay.motion.trajectories import Floats, LinearMotion, Trajectory
-from sat_collision.scene.velocity import fitted, FOOTPRINTS, Velocity
+from sat_collision.scene.outlines import outline_of
+from sat_collision.scene.settings import FootprintSettings
+from sat_collision.scene.velocity import (
+    COMMAND, Command, fitted, FOOTPRINTS, pose_between, Velocity, VELOCITY_LASTS)
 
 # How far ahead to look unless a longer time is asked for, s.
 HORIZON = 3.0
@@ -40,6 +47,7 @@ HORIZON = 3.0
 _EVERY = 10**8
 # What is further away than it can come by more than this, m, is not met.
 _SLACK = 1e-3
+_time_of = attrgetter('time')
 
 # Seconds to a contact, infinity if there is none within the horizon, and with which obstacle.
 _Found: TypeAlias = tuple[float, str]
@@ -51,6 +59,7 @@ class Prediction:
 
     Parameters
     ----------
+    settings : FootprintSettings
     trajectory : Trajectory
         Of the footprint.
     horizon : float
@@ -60,11 +69,24 @@ class Prediction:
 
     """
 
-    def __init__(self, trajectory: Trajectory, horizon: float, margin: float) -> None:
+    def __init__(self, settings: FootprintSettings, trajectory: Trajectory, horizon: float,
+                 margin: float) -> None:
+        self._settings = settings.command
+        # Its vertices were counted before.
+        self._outline = np.array(outline_of(settings, maxsize) if settings.command else ())
+        self._commands: list[Command] = []
         self._trajectory = trajectory
         self._horizon = horizon
         self._margin = margin
         self._found: dict[int, _Found] = {}
+
+    def command(self, command: Command) -> None:
+        """Take what the footprint is told to do from a time on."""
+        insort(self._commands, command, key=_time_of)
+
+    def drop_before(self, time: int) -> None:
+        """Drop the commands that do not hold any more at a time."""
+        del self._commands[:bisect_right(self._commands, time - VELOCITY_LASTS, key=_time_of)]
 
     def look_ahead(self, step: Step) -> None:
         """Predict from where bodies are in a step; the footprint's way through it is known."""
@@ -72,7 +94,7 @@ class Prediction:
             for time in self._times(motion.begin, motion.end):
                 way = self._trajectory.way_from(time)
                 own = self._trajectory.outline(time)
-                velocity = way and _velocity(way)
+                velocity = way and self._velocity(way, time)
                 if own and velocity:
                     found = self._first(own, velocity, motion, time)
                     self._found[time] = min(found, self._found.get(time, found))
@@ -91,6 +113,19 @@ class Prediction:
         series = Series(result.time_to_collision)
         for sample in sorted(samples.items(), key=_time):
             series.add(*sample)
+
+    def _velocity(self, way: LinearMotion, time: int) -> Velocity | None:
+        """Return the velocity at the beginning of a way, which is a time."""
+        if not self._settings:
+            # That of its end, gone backwards.
+            start, finish = way.begin, way.end
+            return fitted(way.ring(0, finish), way.ring(0, start), (start - finish) / 1e9,
+                          FOOTPRINTS)
+        k = bisect_right(self._commands, time, key=_time_of)
+        command = self._commands[k - 1] if k else None
+        if not (command and command.holds(time, self._settings.timeout)):
+            return None
+        return Velocity(command.twist, pose_between(self._outline, way.ring(0, time)), COMMAND)
 
     def _times(self, start: int, finish: int) -> list[int]:
         """Return the messages of the footprint to look at, from a time until before another."""
@@ -119,12 +154,6 @@ class Prediction:
             own, velocity.twist, self._horizon, velocities[rows], velocity.pose,
             margin=self._margin)
         return (found[1], names[found[0]]) if found else (inf, '')
-
-
-def _velocity(way: LinearMotion) -> Velocity | None:
-    """Return the velocity at the beginning of a way: that of its end, gone backwards."""
-    start, finish = way.begin, way.end
-    return fitted(way.ring(0, finish), way.ring(0, start), (start - finish) / 1e9, FOOTPRINTS)
 
 
 def _fastest(own: Polygon, velocity: Velocity) -> float:

@@ -39,6 +39,7 @@ from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
 from sat_collision.scene.times import NEVER
+from sat_collision.scene.velocity import Command
 
 
 class Sweep:
@@ -85,7 +86,7 @@ class Sweep:
         self.trajectory = Trajectory(self.timeout, LONGEST)
         self.contacts = Contacts(result, contacts, self.trajectory)
         self.prediction = (None if horizon is None
-                           else Prediction(self.trajectory, horizon, margin))
+                           else Prediction(settings, self.trajectory, horizon, margin))
         self._contact_trackers: dict[Tracker, ContactTracker] = {}
 
     @property
@@ -118,6 +119,8 @@ class Sweep:
                 self._decide(one)
         if self.trajectory.latest is not None:
             self.trajectory.drop_before(self.trajectory.latest - self._keep)
+            if self.prediction:
+                self.prediction.drop_before(self.trajectory.latest - self._keep)
 
     def use_frame(self, frame_id: str) -> None:
         """Drop what is to be decided in another frame than this."""
@@ -208,6 +211,13 @@ class Motion:
                 source, self._max_vertices, self._emit_of(name))
             tracker.use_frame(self._frame_id)
         return tracker
+
+    def command(self, name: str, command: Command) -> None:
+        """Take what a footprint is told to do, and the name of its commands."""
+        for sweep in self._sweeps.values():
+            settings = sweep.settings.command
+            if sweep.prediction and settings and settings.name == name:
+                sweep.prediction.command(command)
 
     def lose(self, name: str) -> None:
         """Update that it is not known where a footprint is, until its next message."""

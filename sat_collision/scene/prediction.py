@@ -21,12 +21,19 @@ from itertools import chain
 import math
 from typing import NamedTuple
 
+import numpy as np
 from sat_collision.geometry.polygon import Polygon, PolygonError
 from sat_collision.scene.contacts import Contacts, Course
 from sat_collision.scene.footprints import Footprint, Status
 from sat_collision.scene.obstacles import Obstacle, ObstacleId
 from sat_collision.scene.sources import Source
-from sat_collision.scene.velocity import FOOTPRINTS, TRANSFORMS, Velocity, VELOCITY_LASTS
+from sat_collision.scene.velocity import (
+    FOOTPRINTS, TRANSFORMS, Translation, Velocity, VELOCITY_LASTS)
+
+# What is further away than it can come by more than this, m, is not met.
+_SLACK = 1e-3
+# More than rounding may do to a distance, in parts of the coordinates.
+_ROUNDING = 1e-9
 
 
 class Prediction(NamedTuple):
@@ -104,20 +111,36 @@ def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source],
         return Prediction(0.0, first, velocity, 0.0)
     # The footprint was where it is known to be at its stamp: from there on it is carried.
     age = now - footprint.time
-    if velocity is None or age > VELOCITY_LASTS and any(velocity.twist):
+    own = footprint.polygon
+    if velocity is None or own is None or age > VELOCITY_LASTS and any(velocity.twist):
         return None
+    seconds = horizon + age / 1e9
+    low_x, low_y, high_x, high_y = own.bounds
+    x, y = (low_x + high_x) / 2.0, (low_y + high_y) / 2.0
+    reach = (math.hypot(high_x - low_x, high_y - low_y) / 2.0 + contacts.margin + _SLACK
+             + velocity.fastest(own.bounds) * seconds)
     courses: dict[Obstacle, Course] = {}
     unknown = []
     for obstacle in chain.from_iterable(
             source.store for source in sources if source.settings.moving
             and footprint.settings.monitors(source.settings.name)):
-        if obstacle.polygon is not None:
-            course = _course(obstacle, obstacle.polygon, footprint.time, now)
-            if course:
-                courses[obstacle] = course
-            else:
-                unknown.append(obstacle.name)
-    found = contacts.first_contact(footprint, velocity, horizon + age / 1e9, courses)
+        if obstacle.row is None:
+            continue
+        motion = obstacle.motion and obstacle.motion.translation(obstacle.time)
+        if not motion or now - obstacle.time > VELOCITY_LASTS and (motion.vx or motion.vy):
+            unknown.append(obstacle.name)
+            continue
+        ahead = (footprint.time - obstacle.time) / 1e9
+        gap = math.hypot(motion.x - x, motion.y - y) - motion.radius
+        rounding = _ROUNDING * (abs(x) + abs(y) + abs(motion.x) + abs(motion.y))
+        # Wherever it is on its way, or where it was seen, which is taken where it is left out.
+        if gap > reach + math.hypot(motion.vx, motion.vy) * (seconds + abs(ahead)) + rounding:
+            continue
+        if course := _course(obstacle, motion, ahead):
+            courses[obstacle] = course
+        else:
+            unknown.append(obstacle.name)
+    found = contacts.first_contact(footprint, velocity, seconds, courses)
     seconds = max(found[1] - age / 1e9, 0.0) if found else math.inf
     if seconds == 0.0:
         unknown.clear()
@@ -126,12 +149,12 @@ def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source],
     return Prediction(seconds, found[0].name, velocity, found[1], tuple(sorted(unknown)))
 
 
-def _course(obstacle: Obstacle, polygon: Polygon, time: int, now: int) -> Course | None:
-    """Return where an obstacle is at a time, and its velocity; None where that is unknown."""
-    velocity = obstacle.motion.translation(obstacle.time) if obstacle.motion else None
-    if velocity is None or now - obstacle.time > VELOCITY_LASTS and velocity.any():
+def _course(obstacle: Obstacle, motion: Translation, ahead: float) -> Course | None:
+    """Return where an obstacle is some s after its stamp, and its velocity; None if nowhere."""
+    polygon, velocity = obstacle.polygon, np.array((motion.vx, motion.vy))
+    if polygon is None:
         return None
-    way = (time - obstacle.time) / 1e9 * velocity
+    way = ahead * velocity
     try:
         return (Polygon(polygon.vertices + way) if way.any() else polygon), velocity
     except PolygonError:  # so thin that rounding makes it none

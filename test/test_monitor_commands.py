@@ -147,6 +147,9 @@ def test_a_command_expires(timeout, lasts):
         world.move(told + lasts - 0.01, 0.0)
         assert world.prediction is not None
         assert world.status == ('imminent' if speed else 'clear')
+        assert world.scene.state('robot').reasons == ((
+            'moving as it is told to, it is in contact within min_time_to_collision, 5 s',
+        ) if speed else ())
         world.move(told + lasts + 0.01, 0.0)
         assert world.status == 'clear' and world.prediction is None
         assert world.velocity == f'unknown: no command on /cmd_vel for {lasts:.1f} s'

@@ -115,10 +115,8 @@ def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source],
     if velocity is None or own is None or age > VELOCITY_LASTS and any(velocity.twist):
         return None
     seconds = horizon + age / 1e9
-    low_x, low_y, high_x, high_y = own.bounds
-    x, y = (low_x + high_x) / 2.0, (low_y + high_y) / 2.0
-    reach = (math.hypot(high_x - low_x, high_y - low_y) / 2.0 + contacts.margin + _SLACK
-             + velocity.fastest(own.bounds) * seconds)
+    bounds = own.bounds
+    reach = contacts.margin + velocity.fastest(bounds) * seconds
     courses: dict[Obstacle, Course] = {}
     unknown = []
     for obstacle in chain.from_iterable(
@@ -131,10 +129,8 @@ def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source],
             unknown.append(obstacle.name)
             continue
         ahead = (footprint.time - obstacle.time) / 1e9
-        gap = math.hypot(motion.x - x, motion.y - y) - motion.radius
-        rounding = _ROUNDING * (abs(x) + abs(y) + abs(motion.x) + abs(motion.y))
-        # Wherever it is on its way, or where it was seen, which is taken where it is left out.
-        if gap > reach + math.hypot(motion.vx, motion.vy) * (seconds + abs(ahead)) + rounding:
+        # Where it is left out it is taken to stand where it was seen, so that is on its way, too.
+        if _is_apart(bounds, motion, reach + motion.speed * (seconds + abs(ahead))):
             continue
         if course := _course(obstacle, motion, ahead):
             courses[obstacle] = course
@@ -147,6 +143,16 @@ def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source],
     if not found or seconds > horizon:
         return Prediction(math.inf, None, velocity, math.inf, tuple(sorted(unknown)))
     return Prediction(seconds, found[0].name, velocity, found[1], tuple(sorted(unknown)))
+
+
+def _is_apart(bounds: tuple[float, float, float, float], motion: Translation,
+              distance: float) -> bool:
+    """Return whether the circle round an obstacle is further away, whatever is rounded."""
+    low_x, low_y, high_x, high_y = bounds
+    x = max(low_x - motion.x, motion.x - high_x, 0.0)
+    y = max(low_y - motion.y, motion.y - high_y, 0.0)
+    rounding = _ROUNDING * (abs(motion.x) + abs(motion.y) + x + y)
+    return math.hypot(x, y) - motion.radius - rounding > distance + _SLACK
 
 
 def _course(obstacle: Obstacle, motion: Translation, ahead: float) -> Course | None:

@@ -112,6 +112,11 @@ class Translation(NamedTuple):
     y: float
     radius: float
 
+    @property
+    def speed(self) -> float:
+        """Its speed in m/s."""
+        return math.hypot(self.vx, self.vy)
+
 
 class Command(NamedTuple):
     """

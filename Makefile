@@ -40,6 +40,13 @@ EVALUATIONS ?= 1e7
 adversary: $(VENV)/test.stamp
 	PYTHONPATH=.:test/support $(BIN)/python test/geometry/adversary.py --evaluations $(EVALUATIONS)
 
+# What can happen around one source, every order of DEPTH events and random RUNS:
+# make knowing DEPTH=3 RUNS=1e3
+DEPTH ?= 4
+RUNS ?= 1e5
+knowing: $(VENV)/test.stamp
+	PYTHONPATH=test/support $(BIN)/python test/scene/knowing.py --depth $(DEPTH) --runs $(RUNS)
+
 # What faults do to real processes, measured and written to docs/reliability.md:
 # make faults REPEAT=3 LENGTH=1
 REPEAT ?= 10

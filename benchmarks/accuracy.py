@@ -52,7 +52,7 @@ CHECKED = 1000  # one in so many of the answers the filter proved is also decide
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
-    parser.add_argument('--pairs', type=int, default=20_000_000)
+    parser.add_argument('--pairs', type=lambda text: int(float(text)), default=20_000_000)
     parser.add_argument('--seed', type=int, default=1)
     parser.add_argument('--json', type=Path)
     arguments = parser.parse_args()

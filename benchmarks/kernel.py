@@ -124,7 +124,7 @@ def plot(figures, path):
     axes.set_xticks(n, [f'{k:,}' for k in n])
     axes.set_yticks([100, 1000, 10_000], ['100 ns', '1 µs', '10 µs'])
     axes.minorticks_off()
-    axes.set(xlim=(2.9, 1450), ylim=(40, 20_000), ylabel='time a pair (median, lower is better)',
+    axes.set(xlim=(2.9, 1450), ylim=(20, 20_000), ylabel='time per pair (median, lower is better)',
              xlabel='vertices of each of the two convex polygons',
              title='Do two polygons meet? 20,000 distinct pairs in one call, on one core')
     axes.grid(alpha=0.3)

@@ -17,20 +17,27 @@ The node under load for a long time: 4,000 obstacles a second, and what is known
 
 A robot is by turns on an obstacle and far from all, for 0.6 s each. Every contact must be told
 before it is over, and no flag may say clear once it has been told. Where the middleware loses
-messages the monitor has to say so: it is unknown then, which raises the flag.
+messages the monitor has to say so: it is unknown then, which raises the flag. While it is far the
+robot drives towards somebody who walks, so times to collision must be those until they meet, and
+none may be given while its state is unknown.
 """
 
 import argparse
 import bisect
 import contextlib
+import math
 from pathlib import Path
 import resource
+import statistics
 import sys
+import time
 from typing import NamedTuple
 
+from geometry_msgs.msg import Point32, PolygonInstanceStamped
 import matplotlib
-from node import cpu_time, ros, running
-from traffic import Reader, Traffic
+from node import cpu_time, NODES, ros, running
+import numpy as np
+from traffic import FOOTPRINT_RATE, Reader, regular, ROBOT, SET_RATE, tail, Traffic
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path += [str(ROOT / 'docs'), str(ROOT / 'benchmarks' / 'report')]
@@ -45,6 +52,19 @@ _SLICE = 10.0
 _SETTLING = 3.0
 _STAY = 30
 _SETTLED_MINUTES = 5.0
+# Of the robot and of who walks, in m/s towards +x; when they meet if they go on, in s from the
+# beginning of a stay far from all; and of how many seconds a time may be wrong: flags and times
+# are compared by when they arrive.
+_ROBOT_SPEED, _WALK_SPEED = -10.0, 0.2
+_MEET_AFTER = 2.5
+_TRANSPORT = 0.1
+_WALKER_RADIUS = 0.3
+# In s; stays are over before contact is so near, but not so where footprints pause.
+_THRESHOLD = 1.0
+NODES['predicting'] = [
+    *NODES['monitor'], '--ros-args', '-p', 'obstacles:=[obstacle, walker]',
+    '-p', 'obstacle.topic:=obstacles', '-p', 'walker.type:=polygon_instance',
+    '-p', 'walker.moving:=true', '-p', f'footprint.min_time_to_collision:={_THRESHOLD}']
 
 
 class Reading(NamedTuple):
@@ -65,6 +85,79 @@ class Verdict(NamedTuple):
     releases: int  # how often it left
     held_back: int  # how often the flag did not fall in time
     false_alarms: int  # flags raised after the flag had fallen, with the robot clear
+
+
+class Times(NamedTuple):
+    """What the times to collision said."""
+
+    given: int  # how many were given while the robot drove towards who walks
+    late: int  # of these, or of those in a contact, later than when they meet
+    early: int
+    while_unknown: int  # how many were given while the flag was raised far from all
+    error: float  # the median error of those given, in ms: above 0 if late, transport included
+
+
+class Drive:
+    """
+    The footprints of a robot that is on an obstacle, or drives towards somebody who walks.
+
+    `stays` has when each stay began, by the monotonic clock, and when they meet in it, None for
+    one on the obstacle.
+    """
+
+    def __init__(self, node):
+        self._publisher = node.create_publisher(PolygonInstanceStamped, 'walker', 10)
+        self._begun = time.time_ns()
+        self._count = 0
+        self.stays = []
+
+    def footprint_at(self, stamp):
+        """Return a footprint as `Traffic` has it; who walks is published with every fifth."""
+        walker = 1000.0 + _WALK_SPEED * (stamp - self._begun) / 1e9
+        if self._count % round(FOOTPRINT_RATE / SET_RATE) == 0:
+            self._publish(walker, stamp)
+        is_first, is_on = self._count % _STAY == 0, self._count // _STAY % 2 == 0
+        self._count += 1
+        if is_first:
+            now = time.monotonic()
+            self._meet_at = stamp / 1e9 + _MEET_AFTER
+            self.stays.append((now, None if is_on else now - time.time() + self._meet_at))
+        x = 0.0
+        if not is_on:
+            left = self._meet_at - stamp / 1e9
+            x = walker + _WALKER_RADIUS - ROBOT[0][0] + left * (_WALK_SPEED - _ROBOT_SPEED)
+        return tail(np.float32([(x + dx, dy, 0.0) for dx, dy in ROBOT])), is_on, is_first
+
+    def _publish(self, x, stamp):
+        message = PolygonInstanceStamped()
+        message.header.frame_id = 'map'
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+        message.polygon.polygon.points = [
+            Point32(x=x, y=y) for x, y in regular(4, x, 0.0, _WALKER_RADIUS).tolist()]
+        self._publisher.publish(message)
+
+
+def judge_times(stays, flags, times):
+    """Return the verdict on times to collision heard; see `Drive.stays` and `Traffic.heard`."""
+    begins, heard = [begun for begun, _ in stays], [when for when, _ in flags]
+    errors, late, early, unknown = [], 0, 0, 0
+    for when, seconds in times:
+        k = bisect.bisect_right(begins, when) - 1
+        if k < 0 or math.isnan(seconds) or when - begins[k] < _TRANSPORT:
+            continue
+        meet = stays[k][1]
+        if meet is None:
+            late += seconds > 0.0
+            continue
+        errors.append(when + seconds - meet)
+        around = flags[max(bisect.bisect_right(heard, when - _TRANSPORT) - 1, 0):
+                       bisect.bisect_left(heard, when + _TRANSPORT)]
+        is_near = seconds < _THRESHOLD + _TRANSPORT
+        unknown += bool(around) and not is_near and all(flag for _, flag in around)
+    late += sum(error > _TRANSPORT for error in errors)
+    early += sum(error < -_TRANSPORT for error in errors)
+    return Times(len(errors), late, early, unknown,
+                 1e3 * statistics.median(errors or [math.nan]))
 
 
 def memory(pid):
@@ -93,15 +186,18 @@ def soak(minutes, obstacles):
     Run sets of obstacles at 10 Hz, and a robot that comes and goes, against a node's process.
 
     The publisher of the obstacles is replaced by another one every ten seconds. Returns readings,
-    the verdict, and how many obstacle messages were sent and lost.
+    the verdicts on flags and on times, and how many obstacle messages were sent and lost.
     """
     readings = []
-    with running('monitor') as process, contextlib.closing(Reader()) as reader, \
-            contextlib.closing(Traffic(obstacles, 4, 1, _STAY)) as traffic:
+    with running('predicting') as process, contextlib.closing(Reader()) as reader, \
+            contextlib.closing(Traffic(obstacles, 4, 1, timed=True)) as traffic:
+        drive = Drive(traffic.node)
+        traffic.footprint_at = drive.footprint_at
         traffic.connect()
         traffic.run(_SETTLING)
         traffic.changes.clear()
         traffic.heard.clear()
+        traffic.times.clear()
         count, used, sent = reader.steady(), cpu_time(process.pid), 0
         for k in range(round(60.0 * minutes / _SLICE)):
             traffic.restart()
@@ -115,7 +211,8 @@ def soak(minutes, obstacles):
                 print(f'{readings[-1].minutes:5.1f} min  {readings[-1].megabytes:.1f} MB  '
                       f'{readings[-1].microseconds:.1f} us a message, greatest latency '
                       f'{max(one.latency for one in readings[-6:]):.1f} ms', flush=True)
-        return (readings, judge(traffic.changes, traffic.heard), sent,
+        return (readings, judge(traffic.changes, traffic.heard),
+                judge_times(drive.stays, traffic.heard, traffic.times), sent,
                 sent - (reader.steady() - count))
 
 
@@ -125,7 +222,7 @@ def growth(readings):
     return max(settled) / settled[0] - 1.0 if len(settled) > 1 else None
 
 
-def summary(readings, verdict, sent, lost):
+def summary(readings, verdict, times, sent, lost):
     """Return the figures of a soak as a table in Markdown."""
     grown = growth(readings)
     return table(['what', 'how many'], [
@@ -136,6 +233,10 @@ def summary(readings, verdict, sent, lost):
         ['wrong clears', verdict.wrong_clears],
         ['departures, and not told within 0.6 s', f'{verdict.releases:,}, {verdict.held_back}'],
         ['flags raised without a contact', verdict.false_alarms],
+        ['times to collision, and late or early by 0.1 s',
+         f'{times.given:,}, {times.late + times.early}'],
+        ['times given while unknown', times.while_unknown],
+        ['their median error, transport included', f'{times.error:.1f} ms'],
         ['greatest latency', f'{max(one.latency for one in readings):.0f} ms'],
         ['growth of memory after 5 minutes', '–' if grown is None else f'{grown:.2%}']])
 
@@ -163,14 +264,15 @@ def main():
                         help='a page whose figures are to be replaced')
     arguments = parser.parse_args()
     with ros():
-        readings, verdict, sent, lost = soak(arguments.minutes, arguments.obstacles)
-    text = summary(readings, verdict, sent, lost)
+        readings, verdict, times, sent, lost = soak(arguments.minutes, arguments.obstacles)
+    text = summary(readings, verdict, times, sent, lost)
     print(text)
     if arguments.plot:
         plot(readings, arguments.plot)
     if arguments.write:
         replace_part(arguments.write, 'soak', text)
-    return verdict.missed + verdict.wrong_clears > 0
+    return (verdict.missed + verdict.wrong_clears + times.late + times.while_unknown > 0
+            or not times.given)
 
 
 if __name__ == '__main__':

@@ -25,13 +25,13 @@ import numpy as np
 import rclpy
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, Float64
 
 _FRAME = 'map'
 _VARIANTS = 8
 _PAUSE = 50e-6
 _AFTERMATH = 0.2
-_ROBOT = (-0.5, -0.4), (0.9, -0.4), (0.9, 0.4), (-0.5, 0.4)
+ROBOT = (-0.5, -0.4), (0.9, -0.4), (0.9, 0.4), (-0.5, 0.4)
 FOOTPRINT_RATE = 50.0
 SET_RATE = 10.0
 PATIENCE = 60.0
@@ -43,14 +43,15 @@ def pack(outline, stamp):
     """Serialise a PolygonStamped, little endian; stamp in ns."""
     points = np.zeros((len(outline), 3), np.float32)
     points[:, :2] = outline
-    return _head(stamp) + _tail(points)
+    return _head(stamp) + tail(points)
 
 
 def _head(stamp):
     return struct.pack('<4sII', b'\0\1\0\0', *divmod(stamp, 10**9))
 
 
-def _tail(points):
+def tail(points):
+    """Return what follows the stamp of (n, 3) float32 points in a PolygonStamped."""
     return struct.pack('<I4sI', 4, _FRAME.encode() + b'\0', len(points)) + points.tobytes()
 
 
@@ -67,10 +68,12 @@ class Traffic:
     The robot is by turns on the first obstacle, which stays about the origin, and far from all,
     for `stay` footprints each. The others are scattered around and never twice the same. An empty
     polygon ends each set. `changes` has when, by the monotonic clock, the first footprint of each
-    stay was sent, and whether the robot is on an obstacle there; `heard` when flags came.
+    stay was sent, and whether the robot is on an obstacle there; `heard` when flags came, and
+    `times`, if it is `timed`, when times to collision came. `footprint_at` takes a stamp in ns and
+    returns what follows it, whether that is on an obstacle, and whether it begins a stay.
     """
 
-    def __init__(self, obstacles, vertices, seed, stay=1):
+    def __init__(self, obstacles, vertices, seed, stay=1, timed=False):
         rng = np.random.default_rng(seed)
         centres = rng.uniform(-100.0, 100.0, (obstacles, 2))
         centres[0] = 0.0
@@ -80,27 +83,31 @@ class Traffic:
             points = np.zeros((obstacles, vertices, 3), np.float32)
             for k, (x, y) in enumerate(centres + rng.uniform(-0.1, 0.1, centres.shape)):
                 points[k, :, :2] = regular(vertices, x, y, 0.5)
-            self._sets.append([_tail(outline) for outline in (*points, points[0, :0])])
-        self._footprints = itertools.cycle(
-            (_tail(np.float32([(x + dx, dy, 0.0) for dx, dy in _ROBOT])), hit, k == 0)
+            self._sets.append([tail(outline) for outline in (*points, points[0, :0])])
+        footprints = itertools.cycle(
+            (tail(np.float32([(x + dx, dy, 0.0) for dx, dy in ROBOT])), hit, k == 0)
             for x, hit in ((0.0, True), (1000.0, False)) for k in range(stay))
+        self.footprint_at = lambda stamp: next(footprints)
         self.changes = []
         self.heard = []
-        self._node = rclpy.create_node('traffic')
-        self._footprint = self._node.create_publisher(PolygonStamped, 'footprint', 10)
+        self.times = []
+        self.node = rclpy.create_node('traffic')
+        self._footprint = self.node.create_publisher(PolygonStamped, 'footprint', 10)
         self._obstacle = self._new_publisher()
-        self._flags = self._node.create_subscription(
+        self._flags = self.node.create_subscription(
             Bool, '/footprint_monitor/collision', lambda flag: None, 100)
+        self._times = timed and self.node.create_subscription(
+            Float64, '/footprint_monitor/footprint/time_to_collision', lambda time: None, 100)
 
     def close(self):
-        self._node.destroy_node()
+        self.node.destroy_node()
 
     def _new_publisher(self):
-        return self._node.create_publisher(PolygonStamped, 'obstacles', QoSProfile(depth=1000))
+        return self.node.create_publisher(PolygonStamped, 'obstacles', QoSProfile(depth=1000))
 
     def restart(self):
         """Let another publisher of obstacles take the place of the one before."""
-        self._node.destroy_publisher(self._obstacle)
+        self.node.destroy_publisher(self._obstacle)
         self._obstacle = self._new_publisher()
         end = time.monotonic() + PATIENCE
         while not self._obstacle.get_subscription_count():
@@ -115,11 +122,12 @@ class Traffic:
             stamp = time.time_ns()
             for obstacle in self._sets[0]:
                 self._obstacle.publish(_head(stamp) + obstacle)
-            body, hit, _ = next(self._footprints)
+            body, hit, _ = self.footprint_at(stamp)
             self._footprint.publish(_head(stamp) + body)
             time.sleep(0.2)
-            if hit in self._arrived() and all(publisher.get_subscription_count() >= nodes
-                                              for publisher in (self._obstacle, self._footprint)):
+            if hit in _arrived(self._flags, Bool) and all(
+                    publisher.get_subscription_count() >= nodes
+                    for publisher in (self._obstacle, self._footprint)):
                 return
         raise TimeoutError('the node under test does not answer')
 
@@ -134,18 +142,24 @@ class Traffic:
         latencies = []
         unanswered = collections.deque()
         footprints = obstacles = 0
+        if self._times:
+            # When they arrived nobody noted.
+            _arrived(self._times, Float64)
         begun = time.monotonic()
         while (now := time.monotonic() - begun) < seconds + _AFTERMATH:
-            for flag in self._arrived():
+            for flag in _arrived(self._flags, Bool):
                 self.heard.append((begun + now, flag))
                 latencies += _answer(unanswered, flag, now)
+            if self._times:
+                self.times += [(begun + now, one) for one in _arrived(self._times, Float64)]
             if now < seconds and footprints / FOOTPRINT_RATE <= now:
-                body, hit, changes = next(self._footprints)
+                stamp = time.time_ns()
+                body, hit, changes = self.footprint_at(stamp)
                 if changes:
                     sent = time.monotonic()
                     unanswered.append((sent - begun, hit))
                     self.changes.append((sent, hit))
-                self._footprint.publish(_head(time.time_ns()) + body)
+                self._footprint.publish(_head(stamp) + body)
                 footprints += 1
             elif now < seconds and self._due(obstacles, burst) <= now * rate:
                 number, k = divmod(obstacles, self._per_set)
@@ -161,13 +175,14 @@ class Traffic:
         """Return when an obstacle is due, in sets."""
         return obstacle // self._per_set if burst else obstacle / self._per_set
 
-    def _arrived(self):
-        """Take the flags that have arrived."""
-        flags = []
-        with self._flags.handle:
-            while taken := self._flags.handle.take_message(Bool, True):
-                flags.append(deserialize_message(taken[0], Bool).data)
-        return flags
+
+def _arrived(subscription, message_type):
+    """Take the values that have arrived."""
+    values = []
+    with subscription.handle:
+        while taken := subscription.handle.take_message(message_type, True):
+            values.append(deserialize_message(taken[0], message_type).data)
+    return values
 
 
 def _answer(unanswered, flag, now):

@@ -18,7 +18,9 @@ from __future__ import annotations
 
 _OF_PIP = {'argcomplete': 'argcomplete', 'backports': 'backports.zstd',
            'dask': "'dask[distributed]'", 'distributed': "'dask[distributed]'", 'lz4': 'lz4',
-           'matplotlib': 'matplotlib', 'numpy': 'numpy', 'rosbags': 'rosbags', 'yaml': 'pyyaml'}
+           'matplotlib': 'matplotlib', 'numpy': 'numpy', 'rosbags': 'rosbags',
+           # Where ROS has not brought it, replay lacks this too.
+           'yaml': 'pyyaml rosbags'}
 _OF_ROS = ('builtin_interfaces', 'rcl_interfaces', 'rclpy', '_msgs')
 
 

@@ -32,7 +32,7 @@ BELOW = {
     'monitor': {'messages', 'scene', 'geometry'},
     'node': {'extras', 'sat_collision', 'monitor', 'messages', 'scene', 'geometry'},
     'replay': {'extras', 'sat_collision', 'monitor', 'messages', 'scene', 'geometry'},
-    'demo': {'extras'},
+    'demo': {'extras', 'geometry'},
     'prepare_kernels': {'extras', 'replay', 'geometry'},
 }
 # Parts of other projects that are for some modules only; a module is said by its full name.
@@ -143,6 +143,15 @@ def test_links_lead_somewhere(path):
         if '://' not in target:
             assert other.exists(), target
             assert not heading or heading in headings(other), target
+
+
+def test_commands_of_make_exist():
+    """Each one that a page names has a rule."""
+    rules = re.findall(r'^([a-z-][a-z -]*):', (ROOT / 'Makefile').read_text(), re.MULTILINE)
+    rules = ' '.join(rules).split()
+    for path in PAGES:
+        for name in re.findall(r'(?:`|^)make ([a-z-]+)', path.read_text(), re.MULTILINE):
+            assert name in rules, f'{path.name}: make {name}'
 
 
 def headings(path):

@@ -258,6 +258,9 @@ def test_an_obstacle_that_moves():
     assert world.seconds == pytest.approx(1.125, abs=1e-3)
     world.monitor.update(replace(world.settings, obstacles=(MAP, DOCK)))
     assert world.seconds == pytest.approx(2.75, abs=1e-3) and world.prediction.is_known
+    world.see(1.0, walker(1.0))
+    world.monitor.update(world.settings)
+    assert world.prediction.unknown == (ObstacleId('map', 0),)
 
 
 @pytest.mark.parametrize('next_one', [
@@ -359,17 +362,24 @@ def where(outline, twist, seconds):
 @pytest.mark.parametrize('seed', [
     *range(8), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(8, 25))])
 def test_no_time_is_late_and_none_is_given_while_unknown(seed):
-    """Random ways among random obstacles, with gaps, other shapes and clocks set back."""
+    """Random ways among random obstacles, that stand or move, with gaps and other shapes."""
     rng = np.random.default_rng(seed)
     obstacles = [Polygon(rng.uniform(-0.4, 0.4, (3, 2)) + rng.uniform(-6, 6, 2)).convex_hull
                  for _ in range(6)]
-    world = World([list(one.exterior.coords) for one in obstacles])
+    velocities = rng.uniform(-1.0, 1.0, (6, 2)) * (seed % 2)
+    world = World([list(one.exterior.coords) for one in obstacles], moving=seed % 2 == 1)
     outline = Polygon(ROBOT)
-    whole = [Polygon(np.float32(one.exterior.coords)) for one in obstacles]
     twist = (*rng.uniform(-1.5, 1.5, 2), rng.choice([0.0, rng.uniform(-1.5, 1.5)]))
+    events = ['go on'] * 8 + ['gap', 'shape', 'turn'] + ['back'] * (1 - seed % 2)
     count, found, last = 60, 0, []
+
+    def places(time):
+        """Return where obstacles are, as messages have them."""
+        return [affinity.translate(one, *(time * velocity))
+                for one, velocity in zip(obstacles, velocities)]
+
     for _ in range(count):
-        event = rng.choice(['go on'] * 8 + ['gap', 'shape', 'back', 'turn'])
+        event = rng.choice(events)
         time = world.time + rng.uniform(0.02, 0.2)
         if event == 'gap':
             time += rng.uniform(0.0, 2.5)
@@ -380,6 +390,8 @@ def test_no_time_is_late_and_none_is_given_while_unknown(seed):
             # All that was before is of another way.
             twist, last = (*rng.uniform(-1.5, 1.5, 2), rng.uniform(-1.5, 1.5)), []
             world.wait_until(time := time + 2.1)
+        for key in np.flatnonzero(rng.uniform(0.0, 1.0, 6) < 0.9 * (seed % 2)).tolist():
+            world.see(time, list(places(time)[key].exterior.coords)[:-1], key)
         place = where(outline, twist, time)
         points = list(place.exterior.coords)[:-1]
         if event == 'shape':
@@ -394,18 +406,18 @@ def test_no_time_is_late_and_none_is_given_while_unknown(seed):
             assert world.seconds == 0.0
             continue
         assert (world.prediction is not None) == is_known, (event, last, world.time)
-        if not is_known:
+        if not (is_known and world.prediction.is_known):
             continue
         sent = Polygon(points)
         samples = np.arange(0.0, 3.0 + age, 0.02)
         touched = [seconds for seconds in samples if any(
             where(sent, twist, seconds).buffer(-GRAZE).intersects(one)
-            for one in whole)]
+            for one in places(time + seconds))]
         seconds = world.seconds
         if touched and touched[0] - age <= 3.0:
             assert seconds <= max(touched[0] - age, 0.0), 'late'
         if seconds < math.inf:
             found += 1
             there = where(sent, twist, world.prediction.way)
-            assert min(map(there.distance, whole)) < GRAZE, 'early'
+            assert min(map(there.distance, places(time + world.prediction.way))) < GRAZE, 'early'
     assert found or seed

@@ -41,7 +41,6 @@ import scenes  # noqa: E402
 import singly  # noqa: E402
 import speed  # noqa: E402
 import stability  # noqa: E402
-import stepping  # noqa: E402
 import tables  # noqa: E402
 import words  # noqa: E402
 
@@ -80,7 +79,7 @@ def measure(scale):
             'decisions': lambda rng: singly.decisions(rng, int(500 * scale)),
             'separations': lambda rng: singly.separations(rng, int(300 * scale)),
             'contact_times': lambda rng: singly.contact_times(rng, int(300 * scale)),
-            'stepping': lambda rng: stepping.measure(rng, int(250 * scale)),
+            'stepping': lambda rng: scenes.stepping(rng, int(250 * scale)),
             'non_convex': lambda rng: singly.non_convex(rng, int(200 * scale)),
             'steps': lambda rng: stability.by_step(rng, int(4000 * scale)),
             'examples': lambda rng: stability.examples(rng, int(4000 * scale)),

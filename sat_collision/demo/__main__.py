@@ -12,11 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The entry point of the demo; names a missing library in one line."""
+"""The entry point of the demo; names a missing library in one line, and compiles nothing."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+import os
 import sys
 
 from sat_collision.extras import missing
@@ -30,7 +31,19 @@ def main(args: Sequence[str] | None = None) -> int:
     except ModuleNotFoundError as error:
         print(f'sat_collision_demo: {missing(error)}', file=sys.stderr)
         return 1
+    compile_nothing()
     return show(args)
+
+
+def compile_nothing() -> None:
+    """
+    Have the node run in plain Python, which is fast enough, unless its kernels are compiled.
+
+    Flags come after a second then, and not after half a minute.
+    """
+    from sat_collision.geometry import warm_up
+    if not warm_up.is_prepared():
+        os.environ['NUMBA_DISABLE_JIT'] = '1'
 
 
 if __name__ == '__main__':

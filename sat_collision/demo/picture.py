@@ -27,14 +27,15 @@ if TYPE_CHECKING:
 
 # Texts are drawn so many times as large as markers have them: one walks up to these in a viewer.
 _ENLARGED = 1.3
-_WORDS = {False: ('clear', '#1a9933'), True: ('COLLISION', '#d11919')}
+_WORDS = {'clear': ('clear', '#1a9933'), 'imminent': ('COLLISION AHEAD', '#c06000'),
+          'collision': ('COLLISION', '#d11919'), 'unknown': ('unknown', '#555555')}
 
 
 class Frame(NamedTuple):
-    """What the node said at one time (s): the flag of each footprint, and the markers."""
+    """What the node said at one time (s): the state of each footprint, and the markers."""
 
     time: float
-    flags: dict[str, bool]
+    states: dict[str, str]
     markers: MarkerArray
 
 
@@ -78,20 +79,20 @@ def _figure() -> Figure:
 
 
 def _draw(frame: Frame, bounds: Sequence[float], figure: Figure) -> Figure:
-    """Draw the markers, and above them the time and the flags."""
+    """Draw the markers, and above them the time and the states."""
     axes = figure.add_axes((0.06, 0.1, 0.925, 0.84))
-    draw_markers(frame.markers, axes)
     min_x, min_y, max_x, max_y = bounds
     axes.set(xlim=(min_x, max_x), ylim=(min_y, max_y))
+    _draw_markers(frame.markers, axes)
     axes.set_title(f'{frame.time:4.1f} s', loc='left', family='monospace')
-    for number, (name, raised) in enumerate(frame.flags.items()):
-        word, colour = _WORDS[raised]
-        axes.text(0.25 * (number + 1), 1.02, f'{name}: {word}', color=colour,
+    for number, (name, state) in enumerate(frame.states.items()):
+        word, colour = _WORDS[state]
+        axes.text(0.11 + 0.21 * number, 1.02, f'{name}: {word}', color=colour,
                   transform=axes.transAxes)
     return figure
 
 
-def draw_markers(markers: MarkerArray, axes: Axes) -> None:
+def _draw_markers(markers: MarkerArray, axes: Axes) -> None:
     """
     Draw the markers of a scene.
 
@@ -100,11 +101,12 @@ def draw_markers(markers: MarkerArray, axes: Axes) -> None:
     markers : visualization_msgs.msg.MarkerArray
         As `markers.Markers` makes them: triangles, lines, spheres and text.
     axes : matplotlib.axes.Axes
-        Gets equal scales, in metres.
+        Has its limits, and gets equal scales, in metres.
 
     """
     from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.patches import PathPatch
+    from matplotlib.patheffects import withStroke
     from matplotlib.textpath import TextPath
     for marker in markers.markers:
         colour = np.array([marker.color.r, marker.color.g, marker.color.b])
@@ -125,15 +127,18 @@ def draw_markers(markers: MarkerArray, axes: Axes) -> None:
             x, y = points.T
             axes.scatter(x, y, color=[colour], s=1500.0 * marker.scale.x**2, zorder=height)
         elif marker.type == marker.TEXT_VIEW_FACING:
-            # Its middle at its place, as viewers of ROS have it.
+            # Its middle at its place, as viewers of ROS have it, but all of it within the picture.
             size = _ENLARGED * marker.scale.z
             text = TextPath((0.0, 0.0), marker.text, size=size)
             (left, low), (right, high) = text.get_extents().get_points()
             place = marker.pose.position
-            begin = place.x - (left + right) / 2, place.y - (low + high) / 2
+            least, most = axes.get_xlim()
+            begin = (min(max(place.x - (left + right) / 2, least - left), most - right),
+                     place.y - (low + high) / 2)
             axes.add_patch(PathPatch(TextPath(begin, marker.text, size=size),
-                                     facecolor=colour, linewidth=0.0, zorder=height))
-    axes.autoscale_view()
+                                     facecolor=colour, linewidth=0.0, zorder=height + 1.0,
+                                     path_effects=[withStroke(linewidth=3.0,
+                                                              foreground='white')]))
     axes.set_aspect('equal')
     axes.set_xlabel('x [m]')
     axes.set_ylabel('y [m]')

@@ -17,7 +17,8 @@ See the monitor at work: robots in a warehouse, three processes, real DDS.
 This process starts the footprint_monitor node and a publisher of the embedded scene, prints each
 change of a flag as it arrives, checks that the flags are those that the scene is built to cause,
 and draws the published markers: those at the first contact into demo.png, all of them into
-demo.gif, which begins there and goes round.
+demo.gif, which begins there and goes round. One robot brakes when its flag is raised, which is
+before it is in contact.
 """
 
 from __future__ import annotations
@@ -45,22 +46,30 @@ from visualization_msgs.msg import MarkerArray
 _PERIOD = 0.05
 _STATIC_STEPS = 20
 # Of the moving picture: seconds from frame to frame, and how many times faster it goes.
-_FRAME_PERIOD = 0.19
+_FRAME_PERIOD = 0.24
 _HASTE = 2.0
 _START_TIMEOUT = 90.0
+# Of the robot that brakes: m/s and m/s^2, how many s before contact its flag is raised, and for
+# how many it waits once that has fallen.
+_SPEED, _ACCELERATION = 1.2, 3.0
+_BRAKES_AHEAD, _WAITS = 1.5, 1.5
+_ROBOTS = (*warehouse.FOOTPRINTS, warehouse.BRAKES)
 # Long enough that a process held up by a busy machine does not count as silent.
 _TIMEOUT = 5.0
+_MONITOR = '/footprint_monitor'
 _BASE, _ODOMETRY = f'{warehouse.BY_ODOMETRY}_base', f'{warehouse.BY_ODOMETRY}_odometry'
 _PARAMETERS: dict[str, object] = {
-    'footprints': list(warehouse.FOOTPRINTS),
+    'footprints': list(_ROBOTS),
     'obstacles': ['warehouse', 'people'],
     'frame_id': warehouse.FRAME,
     'watchdog': _TIMEOUT,
+    'release_delay': 1.0,
     f'{warehouse.BY_ODOMETRY}.points': warehouse.FOOTPRINTS[
         warehouse.BY_ODOMETRY].ravel().tolist(),
     f'{warehouse.BY_ODOMETRY}.frame_id': _BASE,
     f'{warehouse.BY_ODOMETRY}.odometry': _ODOMETRY,
-    **{f'{name}.timeout': _TIMEOUT for name in [*warehouse.FOOTPRINTS, 'warehouse', 'people']},
+    f'{warehouse.BRAKES}.min_time_to_collision': _BRAKES_AHEAD,
+    **{f'{name}.timeout': _TIMEOUT for name in (*_ROBOTS, 'warehouse', 'people')},
 }
 
 
@@ -69,22 +78,25 @@ class _Publisher(Node):
     Publishes the footprints and the person often, and what does not move now and then.
 
     One robot publishes its odometry instead of its footprint, and the person in the frame of its
-    laser, so the monitor must transform both.
+    laser, so the monitor must transform both. Another one drives only where its flag allows it.
     """
 
     def __init__(self) -> None:
         super().__init__('warehouse')
-        published = [name for name in warehouse.FOOTPRINTS if name != warehouse.BY_ODOMETRY]
+        published = [name for name in _ROBOTS if name != warehouse.BY_ODOMETRY]
         self._topics = {name: self.create_publisher(PolygonStamped, name, 100)
                         for name in [*published, 'warehouse', 'people']}
         self._topics[_ODOMETRY] = self.create_publisher(Odometry, _ODOMETRY, 100)
+        self._elapsed = self._goes_on_at = self._speed = self._way = 0.0
+        # Of depth 1: the newest flag counts, and one is taken a step.
+        self.create_subscription(Bool, f'{_MONITOR}/{warehouse.BRAKES}/collision', self._obey, 1)
 
     def play(self) -> None:
         while any(topic.get_subscription_count() == 0 for topic in self._topics.values()):
             time.sleep(_PERIOD)
         # Scene time goes by steps: a busy machine makes the demo slower, and skips no contact.
         for step in range(round(warehouse.DURATION / _PERIOD)):
-            elapsed = step * _PERIOD
+            self._elapsed = elapsed = step * _PERIOD
             stamp = self.get_clock().now().to_msg()
             if step % _STATIC_STEPS == 0:
                 self._publish_set('warehouse', warehouse.STATIC, stamp)
@@ -95,7 +107,23 @@ class _Publisher(Node):
             for name in warehouse.FOOTPRINTS:
                 if name != robot:
                     self._publish(name, warehouse.footprint(name, elapsed), stamp)
+            self._drive()
+            self._publish(warehouse.BRAKES, warehouse.courier(self._way), stamp)
             time.sleep(_PERIOD)
+            rclpy.spin_once(self, timeout_sec=0.0)
+
+    def _obey(self, flag: Bool) -> None:
+        """Let the robot that brakes stand as long as its flag is raised, and a little longer."""
+        if flag.data:
+            self._goes_on_at = self._elapsed + _WAITS
+
+    def _drive(self) -> None:
+        """Move the robot that brakes on by a step."""
+        may_drive = self._elapsed >= self._goes_on_at and self._way < warehouse.COURIER_WAY
+        change = _ACCELERATION * _PERIOD
+        self._speed = (min(self._speed + change, _SPEED) if may_drive
+                       else max(self._speed - change, 0.0))
+        self._way += self._speed * _PERIOD
 
     def _tell_odometry(self, name: str, elapsed: float, stamp: Time) -> None:
         x, y, heading = warehouse.pose(name, elapsed)
@@ -123,22 +151,22 @@ class _Publisher(Node):
 
 
 class _Viewer(Node):
-    """Notes the flags, the obstacles in contact, and the markers."""
+    """Notes the flags, the states, the obstacles in contact or ahead, and the markers."""
 
     def __init__(self) -> None:
         super().__init__('viewer')
-        self.flags: dict[str, list[bool]] = {name: [] for name in warehouse.FOOTPRINTS}
-        self.touched: dict[str, list[str]] = {name: [] for name in warehouse.FOOTPRINTS}
+        self.flags: dict[str, list[bool]] = {name: [] for name in _ROBOTS}
+        self.met: dict[str, list[str]] = {name: [] for name in _ROBOTS}
+        self._states = dict.fromkeys(_ROBOTS, 'unknown')
         self.frames: list[Frame] = []
         self.is_shown = False
         # When the first robot was seen to be clear: the scene has begun.
         self._start: float | None = None
-        monitor = '/footprint_monitor'
         for name in self.flags:
-            self.create_subscription(Bool, f'{monitor}/{name}/collision',
+            self.create_subscription(Bool, f'{_MONITOR}/{name}/collision',
                                      partial(self._note_flag, name), 10)
-        self.create_subscription(DiagnosticArray, f'{monitor}/state', self._note_state, 10)
-        self.create_subscription(MarkerArray, f'{monitor}/markers', self._note_markers, 10)
+        self.create_subscription(DiagnosticArray, f'{_MONITOR}/state', self._note_state, 10)
+        self.create_subscription(MarkerArray, f'{_MONITOR}/markers', self._note_markers, 10)
 
     @property
     def elapsed(self) -> float:
@@ -157,18 +185,20 @@ class _Viewer(Node):
     def _note_state(self, states: DiagnosticArray) -> None:
         for name, status in zip(self.flags, states.status):
             values = {pair.key: pair.value for pair in status.values}
+            state = self._states[name] = values['state']
             obstacles = values['obstacles in contact']
-            touched = self.touched[name]
-            if obstacles and (not touched or touched[-1] != obstacles):
-                touched.append(obstacles)
+            if state == 'imminent' and values['first contact with']:
+                obstacles = f'{values["first contact with"]} ahead'
+            met = self.met[name]
+            if obstacles and (not met or met[-1] != obstacles):
+                met.append(obstacles)
                 _print(f'{"":8}  {name:8} {status.message}')
 
     def _note_markers(self, markers: MarkerArray) -> None:
         self.is_shown = True
-        flags = {name: flags[-1] for name, flags in self.flags.items() if flags}
-        # Before the scene has begun and after it has ended all flags are raised.
-        if False in flags.values():
-            self.frames.append(Frame(self.elapsed, flags, markers))
+        # Before the scene has begun and after it has ended nothing is known.
+        if 'clear' in self._states.values():
+            self.frames.append(Frame(self.elapsed, dict(self._states), markers))
 
     def show_progress(self) -> None:
         share = min(self.elapsed / warehouse.DURATION, 1.0)
@@ -224,15 +254,17 @@ def _watch(viewer: _Viewer) -> bool:
 
 def _verdict(viewer: _Viewer) -> bool:
     """Print and return whether what was received is what the scene causes."""
-    # Nothing is known at first, then clear, and a rise and a fall for each contact; nothing is
-    # known again once the publisher has ended.
+    # Nothing is known at first, then clear, and a rise and a fall for each contact, or for what is
+    # ahead; nothing is known again once the publisher has ended.
     right = True
-    for name, contacts in warehouse.CONTACTS.items():
-        flags = [True, False] + [True, False] * len(contacts) + [True]
-        touched = [f'{source}/{number}' for source, number in contacts]
-        right &= viewer.flags[name] == flags and viewer.touched[name] == touched
-        _print(f'{name:8} touched {", ".join(viewer.touched[name]) or "nothing"}, '
-               f'expected {", ".join(touched)}; flags {viewer.flags[name]}, expected {flags}')
+    expected = {name: [f'{source}/{number}' for source, number in contacts]
+                for name, contacts in warehouse.CONTACTS.items()}
+    expected[warehouse.BRAKES] = ['people/0 ahead']
+    for name, met in expected.items():
+        flags = [True, False] + [True, False] * len(met) + [True]
+        right &= viewer.flags[name] == flags and viewer.met[name] == met
+        _print(f'{name:8} met {", ".join(viewer.met[name]) or "nothing"}, '
+               f'expected {", ".join(met)}; flags {viewer.flags[name]}, expected {flags}')
     print('the flags are right' if right else 'THE FLAGS ARE WRONG')
     return right
 

@@ -81,6 +81,12 @@ _PERSON = _disc(0.0, 0.0, 0.3, 12)
 # the person in the robot's own frame.
 BY_ODOMETRY = 'amr'
 
+# The robot that brakes: it drives straight along the aisle, where the person is in its way.
+BRAKES = 'courier'
+COURIER = _box(-0.4, -0.3, 0.4, 0.3)
+COURIER_START = 15.5, 7.0, np.pi
+COURIER_WAY = 6.9
+
 # What each robot touches in turn, as (source, number of the obstacle).
 CONTACTS = {
     'amr': [('people', 0)],
@@ -92,6 +98,14 @@ CONTACTS = {
 def footprint(name: str, time: float) -> Outline:
     """Return the (n, 2) footprint of a robot at a time in seconds."""
     return _placed(FOOTPRINTS[name], _PATHS[name], time)
+
+
+def courier(way: float) -> Outline:
+    """Return the (n, 2) footprint of the robot that brakes after a way in metres."""
+    x, y, heading = COURIER_START
+    placed: Outline = _turned(COURIER, heading) + (x + way * np.cos(heading),
+                                                   y + way * np.sin(heading))
+    return placed
 
 
 def person(time: float) -> Outline:
@@ -117,6 +131,11 @@ def seen_by(name: str, outline: Outline, time: float) -> Outline:
 def _placed(outline: Outline, path: _Path, time: float) -> Outline:
     times, *coordinates = zip(*path)
     x, y, heading = (np.interp(time, times, values) for values in coordinates)
-    cosine, sine = np.cos(heading), np.sin(heading)
-    placed: Outline = outline @ np.array([(cosine, sine), (-sine, cosine)]) + (x, y)
+    placed: Outline = _turned(outline, heading) + (x, y)
     return placed
+
+
+def _turned(outline: Outline, heading: float) -> Outline:
+    cosine, sine = np.cos(heading), np.sin(heading)
+    turned: Outline = outline @ np.array([(cosine, sine), (-sine, cosine)])
+    return turned

@@ -145,8 +145,7 @@ class Ingest:
                 # The message before, of the same header, begins the run.
                 placements.pop()
                 first -= 1
-            points = points_of_run(batch.data, np.append(batch.ends, len(batch.data)), first,
-                                   begin + taken, points_at)
+            points = points_of_run(batch.messages[first:begin + taken], points_at)
             placements.append(Placement(name, stamp, True, frame_id, points, plane, None))
         return taken
 

@@ -16,8 +16,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, cast, NamedTuple, TypeAlias
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from typing import cast, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,24 +87,14 @@ class Placement(NamedTuple):
                 yield self._replace(points=(data, start, count))
 
 
-def points_of_run(data: bytes, ends: Any, begin: int, end: int, points_at: int) -> RunPoints:
-    """
-    Return the points of a run as a Placement has them.
+def points_of_run(messages: Sequence[bytes], points_at: int) -> RunPoints:
+    """Return the points of a run of messages as a Placement has them; where in each they start."""
+    return b''.join(messages), *_outlines(points_at, *map(len, messages))
 
-    Parameters
-    ----------
-    data : bytes
-        Messages, one behind the other.
-    ends : (m,) array of int64
-        Where each ends.
-    begin, end : int
-        The first message of the run, and the one behind the last.
-    points_at : int
-        Where in each message its points start.
 
-    """
-    first = ends[begin - 1] if begin else 0
-    bounds = np.asarray(ends)[begin:end] - first
-    starts = np.full(len(bounds), points_at)
-    starts[1:] += bounds[:-1]
-    return data[first:first + bounds[-1]], starts, (bounds - starts) // POINT_SIZE
+@lru_cache(32)
+def _outlines(points_at: int, *sizes: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return where points start, and how many they are, of messages one behind the other."""
+    lengths = np.array(sizes, np.int64)
+    starts = np.cumsum(lengths) - lengths + points_at
+    return starts, (lengths - points_at) // POINT_SIZE

@@ -37,9 +37,9 @@ if TYPE_CHECKING:
     from sat_collision.replay.bag.recording import Recording
 
 _TYPES = ('geometry_msgs/msg/PolygonStamped', 'geometry_msgs/msg/PolygonInstanceStamped')
-# So many messages take plain Python some 2 s, and compiling takes more than 10 s. That pays off
-# later; but small checks should not have to wait for it.
-_FEW = 3_000
+# Compiling takes more than 40 s. So many messages take plain Python some 5 s where they are boxes,
+# and 40 s where they are polygons of 40 vertices that are not convex.
+_FEW = 20_000
 
 
 def choose(bags: Iterable[str], limits: Limits) -> bool:

@@ -20,8 +20,8 @@ from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from itertools import groupby, islice
+from math import inf
 from operator import itemgetter
-from typing import TypeAlias
 
 import numpy as np
 from sat_collision.geometry.polygon import Polygon
@@ -29,7 +29,7 @@ from sat_collision.geometry.query import separation
 from sat_collision.messages.ingest import Batch
 from sat_collision.monitor import Monitor
 from sat_collision.replay.bag.storage import Message
-from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
+from sat_collision.replay.model.keyframes import Keyframes, ShownBody, Tape
 from sat_collision.replay.model.result import (
     Contact, FootprintResult, Least, Series, Unknown, Unknowns)
 from sat_collision.scene.footprints import Status
@@ -37,59 +37,58 @@ from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
 
 
-# Name of a body, whether it is a footprint, and which one of this name; then where it is.
-_Key: TypeAlias = tuple[str, bool, int]
-_Place: TypeAlias = tuple[_Key, Floats]
-
 # As many messages as the node takes together.
 _LONGEST_ROW = 64
 
 
-class SceneKeyframes:
+class SceneTape(Tape):
     """
-    Fills keyframes with a scene at their moments.
+    Scenes in a temporary file; see Tape.
 
     Parameters
     ----------
-    keyframes : Keyframes
-        To be filled.
+    most : int
+        How many bytes it may have.
     scene : Scene
 
     """
 
-    def __init__(self, keyframes: Keyframes, scene: Scene) -> None:
-        self.keyframes = keyframes
+    def __init__(self, most: int, scene: Scene) -> None:
+        super().__init__(most)
         self._scene = scene
-        self._held: dict[_Key, ShownBody] = {}
-        self._taken = 0
-        self._kept: tuple[int, float, list[_Place]] | None = None
+        self._times: list[int] = []
 
-    def keep(self, now: int, depth: float) -> None:
-        """Keep a scene in a contact, whatever else comes at the same time; the deepest counts."""
-        if self._kept is None or self._kept[0] != now or depth > self._kept[1]:
-            self._kept = now, depth, self._places()
+    def keep(self, now: int, depth: float = -inf) -> None:
+        """Keep the scene as it is; of several at one time that of the deepest contact counts."""
+        if self._times[-1:] != [now]:
+            self._times.append(now)
+        self._write((now, depth, *(
+            [(str(name), polygon.vertices.tobytes()) for name, polygon in bodies]
+            for bodies in (self._scene.footprints, self._scene.obstacles))))
 
-    def take(self, now: int) -> None:
-        """Take the scene as it is, for all moments until now that are left."""
-        number = bisect_right(self.keyframes.moments, now)
-        kept = self._kept
-        for key, ring in kept[2] if kept and kept[0] == now else self._places():
-            if key not in self._held:
-                self._held[key] = self.keyframes.add(key[1])
-            self._held[key].show(self._taken, number, key[0], ring)
-        self._taken = number
-
-    def _places(self) -> list[_Place]:
-        """Return where all is; while a set comes in, two obstacles may have the same name."""
-        places: list[_Place] = []
-        found: Counter[tuple[str, bool]] = Counter()
-        for is_footprint, bodies in ((True, self._scene.footprints),
-                                     (False, self._scene.obstacles)):
-            for name, polygon in bodies:
-                key = str(name), is_footprint
-                places.append(((*key, found[key]), np.array(polygon.vertices)))
-                found[key] += 1
-        return places
+    def develop(self, moments: Iterable[int], end: int) -> Keyframes:
+        """Return keyframes at the times of the scenes that there were at some moments."""
+        times = self._times
+        keyframes = Keyframes(sorted({times[max(bisect_right(times, moment) - 1, 0)]
+                                      for moment in moments}))
+        # By name, whether it is a footprint, and which one: while a set comes in, two obstacles
+        # may have the same name.
+        held: dict[tuple[str, bool, int], ShownBody] = {}
+        for now, scenes in groupby(self._events(), itemgetter(0)):
+            number = keyframes.number(now)
+            if keyframes.moments[number:number + 1] != [now]:
+                continue
+            _, _, *scene = max(scenes, key=itemgetter(1))
+            for is_footprint, bodies in zip((True, False), scene):
+                found: Counter[str] = Counter()
+                for name, vertices in bodies:
+                    key = name, is_footprint, found[name]
+                    found[name] += 1
+                    if key not in held:
+                        held[key] = keyframes.add(is_footprint)
+                    held[key].show(number, number + 1, name,
+                                   np.frombuffer(vertices).reshape(-1, 2))
+        return keyframes
 
 
 class Timeline:
@@ -101,8 +100,8 @@ class Timeline:
     scene : Scene
     footprints : list of FootprintResult
         To be filled in.
-    keyframes : SceneKeyframes, optional
-        To keep the scene where a contact is deepest.
+    tape : SceneTape, optional
+        To keep the scene at each sample, and where a contact is deepest.
 
     Attributes
     ----------
@@ -117,9 +116,9 @@ class Timeline:
     """
 
     def __init__(self, scene: Scene, footprints: list[FootprintResult],
-                 keyframes: SceneKeyframes | None = None) -> None:
+                 tape: SceneTape | None = None) -> None:
         self._scene = scene
-        self._keyframes = keyframes
+        self._tape = tape
         self.contacts: list[Contact] = []
         self.touching: dict[str, dict[ObstacleId, Contact]] = {}
         self.footprints = footprints
@@ -161,11 +160,13 @@ class Timeline:
                 if contact.deepen(depth, now, *bodies):
                     self._note_least(name, Least(0.0 - depth, now, contact.obstacle,
                                                  contact.x, contact.y))
-                    if self._keyframes:
-                        self._keyframes.keep(now, depth)
+                    if self._tape:
+                        self._tape.keep(now, depth)
 
     def sample(self, now: int) -> None:
-        """Record how far each footprint is from what is nearest to it."""
+        """Record how far each footprint is from what is nearest to it, and where all is."""
+        if self._tape:
+            self._tape.keep(now)
         for name, series in self._series.items():
             found = None
             if self._since[name][1] is not Status.UNKNOWN:

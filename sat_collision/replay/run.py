@@ -17,8 +17,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator
-from dataclasses import replace
-from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
@@ -32,16 +30,15 @@ from sat_collision.monitor import Monitor
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.bag.storage import Message
 from sat_collision.replay.bag.writer import OutputError
-from sat_collision.replay.live import Rows, SceneKeyframes, Timeline
+from sat_collision.replay.live import Rows, SceneTape, Timeline
 from sat_collision.replay.model.configuration import (
     all_sources, is_subscribed, missing_topics, settings_for, TRANSFORM_TYPE, TWIST_TYPE,
     wrong_types)
-from sat_collision.replay.model.keyframes import Keyframes
 from sat_collision.replay.model.options import HEADER, Options, RECEIVE
 from sat_collision.replay.model.result import FootprintResult, moments_of, Result, SourceResult
 from sat_collision.replay.motion.order import StampOrder, Timed, WINDOW
 from sat_collision.replay.motion.prediction import HORIZON
-from sat_collision.replay.motion.tape import Tape
+from sat_collision.replay.motion.tape import MotionTape
 from sat_collision.replay.motion.walk import Motion, MotionTimeline
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.scene import OVERTAKEN
@@ -55,6 +52,8 @@ OnProgress: TypeAlias = Callable[[float], None]
 
 _APART = 3600 * 10**9
 _PROGRESS_EVERY = 500
+# So many placements are followed one after another, which is faster than one by one in between.
+_TOGETHER = 64
 # Why a message tells of no body, whenever and wherever it is received.
 _OF_CONTENT = {EMPTY_FRAME_ID, LONG_FRAME_ID, *(reason.value for reason in Reason)}
 _LONGEST_QUIET = 60 * 10**9
@@ -80,53 +79,21 @@ def check(path: str | Path, options: Options = Options(),
 
     """
     with Recording(path, options.limits) as recording:
-        if not options.keyframes:
-            result = check_recording(recording, options, progress)
-            result.content = recording.content
-        elif options.as_live:
-            half = partial(_half, progress) if progress else None
-            result = check_recording(recording, options, half)
-            result.content = recording.content
-            # What is worth drawing is known now; then it is all seen once more.
-            keyframes = Keyframes(moments_of(result))
-            check_recording(recording, replace(options, write_bag=None),
-                            half and (lambda share: half(1.0 + share)), keyframes)
-            result.keyframes = keyframes if keyframes.moments else None
-        else:
-            tape = Tape(options.limits.disk)
-            result = check_recording(recording, options, progress, tape=tape)
-            result.content = recording.content
-            result.keyframes = _developed(tape, result)
+        result = check_recording(recording, options, progress)
+        result.content = recording.content
     return result
 
 
-def _developed(tape: Tape, result: Result) -> Keyframes | None:
-    """Return the keyframes of a result, None if there are none."""
-    if tape.is_full:
-        result.notes.append('there was more to draw than --max-disk allows to keep')
-        return None
-    keyframes = Keyframes(moments_of(result))
-    if not keyframes.moments or result.end is None:
-        return None
-    tape.develop(keyframes, result.end)
-    return keyframes
-
-
-def _half(progress: OnProgress, share: float) -> None:
-    progress(0.5 * share)
-
-
 def check_recording(recording: Recording, options: Options,
-                    progress: OnProgress | None = None, keyframes: Keyframes | None = None,
-                    tape: Tape | None = None) -> Result:
-    """Check what is open, as `check` does, and fill keyframes or a tape if there is one."""
+                    progress: OnProgress | None = None) -> Result:
+    """Check what is open, as `check` does."""
     path = recording.path
     result = Result(str(path), options.clock, options.max_unknown, options.as_live,
                     max_undetermined=options.max_undetermined, min_ttc=options.min_ttc)
     try:
         settings = settings_for(recording.topics, options.parameters, options.footprints,
                                 options.obstacles, options.node)
-        _Run(recording, settings, options, result, tape or keyframes).run(progress)
+        _Run(recording, settings, options, result).run(progress)
     except (ParameterError, OutputError, OSError) as error:
         result.problems.append(f'{path}: {error}')
     result.problems[:0] = recording.problems
@@ -137,7 +104,7 @@ class _Run:
     """One recording on its way through the scene."""
 
     def __init__(self, recording: Recording, settings: Settings, options: Options,
-                 result: Result, keyframes: Keyframes | Tape | None) -> None:
+                 result: Result) -> None:
         self._recording = recording
         self._settings = settings
         self._options = options
@@ -146,26 +113,30 @@ class _Run:
                       for footprint in settings.footprints]
         self._transforms = [topic for topic in TRANSFORM_TOPICS if settings.frame_id
                             and recording.topics.get(topic) == TRANSFORM_TYPE]
+        # What recorded motion is yet to take. Where transforms must be asked for, that is at once.
         self._placements: list[Placement] = []
+        self._together = 1 if any(one.has_outline for one in settings.footprints) else _TOGETHER
+        self._untaken = 0
         self._monitor = Monitor(settings, bool(self._transforms),
                                 None if options.as_live else self._placements)
         self._scene = self._monitor.scene
-        self._motion = None if options.as_live else Motion(
-            settings, self._monitor.transforms, footprints,
-            keyframes if isinstance(keyframes, Tape) else None,
-            None if options.min_ttc is None else max(HORIZON, options.min_ttc))
         self._timers: list[Timer] = []
+        self._motion: Motion | None = None
         self._live: Timeline | None = None
         self._timeline: Timeline | MotionTimeline
-        if self._motion:
-            self._timeline = MotionTimeline(self._scene, self._motion, footprints)
-        else:
-            shown = (SceneKeyframes(keyframes, self._scene)
-                     if isinstance(keyframes, Keyframes) else None)
-            self._timeline = self._live = Timeline(self._scene, footprints, shown)
+        self._tape: SceneTape | MotionTape | None = None
+        if options.as_live:
+            if options.keyframes:
+                self._tape = SceneTape(options.limits.disk, self._scene)
+            self._timeline = self._live = Timeline(self._scene, footprints, self._tape)
             self._timers.append(Timer(options.sample, self._live.sample))
-            if shown:
-                self._timers.append(Moments(shown.keyframes.moments, shown.take))
+        else:
+            if options.keyframes:
+                self._tape = MotionTape(options.limits.disk)
+            self._motion = Motion(
+                settings, self._monitor.transforms, footprints, self._tape,
+                None if options.min_ttc is None else max(HORIZON, options.min_ttc))
+            self._timeline = MotionTimeline(self._scene, self._motion, footprints)
         self._outputs: BagOutputs | None = None
         self._now = 0
         self._due: float = NEVER
@@ -213,6 +184,10 @@ class _Run:
         result.contacts = self._timeline.contacts
         result.unknown = self._timeline.unknown
         result.notes += self._timeline.notes
+        if self._tape and self._tape.is_full:
+            result.notes.append('there was more to draw than --max-disk allows to keep')
+        elif self._tape and result.end is not None and (moments := moments_of(result)):
+            result.keyframes = self._tape.develop(moments, result.end)
 
     def _play(self, names: dict[str, list[str]], start: int, stop: int | None, end: int,
               progress: OnProgress | None) -> None:
@@ -279,6 +254,7 @@ class _Run:
         for timer in self._timers:
             if timer.due <= end:
                 timer.action(end)
+        self._place(len(self._placements))
         self._timeline.finish(end)
         self._result.end = end
         if self._outputs:
@@ -314,6 +290,7 @@ class _Run:
         """Keep the first example of each reason."""
         for rejection in rejections:
             if self._motion and rejection.reason != OVERTAKEN:
+                self._place(self._untaken)
                 self._motion.lose(rejection.name)
             if rejection.reason == UNDECODABLE:
                 self._undecodable.setdefault(rejection.topic, []).append(rejection.detail)
@@ -322,14 +299,21 @@ class _Run:
 
     def _follow(self, now: int) -> None:
         """Take what was placed, and what has changed."""
-        if self._placements and self._motion:
-            self._motion.place(self._placements)
-            self._placements.clear()
+        self._untaken = len(self._placements)
+        if self._untaken >= self._together:
+            self._place(self._untaken)
         changed = self._scene.changes()
         if changed:
             self._change(changed, now)
         if self._live and self._live.touching:
             self._live.deepen(now)
+
+    def _place(self, count: int) -> None:
+        """Have recorded motion take what was placed first."""
+        if self._motion and count:
+            self._motion.place(self._placements[:count])
+            del self._placements[:count]
+            self._untaken = 0
 
     def _begin(self, start: int) -> None:
         """Let the time begin."""
@@ -420,26 +404,3 @@ class Timer:
         quiet = until - self.due
         if quiet > _LONGEST_QUIET:
             self.due += int(quiet)
-
-
-class Moments(Timer):
-    """
-    Something that is done at chosen moments.
-
-    Parameters
-    ----------
-    moments : iterable of int
-        In ns, in their order.
-    action : callable
-        Takes the time in ns.
-
-    """
-
-    def __init__(self, moments: Iterable[int], action: Callable[[int], None]) -> None:
-        super().__init__(0.0, action)
-        self._moments = iter(moments)
-
-    def act(self, until: float) -> None:
-        """Do it."""
-        self.action(int(self.due))
-        self.due = next(self._moments, NEVER)

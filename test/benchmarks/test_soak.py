@@ -25,7 +25,7 @@ sys.path.append(str(ROOT / 'benchmarks'))
 pytest.importorskip('rclpy')
 pytest.importorskip('matplotlib')
 
-from soak import judge, Verdict  # noqa: E402, I100
+from soak import judge, judge_times, Times, Verdict  # noqa: E402, I100
 
 CHANGES = [(0.0, True), (1.0, False), (2.0, True), (3.0, False)]
 GOOD = [(0.01, False), (0.02, True), (0.5, True), (1.01, True), (1.02, False), (1.9, False),
@@ -43,3 +43,22 @@ GOOD = [(0.01, False), (0.02, True), (0.5, True), (1.01, True), (1.02, False), (
 def test_verdict_on_flags(flags, expected):
     """What is late within the stay of the robot is no fault; what comes after its end is."""
     assert judge(CHANGES, flags) == expected
+
+
+NAN = float('nan')
+STAYS = [(0.0, None), (1.0, 3.5), (2.0, None)]
+FLAGS = [(0.01, True), (1.01, False), (2.01, True)]
+TIMES = [(0.01, NAN), (0.02, 0.0), (0.9, 0.0), (1.01, 0.0), (1.2, 2.31), (1.5, 2.01), (2.2, 0.0)]
+
+
+@pytest.mark.parametrize('times, flags, expected', [
+    (TIMES, FLAGS, Times(2, 0, 0, 0, pytest.approx(10.0))),
+    ([*TIMES, (2.3, 0.5)], FLAGS, Times(2, 1, 0, 0, pytest.approx(10.0))),
+    ([(1.2, 2.5), (1.5, 2.3), (1.6, 1.5)], FLAGS, Times(3, 2, 1, 0, pytest.approx(200.0))),
+    (TIMES, [(0.01, True), (1.25, False), (2.01, True)], Times(2, 0, 0, 0, pytest.approx(10.0))),
+    (TIMES, [(0.01, True), (1.4, False), (2.01, True)], Times(2, 0, 0, 1, pytest.approx(10.0))),
+    ([(1.5, NAN)], [(0.01, True)], Times(0, 0, 0, 0, pytest.approx(NAN, nan_ok=True))),
+], ids=['good', 'in contact', 'late and early', 'a flag on its way', 'unknown', 'none'])
+def test_verdict_on_times(times, flags, expected):
+    """Those of the first moments of a stay may be of the one before."""
+    assert judge_times(STAYS, flags, times) == expected

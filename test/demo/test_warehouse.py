@@ -13,6 +13,7 @@
 # limitations under the License.
 """The demo's scene causes just the contacts that it says it does, and the demo sees them."""
 
+import os
 import re
 import subprocess
 import sys
@@ -41,6 +42,28 @@ def test_contacts_of_the_scene(name):
     for contact in warehouse.CONTACTS[name]:
         expected += [[contact], []]
     assert touched == expected
+
+
+def test_the_person_is_in_the_way_of_the_robot_that_brakes():
+    """If it did not brake, whenever it starts in the first 2.5 s."""
+    for start in (0.0, 2.5):
+        touched = [shapely.intersects(shapely.Polygon(warehouse.courier(1.2 * time)),
+                                      shapely.Polygon(warehouse.person(start + time)))
+                   for time in np.arange(0.0, 5.0, 0.01)]
+        assert any(touched) and not touched[0]
+
+
+def test_first_demo_does_not_wait_for_the_compiler(tmp_path):
+    """After an installation the node runs in plain Python."""
+    pytest.importorskip('numba')
+    environment = {name: value for name, value in os.environ.items()
+                   if name != 'NUMBA_DISABLE_JIT'}
+    first = subprocess.run(
+        [sys.executable, '-c', 'import os, sat_collision.demo.__main__ as demo\n'
+         'demo.compile_nothing()\nprint(os.environ.get("NUMBA_DISABLE_JIT"))'],
+        env=environment | {'NUMBA_CACHE_DIR': str(tmp_path)}, capture_output=True, text=True,
+        timeout=60, check=True)
+    assert first.stdout == '1\n'
 
 
 @pytest.mark.long

@@ -51,9 +51,10 @@ def compiled(folder):
     return {path.name for path in (folder / 'sat_collision').rglob('*.nbc')}
 
 
-def long_recording(path):
-    """Return one of more messages than plain Python is asked to check."""
-    return str(write(path, [(topic, k / 1000, box(x)) for k in range(kernels._FEW // 2 + 1)
+def long_recording(path, count=None):
+    """Return one of so many messages, by default more than plain Python is asked to check."""
+    pairs = (count or kernels._FEW) // 2 + 1
+    return str(write(path, [(topic, k / 1000, box(x)) for k in range(pairs)
                             for topic, x in (('/footprint', 0), ('/obstacles', 3))]))
 
 
@@ -102,9 +103,15 @@ def unprepared(tmp_path, monkeypatch):
     return tmp_path
 
 
+def test_a_minute_of_driving_does_not_wait_for_the_compiler(unprepared):
+    """Plain Python has the verdict of 5,000 messages long before."""
+    assert not kernels.choose([long_recording(unprepared / 'drive', 5_000)], Limits())
+
+
 def test_many_messages_are_worth_compiling(unprepared, monkeypatch):
     """Of one recording, or of several together; and once kernels are kept they are used."""
     small = str(write(unprepared / 'small', drive(1.0)))
+    monkeypatch.setattr(kernels, '_FEW', 1000)
     long = long_recording(unprepared / 'long')
     assert kernels.choose([small, long], Limits())
     assert os.environ['NUMBA_DISABLE_JIT'] == '0'

@@ -12,20 +12,23 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Both promises of docs/knowing.md, in every state; and that each rule is needed for them."""
+"""The promises of docs/knowing.md, in every state; and that each rule is needed for them."""
 
 from knowing import explore, problem_of
+import knowing_world
 from knowing_world import MODES
 import pytest
-from sat_collision.scene import knowledge, sources
+from sat_collision.scene import knowledge, prediction, sources, velocity
+from sat_collision.scene.footprints import Footprint
 from sat_collision.scene.knowledge import Keys, Maps, Sets
 from sat_collision.scene.obstacle_store import KeyedGroup, SetGroup
 from sat_collision.scene.streams import CONTINUES, LOST, Stream
 from sat_collision.scene.times import NEVER
+from sat_collision.scene.velocity import MotionTracker
 
 
 @pytest.mark.parametrize('mode', MODES)
-def test_clear_is_right_and_every_fault_heals_in_every_state(mode):
+def test_clear_and_times_are_right_and_every_fault_heals_in_every_state(mode):
     _, problem = explore(mode, depth=3, runs=500, seed=1)
     assert problem is None
 
@@ -172,6 +175,48 @@ def a_map_is_never_asked_for_again(patch):
     patch.setattr(sources.Source, 'wants_history', False)
 
 
+def a_time_is_later(patch):
+    def predict(*arguments, original=prediction.predict):
+        found = original(*arguments)
+        return found and found._replace(seconds=found.seconds + 0.01)
+    patch.setattr(knowing_world, 'predict', predict)
+
+
+def a_time_is_given_while_unknown(patch):
+    def evaluate(self, now, monitor_fault, source_faults, *arguments,
+                 original=Footprint.evaluate):
+        original(self, now, monitor_fault, (), *arguments)
+    patch.setattr(Footprint, 'evaluate', evaluate)
+
+
+def what_moved_moves_on_for_ever(patch):
+    patch.setattr(prediction, '_VELOCITY_LASTS', 10**18)
+
+
+def what_moved_is_where_it_was(patch):
+    def course(obstacle, polygon, *times, original=prediction._course):
+        found = original(obstacle, polygon, *times)
+        return found and (polygon, found[1])
+    patch.setattr(prediction, '_course', course)
+
+
+def a_velocity_is_that_of_any_two_messages(patch):
+    patch.setattr(velocity, '_LONGEST', 10**18)
+
+
+def an_older_stamp_changes_a_velocity(patch):
+    def track(self, instance, time, vertices):
+        obstacle = self.listing.group.get(instance)
+        if obstacle is not None:
+            obstacle.motion = obstacle.motion or MotionTracker()
+            obstacle.motion.place(time, vertices)
+    patch.setattr(sources.Source, 'track', track)
+
+
+def what_moves_unknown_stands(patch):
+    patch.setattr(prediction.Prediction, 'is_known', True)
+
+
 # For each rule that is broken, events that the enumeration has found to break a promise by it.
 WITNESSES = (
     (a_namesake_never_counts_again, 'ended sets',
@@ -216,6 +261,15 @@ WITNESSES = (
      'lose:0 · send · list:TF · get:0 · send · get:0 · lose:0 · get:0 · get:0 · get:0 · '
      'send · get:0 · list:U · get:0 · send · get:0 · kill · start:b · news · list:F · '
      'get:2'),
+    (a_time_is_later, 'ids', 'tick'),
+    (a_time_is_given_while_unknown, 'ids', 'key:refused · get:0'),
+    (what_moved_moves_on_for_ever, 'ids', 'key:old · tick:3 · get:0'),
+    (what_moved_is_where_it_was, 'ids', 'key:old · key:M · get:0 · get:0 · tick'),
+    (a_velocity_is_that_of_any_two_messages, 'ids',
+     'key:F · key:M · key:M · tick:3 · key:M · get:0 · get:0 · get:0 · get:0'),
+    (an_older_stamp_changes_a_velocity, 'ids',
+     'key:refused · key:old · get:0 · get:0 · key:F · get:0 · tick:3'),
+    (what_moves_unknown_stands, 'ids', 'key:old · tick:3 · get:0'),
 )
 
 

@@ -20,6 +20,7 @@ Hypothesis looks for a sequence of events after which the two differ, and shorte
 
 from collections import Counter
 from dataclasses import replace
+import math
 from operator import attrgetter
 
 from builders import SECOND
@@ -29,6 +30,7 @@ from hypothesis.stateful import (
     initialize, invariant, rule, RuleBasedStateMachine, run_state_machine_as_test)
 import pytest
 from sat_collision.messages.rejections import UNDECODABLE
+from sat_collision.scene.footprints import Status
 from sat_collision.scene.obstacle_store import OTHER_FRAME, TOO_MANY
 from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
@@ -43,12 +45,13 @@ from source_model import nanoseconds  # noqa: E402
 MILLISECOND = SECOND // 1000
 START = 1000 * SECOND
 FOOTPRINTS = (FootprintSettings('robot', '/footprint', timeout=1.0),
-              FootprintSettings('cart', '/cart', timeout=0.0))
+              FootprintSettings('cart', '/cart', timeout=0.0, min_time_to_collision=1.0))
 SOURCES = {source.name: source for source in (
     ObstacleSettings('sets', '/sets', timeout=0.6, max_count=3),
     ObstacleSettings('map', '/map', timeout=0.0, max_count=8),
     ObstacleSettings('kept', '/kept', timeout=0.7, accumulate=True, max_count=3),
-    ObstacleSettings('tracks', '/tracks', timeout=0.5, type='polygon_instance', max_count=3))}
+    ObstacleSettings('tracks', '/tracks', timeout=0.5, type='polygon_instance', max_count=3,
+                     moving=True))}
 
 # In units of 0.5 m, at sites 1.5 m apart: many touch, some lie in the notch of another, and many
 # have a gap of just a margin between them.
@@ -63,9 +66,13 @@ BODIES = {f'{shape} {column} {row}': tuple((x / 2 + 1.5 * column, y / 2 + 1.5 * 
           for row in range(3) for column in range(4) for shape, corners in SHAPES.items()}
 RING_OF = {frozenset(ring): ring for ring in BODIES.values()}
 
+HORIZON = 3.0
+# What rounding makes of a time in s, and of a place in m.
+GRAZE = 1e-6
+
 # In milliseconds, timeouts among them to the nanosecond; None is for a stamp of 0.
 ages = st.sampled_from((0, 0, 0, 1, 15, 20, 90, 500, 600, 700, 1000, 2000, -10, -2000, None))
-waits = st.sampled_from((1, 5, 30, 100, 500, 600))
+waits = st.sampled_from((1, 5, 30, 100, 500, 600, 2100))
 bodies = st.sampled_from(tuple(BODIES))
 margins = st.sampled_from((0.0, 0.0, 0.5, 0.75))
 flaws = st.sampled_from((OTHER_FRAME, UNDECODABLE, *BAD_POINTS))
@@ -89,9 +96,11 @@ class SceneMachine(RuleBasedStateMachine):
     def begin(self, names, margin, is_known):
         self.sources = names
         self.model = SceneModel(Settings(
-            FOOTPRINTS, tuple(map(SOURCES.get, names)), frame_id='map', margin=margin))
+            FOOTPRINTS, tuple(map(SOURCES.get, names)), frame_id='map', margin=margin,
+            horizon=HORIZON))
         self.received = self.ingest(self.model.settings)
         self.scene = self.received.scene
+        self.scene.tracks_motion = True
         self.reported = {}
         self.in_collision = set()
         self.numbers = Counter()
@@ -122,6 +131,22 @@ class SceneMachine(RuleBasedStateMachine):
         for body in path:
             self._place(name, body, late)
             late *= 20
+
+    @rule(name=footprints | sources, shape=st.sampled_from(tuple(SHAPES)), places=st.lists(
+        st.sampled_from([f'{x} {y}' for y in range(3) for x in range(4)]), min_size=2, max_size=3),
+        milliseconds=st.sampled_from((9, 15, 90)), age=st.sampled_from((0, 1, 20)),
+        instance=instances, late=st.sampled_from((0, 0, 30)))
+    def move(self, name, shape, places, milliseconds, age, instance, late):
+        """Move a body, and send it once more as it was before."""
+        for place in places:
+            self.wait(milliseconds)
+            self._place(name, f'{shape} {place}', age, instance)
+        if late:
+            self._place(name, f'{shape} {places[0]}', late, instance)
+
+    @rule(tracks=st.booleans())
+    def track(self, tracks):
+        self.scene.tracks_motion = self.model.tracks_motion = tracks
 
     @rule(name=footprints, flaw=flaws, age=ages)
     def bad_footprint(self, name, flaw, age):
@@ -176,8 +201,10 @@ class SceneMachine(RuleBasedStateMachine):
             self.restart(name)
             self.end(name, nanoseconds(SOURCES[name].timeout) // MILLISECOND)
             self.end(name, 0)
-        for footprint in FOOTPRINTS:
-            self._place(footprint.name, 'square 0 0', 0)
+        for k in range(2):
+            self.wait(20)
+            self._place('robot', f'square {k} 1', 0)
+            self._place('cart', f'square 1 {k}', 0)
 
     @rule(margin=margins)
     def use_margin(self, margin):
@@ -191,8 +218,10 @@ class SceneMachine(RuleBasedStateMachine):
 
     @invariant()
     def agree(self):
+        self.scene.look_ahead()
         self._obstacles_agree()
         self._states_agree()
+        self._predictions_agree()
         self._brief_contacts_are_reported()
         self._changes_are_reported()
 
@@ -207,6 +236,9 @@ class SceneMachine(RuleBasedStateMachine):
         for footprint in FOOTPRINTS:
             state = self.scene.state(footprint.name)
             status, contacts, reasons = self.model.state(footprint.name, self.now)
+            if state.status is Status.IMMINENT:
+                assert status == 'clear'
+                continue
             assert state.status.value == status
             assert len(state.reasons) == len(reasons)
             assert all(map(str.startswith, state.reasons, reasons))
@@ -214,6 +246,29 @@ class SceneMachine(RuleBasedStateMachine):
             assert list(state.contacts) == sorted(state.contacts)
             assert state.age == self.model.age(footprint.name, self.now)
             self.seen[status] += 1
+
+    def _predictions_agree(self):
+        """No time is late or early, and none is given while unknown."""
+        for footprint in FOOTPRINTS:
+            name, threshold = footprint.name, footprint.min_time_to_collision
+            found, status = self.scene.prediction(name), self.scene.status(name)
+            if status is Status.COLLISION:
+                assert found.seconds == 0.0 and found.is_known
+                continue
+            ahead = self.model.ahead(name, self.now)
+            assert (found is None) == (ahead is None)
+            assert (status is Status.IMMINENT) == (bool(found) and found.seconds <= threshold
+                                                   and threshold > 0.0)
+            if ahead is None:
+                continue
+            seconds, is_due = found.seconds, found.seconds < math.inf
+            assert is_due <= (seconds <= HORIZON)
+            assert seconds == 0.0 or not ahead.is_met(min(seconds, HORIZON) - GRAZE,
+                                                      -GRAZE), 'late'
+            assert not is_due or ahead.is_met(seconds + GRAZE, GRAZE), 'early'
+            assert {tuple(one) for one in found.unknown} == (ahead.unknown if seconds else set())
+            self.seen['time' if is_due else 'never'] += 1
+            self.seen['unknown motion'] += not found.is_known
 
     def _brief_contacts_are_reported(self):
         brief = {name for name in self.in_collision
@@ -300,4 +355,4 @@ def test_scene_agrees_with_a_model_that_recomputes_everything(machine):
     assert min(machine.seen[status] for status in ('clear', 'collision', 'unknown')) > 500
     assert min(machine.seen[refusal] for refusal in (
         FROM_FUTURE, OTHER_FRAME, OVERTAKEN, TOO_MANY, TOO_OLD)) > 50
-    assert machine.seen['brief'] > 10
+    assert min(machine.seen[what] for what in ('brief', 'time', 'never', 'unknown motion')) > 10

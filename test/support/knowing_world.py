@@ -15,14 +15,23 @@
 """
 A world of publishers, lossy channels and clocks around one source, and what it may promise.
 
-The source is the real one, the geometry is not: a body is 'T', which touches the footprint, or
-'F', which is far. The truth is kept here, by what was sent and what of it was delivered, and says
-in each state whether clear is right and whether the source becomes known again: docs/knowing.md.
+The source is the real one, the geometry is not: a body is 'T', which touches the footprint, 'F',
+which is far, or 'M', which comes nearer. The truth is kept here, by what was sent and what of it
+was delivered, and says in each state whether clear and the time to collision are right and whether
+the source becomes known again: docs/knowing.md.
 """
 
-from sat_collision.scene.settings import ObstacleSettings, POLYGON, POLYGON_INSTANCE
+import math
+
+import numpy as np
+from sat_collision.geometry.polygon import Polygon
+from sat_collision.scene.footprints import Footprint
+from sat_collision.scene.prediction import predict
+from sat_collision.scene.settings import (
+    FootprintSettings, ObstacleSettings, POLYGON, POLYGON_INSTANCE)
 from sat_collision.scene.sources import Source
 from sat_collision.scene.streams import Endpoint
+from sat_collision.scene.velocity import TRANSFORMS, Velocity
 
 SECOND = 10**9
 TIMEOUT = 8
@@ -31,12 +40,18 @@ SETTLE = 2
 # An older stamp lies so far back.
 _BACK = SECOND // 2
 START = 1000
+# Where on its way to the footprint, which stands, a body is that is far, in m, and the speed of
+# one that comes nearer, in m/s; a velocity is that between messages so far apart, in ns.
+FAR = 50.0
+SPEED = 0.25
+_LEAST_APART, _MOST_APART = SECOND // 100, 2 * SECOND
+HORIZON = 1e4
 
 MODES = ('sets', 'ended sets', 'ids', 'maps')
 
 
 class Bodies:
-    """The contacts of a source, without geometry: which obstacle is which body."""
+    """The contacts of a source, almost without geometry: how far away which obstacle is."""
 
     changed = frozenset()
 
@@ -45,10 +60,11 @@ class Bodies:
 
     def place_obstacle(self, obstacle, body):
         obstacle.row = 0
+        obstacle._polygon = Polygon([(body, 0.0)])
         self.placed[obstacle] = body
 
     def remove_obstacle(self, obstacle):
-        obstacle.row = None
+        obstacle.row = obstacle._polygon = None
         self.placed.pop(obstacle, None)
 
     def hide_obstacles(self, group, rows):
@@ -57,9 +73,27 @@ class Bodies:
     def begin_set(self, source, stamp):
         pass
 
+    def first_contact(self, footprint, velocity, seconds, courses):
+        first = None
+        for obstacle in self.placed:
+            polygon, (speed, _) = courses.get(obstacle, (obstacle.polygon, (0.0, 0.0)))
+            time = time_of(polygon.vertices[0, 0], speed)
+            if time <= min(seconds, first[1] if first else math.inf):
+                first = obstacle, time
+        return first
+
+
+def time_of(place, speed):
+    """Return when what is somewhere on its way is at the footprint."""
+    return 0.0 if place <= 0.0 else place / -speed if speed < 0.0 else math.inf
+
 
 class Message:
-    """A message as it was sent; body is 'T', 'F', None for an empty polygon, or a refusal."""
+    """
+    A message as it was sent; body is 'T', 'F', 'M', None for an empty polygon, or a refusal.
+
+    `place` is where it is on its way; `time` when it counts from, once it is delivered.
+    """
 
     def __init__(self, number, stamp, body, key, listing):
         self.number = number
@@ -69,6 +103,7 @@ class Message:
         self.listing = listing
         self.is_delivered = False
         self.order = 0
+        self.place = {'T': 0.0, 'F': FAR, 'M': FAR - SPEED * (stamp / SECOND - START)}.get(body)
 
 
 class Publisher:
@@ -123,7 +158,8 @@ class World:
             'obstacle', '/obstacles', set_window=0.0,
             type=POLYGON_INSTANCE if mode in ('ids', 'maps') else POLYGON,
             timeout=0.0 if mode == 'maps' else float(TIMEOUT),
-            settle_time=float(SETTLE)), self.bodies)
+            settle_time=float(SETTLE), moving=mode == 'ids'), self.bodies)
+        self.footprint = Footprint(FootprintSettings('robot', '/robot', timeout=0.0))
         self.publishers = []
         self.graph = []
         self.known_graph = []
@@ -158,8 +194,8 @@ class World:
             if own.plan:
                 options.append('send')
             elif self.mode == 'ids':
-                options += ['key:T', 'key:F', 'key:other', 'key:refused', 'key:unreadable',
-                            'key:old', 'key:ahead']
+                options += ['key:T', 'key:F', 'key:M', 'key:other', 'key:refused',
+                            'key:unreadable', 'key:old', 'key:ahead']
             else:
                 options += [f'list:{bodies}' for bodies in ('F', 'FT', 'TF', 'R', 'U')]
             # Settling assumes that a map is sent and received without a pause, or a death.
@@ -279,7 +315,7 @@ class World:
 
     def _send_key(self, own, detail):
         stamp = self.now * SECOND
-        if detail in ('T', 'F'):
+        if detail in ('T', 'F', 'M'):
             self._send_body(own, 1, detail)
         elif detail == 'other':
             self._send_body(own, 2, 'F')
@@ -337,19 +373,61 @@ class World:
         self.deliveries += 1
         message.order = self.deliveries
         source, now = self.source, self.now * SECOND
-        body, stamp, key, refusal = message.body, message.stamp, message.key, None
-        if body == 'U':
+        place, stamp, key = message.place, message.stamp, message.key
+        message.time = min(stamp, now)
+        if message.body == 'U':
             stamp, key = None, None
-        if body in ('U', 'R'):
-            body, refusal = None, 'unreadable' if body == 'U' else 'refused'
-        source.receive(body, 'map', stamp, now, key, message.number, refusal)
+        refusal = {'U': 'unreadable', 'R': 'refused'}.get(message.body)
+        source.receive(place, 'map', stamp, now, key, message.number, refusal)
+        if self.mode == 'ids' and place is not None:
+            source.track(key, message.time, np.array([(place, 0.0)]))
 
     # --- what is right
 
     @property
     def is_clear(self):
         """Whether the source gives no reason against clear."""
-        return not self.source.faults and 'T' not in self.bodies.placed.values()
+        return not self.source.faults and all(self.bodies.placed.values())
+
+    @property
+    def prediction(self):
+        """What is predicted of a footprint that stands."""
+        footprint, now = self.footprint, self.now * SECOND
+        footprint.time = now
+        still = Velocity((0.0,) * 3, (0.0,) * 3, TRANSFORMS)
+        footprint.motion.place(now, np.zeros((1, 2)), still)
+        footprint.contacts = {one for one, place in self.bodies.placed.items() if not place}
+        footprint.evaluate(now, '', self.source.faults, 0)
+        return predict(footprint, self.bodies, [self.source], now, HORIZON)
+
+    def is_late(self):
+        """Tell by the truth whether a time to collision is late, or given while unknown."""
+        found = self.prediction
+        if not found or not found.is_known or found.seconds == 0.0:
+            return False
+        if self.mode != 'ids':
+            return not self.may_be_clear()
+        counted = [one for one in self.known_graph if not self._is_ghost(one)]
+        newest = self._newest_ids(counted[0]) if len(counted) == 1 else None
+        return newest is None or any(
+            found.seconds > self._time_of(counted[0], message) + 1e-6
+            for message in newest.values())
+
+    def _time_of(self, one, last):
+        """Return when the obstacle of a message is at the footprint, never if it is unknown."""
+        before, taken = None, -math.inf
+        for message in one.delivered:
+            if message.key == last.key and message.time >= taken:
+                taken = message.time
+                is_apart = _LEAST_APART <= last.time - message.time <= _MOST_APART
+                before = message if is_apart and message.place is not None else before
+        if before is None or last.place is None:
+            return -math.inf
+        speed = (last.place - before.place) / (last.time - before.time) * SECOND
+        age = self.now - last.time / SECOND
+        if speed and age * SECOND > _MOST_APART:
+            return -math.inf
+        return max(time_of(last.place, speed) - age, 0.0)
 
     def may_be_clear(self):
         """Tell by the truth whether the promise lets the source be clear."""
@@ -386,22 +464,27 @@ class World:
 
     def _has_clear_ids(self, one):
         """Tell whether all of one timeout has come, with every key last seen far away."""
+        newest = self._newest_ids(one)
+        return newest is not None and all(message.place for message in newest.values())
+
+    def _newest_ids(self, one):
+        """Return the newest message of each key, None if not all of one timeout has come."""
         if not one.delivered:
-            return False
+            return None
         last = max(min(message.stamp, self.now * SECOND) for message in one.delivered)
         if last < (self.now - TIMEOUT) * SECOND:
-            return False
+            return None
         begin = last - TIMEOUT * SECOND
         # What was stamped at its very beginning is told again by its end.
         if any(not message.is_delivered for message in one.sent
                if message.stamp > begin and message.number < one.delivered[-1].number):
-            return False
+            return None
         newest = {}
         for message in one.delivered:
             held = newest.get(message.key)
             if message.stamp >= begin and (held is None or message.stamp >= held.stamp):
                 newest[message.key] = message
-        return all(message.body == 'F' for message in newest.values())
+        return newest
 
     def heals(self):
         """Let all faults end; return whether the source is known soon, and clear in the end."""

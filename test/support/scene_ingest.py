@@ -17,6 +17,7 @@
 import math
 
 from builders import box, serialised
+import numpy as np
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.messages.rejections import UNDECODABLE
 from sat_collision.monitor import Monitor
@@ -37,13 +38,19 @@ class ByPolygons:
 
     def __init__(self, settings):
         self.scene = Scene(settings)
-        self._sources = {source.name for source in settings.obstacles}
+        self._sources = {source.name: source for source in settings.obstacles}
 
     def place(self, name, ring, stamp, now, instance, number, frame_id='map'):
         body = Polygon(ring).packed if ring else None
-        if name in self._sources:
-            return self.scene.obstacle(name, body, frame_id, stamp, now, instance, number)
-        return self.scene.footprint(name, body, frame_id, stamp, now, number=number)
+        if name not in self._sources:
+            refusal = self.scene.footprint(name, body, frame_id, stamp, now, number=number)
+            if refusal is None and self.scene.is_tracked(name):
+                self.scene.track(name, np.array(ring))
+            return refusal
+        refusal = self.scene.obstacle(name, body, frame_id, stamp, now, instance, number)
+        if refusal is None and ring and self._sources[name].moving:
+            self.scene.track_obstacle(name, instance, np.array(ring), stamp, now)
+        return refusal
 
     def refuse(self, name, reason, stamp, now, instance, number):
         if reason == OTHER_FRAME:

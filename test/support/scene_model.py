@@ -27,7 +27,8 @@ from builders import SECOND
 from sat_collision.scene.obstacle_store import OTHER_FRAME
 from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
 import shapely
-from source_model import is_past, Message, nanoseconds, SourceModel
+from source_model import (
+    followed_by, is_past, Message, nanoseconds, SourceModel, velocity_of)
 
 
 class Place(NamedTuple):
@@ -36,6 +37,26 @@ class Place(NamedTuple):
     ring: tuple | None = None
     time: int | None = None
     fault: str = 'has not been received yet'
+    places: tuple = ()
+
+
+class Ahead(NamedTuple):
+    """
+    What a footprint moves towards: places of obstacles at its stamp, and how it comes to each.
+
+    `unknown` are the obstacles, of those, of which it is not known how they move.
+    """
+
+    ring: tuple
+    age: float
+    margin: float
+    others: list
+    unknown: set
+
+    def is_met(self, seconds, slack):
+        """Return whether from its stamp until so many seconds from now it meets any, but for m."""
+        return any(_is_met(self.ring, other, vx * (seconds + self.age), vy * (seconds + self.age),
+                           self.margin + slack) for other, vx, vy in self.others)
 
 
 class SceneModel:
@@ -47,6 +68,7 @@ class SceneModel:
 
     def __init__(self, settings):
         self.settings = settings
+        self.tracks_motion = True
         self._footprints = {one.name: Place() for one in settings.footprints}
         self._sources = {one.name: SourceModel(one) for one in settings.obstacles}
 
@@ -100,12 +122,18 @@ class SceneModel:
         if not last.fault and settings.timeout and not is_past(settings, last.time, now) and (
                 time < last.time):
             return OVERTAKEN
-        self._footprints[name] = Place(ring, time, '')
+        places = () if last.fault else last.places
+        if self.tracks_motion or settings.min_time_to_collision:
+            places = followed_by(places, time, ring)
+        self._footprints[name] = Place(ring, time, '', places)
         return None
 
     def obstacles(self, now):
         """Return source, key and ring of every obstacle; the key is the ring if no number."""
-        return [(name, one.key, one.ring) for name, source in self._sources.items()
+        return [(name, one.key, one.ring) for name, one in self._held(now)]
+
+    def _held(self, now):
+        return [(name, one) for name, source in self._sources.items()
                 for one in source.held(now) if one.ring]
 
     def state(self, name, now):
@@ -116,7 +144,7 @@ class SceneModel:
         own = settings.obstacles or self._sources
         monitored = [source for key, source in self._sources.items() if key in own]
         faults = self._faults(settings, monitored, now)
-        ring, time, fault = self._footprints[name]
+        ring, time, fault, _ = self._footprints[name]
         if not fault and is_past(settings, time, now):
             fault = f'is older than its timeout of {settings.timeout:g} s'
         if fault:
@@ -126,6 +154,27 @@ class SceneModel:
         if contacts:
             return 'collision', contacts, faults
         return 'unknown' if faults else 'clear', set(), faults
+
+    def ahead(self, name, now):
+        """Return what a footprint in no contact moves towards, None while that is unknown."""
+        settings, place = self.settings_of(name), self._footprints[name]
+        own = settings.obstacles or self._sources
+        velocity = self.state(name, now)[0] == 'clear' and velocity_of(place.places, place.time)
+        if not velocity or any(velocity) and now - place.time > 2 * SECOND:
+            return None
+        others, unknown = [], set()
+        for source, one in self._held(now):
+            moves = source in own and self.settings_of(source).moving
+            course = velocity_of(one.places, one.time) if moves else (0.0, 0.0)
+            if course is None:
+                unknown.add((source, one.key))
+            if source in own:
+                vx, vy = course or (0.0, 0.0)
+                since = (place.time - one.time) / SECOND
+                others.append((tuple((x + vx * since, y + vy * since) for x, y in one.ring),
+                               velocity[0] - vx, velocity[1] - vy))
+        return Ahead(place.ring, (now - place.time) / SECOND, self.settings.margin, others,
+                     unknown)
 
     def age(self, name, now):
         """Return a footprint's age in seconds, None if there is no good one."""
@@ -157,6 +206,18 @@ def with_one(settings, name, **changes):
 def separation(ring, other):
     """Return the distance of two bodies, 0 if they share a point."""
     return shapely.distance(_shape(ring), _shape(other))
+
+
+@lru_cache(maxsize=None)
+def _is_met(ring, other, x, y, margin):
+    """Return whether a body that moves straight by (x, y) comes within a margin of another."""
+    moved = [(a + x, b + y) for a, b in ring]
+    way = shapely.union_all([_shape(ring), _shape(moved), *(
+        shapely.convex_hull(shapely.MultiPoint([ring[k - 1], ring[k], moved[k - 1], moved[k]]))
+        for k in range(len(ring)))])
+    if margin < 0.0:
+        return bool(way.buffer(margin).intersects(_shape(other)))
+    return bool(shapely.distance(way, _shape(other)) <= margin)
 
 
 def _shape(ring):

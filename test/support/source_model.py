@@ -65,6 +65,7 @@ class Obstacle(NamedTuple):
     refusal: str | None
     time: int
     listing: int = 0
+    places: tuple = ()
 
 
 @dataclass
@@ -208,9 +209,33 @@ def place(settings, held, message, listing=0):
     before = held.pop(key, None)
     if before is None and len(held) >= settings.max_count:
         return False
-    held[key] = before if before and message.time < before.time else Obstacle(
-        key, None if message.refusal else message.ring, message.refusal, message.time, listing)
+    if before and message.time < before.time:
+        held[key] = before
+        return True
+    places = before.places if before else ()
+    if not message.refusal:
+        places = followed_by(places, message.time, message.ring)
+    held[key] = Obstacle(key, None if message.refusal else message.ring, message.refusal,
+                         message.time, listing, places)
     return True
+
+
+def followed_by(places, time, ring):
+    """Return the places of a body and the next one; one that is earlier is of other times."""
+    return *((t, r) for t, r in places if places[-1][0] <= time and t != time), (time, ring)
+
+
+def velocity_of(places, time):
+    """Return vx and vy in m/s of what moved without turning, None if it is not known at a time."""
+    last, ring = places[-1] if places else (None, ())
+    earlier = [place for place in places if last - place[0] >= 10 * SECOND // 1000]
+    if last != time or not earlier or last - earlier[-1][0] > 2 * SECOND:
+        return None
+    begin, before = earlier[-1]
+    moves = {(x - a, y - b) for (x, y), (a, b) in zip(ring, before)}
+    if len(ring) != len(before) or len(moves) > 1:
+        return None
+    return tuple(move * SECOND / (last - begin) for move in moves.pop())
 
 
 class SourceModel:

@@ -17,9 +17,11 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from operator import attrgetter
-from typing import NamedTuple, TypeAlias
+import pickle
+import tempfile
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,3 +121,43 @@ class Keyframes:
                  if span.name == name and not body.is_footprint]
         return min(found, default=(None, None), key=lambda one: float(np.max(np.maximum(
             one[1].min(axis=0) - place, place - one[1].max(axis=0)))))[0]
+
+
+class Tape:
+    """
+    A temporary file of where bodies were, until the moments of keyframes are known.
+
+    Parameters
+    ----------
+    most : int
+        How many bytes it may have.
+
+    Attributes
+    ----------
+    is_full : bool
+        Whether there was more than that: then nothing is kept.
+
+    """
+
+    def __init__(self, most: int) -> None:
+        self.is_full = False
+        self._most = most
+        self._file = tempfile.TemporaryFile(prefix='replay_check_')
+
+    def _write(self, event: tuple[Any, ...]) -> None:
+        if self.is_full:
+            return
+        pickle.dump(event, self._file, pickle.HIGHEST_PROTOCOL)
+        if self._file.tell() > self._most:
+            self.is_full = True
+            self._file.truncate(0)
+
+    def _events(self) -> Iterator[Any]:
+        """Yield what was written, in its order, and close the file."""
+        with self._file as file:
+            file.seek(0)
+            while True:
+                try:
+                    yield pickle.load(file)
+                except EOFError:
+                    return

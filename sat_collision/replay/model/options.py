@@ -54,7 +54,7 @@ class Options:
     sample : float
         As live, how often to measure the separation from the nearest obstacle.
     keyframes : bool
-        Keep where the bodies were, to be drawn; the recording is read once more.
+        Keep where the bodies were, to be drawn.
     write_bag : str or None
         As live, where to write what the node would have published.
     limits : Limits

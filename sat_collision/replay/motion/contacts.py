@@ -17,8 +17,9 @@
 from __future__ import annotations
 
 from bisect import bisect_left
+from collections import deque
 from collections.abc import Iterable
-from math import isnan
+from math import inf, isnan
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -32,7 +33,7 @@ from sat_collision.replay.model.result import (
 from sat_collision.replay.motion.kernels import measure_near, rows_near
 from sat_collision.replay.motion.tracker import Step
 from sat_collision.replay.motion.trajectories import (
-    Bodies, Floats, Integers, LinearMotion, Trajectory)
+    Bodies, Box, Floats, Integers, LinearMotion, Piece, Trajectory)
 from sat_collision.scene.obstacles import ObstacleId
 
 # What rounding may take from a separation or add to a way, in parts of the largest coordinate.
@@ -55,6 +56,8 @@ class ContactTracker:
 
     Attributes
     ----------
+    waiting : deque of Step
+        What is to be decided once the way is known.
     decided : bool
         Whether footprint and source were ever known at the same time.
     undetermined : int
@@ -63,6 +66,7 @@ class ContactTracker:
     """
 
     def __init__(self, trajectory: Trajectory, contacts: Contacts, margin: float) -> None:
+        self.waiting: deque[Step] = deque()
         self.decided = False
         self.undetermined = 0
         self._trajectory = trajectory
@@ -104,10 +108,11 @@ class ContactTracker:
         if box is None:
             return touching
         self.decided = True
-        least: tuple[float, int] | None = None
+        least = inf
+        nearest = -1
         body = self._trajectory.packed(seen.begin) if seen.begin == seen.end else None
         for gap, row, value in _by_gap(body, box, seen, None, self._margin):
-            if gap > self._margin and least is not None and gap > least[0]:
+            if gap > self._margin and gap > least:
                 break
             if isnan(value) or value <= self._margin:
                 time = int(seen.stamps[row])
@@ -125,11 +130,12 @@ class ContactTracker:
                     contact.found = AT_A_SAMPLE
                     self._contacts.deepen(contact, name, 0.0 - value, time,
                                           (outline, seen.polygon(row)))
-            if least is None or value < least[0]:
-                least = value, row
-        if least:
-            self._series.add(int(seen.stamps[least[1]]), least[0])
-            self._contacts.measure(seen, least[1], int(seen.stamps[least[1]]), least[0])
+            if value < least:
+                least, nearest = value, row
+        if nearest >= 0:
+            time = int(seen.stamps[nearest])
+            self._series.add(time, least)
+            self._contacts.measure(seen, nearest, time, least)
         return touching
 
     def _follow(self, motion: LinearMotion, followed: dict[ObstacleId, Contact],
@@ -175,7 +181,7 @@ class ContactTracker:
                 continue
             rows = motion.rows[still & (motion.starts <= time) & (time <= motion.finishes)]
             least = None
-            for gap, row, value in _by_gap(outline.packed, np.array(outline.bounds),
+            for gap, row, value in _by_gap(outline.packed, outline.bounds,
                                            motion.before, rows, -np.inf):
                 if least is not None and gap > least[0]:
                     break
@@ -237,7 +243,7 @@ class ContactTracker:
 class _Pair(NamedTuple):
     """A footprint and an obstacle from one time to another, both on straight motion; or back."""
 
-    piece: LinearMotion
+    piece: Piece
     motion: LinearMotion
     i: int
     begin: int
@@ -264,15 +270,15 @@ class _Pair(NamedTuple):
         return self._replace(begin=self.end, end=self.begin)
 
     def at(self, time: int) -> tuple[Polygon, Polygon]:
-        return self.piece.polygon(0, time), self.motion.polygon(self.i, time)
+        return self.piece.motion.polygon(0, time), self.motion.polygon(self.i, time)
 
     def rings(self) -> tuple[Floats, Floats, Floats, Floats]:
-        return (self.piece.ring(0, self.begin), self.piece.ring(0, self.end),
+        return (self.piece.motion.ring(0, self.begin), self.piece.motion.ring(0, self.end),
                 self.motion.ring(self.i, self.begin), self.motion.ring(self.i, self.end))
 
     def most_motion(self) -> float:
         """Return how far the two can come towards each other, metres."""
-        both = (self.piece, 0), (self.motion, self.i)
+        both = (self.piece.motion, 0), (self.motion, self.i)
         passed = abs(self.end - self.begin)
         moved: float = sum(motion.moved[i] * passed / max(motion.finishes[i] - motion.starts[i], 1)
                            for motion, i in both)
@@ -285,7 +291,7 @@ def _between(first: int, last: int) -> list[int]:
     return [first + (last - first) * part // 8 for part in (4, 2, 6, 1, 3, 5, 7)]
 
 
-def _by_gap(body: PackedBody | None, box: Floats, bodies: Bodies, rows: Integers | None,
+def _by_gap(body: PackedBody | None, box: Box, bodies: Bodies, rows: Integers | None,
             margin: float) -> list[tuple[float, int, float]]:
     """
     Return what `measure_near` finds, the nearest boxes first: gap, row and separation.
@@ -294,10 +300,10 @@ def _by_gap(body: PackedBody | None, box: Floats, bodies: Bodies, rows: Integers
     """
     if rows is None:
         rows = np.arange(len(bodies))
-    near, (gaps, values) = np.empty(len(rows), np.int64), np.empty((2, len(rows)))
-    rings = bodies.boxes, bodies.points, bodies.firsts, bodies.counts
-    found = measure_near(body or _NOTHING, box, rows, rings, margin, (near, gaps, values))
-    return sorted(zip(*(one[:found].tolist() for one in (gaps, near, values))))
+    found = np.empty((len(rows), 3))
+    count = measure_near(body or _NOTHING, box, rows, (bodies.boxes, bodies.points, bodies.rings),
+                         margin, found)
+    return [(gap, int(row), value) for gap, row, value in sorted(found[:count].tolist())]
 
 
 class Contacts:

@@ -35,31 +35,15 @@ _POINT = 3
 _FACTOR = 1_000_003
 _KEY_BITS = 2**42 - 1
 
-
-@kernel
-def may_repeat(data, starts, lengths):
-    """
-    Tell whether two rings may be the same to the bit; if they are, it is never denied.
-
-    The rings are as `describe` takes them.
-    """
-    words, _ = words_and_floats(data)
-    keys = np.empty(len(starts), np.int64)
-    for i in range(len(starts)):
-        start = starts[i] // _WORD
-        key = lengths[i]
-        for k in range(start, start + _POINT * lengths[i]):
-            key = (_FACTOR * key + np.int64(words[k])) & _KEY_BITS
-        keys[i] = key
-    keys.sort()
-    for i in range(1, len(keys)):
-        if keys[i] == keys[i - 1]:
-            return True
-    return False
+# What the numbers of a ring are: where its points start, how many they are, when it is there, and
+# whether it has come there from somewhere else.
+FIRST, COUNT, STAMP, MOVED = range(4)
+# And of a way: where its vertices end, when it begins, and when it ends.
+END, START, FINISH = range(3)
 
 
 @kernel
-def describe(data, starts, lengths, planes, stamps, out):
+def describe(data, starts, lengths, stamps, planes, out):
     """
     Write the points of rings, and where each is.
 
@@ -70,33 +54,39 @@ def describe(data, starts, lengths, planes, stamps, out):
         Where in it the points of each ring start: x, y and z of each as float32.
     lengths : (n,) array of int64
         How many points each ring has.
+    stamps : (n,) or (1,) array of int64
+        When each ring, or all, are there, ns.
     planes : (n, 6) array of float64
         The map that takes each ring to the frame that counts, as a PlaneMap; empty if none is
         needed.
-    stamps : (n,) array of int64
-        When each ring is there, ns.
     out : tuple
-        What is written: points, firsts, counts, boxes, centres.
+        What is written: points, rings, boxes.
     points : (v, 2) array of float64
-    firsts, counts : (n,) array of int64
-        Where each ring starts and how many points it has, without one that closes it.
+    rings : (n, 4) array of int64
+        FIRST and COUNT of the points of each, without one that closes it, STAMP and MOVED, which
+        is 0 until its way there is known.
     boxes : (n, 4) array of float64
         min x, min y, max x, max y.
-    centres : (n, 2) array of float64
-        The middle of the box: what a ring is known by from one set to the next.
 
     Returns
     -------
     begin, end : int
         When the first and the last ring is there; 0 if there is none.
+    may_repeat : bool
+        Whether two rings may be the same to the bit; if they are, it is never denied.
 
     """
-    _, values = words_and_floats(data)
-    points, firsts, counts, boxes, centres = out
-    start = 0
-    for i in range(len(lengths)):
+    words, values = words_and_floats(data)
+    points, rings, boxes = out
+    keys = np.empty(len(starts), np.int64)
+    start = begin = end = 0
+    for i in range(len(starts)):
         last = start + lengths[i] - 1
         at = starts[i] // _WORD
+        key = lengths[i]
+        for k in range(at, at + _POINT * lengths[i]):
+            key = (_FACTOR * key + np.int64(words[k])) & _KEY_BITS
+        keys[i] = key
         for k in range(start, last + 1):
             points[k, 0] = values[at]
             points[k, 1] = values[at + 1]
@@ -109,8 +99,11 @@ def describe(data, starts, lengths, planes, stamps, out):
                 points[k, 1] = planes[i, 3] * x + planes[i, 4] * y + planes[i, 5]
         closed = (last > start and points[start, 0] == points[last, 0]
                   and points[start, 1] == points[last, 1])
-        firsts[i] = start
-        counts[i] = lengths[i] - (1 if closed else 0)
+        stamp = stamps[i] if len(stamps) > 1 else stamps[0]
+        rings[i, FIRST] = start
+        rings[i, COUNT] = lengths[i] - (1 if closed else 0)
+        rings[i, STAMP] = stamp
+        rings[i, MOVED] = 0
         for axis in range(2):
             least = points[start, axis]
             most = least
@@ -119,15 +112,15 @@ def describe(data, starts, lengths, planes, stamps, out):
                 most = max(most, points[k, axis])
             boxes[i, axis] = least
             boxes[i, 2 + axis] = most
-            centres[i, axis] = 0.5 * least + 0.5 * most
         start = last + 1
-    if not len(stamps):
-        return 0, 0
-    begin = end = stamps[0]
-    for stamp in stamps:
-        begin = min(begin, stamp)
+        begin = min(begin, stamp) if i else stamp
         end = max(end, stamp)
-    return begin, end
+    keys.sort()
+    may_repeat = False
+    for i in range(1, len(keys)):
+        if keys[i] == keys[i - 1]:
+            may_repeat = True
+    return begin, end, may_repeat
 
 
 @kernel
@@ -171,23 +164,17 @@ def nearest_each(centres, others, order):
 
 
 @kernel
-def mutual_nearest(rings, other_rings, longest, rows, other_rows):
+def mutual_nearest(rings, boxes, next_rings, next_boxes, longest, rows, next_rows):
     """
     Write which rings of two sets are nearest to each other and have as many points.
 
     Parameters
     ----------
-    rings, other_rings : tuple
-        Centres, counts and stamps of the two sets, as follows.
-    centres, others : (n, 2) and (m, 2) array of float64
-        The centres of the rings of the two sets.
-    counts, other_counts : (n,) and (m,) array of int64
-        How many points they have.
-    stamps, other_stamps : (n,) and (m,) array of int64
-        When each was there, ns.
+    rings, boxes, next_rings, next_boxes : array
+        Of the two sets, as `describe` has them. What counts are the middles of the boxes.
     longest : int
         How much later the other may be at most, ns.
-    rows, other_rows : (n,) array of int64
+    rows, next_rows : (n,) array of int64
         Receive the rings of one set, and those of the other.
 
     Returns
@@ -196,23 +183,32 @@ def mutual_nearest(rings, other_rings, longest, rows, other_rows):
         How many there are.
 
     """
-    centres, counts, stamps = rings
-    others, other_counts, other_stamps = other_rings
+    centres = _middles(boxes)
+    others = _middles(next_boxes)
     there = nearest_each(centres, others, np.argsort(others[:, 0]))
     back = nearest_each(others, centres, np.argsort(centres[:, 0]))
     found = 0
     for i in range(len(centres)):
         j = there[i]
-        if (j >= 0 and back[j] == i and counts[i] == other_counts[j]
-                and 0 < other_stamps[j] - stamps[i] <= longest):
+        if (j >= 0 and back[j] == i and rings[i, COUNT] == next_rings[j, COUNT]
+                and 0 < next_rings[j, STAMP] - rings[i, STAMP] <= longest):
             rows[found] = i
-            other_rows[found] = j
+            next_rows[found] = j
             found += 1
     return found
 
 
 @kernel
-def motions_between(rings, rows, next_rings, next_rows, is_new, out):
+def _middles(boxes):
+    found = np.empty((len(boxes), 2))
+    for i in range(len(boxes)):
+        for axis in range(2):
+            found[i, axis] = 0.5 * boxes[i, axis] + 0.5 * boxes[i, 2 + axis]
+    return found
+
+
+@kernel
+def motions_between(points, rings, rows, next_points, next_rings, next_rows, out):
     """
     Write the ways of rings from one set to the next, vertex by vertex.
 
@@ -222,33 +218,22 @@ def motions_between(rings, rows, next_rings, next_rows, is_new, out):
 
     Parameters
     ----------
-    rings, next_rings : tuple
-        Points, firsts, counts and stamps of each set, as follows.
-    is_new : array of bool
-        Receives which of the next set come from somewhere else; empty if nobody asks.
-    out : tuple
-        What is written: array, ends, boxes, moved, starts, finishes.
-    points, next_points : (v, 2) array of float64
-        The points of all rings of a set, and of the next one.
-    firsts, next_firsts : (n,) array of int64
-        Where each ring starts.
-    counts : (n,) array of int64
-        How many points those of the first set have; the partners have as many.
-    stamps, next_stamps : (n,) array of int64
-        When each ring is there, ns.
+    points, rings, next_points, next_rings : array
+        Of each set, as `describe` has them; MOVED is set of those of the next set that come
+        from somewhere else.
     rows, next_rows : (m,) array of int64
-        Which ring becomes which.
+        Which ring becomes which, of as many points.
+    out : tuple
+        What is written: array, ways, boxes, moved.
     array : flat array of float64
         x, y before and x, y after of each vertex, ring after ring, as
         `moving.MovingBody` has it.
-    ends : (m,) array of int64
-        Where in it each ring ends.
+    ways : (m, 3) array of int64
+        Where in it each ring ends, and when each way begins and ends, ns.
     boxes : (m, 4) array of float64
         What bounds all of the way.
     moved : (m,) array of float64
         The way of the vertex that moves furthest, metres.
-    starts, finishes : (m,) array of int64
-        When each way begins and ends, ns.
 
     Returns
     -------
@@ -256,16 +241,14 @@ def motions_between(rings, rows, next_rings, next_rows, is_new, out):
         When the first begins and the last ends.
 
     """
-    points, firsts, counts, stamps = rings
-    next_points, next_firsts, _, next_stamps = next_rings
-    array, ends, boxes, moved, starts, finishes = out
+    array, ways, boxes, moved = out
     at = 0
-    begin = stamps[rows[0]]
-    end = next_stamps[next_rows[0]]
+    begin = rings[rows[0], STAMP]
+    end = next_rings[next_rows[0], STAMP]
     for r in range(len(rows)):
-        n = counts[rows[r]]
-        p = firsts[rows[r]]
-        q = next_firsts[next_rows[r]]
+        n = rings[rows[r], COUNT]
+        p = rings[rows[r], FIRST]
+        q = next_rings[next_rows[r], FIRST]
         step = 1
         if _twice_area(points, p, n) * _twice_area(next_points, q, n) < 0.0:
             step = -1
@@ -289,13 +272,13 @@ def motions_between(rings, rows, next_rings, next_rows, is_new, out):
             boxes[r, 2] = max(boxes[r, 2], max(x0, x1))
             boxes[r, 3] = max(boxes[r, 3], max(y0, y1))
         moved[r] = math.sqrt(most)
-        ends[r] = at
-        starts[r] = stamps[rows[r]]
-        finishes[r] = next_stamps[next_rows[r]]
-        begin = min(begin, starts[r])
-        end = max(end, finishes[r])
-        if len(is_new) and moved[r] > 0.0:
-            is_new[next_rows[r]] = True
+        ways[r, END] = at
+        ways[r, START] = rings[rows[r], STAMP]
+        ways[r, FINISH] = next_rings[next_rows[r], STAMP]
+        begin = min(begin, ways[r, START])
+        end = max(end, ways[r, FINISH])
+        if moved[r] > 0.0:
+            next_rings[next_rows[r], MOVED] = 1
     return begin, end
 
 
@@ -341,7 +324,7 @@ def rows_near(box, boxes, margin, rows):
 
 
 @kernel
-def measure_near(body, box, rows, rings, margin, out):
+def measure_near(body, box, rows, bodies, margin, found):
     """
     Measure how far a body is from rings, of all that may be nearest or within a margin.
 
@@ -350,23 +333,18 @@ def measure_near(body, box, rows, rings, margin, out):
     body : (flat array of float64, int)
         The packed body and its count; 0 to measure nothing, where each ring has another body
         to be measured with.
-    box : (4,) array of float64
+    box : four floats
         What bounds it.
     rows : (m,) array of int64
         The rings to be looked at.
-    rings : tuple
-        Boxes, points, firsts and counts of all, as `describe` has them.
+    bodies : tuple
+        Boxes, points and rings of all, as `describe` has them.
     margin : float
         In metres.
-    out : tuple
-        What is written: near, gaps, values.
-    near : (m,) array of int64
-        Receives the rings.
-    gaps : (m,) array of float64
-        Receives how far the boxes are apart, which is never more than the bodies are.
-    values : (m,) array of float64
-        Receives the separations as `distance.measure` has them; NaN of what is not measured, or
-        not convex.
+    found : (m, 3) array of float64
+        Receives of each ring how far the boxes are apart, which is never more than the bodies
+        are, its row, and its separation as `distance.measure` has it; NaN of what is not
+        measured, or not convex.
 
     Returns
     -------
@@ -375,9 +353,8 @@ def measure_near(body, box, rows, rings, margin, out):
 
     """
     outline, n = body
-    boxes, points, firsts, counts = rings
-    near, gaps, values = out
-    found = 0
+    boxes, points, rings = bodies
+    count = 0
     least = math.inf
     nearest = -1
     if n != 0:
@@ -389,26 +366,21 @@ def measure_near(body, box, rows, rings, margin, out):
                 nearest = row
         least = math.inf
     if nearest >= 0:
-        value = _separation(outline, n, points, firsts[nearest], counts[nearest])
-        near[0] = nearest
-        gaps[0] = _gap(box, boxes[nearest])
-        values[0] = value
-        found = 1
+        value = _separation(outline, n, points, rings[nearest])
+        found[0] = (_gap(box, boxes[nearest]), float(nearest), value)
+        count = 1
         if value < least:
             least = value
     for row in rows:
         gap = _gap(box, boxes[row])
         if row == nearest or gap > max(margin, least):
             continue
-        value = math.nan if n == 0 else _separation(
-            outline, n, points, firsts[row], counts[row])
-        near[found] = row
-        gaps[found] = gap
-        values[found] = value
-        found += 1
+        value = math.nan if n == 0 else _separation(outline, n, points, rings[row])
+        found[count] = (gap, float(row), value)
+        count += 1
         if value < least:
             least = value
-    return found
+    return count
 
 
 @kernel
@@ -420,10 +392,10 @@ def _gap(box, other):
 
 
 @kernel
-def _separation(outline, n, points, first, count):
+def _separation(outline, n, points, ring):
     """Return the separation of a packed body from a ring, NaN if that is not convex."""
-    packed = scratch(packed_size(count))
-    m = pack_ring(points, first, count, packed)
+    packed = scratch(packed_size(ring[COUNT]))
+    m = pack_ring(points, ring[FIRST], ring[COUNT], packed)
     if m == 0:
         return math.nan
     return measure(Packed(outline, 0, n), Packed(packed, 0, m))[0]

@@ -64,7 +64,7 @@ class StampOrder:
 
     def __iter__(self) -> Iterator[Timed]:
         by_header, waiting = self._by_header, self._waiting
-        latest = released = stamp = 0
+        latest = released = stamp = delay = 0
         last_topic, last_head, run = '', b'', [b'']
         for count, (topic, received, data) in enumerate(self._messages):
             head = data[:STAMP_SIZE]
@@ -72,8 +72,9 @@ class StampOrder:
                     by_header or -WINDOW <= received - stamp <= WINDOW):
                 run.append(data)
                 if not by_header:
-                    self.delay = received - stamp
-                    latest = max(latest, received)
+                    delay = received - stamp
+                    if received > latest:
+                        latest = received
                 continue
             run, last_head = [data], b''
             if topic == TF_STATIC:
@@ -91,14 +92,16 @@ class StampOrder:
                 time = received
             if time == stamp and topic != TF:
                 last_topic, last_head = topic, head
-            self.delay = received - time
+            delay = received - time
             if received > latest:
                 latest = received
             waiting.append((time, count, topic, run))
             if latest > released + 2 * WINDOW:
                 released = latest - WINDOW
+                self.delay = delay
                 yield from self._take(released)
                 last_head = b''
+        self.delay = delay
         yield from self._take(None)
 
     def _take(self, until: int | None) -> Iterator[Timed]:

@@ -137,7 +137,7 @@ class Prediction:
                time: int) -> _Found:
         """Return when the footprint first touches any of the bodies that move from a time on."""
         starts, finishes = motion.starts, motion.finishes
-        moved = motion.after.centres[motion.next_rows] - motion.before.centres[motion.rows]
+        moved = motion.after.middles[motion.next_rows] - motion.before.middles[motion.rows]
         velocities = moved / np.maximum(finishes - starts, 1)[:, None] * 1e9
         speeds = velocity.fastest(own.bounds) + np.hypot(*velocities.T)
         near = _gaps(np.array(own.bounds), motion.boxes) <= (

@@ -17,36 +17,20 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-import pickle
-import tempfile
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
-from sat_collision.replay.model.keyframes import Keyframes, ShownBody
+from sat_collision.replay.model.keyframes import Keyframes, ShownBody, Tape
 from sat_collision.replay.motion.tracker import LONGEST, Step, Tracker
 from sat_collision.replay.motion.trajectories import Bodies, Floats, LinearMotion, Trajectory
 from sat_collision.scene.obstacles import ObstacleId
 
 
-class Tape:
-    """
-    A temporary file of the motion by which contacts are decided.
-
-    Parameters
-    ----------
-    most : int
-        How many bytes it may have.
-
-    Attributes
-    ----------
-    is_full : bool
-        Whether there was more than that: then nothing is kept.
-
-    """
+class MotionTape(Tape):
+    """The motion by which contacts are decided, in a temporary file; see Tape."""
 
     def __init__(self, most: int) -> None:
-        self.is_full = False
-        self._most = most
-        self._file = tempfile.TemporaryFile(prefix='replay_check_')
+        super().__init__(most)
         self._numbers: dict[Tracker, int] = {}
         self._timeouts: dict[str, float] = {}
 
@@ -63,12 +47,12 @@ class Tape:
         """Keep a sample of a footprint; None if it is nowhere until its next one."""
         self._write((footprint, sample))
 
-    def develop(self, keyframes: Keyframes, end: int) -> None:
-        """Fill keyframes with what was kept; the recording ends at a time in ns."""
+    def develop(self, moments: Sequence[int], end: int) -> Keyframes:
+        """Return keyframes at some moments; the recording ends at a time in ns."""
+        keyframes = Keyframes(moments)
         trajectories = {name: Trajectory(timeout, LONGEST)
                         for name, timeout in self._timeouts.items()}
         motion = _Developer(keyframes)
-        self._file.seek(0)
         for key, event in self._events():
             if isinstance(event, Step):
                 motion.follow(key, event)
@@ -84,22 +68,7 @@ class Tape:
             trajectory.stand(end)
             motion.walk(name, trajectory)
         motion.finish(end)
-        self._file.close()
-
-    def _events(self) -> Any:
-        while True:
-            try:
-                yield pickle.load(self._file)
-            except EOFError:
-                return
-
-    def _write(self, event: tuple[int | str, Step | Bodies | None]) -> None:
-        if self.is_full:
-            return
-        pickle.dump(event, self._file, pickle.HIGHEST_PROTOCOL)
-        if self._file.tell() > self._most:
-            self.is_full = True
-            self._file.truncate(0)
+        return keyframes
 
 
 class _Sight(NamedTuple):

@@ -29,9 +29,8 @@ from itertools import chain, compress
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from sat_collision.messages.placement import Placement
-from sat_collision.replay.motion.kernels import may_repeat, mutual_nearest
+from sat_collision.replay.motion.kernels import COUNT, mutual_nearest
 from sat_collision.replay.motion.trajectories import (
     Bodies, Integers, LinearMotion, Rings, rings_of, stay)
 from sat_collision.scene.obstacles import ObstacleId
@@ -119,7 +118,7 @@ class Tracker(ABC):
                 placements: Iterable[Placement]) -> Bodies:
         """Return what has come in; there may be more names than rings."""
         frames = {placement.frame_id for placement in placements}
-        return Bodies(names[:len(rings.stamps)], rings, self._max_vertices,
+        return Bodies(names[:len(rings.starts)], rings, self._max_vertices,
                       frames.pop() if len(frames) == 1 else '')
 
     def _is_usable(self, placement: Placement) -> bool:
@@ -143,11 +142,11 @@ class SetTracker(Tracker):
         # What comes in, until the set is whole.
         self._pending: list[Placement] = []
         self._names: list[ObstacleId] = []
-        # The last set, when each of it was seen, and which rows may be seen again.
+        # The last set, when each of it was seen, and the rows that may be seen again.
         self._last: Bodies | None = None
         self._last_stamp = 0
         self._seen_at: Integers = np.zeros(0, np.int64)
-        self._alive: NDArray[np.bool_] = np.zeros(0, np.bool_)
+        self._alive: Sequence[int] = ()
 
     def place(self, placement: Placement) -> None:
         stamp = placement.stamp
@@ -170,21 +169,21 @@ class SetTracker(Tracker):
             self._close()
         last = self._last
         if last is None or not (is_over or now > self._last_stamp + self._longest) or (
-                not self._alive.any()):
+                not self._alive):
             return
-        alive = np.flatnonzero(self._alive).tolist()
+        alive, moving = self._alive, last.moving
         stamps, seen_at = last.stamps.tolist(), self._seen_at.tolist()
         ends = {row: min(now, seen_at[row] + self._timeout) for row in alive}
         until = {row: round(end) for row, end in ends.items()
-                 if not last.moving[row] and end > stamps[row]}
+                 if not moving[row] and end > stamps[row]}
         self.undetermined += max([0, *(round(ends[row]) - self._last_stamp
                                        for row in alive if row not in until)])
-        left = [row for row in until if seen_at[row] + self._timeout > now]
+        left = dict.fromkeys(row for row in until if seen_at[row] + self._timeout > now)
         self._emit(self, Step([stay(last, until)] if until else [], None,
                               [last.names[row] for row in alive if row not in left],
                               max(until.values(), default=self._last_stamp)))
-        self._alive = np.isin(np.arange(len(last)), left)
-        self._last = last.at(np.where(self._alive, now, last.stamps).tolist())
+        self._alive = [*left]
+        self._last = last.at([now if row in left else stamp for row, stamp in enumerate(stamps)])
         self._last_stamp = now
 
     def _close(self) -> None:
@@ -198,46 +197,44 @@ class SetTracker(Tracker):
         until: dict[int, int] = {}
         if last is not None:
             rows, next_rows = np.empty((2, len(last)), np.int64)
-            found = mutual_nearest(
-                (last.centres, last.counts, last.stamps),
-                (seen.centres, seen.counts, seen.stamps), self._longest, rows, next_rows)
+            found = mutual_nearest(last.rings, last.boxes, seen.rings, seen.boxes, self._longest,
+                                   rows, next_rows)
             rows, next_rows = rows[:found], next_rows[:found]
             if found:
                 motions.append(LinearMotion(last, seen, rows, next_rows))
             is_lost = found < len(last)
             if is_lost:
-                lost = self._alive.copy()
-                lost[rows] = False
+                lost = {*self._alive}.difference(rows.tolist())
+                moving = last.moving
                 # What was forgotten before this set was there until then.
-                for row in np.flatnonzero(lost & ~last.moving).tolist():
+                for row in sorted(lost):
                     end = int(self._seen_at[row]) + self._timeout
-                    if last.stamps[row] < end < stamp:
+                    if not moving[row] and last.stamps[row] < end < stamp:
                         until[row] = round(end)
                 if until:
                     motions.append(stay(last, until))
-                is_lost = len(until) < np.count_nonzero(lost)
+                is_lost = len(until) < len(lost)
             if found < len(seen) or is_lost:
                 self.undetermined += min(max(stamp - self._last_stamp, 0), self._longest)
         self._emit(self, Step(motions, seen, None, max(stamp, seen.end, *until.values())))
         self._last, self._last_stamp, self._seen_at = seen, stamp, seen.stamps
-        self._alive = np.ones(len(seen), np.bool_)
+        self._alive = range(len(seen))
 
     def _take_set(self) -> Bodies:
         """Return the set that came in; of bodies in the same place the last message counts."""
         pending, self._pending = self._pending, []
         rings = rings_of(pending)
         self._names += [ObstacleId(self._source, k)
-                        for k in range(len(self._names), len(rings.stamps))]
-        names = self._names
-        if may_repeat(*rings[:3]) or not all(map(self._is_usable, pending)):
+                        for k in range(len(self._names), len(rings.starts))]
+        seen = self._bodies(self._names, rings, pending)
+        if seen.may_repeat or not all(map(self._is_usable, pending)):
             shapes = {}
             for one in chain.from_iterable(placement.each() for placement in pending):
                 shapes[one.shape, one.plane] = one
             usable = [*map(self._is_usable, shapes.values())]
-            names = [*compress(names, usable)]
             pending = [*compress(shapes.values(), usable)]
-            rings = rings_of(pending)
-        return self._bodies(names, rings, pending)
+            seen = self._bodies([*compress(self._names, usable)], rings_of(pending), pending)
+        return seen
 
 
 class _Sighting(NamedTuple):
@@ -340,7 +337,7 @@ class KeyTracker(Tracker):
             if last is not None:
                 passed = stamp - last.stamp
                 if 0 < passed <= self._longest and (
-                        last.bodies.counts[last.row] == seen.counts[row]):
+                        last.bodies.rings[last.row, COUNT] == seen.rings[row, COUNT]):
                     found[id(last.bodies)] = last.bodies
                     followed[id(last.bodies)].append((last.row, row))
                 else:

@@ -19,6 +19,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections.abc import Mapping, Sequence
 import copy
+from functools import cached_property, reduce
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -31,7 +32,8 @@ from sat_collision.geometry.polygon import (
 from sat_collision.messages.cdr import POINT_SIZE, Points
 from sat_collision.messages.placement import Placement
 from sat_collision.messages.transform_listener import TransformListener
-from sat_collision.replay.motion.kernels import describe, motions_between, pack_ring
+from sat_collision.replay.motion.kernels import (
+    COUNT, describe, END, FINISH, FIRST, motions_between, MOVED, pack_ring, STAMP, START)
 from sat_collision.scene.frames import NoTransform
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.times import NEVER
@@ -42,7 +44,6 @@ Integers: TypeAlias = NDArray[np.int64]
 NUMBERS = 3  # a point's, in a message
 IDENTITY = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0
 NO_PLANES = np.empty((0, len(IDENTITY)))
-_NO_ROWS = np.empty(0, np.bool_)
 
 
 class Rings(NamedTuple):
@@ -54,18 +55,18 @@ class Rings(NamedTuple):
     data : bytes
     starts, lengths : (n,) array of int
         Where in it the points of each are, and how many.
+    stamps : (n,) or (1,) array of int
+        When each was there, or all, ns.
     planes : (n, 6) array
         The map that takes each to the frame that all are in; empty if they are in it.
-    stamps : (n,) array of int
-        When each was there, ns.
 
     """
 
     data: bytes
     starts: Integers
     lengths: Integers
-    planes: Floats
     stamps: Integers
+    planes: Floats
 
 
 def rings_of(placements: Sequence[Placement]) -> Rings:
@@ -74,7 +75,7 @@ def rings_of(placements: Sequence[Placement]) -> Rings:
         _, stamp, _, _, (data, start, count), *_ = placements[0]
         if isinstance(start, int) or isinstance(count, int):
             start, count = np.array([[start], [count]])
-        return Rings(data, start, count, NO_PLANES, np.full(len(start), stamp))
+        return Rings(data, start, count, np.array([stamp]), NO_PLANES)
     stamps: list[int] = []
     planes: list[PlaneMap | None] = []
     pieces, starts, lengths = [], [], []
@@ -96,8 +97,8 @@ def rings_of(placements: Sequence[Placement]) -> Rings:
     maps: Floats = NO_PLANES
     if any(plane is not None for plane in planes):
         maps = np.array([plane or IDENTITY for plane in planes])
-    return Rings(b''.join(pieces), np.array(starts, np.int64), np.array(lengths, np.int64), maps,
-                 np.array(stamps, np.int64))
+    return Rings(b''.join(pieces), np.array(starts, np.int64), np.array(lengths, np.int64),
+                 np.array(stamps, np.int64), maps)
 
 
 class Bodies:
@@ -116,37 +117,30 @@ class Bodies:
 
     Attributes
     ----------
-    stamps : (n,) array of int
-        When each was there, ns.
     begin, end : int
         When the first and the last one was there; 0 if there is none.
     points : (v, 2) array
         The points of all rings.
-    firsts, counts : (n,) array
-        Where each ring starts and how many points it has, without one that closes it.
+    rings : (n, 4) array of int
+        What `describe` says of each.
     boxes : (n, 4) array
         min x, min y, max x, max y.
-    centres : (n, 2) array
-    moving : (n,) array of bool
-        Which bodies are known to have come here from somewhere else.
+    may_repeat : bool
+        Whether two outlines may be the same to the bit.
 
     """
 
     def __init__(self, names: Sequence[ObstacleId], rings: Rings,
                  max_vertices: int = MAX_VERTICES, frame_id: str = '',
                  is_between: bool = False) -> None:
-        data, starts, lengths, planes, self.stamps = rings
         self.names = names
         self.frame_id = frame_id
         self.is_between = is_between
-        count = len(starts)
-        self.moving = np.zeros(count, np.bool_)
-        self.points = np.empty((len(data) // POINT_SIZE, 2))
-        self.firsts, self.counts = np.empty(count, np.int64), np.empty(count, np.int64)
-        self.boxes, self.centres = np.empty((count, 4)), np.empty((count, 2))
-        begin, end = describe(
-            data, starts, lengths, planes, self.stamps,
-            (self.points, self.firsts, self.counts, self.boxes, self.centres))
+        count = len(rings.starts)
+        self.points = np.empty((len(rings.data) // POINT_SIZE, 2))
+        self.rings: Integers = np.empty((count, 4), np.int64)
+        self.boxes = np.empty((count, 4))
+        begin, end, self.may_repeat = describe(*rings, (self.points, self.rings, self.boxes))
         self.begin, self.end = int(begin), int(end)
         self._max_vertices = max_vertices
         self._polygons: dict[int, Polygon] = {}
@@ -158,6 +152,22 @@ class Bodies:
         return {**self.__dict__, '_polygons': {}}
 
     @property
+    def stamps(self) -> Integers:
+        """When each was there, ns."""
+        return self.rings[:, STAMP]
+
+    @property
+    def moving(self) -> NDArray[np.bool_]:
+        """Which bodies are known to have come here from somewhere else."""
+        moving: NDArray[np.bool_] = self.rings[:, MOVED] != 0
+        return moving
+
+    @property
+    def middles(self) -> Floats:
+        """The middle of each box, (n, 2)."""
+        return 0.5 * self.boxes[:, :2] + 0.5 * self.boxes[:, 2:]
+
+    @property
     def moments(self) -> Sequence[int]:
         """All times at which one of them was there."""
         return [self.begin] if self.begin == self.end else self.stamps.tolist()
@@ -165,14 +175,15 @@ class Bodies:
     def at(self, stamps: Sequence[int]) -> Bodies:
         """Return the same bodies, in the same places at other times."""
         other = copy.copy(self)
-        other.stamps = np.array(stamps, np.int64)
+        other.rings = self.rings.copy()
+        other.rings[:, STAMP] = stamps
         other.begin, other.end = min(stamps), max(stamps)
         return other
 
     def ring(self, row: int) -> Floats:
         """Return the vertices of a body as received, (n, 2)."""
-        first = int(self.firsts[row])
-        return self.points[first:first + int(self.counts[row])]
+        first = self.rings[row, FIRST]
+        return self.points[first:first + self.rings[row, COUNT]]
 
     def polygon(self, row: int) -> Polygon:
         """Return a body."""
@@ -191,13 +202,11 @@ class LinearMotion:
     before, after : Bodies
     rows, next_rows : (m,) array of int, m >= 1
         Which body becomes which; both have as many vertices.
-    finishes : (m,) array of int, optional
+    finishes : sequence of int, optional
         When each way ends in ns; that of the body that it leads to where none is given.
 
     Attributes
     ----------
-    starts, finishes : (m,) array of int
-        When each way begins and ends.
     begin, end : int
         When the first one begins and the last one ends.
     boxes : (m, 4) array
@@ -208,34 +217,41 @@ class LinearMotion:
     """
 
     def __init__(self, before: Bodies, after: Bodies, rows: Integers, next_rows: Integers,
-                 finishes: Integers | None = None) -> None:
+                 finishes: Sequence[int] | None = None) -> None:
         self.before = before
         self.after = after
         self.rows = rows
         self.next_rows = next_rows
         count = len(rows)
         self._array = np.empty(STRIDE * len(before.points))
-        self._ends, self.starts = np.empty(count, np.int64), np.empty(count, np.int64)
-        self.finishes: Integers = np.empty(count, np.int64)
+        self._ways = np.empty((count, 3), np.int64)
         self.boxes, self.moved = np.empty((count, 4)), np.empty(count)
         begin, end = motions_between(
-            (before.points, before.firsts, before.counts, before.stamps), rows,
-            (after.points, after.firsts, after.counts, after.stamps), next_rows,
-            _NO_ROWS if after is before else after.moving,
-            (self._array, self._ends, self.boxes, self.moved, self.starts, self.finishes))
+            before.points, before.rings, rows, after.points, after.rings, next_rows,
+            (self._array, self._ways, self.boxes, self.moved))
         self.begin, self.end = int(begin), int(end)
         if finishes is not None:
-            self.finishes = finishes
-            self.end = int(finishes.max())
+            self._ways[:, FINISH] = finishes
+            self.end = max(finishes)
+
+    @property
+    def starts(self) -> Integers:
+        """When each way begins, ns."""
+        return self._ways[:, START]
+
+    @property
+    def finishes(self) -> Integers:
+        """When each way ends, ns."""
+        return self._ways[:, FINISH]
 
     def __len__(self) -> int:
         return len(self.rows)
 
     def ring(self, i: int, time: int) -> Floats:
         """Return the vertices of a body at a time on its way, (n, 2)."""
-        first = self._ends[i - 1] if i else 0
-        way: Floats = self._array[first:self._ends[i]].reshape(-1, STRIDE)
-        start, finish = int(self.starts[i]), int(self.finishes[i])
+        end, start, finish = self._ways[i].tolist()
+        first = self._ways[i - 1, END] if i else 0
+        way: Floats = self._array[first:end].reshape(-1, STRIDE)
         if time <= start:
             return way[:, :2]
         if time >= finish:
@@ -263,10 +279,54 @@ class LinearMotion:
 def stay(bodies: Bodies, until: Mapping[int, int]) -> LinearMotion:
     """Return the motion of bodies that stand where they are, of each row until a time."""
     rows = np.array(list(until), np.int64)
-    return LinearMotion(bodies, bodies, rows, rows, np.array(list(until.values()), np.int64))
+    return LinearMotion(bodies, bodies, rows, rows, list(until.values()))
 
 
 _ONE = np.zeros(1, np.int64)
+# min x, min y, max x, max y.
+Box: TypeAlias = tuple[float, float, float, float]
+
+
+class Piece:
+    """
+    The way of a footprint from one sample to the next, or one sample alone.
+
+    Parameters
+    ----------
+    before, after : Bodies
+
+    Attributes
+    ----------
+    begin, end : int
+        In ns.
+    box : Box
+        What bounds all of it.
+
+    """
+
+    def __init__(self, before: Bodies, after: Bodies) -> None:
+        self.before = before
+        self.after = after
+        self.begin, self.end = before.begin, after.begin
+        self.box: Box = tuple(before.boxes[0].tolist())
+        if after is not before:
+            self.box = _around(self.box, after.boxes[0].tolist())
+
+    @cached_property
+    def motion(self) -> LinearMotion:
+        """The way, vertex by vertex."""
+        return LinearMotion(self.before, self.after, _ONE, _ONE)
+
+    def ring(self, time: int) -> Floats:
+        """Return the vertices at a time on the way, (n, 2); those of a sample as received."""
+        if self.begin < time < self.end:
+            return self.motion.ring(0, time)
+        return (self.before if time <= self.begin else self.after).ring(0)
+
+
+def _around(box: Sequence[float], other: Sequence[float]) -> Box:
+    (a, b, c, d), (e, f, g, h) = box, other
+    return min(a, e), min(b, f), max(c, g), max(d, h)
 
 
 class Trajectory:
@@ -298,7 +358,7 @@ class Trajectory:
         self._longest = min(timeout, longest)
         self.latest: int | None = None
         self.undetermined = 0
-        self._pieces: list[LinearMotion] = []
+        self._pieces: list[Piece] = []
         self._starts: list[int] = []
         self._last: tuple[int, Bodies] | None = None
         self._outline: tuple[int, Polygon | None] = -1, None
@@ -310,13 +370,14 @@ class Trajectory:
             return
         self._last, self.latest = (time, sample), time
         if begin is None or time < begin:
-            self._append(LinearMotion(sample, sample, _ONE, _ONE))
+            self._append(Piece(sample, sample))
         elif time > begin:
-            if time - begin <= self._longest and last.counts[0] == sample.counts[0]:
-                self._append(LinearMotion(last, sample, _ONE, _ONE))
+            if time - begin <= self._longest and (
+                    last.rings[0, COUNT] == sample.rings[0, COUNT]):
+                self._append(Piece(last, sample))
             else:
                 self.undetermined += round(min(time - begin, self._longest))
-                self._append(LinearMotion(sample, sample, _ONE, _ONE))
+                self._append(Piece(sample, sample))
 
     def lose(self) -> None:
         """Mark that the footprint is nowhere until its next sample."""
@@ -341,20 +402,20 @@ class Trajectory:
 
     def drop_before(self, time: int) -> None:
         """Forget the pieces that end before a time."""
-        count = 0
-        while count < len(self._pieces) - 1 and self._pieces[count].end < time:
-            count += 1
-        if count:
-            del self._pieces[:count], self._starts[:count]
+        while len(self._pieces) > 1 and self._pieces[0].end < time:
+            del self._pieces[0], self._starts[0]
 
-    def pieces(self, start: int, finish: int) -> list[tuple[int, int, LinearMotion]]:
+    def pieces(self, start: int, finish: int) -> list[tuple[int, int, Piece]]:
         """Return the beginning and the end of each piece between two times, with its way."""
         starts, pieces = self._starts, self._pieces
         k = max(bisect_right(starts, start) - 1, 0)
+        if starts and starts[k] <= start < finish <= pieces[k].end and (
+                not k or pieces[k - 1].end <= start):
+            return [(start, finish, pieces[k])]
         # Pieces of no length may share their time with the end of the one before.
         while k > 0 and pieces[k - 1].end >= start:
             k -= 1
-        found: list[tuple[int, int, LinearMotion]] = []
+        found: list[tuple[int, int, Piece]] = []
         while k < len(starts) and starts[k] <= finish:
             begin, end = max(starts[k], start), min(pieces[k].end, finish)
             # An instant that is the end of the piece before, or begins the next, adds nothing.
@@ -365,17 +426,13 @@ class Trajectory:
             k += 1
         return found
 
-    def bounds(self, start: int, finish: int) -> Floats | None:
+    def bounds(self, start: int, finish: int) -> Box | None:
         """Return what bounds the footprint between two times, None if it is nowhere then."""
         if start == finish:
             piece = self._piece_at(start)
-            return None if piece is None else piece.boxes[0]
-        found = self.pieces(start, finish)
-        if len(found) < 2:
-            return found[0][2].boxes[0] if found else None
-        boxes = [piece.boxes[0] for _, _, piece in found]
-        box: Floats = np.concatenate([np.min(boxes, axis=0)[:2], np.max(boxes, axis=0)[2:]])
-        return box
+            return None if piece is None else piece.box
+        boxes = [piece.box for _, _, piece in self.pieces(start, finish)]
+        return reduce(_around, boxes) if boxes else None
 
     def samples(self, after: int, until: int) -> list[int]:
         """Return the stamps of the samples after one time and until another."""
@@ -389,14 +446,14 @@ class Trajectory:
         """Return the piece that begins at a time and leads on from there, None if none does."""
         for k in range(bisect_left(self._starts, time), bisect_right(self._starts, time)):
             if self._pieces[k].end > time:
-                return self._pieces[k]
+                return self._pieces[k].motion
         return None
 
     def packed(self, time: int) -> PackedBody | None:
         """Return where the footprint was at a time as `outline` does, packed."""
         piece = self._piece_at(time)
         if piece is not None and self._outline[0] != time:
-            ring = piece.ring(0, time)
+            ring = piece.ring(time)
             array = indexable(np.empty(packed_size(len(ring))))
             if count := pack_ring(ring, 0, len(ring), array):
                 return array, count
@@ -412,11 +469,11 @@ class Trajectory:
     def _find_outline(self, time: int) -> Polygon | None:
         piece = self._piece_at(time)
         try:
-            return None if piece is None else piece.polygon(0, time)
+            return None if piece is None else piece.motion.polygon(0, time)
         except PolygonError:
             return None
 
-    def _piece_at(self, time: int) -> LinearMotion | None:
+    def _piece_at(self, time: int) -> Piece | None:
         """Return the first piece that has a time; those that meet there end in one sample."""
         found = None
         for k in range(bisect_right(self._starts, time) - 1, -1, -1):
@@ -425,7 +482,7 @@ class Trajectory:
             found = self._pieces[k]
         return found
 
-    def _append(self, piece: LinearMotion) -> None:
+    def _append(self, piece: Piece) -> None:
         if self._starts and piece.begin < self._starts[-1]:
             # The clock of the stamps was set back: what was before belongs to another time.
             self._pieces.clear()

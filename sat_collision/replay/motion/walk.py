@@ -30,7 +30,7 @@ from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.model.result import Contact, FootprintResult, Unknown, Unknowns
 from sat_collision.replay.motion.contacts import Contacts, ContactTracker
 from sat_collision.replay.motion.prediction import Prediction
-from sat_collision.replay.motion.tape import Tape
+from sat_collision.replay.motion.tape import MotionTape
 from sat_collision.replay.motion.tracker import (
     Emit, KeyTracker, LONGEST, SetTracker, Step, Tracker)
 from sat_collision.replay.motion.trajectories import Bodies, Poses, rings_of, Trajectory
@@ -82,11 +82,11 @@ class Sweep:
         self.timeout = round(settings.timeout * 1e9) or NEVER
         self._margin = margin
         self._keep = keep
+        self._longest = round(2 * min(self.timeout, LONGEST))
         self.trajectory = Trajectory(self.timeout, LONGEST)
         self.contacts = Contacts(result, contacts, self.trajectory)
         self.prediction = (None if horizon is None
                            else Prediction(settings, self.trajectory, horizon, margin))
-        self._waiting: dict[Tracker, deque[Step]] = {}
         self._contact_trackers: dict[Tracker, ContactTracker] = {}
 
     @property
@@ -101,22 +101,22 @@ class Sweep:
 
     def queue(self, tracker: Tracker, step: Step, now: int) -> None:
         """Take a step, to be decided when the way is known."""
-        if tracker not in self._contact_trackers:
+        one = self._contact_trackers.get(tracker)
+        if one is None:
             if step.seen is not None and not len(step.seen):
                 return
-            self._contact_trackers[tracker] = ContactTracker(
+            one = self._contact_trackers[tracker] = ContactTracker(
                 self.trajectory, self.contacts, self._margin)
-            self._waiting[tracker] = deque()
-        self._waiting[tracker].append(step)
-        if self._is_due(self._waiting[tracker][0], now):
+        one.waiting.append(step)
+        if one.waiting[0].finish <= self._known_until(now):
             self.advance(now)
 
     def advance(self, now: int) -> None:
         """Decide what can be decided."""
-        for tracker, waiting in self._waiting.items():
-            while waiting and self._is_due(waiting[0], now):
-                self.trajectory.stand(waiting[0].finish)
-                self._decide(tracker, waiting.popleft())
+        for one in self._contact_trackers.values():
+            while one.waiting and one.waiting[0].finish <= self._known_until(now):
+                self.trajectory.stand(one.waiting[0].finish)
+                self._decide(one)
         if self.trajectory.latest is not None:
             self.trajectory.drop_before(self.trajectory.latest - self._keep)
             if self.prediction:
@@ -124,29 +124,27 @@ class Sweep:
 
     def use_frame(self, frame_id: str) -> None:
         """Drop what is to be decided in another frame than this."""
-        for tracker, waiting in self._waiting.items():
-            self._waiting[tracker] = deque(
-                step for step in waiting if step.frame_id == frame_id)
+        for one in self._contact_trackers.values():
+            one.waiting = deque(step for step in one.waiting if step.frame_id == frame_id)
 
     def finish(self, end: int) -> None:
         """Decide all that is left."""
         self.trajectory.stand(end)
-        for tracker, waiting in self._waiting.items():
-            for step in waiting:
-                self._decide(tracker, step)
-            self._contact_trackers[tracker].finish()
+        for one in self._contact_trackers.values():
+            while one.waiting:
+                self._decide(one)
+            one.finish()
 
-    def _decide(self, tracker: Tracker, step: Step) -> None:
-        self._contact_trackers[tracker].decide(step)
+    def _decide(self, one: ContactTracker) -> None:
+        step = one.waiting.popleft()
+        one.decide(step)
         if self.prediction:
             self.prediction.look_ahead(step)
 
-    def _is_due(self, step: Step, now: int) -> bool:
-        """Return whether the way through a step is known, or no sample of it will come."""
-        latest = self.trajectory.latest
-        if latest is not None and step.finish <= latest:
-            return True
-        return now > step.finish + 2 * min(self.timeout, LONGEST)
+    def _known_until(self, now: int) -> int:
+        """Return until when the way is known, or no sample of it will come."""
+        over, latest = now - self._longest - 1, self.trajectory.latest
+        return over if latest is None else max(latest, over)
 
 
 class Motion:
@@ -160,7 +158,7 @@ class Motion:
         What is known of frames, for footprints that have an outline.
     results : list of FootprintResult
         To be filled in.
-    tape : Tape, optional
+    tape : MotionTape, optional
         To be filled, for a drawing.
     horizon : float, optional
         How far ahead to look for collisions, s; without, none are predicted.
@@ -173,7 +171,7 @@ class Motion:
     """
 
     def __init__(self, settings: Settings, transforms: TransformListener,
-                 results: list[FootprintResult], tape: Tape | None = None,
+                 results: list[FootprintResult], tape: MotionTape | None = None,
                  horizon: float | None = None) -> None:
         self.contacts: list[Contact] = []
         self._now = 0

@@ -303,7 +303,7 @@ def test_import_that_fails_is_bad_input(two_bags, missing):
     assert (result.returncode, result.stdout) == (3, '')
     line, = result.stderr.splitlines()
     assert line.startswith(f'replay_check: cannot start: {missing} is not installed')
-    assert ('pip install pyyaml' in line) is (missing == 'yaml')
+    assert ('pip install pyyaml rosbags' in line) is (missing == 'yaml')
     result = run(two_bags[0], '--debug', program=program)
     assert result.returncode == 3 and 'Traceback' in result.stderr
 

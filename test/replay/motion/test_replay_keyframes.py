@@ -134,15 +134,16 @@ def test_moments_are_dense_around_contacts_and_few_in_all(tmp_path):
     assert max(b - a for a, b in zip(moments, moments[1:])) < 2e9
 
 
-def test_keyframes_changes_nothing_and_the_recording_is_read_once(tmp_path, monkeypatch):
+@pytest.mark.parametrize('as_live', (False, True), ids=('motion', 'live'))
+def test_keyframes_changes_nothing_and_the_recording_is_read_once(tmp_path, monkeypatch, as_live):
     """Without one nothing is kept; with one the result is the same."""
     path = write(tmp_path / 'bag', drive())
-    plain = check(path)
+    plain = check(path, Options(as_live=as_live))
     read = []
     messages = Recording.messages
     monkeypatch.setattr(Recording, 'messages', lambda self, *arguments: (
         read.append(self) or messages(self, *arguments)))
-    result = with_keyframes(path)
+    result = with_keyframes(path, as_live=as_live)
     assert plain.keyframes is None and result.keyframes and len(read) == 1
     result.keyframes = None
     assert plain == result

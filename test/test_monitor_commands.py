@@ -222,6 +222,25 @@ def test_both_byte_orders_and_both_types_are_read():
         decode_command(command(1.0)[:8] + b'\xff\xff\xff\xff' + command(1.0)[12:])
 
 
+def test_whatever_bytes_come_are_taken_or_refused_in_words():
+    """Each prefix, each byte changed, of both orders: never raised, and no byte in the words."""
+    world = World(AHEAD)
+    world.move(0.1, 0.0)
+    taken = 0
+    for order in '<>':
+        good = command(1.0, 0.5, 0.1, world.now, 'base', order)
+        for data in (*(good[:k] for k in range(len(good))),
+                     *(good[:k] + bytes([good[k] ^ flip]) + good[k + 1:]
+                       for k in range(len(good)) for flip in (1, 0x80, 0xff))):
+            text = world.send(data)
+            assert text is None or text.isprintable()
+            velocity = world.scene.velocity('robot')
+            assert (text is not None) == isinstance(velocity, str)
+            assert text or all(abs(value) <= 1000 for value in velocity.twist)
+            taken += text is None
+    assert 100 < taken < world.monitor.received['robot.cmd_vel'] - 200
+
+
 def test_none_of_another_time_counts():
     """The clock was set back."""
     world = World(AHEAD)

@@ -360,7 +360,7 @@ def test_a_jump_back_begins_anew(robot):
 
 
 def test_a_jump_back_is_seen_by_a_message_first(robot):
-    """It must not be moved by what was told of that time before the jump."""
+    """It must not be moved by what was received of that time before the jump."""
     robot.time = 0.5
     robot.see(box(9), 0.5, 'base')
     assert robot.bounds == [] and 'lidar' in robot.monitor.waiting
@@ -429,7 +429,7 @@ def test_names_that_are_too_long_are_refused(robot):
 
 
 def test_who_makes_up_names_takes_a_bounded_part_of_the_memory(robot):
-    """And frames that are known go on being told."""
+    """And frames that are known go on being received."""
     for k in range(110):
         robot.tell(TF, *((f'odom{k}', f'frame{k}_{i}', robot.now, 0.0, 0.0) for i in range(100)))
     assert set(robot.reasons) == {'too many frames'}

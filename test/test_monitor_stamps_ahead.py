@@ -29,7 +29,7 @@ PUBLISHED = FootprintSettings('robot', '/robot')
 
 
 class World:
-    """A monitor that is told of a robot, whose x it knows; times are seconds since START."""
+    """A monitor that receives a robot, whose x it knows; times are seconds since START."""
 
     def __init__(self, footprint):
         self.kind = footprint
@@ -89,7 +89,7 @@ def test_age_counts_from_the_clock():
 
 @pytest.mark.parametrize('now, at', [(23, 12), (24, 20), (29, 20), (30, 30), (99, 30)])
 def test_the_newest_time_until_now(now, at):
-    """The one until which each frame on the way has been told of, whatever is above them."""
+    """The one until which each frame on the way has been received, whatever is above them."""
     frames = Frames(10 * SECOND)
     for parent, child, *stamps in (('odom', 'base', 12, 24, 36), ('odom', 'map', 10, 20, 30),
                                    ('earth', 'odom', 1, 2)):

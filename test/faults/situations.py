@@ -365,7 +365,7 @@ def _busy_monitor(stage: Stage) -> None:
 
 def _beside(topic: str, right: dict[str, Any], wrong: dict[str, Any],
             other: dict[str, Any] | None = None) -> Callable[[Stage], None]:
-    """Have one publisher tell of the contact and one not, which goes, unless only it is heard."""
+    """Have one publisher send the contact and one not, which goes, unless only it is received."""
     def act(stage: Stage) -> None:
         if other:
             stage.publish(**other)
@@ -397,7 +397,7 @@ def _tracker_killed_beside(stage: Stage) -> None:
 
 
 def _tracker_killed(stage: Stage) -> None:
-    # It is told of after 0.0, 1.6 and 3.2 s.
+    # It is sent after 0.0, 1.6 and 3.2 s.
     stage.publish(publishers.tracks, obstacles={0: (1.6, 0.0), 1: (0.1, 0.0)}, killed=4.6,
                   **_IDS).process.join()
     stage.wait(2.5)
@@ -516,10 +516,10 @@ SITUATIONS = {
         _lasting(3.0, publishers.refused, **kind, **options), 1.0, {**parameters, **_SHORT})
        for keys, parameters, kind in (('id', _BY_ID, _IDS), ('shape', _BY_SHAPE, {}))
        for what, options in _REFUSED.items()},
-    'the obstacles of a best-effort publisher are not heard, those of another are': Situation(
+    'the obstacles of a best-effort publisher are not received, those of another are': Situation(
         _beside('/obstacles', {'script': publishers.sets, 'count': 1, 'qos': BEST_EFFORT},
                 {'script': publishers.sets, 'sees': False})),
-    'the footprints of a best-effort publisher are not heard, those of another are': Situation(
+    'the footprints of a best-effort publisher are not received, those of another are': Situation(
         _beside('/footprint', {'script': publishers.robot, 'qos': BEST_EFFORT},
                 {'script': publishers.robot, 'x': 50.0}, {'script': publishers.sets}),
         footprint=False),
@@ -537,7 +537,7 @@ SITUATIONS = {
         _tracker_killed_beside, 22.0, _BY_ID),
     'an id with an older stamp after a newer one': Situation(
         _lasting(3.0, publishers.track_out_of_order, **_IDS), 1.0, {**_BY_ID, **_SHORT}),
-    'a tracker is killed 1.4 s after it told of the contact': Situation(
+    'a tracker is killed 1.4 s after it sent the contact': Situation(
         _tracker_killed, 2.0, _BY_ID),
     'a footprint stamped 0.9 s ahead': Situation(
         _ahead(publishers.robot_ahead, '/footprint'), footprint=False, is_short=True),

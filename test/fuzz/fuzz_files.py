@@ -15,7 +15,7 @@
 """
 Damaged recordings and parameter files, made by chance: python test/fuzz/fuzz_files.py --help.
 
-Whatever is done to a file, nothing is raised; and a recording that is told to be in order has
+Whatever is done to a file, nothing is raised; and a recording that is said to be in order has
 every message that was written. Where a format has checksums the messages are the very same,
 unless the damage makes one 0: in MCAP that says that there is none.
 """
@@ -191,7 +191,7 @@ def targets(folder):
 
 
 def fuzz(count, seed, said=lambda text: None):
-    """Try so many damaged files; the first that fails is told, and kept."""
+    """Try so many damaged files; the first that fails is named."""
     with tempfile.TemporaryDirectory() as folder:
         made = targets(Path(folder))
         begun = time.monotonic()

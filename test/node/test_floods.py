@@ -57,7 +57,7 @@ def process(domain, monkeypatch):
 @pytest.mark.skipif(not COMPILED, reason='a comb takes plain Python seconds')
 @pytest.mark.parametrize('kind', ['1024-gons', 'combs of 1024', '4-gons', 'truncated', 'NaN'])
 def test_flood_of_one_topic(process, domain, kind):
-    """A contact with what the other topic told is seen soon, and so is a signal."""
+    """A contact with what came on the other topic is seen soon, and so is a signal."""
     peer = Peer(domain)
     node = process(*NODE)
     peer.until(peer.status, 'a state')
@@ -72,9 +72,9 @@ def test_flood_of_one_topic(process, domain, kind):
             peer.spin(0.03)
             return peer.contacts() == met
         peer.until(seen, f'contact with {met}', SOON)
-    heard = peer.listen('~/collision')
-    before = len(heard)
-    peer.until(lambda: len(heard) > before + 10, 'regular flags', SOON)
+    received = peer.listen('~/collision')
+    before = len(received)
+    peer.until(lambda: len(received) > before + 10, 'regular flags', SOON)
     node.send_signal(signal.SIGTERM)
     assert node.wait(timeout=SOON) == 0
     assert flooder.poll() is None, 'it was flooded to the end'
@@ -101,17 +101,17 @@ def test_starts_and_stops(domain):
 
 
 def test_publishers_that_come_and_go(start):
-    """Each is heard, none is kept."""
+    """Each is received, none is kept."""
     monitor = start()
     counts = []
     for _ in range(60):
         before = monitor.received['obstacle']
         publisher = monitor.publisher('obstacles')
 
-        def heard():
+        def received():
             monitor.send_set('obstacles', APART)
             return monitor.received['obstacle'] > before
-        monitor.until(heard, 'a message')
+        monitor.until(received, 'a message')
         monitor.node.destroy_publisher(publisher)
         monitor._publishers.clear()
         counts.append(held())

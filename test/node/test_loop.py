@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The loop: batches, rests, fairness, and what is told of messages that come too fast."""
+"""The loop: batches, rests, fairness, and what is reported of messages that come too fast."""
 
 from contextlib import contextmanager
 import itertools
@@ -89,14 +89,14 @@ def test_set_that_arrives_at_once_is_seen_whole(pausable):
     monitor.send('footprint', ROBOT)
     monitor.send_set('obstacles', TOUCHING)
     monitor.await_state('collision')
-    heard = monitor.listen('~/collision')
-    monitor.until(lambda: heard and heard[-1].data)
-    del heard[:]
+    received = monitor.listen('~/collision')
+    monitor.until(lambda: received and received[-1].data)
+    del received[:]
     with monitor.waiting():
         monitor.send_set('obstacles', *(box(10 + 2 * k, 5) for k in range(99)), TOUCHING)
-    before = len(heard)
-    monitor.until(lambda: monitor.contacts() == ['obstacle/99'] and len(heard) > before)
-    assert all(flag.data for flag in heard)
+    before = len(received)
+    monitor.until(lambda: monitor.contacts() == ['obstacle/99'] and len(received) > before)
+    assert all(flag.data for flag in received)
 
 
 def test_contact_within_a_batch_is_published(pausable):
@@ -105,27 +105,27 @@ def test_contact_within_a_batch_is_published(pausable):
     both = monitor.listen('~/footprint/collision'), monitor.listen('~/collision')
     monitor.send('footprint', ROBOT)
     monitor.send_set('obstacles', APART, instance=1)
-    monitor.until(lambda: all(heard and not heard[-1].data for heard in both))
-    before = [len(heard) for heard in both]
+    monitor.until(lambda: all(received and not received[-1].data for received in both))
+    before = [len(received) for received in both]
     with monitor.waiting():
         for polygon in (TOUCHING, APART):
             monitor.send('obstacles', polygon, instance=1)
-    for heard, start in zip(both, before):
+    for received, start in zip(both, before):
         # A last flag of before may come late.
-        monitor.until(lambda: any(flag.data for flag in heard[start:]) and not heard[-1].data,
-                      'a rise and a fall')
+        monitor.until(lambda: any(flag.data for flag in received[start:])
+                      and not received[-1].data, 'a rise and a fall')
 
 
 def test_contact_within_the_first_batch(pausable):
     """Before anything has been published at all."""
     monitor = pausable(**MAP_OF_IDS, unknown_is_collision=False)
     monitor.paused = True
-    heard = monitor.listen('~/collision')
+    received = monitor.listen('~/collision')
     with monitor.waiting():
         monitor.send('footprint', ROBOT)
         for polygon in (TOUCHING, APART, []):
             monitor.send('obstacles', polygon, instance=1)
-    monitor.until(lambda: any(flag.data for flag in heard), 'a rise')
+    monitor.until(lambda: any(flag.data for flag in received), 'a rise')
     monitor.await_state('clear')
 
 

@@ -170,7 +170,7 @@ def test_first_message_of_a_publisher_is_told_of(looped):
 
 
 def test_first_message_in_the_middle_of_a_queue(looped):
-    """What came before it is received first, then the publisher is told of, then it is."""
+    """What came before it is received first, then its publisher is reported, then it itself."""
     peer, looped = looped
     receiver = Recorder()
     begin = receiver.begin_stream
@@ -361,16 +361,16 @@ def test_other_subscriptions_are_served(looped, turns_before):
     """As that to the clock; so is one that the node makes while it runs."""
     peer, looped = looped
     receiver = Recorder()
-    heard = []
+    received = []
     with looped(receiver) as one:
         one.run(lambda: receiver.ticks > turns_before)
         turns = itertools.count()
 
         def is_heard():
             if next(turns) == turns_before:
-                looped.node.create_subscription(PolygonStamped, 'more', heard.append, 10)
+                looped.node.create_subscription(PolygonStamped, 'more', received.append, 10)
             if receiver.ticks % 5 == 0:
                 peer.publisher('more').publish(PolygonStamped())
-            return heard or receiver.ticks > 1000
+            return received or receiver.ticks > 1000
         one.run(is_heard)
-    assert heard
+    assert received

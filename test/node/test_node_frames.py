@@ -60,7 +60,7 @@ def test_bodies_are_placed_by_tf(start_with_tf):
 
 
 def test_what_was_latched_before_the_start_is_known(domain, start_with_tf):
-    """A robot description is told once."""
+    """A robot description is sent once."""
     before = Peer(domain)
     publisher = before.node.create_publisher(PolygonStamped, '/tf_static', LATCHED)
     publisher.publish(transforms(('odom', 'camera', 0, 0.5, 0.0)))

@@ -302,7 +302,7 @@ def mapped(start, join):
 
 
 def test_latched_map_of_a_publisher_that_restarts(mapped, join):
-    """What it tells anew replaces what was told, be it more or less."""
+    """What it sends anew replaces what it sent before, be it more or less."""
     monitor, mapper = mapped
     for points, state in ((TOUCHING, 'collision'), (APART, 'clear')):
         mapper.node.destroy_publisher(mapper._publishers.pop('/map'))
@@ -322,7 +322,7 @@ def test_latched_map_of_a_source_that_is_disabled_and_enabled(mapped):
 
 
 def test_latched_map_beside_which_somebody_publishes_once(mapped, join):
-    """As `ros2 topic pub --once` does: what it told is forgotten once it has gone."""
+    """As `ros2 topic pub --once` does: what it sent is forgotten once it has gone."""
     monitor, _ = mapped
     once = join('once')
     publish_map(once, TOUCHING)
@@ -354,7 +354,7 @@ def test_publisher_that_comes_and_goes_between_two_looks_at_the_graph(start, joi
 
 
 def test_latched_map_over_a_clock_that_is_set_back(start, join):
-    """What has no time stays; the footprint is told anew."""
+    """What has no time stays; the footprint is sent anew."""
     monitor, mapper = start(use_sim_time=True, **MAP), join('mapper')
     monitor.set_clock(3600 * SECOND)
     publish_map(mapper, APART)

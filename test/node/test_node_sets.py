@@ -101,7 +101,7 @@ def test_set_window_decides_what_is_one_set(start):
 def test_order_within_a_set_means_nothing(start, gap):
     """Eleven obstacles a set: the one on the robot comes first, last or between."""
     monitor = start(**LASTING)
-    heard = monitor.listen('~/collision')
+    received = monitor.listen('~/collision')
     monitor.send('footprint', ROBOT)
     places = [TOUCHING, *(box(5 + x, 5) for x in range(10))]
     for number in range(10):
@@ -112,7 +112,7 @@ def test_order_within_a_set_means_nothing(start, gap):
         monitor.send('obstacles', [], stamp)
         monitor.spin(0.05)
     monitor.await_state('collision')
-    raised = [message.data for message in heard]
+    raised = [message.data for message in received]
     assert len(raised) > 10 and all(raised[raised.index(True):])
 
 
@@ -141,14 +141,14 @@ def test_thousands_of_obstacles_a_set_are_all_taken(start):
     monitor = start(**LASTING)
     monitor.publisher('obstacles', qos=10_000)
     monitor.send('footprint', ROBOT)
-    heard = monitor.listen('~/collision')
+    received = monitor.listen('~/collision')
     for _ in range(3):
         monitor.send_set('obstacles', *(box(5 + k % 50, 5 + k // 50) for k in range(2998)),
                          TOUCHING)
         monitor.spin(0.3)
     monitor.until(lambda: monitor.received['obstacle'] == 9000, 'all messages')
     monitor.await_state('collision')
-    raised = [message.data for message in heard]
+    raised = [message.data for message in received]
     assert all(raised[raised.index(True):])
     assert not monitor.monitor._monitor.lost
 

@@ -101,7 +101,7 @@ def test_instance_that_is_not_refreshed_is_forgotten(start):
 
 
 def test_instance_is_not_forgotten_by_time_alone(start):
-    """The tracker dies: its source is unknown before what it told of is forgotten."""
+    """The tracker dies: its source is unknown before what it sent is forgotten."""
     monitor = start(**IDS)
     monitor.send('footprint', ROBOT)
     until_with_ids(monitor, 'clear', i1=APART, i2=APART)

@@ -75,7 +75,7 @@ def lines_until(process, words):
 
 
 def test_node_that_may_write_nowhere(start, place):
-    """Neither package nor home: it says so in a line each, runs, and ends as told."""
+    """Neither package nor home: it says so in a line each, runs, and ends when asked to."""
     forbid_writing(place)
     node = start('-m', 'sat_collision.node', NUMBA_DISABLE_JIT='1')
     lines = lines_until(node, 'on /obstacles')
@@ -204,7 +204,7 @@ def test_interrupt_at_some_moment_of_the_first_replay(start, place, seed):
 
 
 def test_interrupt_of_a_compiler(start, place):
-    """In code from a string, with an object half made, whose end fails: only it is told, once."""
+    """In code from a string, with an object half made, whose end fails: only that is said."""
     (place / 'home' / 'interrupted.py').write_text("""
 import os, signal, sys
 from sat_collision.replay import __main__

@@ -119,7 +119,7 @@ def test_without_change_all_is_repeated_at_publish_rate(start):
     monitor = start(publish_rate=5.0)
     topics = [monitor.listen(topic) for topic in ('~/collision', '~/footprint/collision',
                                                   '~/state')]
-    monitor.until(lambda: all(len(heard) > 7 for heard in topics))
+    monitor.until(lambda: all(len(received) > 7 for received in topics))
     assert max(map(len, topics)) < 20
     stamps = [to_ns(array.header.stamp) / SECOND for array in topics[-1]]
     # One that comes late is followed by one in time.
@@ -132,8 +132,8 @@ def test_states_are_repeated_with_a_fresh_stamp_and_age(start):
     monitor.send('footprint', ROBOT)
     monitor.until(lambda: monitor.state() and values(monitor.status())['age'])
     before, age = monitor.now(), float(values(monitor.status())['age'])
-    heard = monitor.listen('~/state')
-    monitor.until(lambda: to_ns(heard[-1].header.stamp) > before)
+    received = monitor.listen('~/state')
+    monitor.until(lambda: to_ns(received[-1].header.stamp) > before)
     monitor.until(lambda: float(values(monitor.status())['age']) > age)
 
 

@@ -38,7 +38,7 @@ def send_pair(monitor, obstacle, stamp):
 
 
 def test_before_the_first_clock_nothing_is_known(start):
-    """Contact or not, without time no age can be told; publishing goes on regardless."""
+    """Contact or not, without time no age is known; publishing goes on regardless."""
     monitor = start(use_sim_time=True)
     send_pair(monitor, APART, HOUR)
     monitor.until(lambda: monitor.received.total() == 3)
@@ -82,10 +82,10 @@ def test_state_is_published_while_the_clock_stands_still(start):
     monitor.set_clock(HOUR)
     send_pair(monitor, TOUCHING, HOUR)
     monitor.await_state('collision')
-    heard = monitor.listen('~/collision')
-    monitor.until(lambda: heard)
-    count = len(heard)
-    monitor.until(lambda: len(heard) > count + 5, 'regular flags')
+    received = monitor.listen('~/collision')
+    monitor.until(lambda: received)
+    count = len(received)
+    monitor.until(lambda: len(received) > count + 5, 'regular flags')
 
 
 def test_backward_jump_drops_everything_until_fresh_data(start):

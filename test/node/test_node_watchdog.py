@@ -112,9 +112,9 @@ def test_the_alarm_ends_with_the_stall(start, stall):
         running.until(running.flag, 'the flag raised')
         stalled.release()
         running.until(lambda: running.flag() is False)
-        heard = len(running.listen('~/collision'))
-        running.until(lambda: len(running.listen('~/collision')) > heard + 2)
-        assert not any(flag.data for flag in running.listen('~/collision')[heard:])
+        received = len(running.listen('~/collision'))
+        running.until(lambda: len(running.listen('~/collision')) > received + 2)
+        assert not any(flag.data for flag in running.listen('~/collision')[received:])
 
 
 def test_without_a_watchdog(start, stall):
@@ -123,9 +123,9 @@ def test_without_a_watchdog(start, stall):
     running.send_set('obstacles', box(5, 5))
     clear(running)
     stalled = stall(running)
-    heard = len(running.listen('~/collision'))
+    received = len(running.listen('~/collision'))
     running.spin(1.5)
-    assert not any(flag.data for flag in running.listen('~/collision')[heard:])
+    assert not any(flag.data for flag in running.listen('~/collision')[received:])
     stalled.release()
 
 
@@ -138,9 +138,9 @@ def test_watchdog_may_be_changed(start, stall):
     running.logged('parameter watchdog was changed from 1.0 to 30.0')
     running.until(lambda: health(running).get('watchdog: changed') == 'from 1.0 to 30.0')
     stalled = stall(running)
-    heard = len(running.listen('~/collision'))
+    received = len(running.listen('~/collision'))
     running.spin(1.5)
-    assert not any(flag.data for flag in running.listen('~/collision')[heard:])
+    assert not any(flag.data for flag in running.listen('~/collision')[received:])
     stalled.release()
 
 
@@ -163,20 +163,20 @@ def process(domain):
 
 @pytest.mark.parametrize('number', (signal.SIGKILL, signal.SIGSTOP))
 def test_dds_tells_of_a_dead_monitor(process, domain, number):
-    """Killed or stopped: a subscriber that asks for deadline and liveliness is told of either."""
+    """Killed or stopped: DDS reports it to a subscriber that asks for deadline and liveliness."""
     monitor = process()
     peer = Peer(domain)
-    late, lost, heard = [], [], []
+    late, lost, received = [], [], []
     qos = QoSProfile(depth=10, deadline=Duration(seconds=0.4),
                      liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
                      liveliness_lease_duration=Duration(seconds=0.6))
     peer.node.create_subscription(
-        Bool, '/footprint_monitor/collision', heard.append, qos,
+        Bool, '/footprint_monitor/collision', received.append, qos,
         event_callbacks=SubscriptionEventCallbacks(
             deadline=late.append,
             liveliness=lambda event: lost.append(event) if event.not_alive_count_change > 0
             or event.alive_count_change < 0 else None))
-    peer.until(lambda: len(heard) > 5, 'flags')
+    peer.until(lambda: len(received) > 5, 'flags')
     del late[:], lost[:]
     monitor.send_signal(number)
     # Without them DDS tells of who was killed after 20 s, and never of who was stopped.

@@ -247,7 +247,7 @@ def test_senseless_values_at_start_end_in_one_line(declare, values, words):
     ('margin', 0.5), ('resolution', 0.5), ('max_batch_delay', 0.0),
 ])
 def test_what_is_live_can_be_set_while_running(declare, name, value):
-    """A change is told at once, with settings that have it and are otherwise the same."""
+    """A change is reported at once, with settings that have it and are otherwise the same."""
     node, parameters = declare()
     before = parameters.settings
     told = []

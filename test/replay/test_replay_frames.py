@@ -107,7 +107,7 @@ def test_transforms_that_come_too_late_make_the_robot_unknown(tmp_path):
 
 
 def test_static_frames_are_known_from_a_later_start_on(tmp_path):
-    """They were told once, at the beginning."""
+    """They were sent once, at the beginning."""
     result = run(tmp_path / 'bag', drive(), start=1.0)
     assert result.verdict is Verdict.COLLISION
     assert all(set(source.rejected) <= {'no transform'} for source in result.sources)

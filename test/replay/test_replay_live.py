@@ -76,7 +76,7 @@ def test_live_node_and_replay_publish_the_same(start, tmp_path, name):
     """
     bag = published(name, STORAGES[NAMES.index(name) % 2])
     monitor = start(use_sim_time=True, publish_rate=50.0)
-    heard = monitor.listen('~/state', 10_000)
+    received = monitor.listen('~/state', 10_000)
     flags = monitor.listen('~/collision', 10_000)
     sent = 0
     stamps = []
@@ -90,7 +90,7 @@ def test_live_node_and_replay_publish_the_same(start, tmp_path, name):
         stamps.append(stamp)
         monitor.set_clock(stamp + SECOND // 16)
         wait(lambda: monitor.monitor._scene.deadline > stamp + SECOND // 16)
-    monitor.until(lambda: heard and to_ns(heard[-1].header.stamp) > stamp, 'the last state')
+    monitor.until(lambda: received and to_ns(received[-1].header.stamp) > stamp, 'the last state')
     check(bag, Options(clock='header', as_live=True, write_bag=str(tmp_path / 'out'),
                        parameters={'publish_rate': 50.0}))
     states, raised = [], []
@@ -101,6 +101,6 @@ def test_live_node_and_replay_publish_the_same(start, tmp_path, name):
                 states.append(message)
             elif connection.topic == '/footprint_monitor/collision':
                 raised.append(message.data)
-    assert between(stamps[2], stamp, heard) == between(stamps[2], stamp, states)
+    assert between(stamps[2], stamp, received) == between(stamps[2], stamp, states)
     raised = without_repetition(raised)[2:]
     assert without_repetition(flag.data for flag in flags)[-len(raised):] == raised

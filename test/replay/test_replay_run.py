@@ -105,7 +105,7 @@ def test_contact_that_lasts_to_the_end_is_said_to(tmp_path):
 
 
 def test_deepening_by_the_footprint_alone_is_seen(tmp_path):
-    """The obstacle is told once, the robot drives into it."""
+    """The obstacle is sent once, the robot drives into it."""
     messages = [('/obstacles', 0.0, box(2))]
     messages += [('/footprint', 0.1 + k / 10, box(x)) for k, x in enumerate([0, 1.25, 1.5, 1.0])]
     result = check(write(tmp_path / 'bag', messages), LIVE)

@@ -66,7 +66,7 @@ def test_changed_are_footprints_that_gained_or_lost_a_contact(contacts, robot):
 
 
 def test_body_placed_where_it_is_stays_as_it_is(contacts):
-    """It is told apart from one that has moved, and from one that is nowhere."""
+    """It differs from one that has moved, and from one that is nowhere."""
     person, = obstacles(contacts, 1)
     assert contacts.place_obstacle(person, square(1).packed)
     polygon = person.polygon
@@ -107,7 +107,7 @@ def test_body_in_the_row_of_a_removed_one_is_another(contacts, robot):
 
 
 def test_margin_decides_all_pairs_anew(contacts, robot):
-    """Footprints for which nothing changes by it are not told of."""
+    """Footprints for which nothing changes by it are not reported."""
     cart = Footprint(CART)
     near, far = obstacles(contacts, 2)
     contacts.place_footprint(robot, square(0).packed)

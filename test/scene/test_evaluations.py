@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which states are told as changed, and which footprints are evaluated for that."""
+"""Which states are reported as changed, and which footprints are evaluated for that."""
 
 import pytest
 from sat_collision.scene.footprints import Footprint
@@ -141,7 +141,7 @@ def test_state_that_came_and_went_is_no_change():
 
 
 def test_collision_that_came_and_went_is_told_as_brief():
-    """Until the changes are told; one that stays, or was reported before, is none."""
+    """Until the changes are reported; one that stays, or was reported before, is none."""
     stage = clear_stage()
     stage.scene.changes()
     stage.see(0.5)

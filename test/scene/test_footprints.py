@@ -18,8 +18,8 @@ from dataclasses import replace
 
 import pytest
 from stage import (
-    CART, clear_stage, findings, LIDAR, NOT_RECEIVED, PATIENT_LIDAR, PATIENT_ROBOT, ROBOT,
-    Stage, TOO_OLD, with_robot)
+    CART, clear_stage, LIDAR, NOT_RECEIVED, PATIENT_LIDAR, PATIENT_ROBOT, ROBOT, Stage,
+    status_and_reasons, TOO_OLD, with_robot)
 
 
 def test_footprint_goes_stale_by_its_stamp():
@@ -255,7 +255,7 @@ def test_settings_of_a_footprint_changed_while_running():
 
 
 def test_rise_is_never_delayed():
-    """Whatever the release delay, a contact is told at once, and so is doubt."""
+    """Whatever the release delay, a contact is reported at once, and so is an unknown state."""
     stage = Stage(footprints=[PATIENT_ROBOT], release_delay=0.5)
     stage.robot()
     stage.send(5)
@@ -350,7 +350,7 @@ def test_faults_of_other_sources_are_nothing_to_it():
     silent = ('obstacle source lidar on /polygons has been silent for longer than its timeout of '
               '2 s')
     refused = 'obstacle source dock on /dock sent what was refused: not finite'
-    assert findings(stage) == ('clear', ())
+    assert status_and_reasons(stage) == ('clear', ())
     assert stage.state('cart').reasons == (silent,)
     assert stage.state('all').reasons == (refused, silent)
 
@@ -359,4 +359,4 @@ def test_nothing_is_known_with_all_own_sources_disabled():
     """Though another one is enabled and well."""
     stage = stage_of('walls')
     stage.scene.update(replace(stage.settings, obstacles=(DOCK, replace(WALLS, enabled=False))))
-    assert findings(stage) == ('unknown', ('none of its obstacle sources is enabled',))
+    assert status_and_reasons(stage) == ('unknown', ('none of its obstacle sources is enabled',))

@@ -39,7 +39,7 @@ def rolled(degrees):
 
 
 class Tree:
-    """Frames with short ways to say what they are told and asked."""
+    """Frames with short ways to give them transforms and ask for places."""
 
     def __init__(self, **limits):
         limits = {'max_gap': SECOND // 2, 'max_tilt': math.radians(5), **limits}
@@ -340,7 +340,7 @@ def test_the_last_kind_of_a_frame_counts(tree):
 
 
 def test_two_publishers_of_one_frame_have_the_last_word_each():
-    """Their stamps interleave; at each stamp the frame is where it was told to be."""
+    """Their stamps interleave; at each stamp the frame is where its transform says."""
     rng = np.random.default_rng(3)
     tree = Tree()
     told = {}
@@ -405,7 +405,7 @@ def test_from_one_frame_to_another_is_the_way_back_after_the_way_there(random_tu
 @pytest.mark.parametrize('sign', (1.0, -1.0))
 @pytest.mark.parametrize('angle', (0.0, 1e-9, 0.3, 1.0, 3.0))
 def test_half_way_is_half_the_angle_and_half_the_distance(angle, sign):
-    """Also where one is told by the opposite quaternion, which means the same rotation."""
+    """Also where one is given by the opposite quaternion, which means the same rotation."""
     axis = np.array([1.0, 2.0, 2.0]) / 3
     one, start = turned(axis, 0.4, (1, 2, 3))
     two, _ = turned(axis, 0.4 + angle, (3, 2, 7))

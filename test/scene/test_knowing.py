@@ -190,7 +190,7 @@ def a_time_is_given_while_unknown(patch):
 
 
 def what_moved_moves_on_for_ever(patch):
-    patch.setattr(prediction, '_VELOCITY_LASTS', 10**18)
+    patch.setattr(prediction, 'VELOCITY_LASTS', 10**18)
 
 
 def what_moved_is_where_it_was(patch):

@@ -20,8 +20,8 @@ from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.settings import ObstacleSettings
 from sat_collision.scene.sources import Source
 from stage import (
-    ACCUMULATED, EVERY_KIND, findings, INSTANCES, KEYED, known_stage, LIDAR, LIDAR_SAYS,
-    nanoseconds, REFUSED, square, START, with_robot)
+    ACCUMULATED, EVERY_KIND, INSTANCES, KEYED, known_stage, LIDAR, LIDAR_SAYS, nanoseconds,
+    REFUSED, square, START, status_and_reasons, with_robot)
 
 
 def test_refused_obstacle_of_a_set_counts_until_the_next_is_whole():
@@ -33,15 +33,15 @@ def test_refused_obstacle_of_a_set_counts_until_the_next_is_whole():
     stage.see(30)
     stage.end()
     assert stage.held == {0: (9, 10), 2: 30}
-    assert findings(stage) == ('unknown', (REFUSED + 'not finite',))
+    assert status_and_reasons(stage) == ('unknown', (REFUSED + 'not finite',))
     stage.see(0.5, name='radar')
-    assert findings(stage) == ('collision', (REFUSED + 'not finite',))
+    assert status_and_reasons(stage) == ('collision', (REFUSED + 'not finite',))
     stage.send(name='radar', stamp=0.0)
     stage.wait_until(0.1)
     stage.see(11)
-    assert findings(stage) == ('collision', (REFUSED + 'not finite',))
+    assert status_and_reasons(stage) == ('collision', (REFUSED + 'not finite',))
     stage.end()
-    assert findings(stage) == ('collision', ())
+    assert status_and_reasons(stage) == ('collision', ())
 
 
 def test_refused_instance_counts_until_it_is_good_or_forgotten():
@@ -51,7 +51,7 @@ def test_refused_instance_counts_until_it_is_good_or_forgotten():
         stage.refuse(instance=1)
         stage.wait_until(0.5)
         stage.see(10, instance=2)
-        assert findings(stage) == ('unknown', (REFUSED + 'not finite',))
+        assert status_and_reasons(stage) == ('unknown', (REFUSED + 'not finite',))
         if is_mended:
             stage.see(10, instance=1)
         else:
@@ -60,7 +60,7 @@ def test_refused_instance_counts_until_it_is_good_or_forgotten():
             assert stage.status() == 'unknown'
             stage.wait_until(2.001)
             stage.see(10, instance=2)
-        assert findings(stage) == ('clear', ())
+        assert status_and_reasons(stage) == ('clear', ())
 
 
 @EVERY_KIND
@@ -75,19 +75,19 @@ def test_message_that_tells_neither_stamp_nor_id_is_a_gap(settings):
     assert stage.status() == 'unknown'
     stage.see(10, instance=1)
     stage.end()
-    assert findings(stage) == ('clear', ())
+    assert status_and_reasons(stage) == ('clear', ())
 
 
 def test_refused_shape_is_a_gap():
     """Of what accumulates, a refused polygon has no key."""
     stage = known_stage(ACCUMULATED)
     stage.refuse('self-intersecting')
-    assert findings(stage) == ('unknown', (
+    assert status_and_reasons(stage) == ('unknown', (
         LIDAR_SAYS + 'has not been received for its timeout of 2 s without a gap since a message '
         'was refused: self-intersecting',))
     stage.wait_until(2.0)
     stage.end()
-    assert findings(stage) == ('clear', ())
+    assert status_and_reasons(stage) == ('clear', ())
 
 
 def test_reasons_for_refusal_are_named_once_each():
@@ -115,10 +115,10 @@ def test_set_beyond_max_count_is_unknown_until_a_set_fits():
             stage.see(x)
         assert stage.status() == ('clear' if time == 0.1 else 'unknown')
         assert stage.see(30) == stage.see(40) == 'too many obstacles'
-        assert findings(stage) == ('unknown', (REFUSED + 'too many obstacles',))
+        assert status_and_reasons(stage) == ('unknown', (REFUSED + 'too many obstacles',))
     stage.wait_until(0.3)
     stage.send(12, 22)
-    assert findings(stage) == ('clear', ())
+    assert status_and_reasons(stage) == ('clear', ())
 
 
 @KEYED
@@ -131,13 +131,13 @@ def test_more_keys_than_max_count_are_a_gap(settings):
     assert sorted(stage.held.values()) == [10, 20]
     stage.wait_until(1.999)
     stage.see(20, instance=2)
-    assert findings(stage) == ('unknown', (
+    assert status_and_reasons(stage) == ('unknown', (
         LIDAR_SAYS + 'has not been received for its timeout of 2 s without a gap since there '
         'were too many obstacles',))
     stage.wait_until(2.001)
     stage.end()
     assert stage.see(40, instance=4) is None
-    assert findings(stage) == ('clear', ())
+    assert status_and_reasons(stage) == ('clear', ())
 
 
 @EVERY_KIND

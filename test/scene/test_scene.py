@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a scene of one or two footprints is told, and what it tells."""
+"""What a scene of one or two footprints receives, and what it reports."""
 
 from dataclasses import replace
 

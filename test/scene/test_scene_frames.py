@@ -150,7 +150,7 @@ def test_refused_footprint_does_not_choose_the_frame():
 
 
 class Desk:
-    """Takes numbers that are at most `ready`, and notes what it is told."""
+    """Takes numbers that are at most `ready`, and notes what it is given."""
 
     def __init__(self):
         self.ready = 0

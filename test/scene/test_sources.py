@@ -22,8 +22,8 @@ from sat_collision.scene.settings import ObstacleSettings
 from sat_collision.scene.sources import TOO_OLD
 from sat_collision.scene.streams import Endpoint
 from stage import (
-    EVERY_KIND, findings, INSTANCES, KEYED, known_stage, LIDAR, LIDAR_SAYS,
-    NOTHING_SENT, PATIENT_LIDAR, REFUSED, Stage, with_robot)
+    EVERY_KIND, INSTANCES, KEYED, known_stage, LIDAR, LIDAR_SAYS, NOTHING_SENT, PATIENT_LIDAR,
+    REFUSED, Stage, status_and_reasons, with_robot)
 
 
 def test_instances_are_known_by_their_id():
@@ -43,7 +43,7 @@ def test_older_polygon_of_an_id_changes_nothing():
     stage.see(0.5, instance=1)
     assert stage.see(10, stamp=-0.1, instance=1) is None
     stage.refuse(stamp=-0.1, instance=1)
-    assert findings(stage) == ('collision', ())
+    assert status_and_reasons(stage) == ('collision', ())
     stage.see(10, instance=1)
     assert stage.status() == 'clear'
 
@@ -83,10 +83,10 @@ def test_last_whole_set_stays_until_the_source_is_unknown():
     stage.wait_until(1.0)
     stage.see(20)
     stage.wait_until(2.0)
-    assert findings(stage) == ('collision', ())
+    assert status_and_reasons(stage) == ('collision', ())
     stage.wait_until(2.001)
-    assert findings(stage) == ('unknown', (LIDAR_SAYS + 'has not sent a whole set for longer '
-                                           'than its timeout of 2 s',))
+    assert status_and_reasons(stage) == (
+        'unknown', (LIDAR_SAYS + 'has not sent a whole set for longer than its timeout of 2 s',))
     assert stage.held == {0: 20}
 
 
@@ -110,7 +110,7 @@ def test_obstacle_is_forgotten_where_no_reason_changes_with_it():
     stage.wait_until(2.4)
     assert stage.status() == 'collision'
     stage.wait_until(2.401)
-    assert findings(stage) == (
+    assert status_and_reasons(stage) == (
         'unknown', (LIDAR_SAYS + 'has been silent for longer than its timeout of 2 s',))
 
 
@@ -146,15 +146,15 @@ def test_timeout_0_keeps_what_was_received(settings):
     stage = with_robot(replace(settings, timeout=0.0))
     stage.see(10, instance=1)
     stage.wait_until(1.0)
-    assert findings(stage) == ('unknown', (
+    assert status_and_reasons(stage) == ('unknown', (
         LIDAR_SAYS + 'sends its map: known once it ends with an empty polygon, or pauses for '
         'settle_time, 1 s',))
     stage.wait_until(1e6)
     assert list(stage.held.values()) == [10]
-    assert findings(stage) == ('clear', ())
+    assert status_and_reasons(stage) == ('clear', ())
     stage.wait_until(-10.0)
     stage.robot()
-    assert findings(stage) == ('clear', ()), 'it has no time that could be set back'
+    assert status_and_reasons(stage) == ('clear', ()), 'it has no time that could be set back'
 
 
 def test_map_does_not_settle_while_messages_wait_to_be_taken():
@@ -179,7 +179,7 @@ def test_source_of_which_nothing_came_is_unknown(settings):
                             (0.0, LIDAR_SAYS + 'has not sent a whole map yet')):
         stage = with_robot(replace(settings, timeout=timeout))
         stage.wait_until(10.0)
-        assert findings(stage) == ('unknown', (reason,))
+        assert status_and_reasons(stage) == ('unknown', (reason,))
 
 
 @EVERY_KIND
@@ -191,7 +191,7 @@ def test_silent_source_is_unknown_until_it_is_known_again(settings):
     stage.wait_until(2.0)
     assert stage.status() == 'clear'
     stage.wait_until(2.001)
-    assert findings(stage) == (
+    assert status_and_reasons(stage) == (
         'unknown', (LIDAR_SAYS + 'has been silent for longer than its timeout of 2 s',))
     stage.wait_until(3.0)
     stage.see(10, instance=1)
@@ -200,7 +200,7 @@ def test_silent_source_is_unknown_until_it_is_known_again(settings):
         assert stage.status() == 'unknown', 'of another obstacle nothing may have come yet'
         stage.wait_until(5.0)
         stage.see(10, instance=1)
-    assert findings(stage) == ('clear', ())
+    assert status_and_reasons(stage) == ('clear', ())
 
 
 def test_messages_past_their_timeout_are_no_sign_of_life():
@@ -208,7 +208,7 @@ def test_messages_past_their_timeout_are_no_sign_of_life():
     stage = with_robot(LIDAR)
     assert stage.see(10, stamp=-2.001) == TOO_OLD
     stage.end(stamp=-2.001)
-    assert findings(stage) == (
+    assert status_and_reasons(stage) == (
         'unknown', (LIDAR_SAYS + 'has been silent for longer than its timeout of 2 s',))
 
 
@@ -232,10 +232,10 @@ def test_message_of_any_key_is_missing_at_the_beginning_too(settings):
     stage.see(10, stamp=-0.5, instance=1)
     stage.wait_until(1.5)
     stage.see(10, instance=1)
-    assert stage.status() == 'unknown', 'what was told at 0 is told again until 2'
+    assert stage.status() == 'unknown', 'what was sent at 0 is sent again until 2'
     stage.wait_until(2.0)
     stage.see(10, instance=1)
-    assert findings(stage) == ('clear', ())
+    assert status_and_reasons(stage) == ('clear', ())
 
 
 def test_refused_instance_of_a_silent_source_is_forgotten():
@@ -244,9 +244,9 @@ def test_refused_instance_of_a_silent_source_is_forgotten():
     stage.wait_until(3.0)
     stage.see(10, stamp=100.0, instance=1)
     silent = LIDAR_SAYS + 'has been silent for longer than its timeout of 2 s'
-    assert findings(stage) == ('unknown', (silent, REFUSED + FROM_FUTURE))
+    assert status_and_reasons(stage) == ('unknown', (silent, REFUSED + FROM_FUTURE))
     stage.wait_until(5.001)
-    assert findings(stage) == ('unknown', (silent,))
+    assert status_and_reasons(stage) == ('unknown', (silent,))
 
 
 @EVERY_KIND
@@ -273,14 +273,14 @@ def test_disabled_source_is_ignored_and_troubles_nobody():
     settings = stage.settings
     lidar, radar = settings.obstacles
     stage.scene.update(replace(settings, obstacles=(replace(lidar, enabled=False), radar)))
-    assert findings(stage) == ('clear', ())
+    assert status_and_reasons(stage) == ('clear', ())
     assert stage.see(0.5) is None
     stage.refuse()
     stage.lose()
-    assert findings(stage) == ('clear', ())
+    assert status_and_reasons(stage) == ('clear', ())
     assert [name.source for name, _ in stage.scene.obstacles] == ['radar']
     stage.scene.update(settings)
-    assert findings(stage) == ('unknown', (NOTHING_SENT,))
+    assert status_and_reasons(stage) == ('unknown', (NOTHING_SENT,))
     stage.see(0.5)
     assert stage.status() == 'collision'
 
@@ -288,7 +288,7 @@ def test_disabled_source_is_ignored_and_troubles_nobody():
 def test_no_enabled_source_leaves_nothing_known():
     """With every source disabled, nobody can say that the robot is clear."""
     stage = with_robot(replace(LIDAR, enabled=False))
-    assert findings(stage) == ('unknown', ('no obstacle source is enabled',))
+    assert status_and_reasons(stage) == ('unknown', ('no obstacle source is enabled',))
 
 
 def test_timeout_changed_while_running():
@@ -302,16 +302,16 @@ def test_timeout_changed_while_running():
 
     set_timeout(10.0)
     stage.wait_until(9.0)
-    assert findings(stage) == ('collision', ())
+    assert status_and_reasons(stage) == ('collision', ())
     set_timeout(5.0)
-    assert findings(stage) == (
+    assert status_and_reasons(stage) == (
         'unknown', (LIDAR_SAYS + 'has been silent for longer than its timeout of 5 s',))
     set_timeout(0.0)
-    assert findings(stage) == ('unknown', (LIDAR_SAYS + 'has not sent a whole map yet',))
+    assert status_and_reasons(stage) == ('unknown', (LIDAR_SAYS + 'has not sent a whole map yet',))
     assert stage.held == {}
     for _ in range(2):
         stage.end()
-    assert findings(stage) == ('clear', ())
+    assert status_and_reasons(stage) == ('clear', ())
     set_timeout(2.0)
     assert stage.status() == 'unknown', 'what is a map need not be a set'
 
@@ -324,11 +324,11 @@ def test_loss_in_a_set_leaves_the_last_whole_set():
     stage.lose()
     stage.send(20)
     assert stage.held == {0: (0.5, 20), 1: 10}
-    assert findings(stage) == ('collision', ())
+    assert status_and_reasons(stage) == ('collision', ())
     stage.wait_until(0.2)
     stage.send(20)
     assert stage.held == {0: 20}
-    assert findings(stage) == ('clear', ())
+    assert status_and_reasons(stage) == ('clear', ())
     assert stage.scene.lost() == {'lidar': 1}
 
 
@@ -343,7 +343,7 @@ def test_lossy_source_is_unknown_when_its_last_whole_set_is_too_old():
         stage.lose()
     stage.wait_until(2.001)
     stage.see(10)
-    assert findings(stage) == (
+    assert status_and_reasons(stage) == (
         'unknown', (LIDAR_SAYS + 'has not sent a whole set since messages were lost',))
 
 
@@ -356,12 +356,12 @@ def test_loss_of_keys_counts_for_the_timeout(settings):
     reason = LIDAR_SAYS + ('has not been received for its timeout of 2 s without a gap since '
                            'messages were lost')
     for time in (0.5, 1.999):
-        assert findings(stage) == ('unknown', (reason,))
+        assert status_and_reasons(stage) == ('unknown', (reason,))
         stage.wait_until(time)
         stage.see(10, instance=1)
     stage.wait_until(2.0)
     stage.see(10, instance=1)
-    assert findings(stage) == ('clear', ())
+    assert status_and_reasons(stage) == ('clear', ())
 
 
 def test_loss_before_an_empty_polygon_of_stamp_0_is_one_in_the_set():
@@ -373,7 +373,7 @@ def test_loss_before_an_empty_polygon_of_stamp_0_is_one_in_the_set():
     stage.end(stamp='none')
     stage.end()
     stage.wait_until(2.001)
-    assert findings(stage) == (
+    assert status_and_reasons(stage) == (
         'unknown', (LIDAR_SAYS + 'has not sent a whole set since messages were lost',))
 
 
@@ -383,7 +383,7 @@ def test_loss_before_an_id_without_a_usable_stamp_is_one_of_any_key():
     stage.lose()
     assert stage.see(10, stamp=100.0, instance=1) == FROM_FUTURE
     stage.see(10, instance=1)
-    assert findings(stage) == ('unknown', (
+    assert status_and_reasons(stage) == ('unknown', (
         LIDAR_SAYS + 'has not been received for its timeout of 2 s without a gap since messages '
         'were lost',))
 
@@ -404,7 +404,7 @@ def test_lossy_map_is_asked_for_again():
     stage.restart()
     stage.scene.renew('lidar')
     stage.send(10, 20, 30)
-    assert findings(stage) == ('clear', ())
+    assert status_and_reasons(stage) == ('clear', ())
     assert sorted(stage.held.values()) == [10, 20, 30]
     assert not stage.scene.wants_history('lidar')
 
@@ -414,7 +414,7 @@ def test_lost_footprint_is_made_up_for_by_the_next():
     stage = known_stage(LIDAR)
     stage.lose(name='robot')
     stage.robot()
-    assert findings(stage) == ('clear', ())
+    assert status_and_reasons(stage) == ('clear', ())
     assert stage.scene.lost() == {'robot': 1}
 
 
@@ -438,7 +438,7 @@ def test_enabled_source_begins_anew(settings, timeout):
 
 @EVERY_KIND
 def test_restarted_publisher_is_known_by_its_own_listing(settings):
-    """What the one before has told stays until its timeout."""
+    """What the one before has sent stays until its timeout."""
     stage = known_stage(settings)
     stage.publish_by('a')
     stage.restart()
@@ -455,7 +455,7 @@ def test_restarted_publisher_is_known_by_its_own_listing(settings):
     assert stage.status() == ('clear' if settings is LIDAR else 'unknown')
     stage.wait_until(3.0)
     stage.end()
-    assert findings(stage) == ('clear', ())
+    assert status_and_reasons(stage) == ('clear', ())
 
 
 def test_restarted_map_stays_until_it_is_replaced():
@@ -465,13 +465,13 @@ def test_restarted_map_stays_until_it_is_replaced():
     stage.send(0.5)
     stage.publish_by()
     stage.wait_until(100.0)
-    assert findings(stage) == ('collision', (LIDAR_SAYS + 'has no publisher',))
+    assert status_and_reasons(stage) == ('collision', (LIDAR_SAYS + 'has no publisher',))
     stage.publish_by('b')
     stage.restart()
     stage.see(10)
     assert stage.status() == 'collision'
     stage.end()
-    assert findings(stage) == ('clear', ())
+    assert status_and_reasons(stage) == ('clear', ())
     assert list(stage.held.values()) == [10]
 
 
@@ -484,9 +484,9 @@ def test_map_of_a_killed_publisher_stays_until_its_lease_is_over():
     stage.scene.update_publishers('lidar', [killed, respawned])
     stage.restart()
     stage.send(10)
-    assert findings(stage) == ('collision', ())
+    assert status_and_reasons(stage) == ('collision', ())
     stage.scene.update_publishers('lidar', [respawned])
-    assert findings(stage) == ('clear', ())
+    assert status_and_reasons(stage) == ('clear', ())
     assert list(stage.held.values()) == [10]
 
 
@@ -525,6 +525,6 @@ def test_stamps_of_0_among_others_begin_anew():
     assert stage.held == {0: 0.5, -1: 10}
     stage.wait_until(2.0)
     stage.see(10, stamp='none')
-    assert findings(stage) == ('collision', ())
+    assert status_and_reasons(stage) == ('collision', ())
     stage.wait_until(2.001)
-    assert findings(stage) == ('clear', ())
+    assert status_and_reasons(stage) == ('clear', ())

@@ -15,7 +15,7 @@
 """
 Random events in moving frames: messages that wait for transforms, against the model of the scene.
 
-The model is told of a body where it is in the fixed frame, when the transform has come that says
+The model is given a body where it is in the fixed frame, when the transform has come that says
 so, or that it is refused, when patience ends. Each message has a frame of its own.
 """
 

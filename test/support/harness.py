@@ -67,7 +67,7 @@ class Peer:
         self._executor.add_node(self.node)
         self.name = name
         self._publishers = {}
-        self._heard = {}
+        self._received = {}
         self._last_stamps = {}
 
     def close(self):
@@ -100,7 +100,7 @@ class Peer:
         return self._publishers[topic]
 
     def send(self, topic, points, stamp=None, frame_id='map', instance=None):
-        """Publish a polygon, stamped about now unless told otherwise; it ends no set."""
+        """Publish a polygon, stamped about now by default; it ends no set."""
         if stamp is None:
             stamp = max(self.now(), self._last_stamps.get(topic, 0) + SECOND // 40)
             self._last_stamps[topic] = stamp
@@ -120,12 +120,12 @@ class Peer:
         """Return the list that messages on a topic are added to from now on, oldest first."""
         kind = _KINDS.get(topic) or _KINDS_BY_END.get(topic.rpartition('/')[2], Bool)
         topic = topic.replace('~', f'/{self.name}')
-        if topic not in self._heard:
-            heard = self._heard[topic] = []
-            subscription = self.node.create_subscription(kind, topic, heard.append, qos)
+        if topic not in self._received:
+            received = self._received[topic] = []
+            subscription = self.node.create_subscription(kind, topic, received.append, qos)
             self.until(lambda: subscription.get_publisher_count() and self._is_served(topic),
                        f'a publisher of {topic}')
-        return self._heard[topic]
+        return self._received[topic]
 
     def _is_heard(self, topic):
         """Tell whether the monitor's side, too, knows of our publisher."""
@@ -137,8 +137,8 @@ class Peer:
 
     def flag(self, footprint=None):
         """Return the flag received last, the common one or that of a footprint, None if none."""
-        heard = self.listen(f'~/{footprint}/collision' if footprint else '~/collision')
-        return heard[-1].data if heard else None
+        received = self.listen(f'~/{footprint}/collision' if footprint else '~/collision')
+        return received[-1].data if received else None
 
     def status(self, footprint='footprint'):
         """Return the words of the state received last and its values."""
@@ -169,13 +169,13 @@ class Peer:
 
     def health(self):
         """Return the health that /diagnostics reported last, None before the first."""
-        heard = self.listen('/diagnostics')
-        return heard[-1].status[0] if heard else None
+        received = self.listen('/diagnostics')
+        return received[-1].status[0] if received else None
 
     def told(self, name):
         """Return the status of a name that /diagnostics reported last, None before the first."""
-        heard = self.listen('/diagnostics')
-        return next((status for array in reversed(heard) for status in array.status
+        received = self.listen('/diagnostics')
+        return next((status for array in reversed(received) for status in array.status
                      if status.name == name), None)
 
     def markers(self):
@@ -185,10 +185,10 @@ class Peer:
     def logged(self, *words):
         """Return the node's log lines with all these words, once there is one."""
         qos = QoSProfile(depth=1000, durability=rclpy.qos.DurabilityPolicy.TRANSIENT_LOCAL)
-        heard = self.listen('/rosout', qos)
+        received = self.listen('/rosout', qos)
 
         def lines():
-            return [log.msg for log in heard if all(word in log.msg for word in words)]
+            return [log.msg for log in received if all(word in log.msg for word in words)]
         return self.until(lines, f'a log line with {words}')
 
     def send_until(self, state, topic, points, **options):

@@ -48,7 +48,7 @@ class Event(NamedTuple):
 
 class MovingScene:
     """
-    One scene, told in frames that move, and in the fixed frame.
+    One scene, sent in frames that move, and in the fixed frame.
 
     Attributes
     ----------

@@ -153,7 +153,7 @@ def clear_stage(*sources, **settings):
 
 
 def with_robot(*sources, footprints=(PATIENT_ROBOT,), stamp=None):
-    """Return a stage with a footprint that stands at 0 and, unless told otherwise, never ages."""
+    """Return a stage with a footprint that stands at 0 and by default never ages."""
     stage = Stage(*sources, footprints=footprints)
     stage.robot(stamp=stamp)
     return stage
@@ -164,10 +164,10 @@ def known_stage(*sources):
     stage = with_robot(*sources)
     stage.end(stamp=-2.0)
     stage.end()
-    assert findings(stage) == ('clear', ())
+    assert status_and_reasons(stage) == ('clear', ())
     return stage
 
 
-def findings(stage):
+def status_and_reasons(stage):
     """Return the status in a word, and the reasons."""
     return stage.status(), stage.state().reasons

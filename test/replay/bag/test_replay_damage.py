@@ -498,7 +498,7 @@ def test_recording_without_messages_is_told_so(tmp_path):
 
 
 def test_folder_called_like_a_library_is_none(tmp_path, monkeypatch):
-    """Beside the process, as any folder: what is missing is told, and what to install."""
+    """Beside the process, as any folder: it says what is missing, and what to install."""
     (tmp_path / 'rosbags').mkdir()
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setattr(sys, 'path', [str(tmp_path)])

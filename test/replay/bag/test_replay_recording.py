@@ -303,7 +303,7 @@ def test_plain_recordings_need_no_library(tmp_path, names):
 
 
 def test_packed_recordings_name_what_they_need(tmp_path):
-    """Bad input, told in one line for each."""
+    """Bad input, reported in one line for each."""
     bags = [str(write(tmp_path / '_'.join(packed), TOUCHING, *packed)) for packed in PACKED]
     result = run_without(HIDDEN, *bags)
     assert (result.returncode, result.stderr) == (3, '')

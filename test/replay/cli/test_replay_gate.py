@@ -47,7 +47,7 @@ def fails(path, options, progress=None):
 
 @pytest.mark.parametrize('debug', (True, False))
 def test_what_nobody_foresaw_is_bad_input(bags, monkeypatch, capsys, debug):
-    """Never exit status 1, which says collision; other recordings are checked and told."""
+    """Never exit status 1, which says collision; other recordings are checked and reported."""
     monkeypatch.setattr(command, 'check_one', fails)
     monkeypatch.setattr(command, 'check', fails)
     for given in ((bags[1],), (bags[1], bags[0])):
@@ -139,7 +139,7 @@ def test_misuse_is_told_in_one_clear_line(bags, capsys, arguments, words):
 
 
 def test_parameter_file_without_this_node_is_bad_input(bags, tmp_path, capsys):
-    """Its margin of 0.5 m would be lost in silence; the names that it has are told."""
+    """Its margin of 0.5 m would be lost in silence; the names that it has are listed."""
     params = tmp_path / 'params.yaml'
     params.write_text(
         '/monitors/front:\n  ros__parameters:\n    margin: 2.5\n'

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recorded motion in frames that move: that of the same bodies told in the fixed frame."""
+"""Recorded motion in frames that move: that of the same bodies sent in the fixed frame."""
 
 import math
 
@@ -44,7 +44,7 @@ def told(points, time, frame_id, turning, number=None):
 
 
 def recorded(path, kind, delay, turning, frames):
-    """Replay the bodies, footprint and obstacles told in one frame each; transforms come late."""
+    """Replay the bodies, footprint and obstacles sent in one frame each; transforms come late."""
     messages = []
     for k in range(round(LAST / TRANSFORMS_EVERY) + 1):
         time = k * TRANSFORMS_EVERY

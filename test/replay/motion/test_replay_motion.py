@@ -149,7 +149,7 @@ def test_both_ways_of_a_crossing_are_followed(tmp_path):
 
 
 def test_obstacles_are_followed_whatever_their_order(tmp_path):
-    """Two of them cross the robot's lane, told in another order each time."""
+    """Two of them cross the robot's lane, sent in another order each time."""
     messages = frames([0] * 10)
     for k in range(10):
         pair = [box(-9 + 2 * k, 0), box(30, 5)]
@@ -216,7 +216,7 @@ def test_members_of_a_set_with_stamps_of_their_own(tmp_path):
                                             f'{SOURCE}.timeout': 60.0}, START)],
     ids=['latched', 'latched without stamp', 'once', 'accumulated'])
 def test_what_is_told_once_stands(tmp_path, parameters, stamp):
-    """The robot drives through a thin wall 30 s after it was told of, between two frames."""
+    """The robot drives through a thin wall 30 s after it was sent, between two messages."""
     wall = serialised([(301.6, -1), (301.61, -1), (301.61, 2), (301.6, 2)], stamp)
     messages = [('/obstacles', 0.0, wall), *frames(range(330), size=0.5)]
     result = run(tmp_path, messages, parameters=parameters)
@@ -228,7 +228,7 @@ def test_what_is_told_once_stands(tmp_path, parameters, stamp):
 
 
 def test_what_never_moves_is_looked_at_in_every_frame(tmp_path):
-    """A wall told once a second, a robot at 10 Hz that bumps into it in one frame."""
+    """A wall sent once a second, a robot at 10 Hz that bumps into it in one message."""
     messages = frames([0, 0, 0, 0, 1.5, 0, 0, 0, 0, 0, 0, 0])
     messages += [('/obstacles', 0.0, box(2)), ('/obstacles', 1.0, box(2))]
     result = run(tmp_path, messages)
@@ -292,7 +292,7 @@ def test_nothing_known_at_one_time_is_unknown(tmp_path):
 
 
 def test_other_frame_is_never_met(tmp_path):
-    """Told before it is known in which frame the footprint is."""
+    """Received before it is known in which frame the footprint is."""
     messages = [('/obstacles', 0.0, serialised(box(0), START, 'odom')),
                 *(('/footprint', time + 0.5, points) for _, time, points in frames([0] * 30))]
     assert run(tmp_path, messages).contacts == []
@@ -336,7 +336,7 @@ def test_ids_are_followed_through_each_other(tmp_path):
 
 
 def test_standing_body_with_an_id_is_touched_once(tmp_path):
-    """The robot drives past at 1.5 m/s, and both are told anew 16 times a second."""
+    """The robot drives past at 1.5 m/s, and both are sent anew 16 times a second."""
     messages = []
     for k in range(128):
         time = k / 16

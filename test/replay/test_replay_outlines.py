@@ -112,6 +112,13 @@ def test_it_cuts_no_corners(tmp_path):
         pytest.approx(nanoseconds(time), abs=1e4) for time in (1.25, 2.75)]
 
 
+def test_its_way_is_known_before_transforms_are_forgotten(tmp_path):
+    """A pose each half second for 40 s, longer than transforms are kept."""
+    result = run(tmp_path / 'bag', turn([post_on_the_way(0.61)], until=40.0))
+    assert at(result, result.contacts[0].first) == pytest.approx(0.61, abs=0.05)
+    assert not any(source.undetermined for source in result.sources)
+
+
 def test_as_live_it_is_where_it_is_placed(tmp_path):
     """Nothing is known between two poses; the posts are met by none."""
     result = run(tmp_path / 'bag', turn([post_on_the_way(0.61)]), as_live=True)

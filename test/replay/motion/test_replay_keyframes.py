@@ -20,6 +20,7 @@ from recordings import box, drive, INSTANCE, nanoseconds, published, write
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.query import separation
 from sat_collision.replay.bag.recording import Recording
+from sat_collision.replay.bag.storage import Limits
 from sat_collision.replay.model.options import Options
 from sat_collision.replay.model.result import moments_of
 from sat_collision.replay.run import check
@@ -146,4 +147,14 @@ def test_keyframes_changes_nothing_and_the_recording_is_read_once(tmp_path, monk
     result = with_keyframes(path, as_live=as_live)
     assert plain.keyframes is None and result.keyframes and len(read) == 1
     result.keyframes = None
+    assert plain == result
+
+
+@pytest.mark.parametrize('as_live', (False, True), ids=('motion', 'live'))
+def test_no_more_is_kept_than_the_disk_may_take(tmp_path, as_live):
+    """Then nothing is drawn, a note says why, and the answer is the same."""
+    path = write(tmp_path / 'bag', drive())
+    plain = check(path, Options(as_live=as_live))
+    result = with_keyframes(path, as_live=as_live, limits=Limits(disk=1000))
+    assert result.keyframes is None and '--max-disk' in result.notes.pop()
     assert plain == result

@@ -147,6 +147,9 @@ def test_a_command_expires(timeout, lasts):
         world.move(told + lasts - 0.01, 0.0)
         assert world.prediction is not None
         assert world.status == ('imminent' if speed else 'clear')
+        assert world.scene.state('robot').reasons == ((
+            'moving as it is told to, it is in contact within min_time_to_collision, 5 s',
+        ) if speed else ())
         world.move(told + lasts + 0.01, 0.0)
         assert world.status == 'clear' and world.prediction is None
         assert world.velocity == f'unknown: no command on /cmd_vel for {lasts:.1f} s'
@@ -217,6 +220,25 @@ def test_both_byte_orders_and_both_types_are_read():
         assert decode_command(stamped(twist)) == (0, '', (0.5, -0.25, 3.0))
     with pytest.raises(MessageError, match='make more than a second'):
         decode_command(command(1.0)[:8] + b'\xff\xff\xff\xff' + command(1.0)[12:])
+
+
+def test_whatever_bytes_come_are_taken_or_refused_in_words():
+    """Each prefix, each byte changed, of both orders: never raised, and no byte in the words."""
+    world = World(AHEAD)
+    world.move(0.1, 0.0)
+    taken = 0
+    for order in '<>':
+        good = command(1.0, 0.5, 0.1, world.now, 'base', order)
+        for data in (*(good[:k] for k in range(len(good))),
+                     *(good[:k] + bytes([good[k] ^ flip]) + good[k + 1:]
+                       for k in range(len(good)) for flip in (1, 0x80, 0xff))):
+            text = world.send(data)
+            assert text is None or text.isprintable()
+            velocity = world.scene.velocity('robot')
+            assert (text is not None) == isinstance(velocity, str)
+            assert text or all(abs(value) <= 1000 for value in velocity.twist)
+            taken += text is None
+    assert 100 < taken < world.monitor.received['robot.cmd_vel'] - 200
 
 
 def test_none_of_another_time_counts():

@@ -291,6 +291,66 @@ def test_a_velocity_of_an_obstacle_lasts_two_seconds():
     assert world.prediction.unknown == (ObstacleId('map', 0),)
 
 
+def test_what_moves_slowly_is_met_by_a_fast_footprint_and_at_a_wide_margin():
+    """At 10 m/s it comes to what is 20 m ahead, and stands, to what comes to within 5 m."""
+    def slow(time):
+        return box(20.0 - time / 16, -0.5)
+    world = World([slow(0.0)], moving=True)
+    world.see(0.25, slow(0.25))
+    world.drive(0.25, 0.375, speed=10.0)
+    assert world.seconds == pytest.approx(19.3 / 10.0625 - 0.375, abs=1e-3)
+    world = World([[(x - 14.2, y) for x, y in slow(0.0)]], moving=True, margin=5.0)
+    world.see(0.25, [(x - 14.2, y) for x, y in slow(0.25)])
+    world.drive(0.25, 0.375, speed=0.0)
+    assert world.seconds == pytest.approx(0.1 * 16 - 0.375, abs=2e-2)
+
+
+@pytest.mark.parametrize('seed', [
+    *range(6), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(6, 20))])
+def test_no_time_is_late_among_many_that_move(seed):
+    """Most are out of reach, some far and fast; stamps differ. Against places every 10 ms."""
+    rng = np.random.default_rng(seed)
+    margin = rng.choice([0.0, 0.3])
+    where_from = rng.choice([0.0, 1e5])
+    bodies = []
+    for _ in range(40):
+        centre = rng.uniform(-30, 30, 2)
+        speed = rng.choice([0.0, 1.0, 10.0], p=[0.2, 0.5, 0.3])
+        # Most go about where the footprint goes, so that some are met.
+        velocity = speed * (rng.uniform(-5, 5, 2) - centre) / np.hypot(*centre)
+        body = np.float32(where_from + centre + rng.uniform(-0.4, 0.4, (3, 2))).astype(float)
+        bodies.append((body, np.round(velocity * 16) / 16))
+    world = World([body for body, _ in bodies], moving=True, margin=margin)
+    twist = (*rng.uniform(-2, 2, 2), rng.choice([0.0, rng.uniform(-1.5, 1.5)]))
+    stamps = [0.25 + 0.125 * rng.integers(0, 3) for _ in bodies]
+    for time in (0.25, 0.375, 0.5):
+        for k, ((body, velocity), stamp) in enumerate(zip(bodies, stamps)):
+            if time == stamp:
+                world.see(time, body + velocity * stamp, k)
+    offset = np.array((where_from, where_from))
+    own = Polygon(np.array(ROBOT))
+    for time in (0.5, 0.625):
+        world.send(time, offset + np.array(where(own, twist, time).exterior.coords)[:-1])
+    if world.status == 'collision':
+        return
+    assert world.prediction.is_known
+    touched = math.inf
+    for step in np.arange(0.0, 3.0, 0.01):
+        # Where float32 has the footprint, it goes on as fitted to it.
+        placed = affinity.translate(where(own, twist, 0.625 + step), *offset)
+        zone = placed.buffer(margin - 0.2 if where_from else margin - GRAZE)
+        if any(zone.intersects(Polygon(body + velocity * (0.625 + step)))
+               for body, velocity in bodies):
+            touched = step
+            break
+    assert world.seconds <= touched
+    if world.seconds < math.inf:
+        placed = affinity.translate(where(own, twist, 0.625 + world.seconds), *offset)
+        near = min(placed.distance(Polygon(body + velocity * (0.625 + world.seconds)))
+                   for body, velocity in bodies)
+        assert near <= margin + (0.3 if where_from else GRAZE)
+
+
 def where(outline, twist, seconds):
     """Return where an outline is so much later: it moves straight, or round a fixed centre."""
     vx, vy, omega = twist

@@ -52,19 +52,20 @@ class Contacts:
     ----------
     changed : set of Footprint
         Footprints that have gained or lost a contact; the reader empties it.
+    margin : float
 
     """
 
     def __init__(self, margin: float = 0.0) -> None:
         self.changed: set[Footprint] = set()
-        self._margin = margin
+        self.margin = margin
         self._footprints: _Placed[Footprint] = _Placed()
         self._obstacles: _Placed[Obstacle] = _Placed()
 
     def use_margin(self, margin: float) -> None:
         """Decide everything again, if the margin has changed."""
-        if margin != self._margin:
-            self._margin = margin
+        if margin != self.margin:
+            self.margin = margin
             for footprint in self._footprints.bodies.values():
                 self.decide(footprint)
 
@@ -72,7 +73,7 @@ class Contacts:
         """Decide a footprint again, if it is placed."""
         if footprint.row is not None:
             polygon = self._footprints.polygons.polygon(footprint.row)
-            rows = self._obstacles.polygons.rows_within(polygon, self._margin).tolist()
+            rows = self._obstacles.polygons.rows_within(polygon, self.margin).tolist()
             if update_contacts(footprint, self._monitored(footprint, rows)):
                 self.changed.add(footprint)
 
@@ -81,7 +82,7 @@ class Contacts:
         row = footprint.row
         if row is None:
             row = self._footprints.new_row(footprint)
-        met = self._footprints.polygons.place(row, where, self._obstacles.polygons, self._margin)
+        met = self._footprints.polygons.place(row, where, self._obstacles.polygons, self.margin)
         if met is not None:
             footprint.moved()
             if (met or footprint.contacts) and update_contacts(
@@ -93,7 +94,7 @@ class Contacts:
         row = obstacle.row
         if row is None:
             row = self._obstacles.new_row(obstacle)
-        met = self._obstacles.polygons.place(row, where, self._footprints.polygons, self._margin)
+        met = self._obstacles.polygons.place(row, where, self._footprints.polygons, self.margin)
         if met is None:
             return False
         obstacle.moved()
@@ -106,7 +107,7 @@ class Contacts:
     def place_run(self, run: Run, rows: Any, first: int, limit: int) -> int:
         """Put obstacles where a run has them, until one may meet something; return how many."""
         return self._obstacles.polygons.place_run(
-            run, rows, first, limit, self._footprints.polygons, self._margin)
+            run, rows, first, limit, self._footprints.polygons, self.margin)
 
     def remove_footprint(self, footprint: Footprint) -> None:
         """Take a footprint away, if it is placed."""
@@ -162,7 +163,7 @@ class Contacts:
         """
         if footprint.polygon is None:
             return None
-        motion = motion_of(velocity.twist, seconds, velocity.pose, _TOLERANCE, self._margin)
+        motion = motion_of(velocity.twist, seconds, velocity.pose, _TOLERANCE, self.margin)
         skipped = [one.row for one in moving if one.row is not None]
         found = self._obstacles.polygons.first_met(
             footprint.polygon, motion, skipped=skipped + self._unmonitored(footprint))

@@ -47,8 +47,8 @@ class State(NamedTuple):
         The obstacles that share a point with it, sorted; empty unless in collision.
     reasons : tuple of str
         Sentences: why the status is unknown or imminent, or what else is unknown beside a
-        collision. They
-        hold no running figures, so that a state does not change only because time passes.
+        collision. They hold no running figures, so that a state does not change only because time
+        passes.
     age : float or None
         Seconds since the footprint's stamp; None if there is no good footprint.
 
@@ -224,8 +224,9 @@ class Footprint(Body[Obstacle]):
         elif source_faults:
             status = Status.UNKNOWN
         elif self.is_imminent:
+            how = 'as it is told to' if self.settings.cmd_vel else 'on as it does'
             status, reasons = Status.IMMINENT, (
-                'moving on as it does, it is in contact within min_time_to_collision, '
+                f'moving {how}, it is in contact within min_time_to_collision, '
                 f'{self.settings.min_time_to_collision:g} s',)
         else:
             status = Status.CLEAR

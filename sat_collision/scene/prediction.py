@@ -21,12 +21,19 @@ from itertools import chain
 import math
 from typing import NamedTuple
 
+import numpy as np
 from sat_collision.geometry.polygon import Polygon, PolygonError
 from sat_collision.scene.contacts import Contacts, Course
 from sat_collision.scene.footprints import Footprint, Status
 from sat_collision.scene.obstacles import Obstacle, ObstacleId
 from sat_collision.scene.sources import Source
-from sat_collision.scene.velocity import FOOTPRINTS, TRANSFORMS, Velocity, VELOCITY_LASTS
+from sat_collision.scene.velocity import (
+    FOOTPRINTS, TRANSFORMS, Translation, Velocity, VELOCITY_LASTS)
+
+# What is further away than it can come by more than this, m, is not met.
+_SLACK = 1e-3
+# More than rounding may do to a distance, in parts of the coordinates.
+_ROUNDING = 1e-9
 
 
 class Prediction(NamedTuple):
@@ -104,20 +111,32 @@ def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source],
         return Prediction(0.0, first, velocity, 0.0)
     # The footprint was where it is known to be at its stamp: from there on it is carried.
     age = now - footprint.time
-    if velocity is None or age > VELOCITY_LASTS and any(velocity.twist):
+    own = footprint.polygon
+    if velocity is None or own is None or age > VELOCITY_LASTS and any(velocity.twist):
         return None
+    seconds = horizon + age / 1e9
+    bounds = own.bounds
+    reach = contacts.margin + velocity.fastest(bounds) * seconds
     courses: dict[Obstacle, Course] = {}
     unknown = []
     for obstacle in chain.from_iterable(
             source.store for source in sources if source.settings.moving
             and footprint.settings.monitors(source.settings.name)):
-        if obstacle.polygon is not None:
-            course = _course(obstacle, obstacle.polygon, footprint.time, now)
-            if course:
-                courses[obstacle] = course
-            else:
-                unknown.append(obstacle.name)
-    found = contacts.first_contact(footprint, velocity, horizon + age / 1e9, courses)
+        if obstacle.row is None:
+            continue
+        motion = obstacle.motion and obstacle.motion.translation(obstacle.time)
+        if not motion or now - obstacle.time > VELOCITY_LASTS and (motion.vx or motion.vy):
+            unknown.append(obstacle.name)
+            continue
+        ahead = (footprint.time - obstacle.time) / 1e9
+        # Where it is left out it is taken to stand where it was seen, so that is on its way, too.
+        if _is_apart(bounds, motion, reach + motion.speed * (seconds + abs(ahead))):
+            continue
+        if course := _course(obstacle, motion, ahead):
+            courses[obstacle] = course
+        else:
+            unknown.append(obstacle.name)
+    found = contacts.first_contact(footprint, velocity, seconds, courses)
     seconds = max(found[1] - age / 1e9, 0.0) if found else math.inf
     if seconds == 0.0:
         unknown.clear()
@@ -126,12 +145,22 @@ def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source],
     return Prediction(seconds, found[0].name, velocity, found[1], tuple(sorted(unknown)))
 
 
-def _course(obstacle: Obstacle, polygon: Polygon, time: int, now: int) -> Course | None:
-    """Return where an obstacle is at a time, and its velocity; None where that is unknown."""
-    velocity = obstacle.motion.translation(obstacle.time) if obstacle.motion else None
-    if velocity is None or now - obstacle.time > VELOCITY_LASTS and velocity.any():
+def _is_apart(bounds: tuple[float, float, float, float], motion: Translation,
+              distance: float) -> bool:
+    """Return whether the circle round an obstacle is further away, whatever is rounded."""
+    low_x, low_y, high_x, high_y = bounds
+    x = max(low_x - motion.x, motion.x - high_x, 0.0)
+    y = max(low_y - motion.y, motion.y - high_y, 0.0)
+    rounding = _ROUNDING * (abs(motion.x) + abs(motion.y) + x + y)
+    return math.hypot(x, y) - motion.radius - rounding > distance + _SLACK
+
+
+def _course(obstacle: Obstacle, motion: Translation, ahead: float) -> Course | None:
+    """Return where an obstacle is some s after its stamp, and its velocity; None if nowhere."""
+    polygon, velocity = obstacle.polygon, np.array((motion.vx, motion.vy))
+    if polygon is None:
         return None
-    way = (time - obstacle.time) / 1e9 * velocity
+    way = ahead * velocity
     try:
         return (Polygon(polygon.vertices + way) if way.any() else polygon), velocity
     except PolygonError:  # so thin that rounding makes it none

@@ -74,6 +74,14 @@ class Velocity(NamedTuple):
     pose: Pose
     origin: str
 
+    def fastest(self, bounds: tuple[float, float, float, float]) -> float:
+        """Return a bound of the speed, m/s, of what is within min x, min y, max x and max y."""
+        vx, vy, omega = self.twist
+        x, y, _ = self.pose
+        low_x, low_y, high_x, high_y = bounds
+        radius = math.hypot(max(x - low_x, high_x - x), max(y - low_y, high_y - y))
+        return math.hypot(vx, vy) + abs(omega) * radius
+
     def carry(self, vertices: Vertices, seconds: float) -> Vertices:
         """Return where (n, 2) vertices are after a time."""
         vx, vy, omega = self.twist
@@ -83,6 +91,31 @@ class Velocity(NamedTuple):
         way = along * _rotation(yaw + half) @ (vx, vy)
         moved: Vertices = (vertices - (x, y)) @ _rotation(omega * seconds).T + (x, y) + way
         return moved
+
+
+class Translation(NamedTuple):
+    """
+    How a body moves that does not turn.
+
+    Attributes
+    ----------
+    vx, vy : float
+        m/s.
+    x, y, radius : float
+        A circle round it at the stamp of its last place, m.
+
+    """
+
+    vx: float
+    vy: float
+    x: float
+    y: float
+    radius: float
+
+    @property
+    def speed(self) -> float:
+        """Its speed in m/s."""
+        return math.hypot(self.vx, self.vy)
 
 
 class Command(NamedTuple):
@@ -119,6 +152,8 @@ class MotionTracker:
         """Forget all: the times are those of another clock, or the footprint was lost."""
         self._places: deque[tuple[int, Vertices]] = deque(maxlen=_MOST_PLACES)
         self._given: Velocity | None = None
+        self._translation: Translation | None = None
+        self._is_translation_current = False
 
     def place(self, time: int, vertices: Vertices, given: Velocity | None = None) -> None:
         """
@@ -142,6 +177,7 @@ class MotionTracker:
         while len(self._places) > 1 and time - self._places[1][0] >= _SHORTEST:
             self._places.popleft()
         self._given = given
+        self._is_translation_current = False
 
     def velocity(self, time: int, origin: str) -> Velocity | None:
         """
@@ -164,23 +200,35 @@ class MotionTracker:
             return None
         if self._given is not None and is_plausible(self._given.twist):
             return self._given
-        since, before = self._places[0]
-        if not _SHORTEST <= time - since <= _LONGEST:
-            return None
-        return fitted(before, self._places[-1][1], (time - since) / 1e9, origin)
+        found = self._last_two()
+        return found and fitted(*found, origin)
 
-    def translation(self, time: float) -> Vertices | None:
-        """Return vx and vy in m/s at a time as `velocity`; None also for what turns."""
+    def translation(self, time: float) -> Translation | None:
+        """Return how it moves at a time, as `velocity`; None also for what turns."""
         if not self._places or self._places[-1][0] != time:
             return None
-        since, before = self._places[0]
-        last, after = self._places[-1]
-        if not _SHORTEST <= last - since <= _LONGEST or before.shape != after.shape:
+        if not self._is_translation_current:
+            self._is_translation_current = True
+            found = self._last_two()
+            self._translation = found and translated(*found)
+        return self._translation
+
+    def _last_two(self) -> tuple[Vertices, Vertices, float] | None:
+        """Return two places that tell a velocity, and the time between them in s."""
+        (since, before), (last, after) = self._places[0], self._places[-1]
+        if before.shape != after.shape or not _SHORTEST <= last - since <= _LONGEST:
             return None
-        velocities = (after - before) / ((last - since) / 1e9)
-        mean: Vertices = velocities.mean(0)
-        is_rigid = np.abs(velocities - mean).max() <= _MOST_SPREAD
-        return mean if is_rigid and np.abs(mean).max() <= FASTEST else None
+        return before, after, (last - since) / 1e9
+
+
+def translated(before: Vertices, after: Vertices, seconds: float) -> Translation | None:
+    """Return how vertices have moved that are now elsewhere, None where not all as one."""
+    velocities = (after - before) / seconds
+    mean, centre = velocities.mean(0), after.mean(0)
+    if np.abs(velocities - mean).max() > _MOST_SPREAD or np.abs(mean).max() > FASTEST:
+        return None
+    (vx, vy), (x, y) = mean.tolist(), centre.tolist()
+    return Translation(vx, vy, x, y, float(np.hypot(*(after - centre).T).max()))
 
 
 def fitted(before: Vertices, after: Vertices, seconds: float, origin: str) -> Velocity | None:

@@ -194,10 +194,13 @@ def what_moved_moves_on_for_ever(patch):
 
 
 def what_moved_is_where_it_was(patch):
-    def course(obstacle, polygon, *times, original=prediction._course):
-        found = original(obstacle, polygon, *times)
-        return found and (polygon, found[1])
+    def course(obstacle, motion, ahead, original=prediction._course):
+        return original(obstacle, motion, 0.0)
     patch.setattr(prediction, '_course', course)
+
+
+def what_moves_is_never_in_reach(patch):
+    patch.setattr(prediction, '_is_apart', lambda *_: True)
 
 
 def a_velocity_is_that_of_any_two_messages(patch):
@@ -265,6 +268,7 @@ WITNESSES = (
     (a_time_is_given_while_unknown, 'ids', 'key:refused · get:0'),
     (what_moved_moves_on_for_ever, 'ids', 'key:old · tick:3 · get:0'),
     (what_moved_is_where_it_was, 'ids', 'key:old · key:M · get:0 · get:0 · tick'),
+    (what_moves_is_never_in_reach, 'ids', 'key:old · key:M · get:0 · get:0 · tick'),
     (a_velocity_is_that_of_any_two_messages, 'ids',
      'key:F · key:M · key:M · tick:3 · key:M · get:0 · get:0 · get:0 · get:0'),
     (an_older_stamp_changes_a_velocity, 'ids',

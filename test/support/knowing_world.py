@@ -54,6 +54,7 @@ class Bodies:
     """The contacts of a source, almost without geometry: how far away which obstacle is."""
 
     changed = frozenset()
+    margin = 0.0
 
     def __init__(self):
         self.placed = {}
@@ -394,6 +395,7 @@ class World:
         """What is predicted of a footprint that stands."""
         footprint, now = self.footprint, self.now * SECOND
         footprint.time = now
+        footprint._polygon = Polygon([(0.0, 0.0)])
         still = Velocity((0.0,) * 3, (0.0,) * 3, TRANSFORMS)
         footprint.motion.place(now, np.zeros((1, 2)), still)
         footprint.contacts = {one for one, place in self.bodies.placed.items() if not place}

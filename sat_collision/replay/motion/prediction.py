@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from bisect import bisect_right, insort
 from collections.abc import Iterable
-from math import hypot, inf
+from math import inf
 from operator import attrgetter
 from sys import maxsize
 from typing import TypeAlias
@@ -139,7 +139,7 @@ class Prediction:
         starts, finishes = motion.starts, motion.finishes
         moved = motion.after.middles[motion.next_rows] - motion.before.middles[motion.rows]
         velocities = moved / np.maximum(finishes - starts, 1)[:, None] * 1e9
-        speeds = _fastest(own, velocity) + np.hypot(*velocities.T)
+        speeds = velocity.fastest(own.bounds) + np.hypot(*velocities.T)
         near = _gaps(np.array(own.bounds), motion.boxes) <= (
             _SLACK + self._margin + self._horizon * speeds)
         names, polygons, rows = [], [], []
@@ -154,14 +154,6 @@ class Prediction:
             own, velocity.twist, self._horizon, velocities[rows], velocity.pose,
             margin=self._margin)
         return (found[1], names[found[0]]) if found else (inf, '')
-
-
-def _fastest(own: Polygon, velocity: Velocity) -> float:
-    """Return a bound of the speed of any vertex, m/s."""
-    (vx, vy, turn), (x, y, _) = velocity.twist, velocity.pose
-    low_x, low_y, high_x, high_y = own.bounds
-    radius = hypot(max(x - low_x, high_x - x), max(y - low_y, high_y - y))
-    return hypot(vx, vy) + abs(turn) * radius
 
 
 def _gaps(box: Floats, boxes: Floats) -> Floats:

@@ -192,7 +192,7 @@ def test_interrupt_at_some_moment_of_the_first_replay(start, place, seed):
     pytest.importorskip('rosbags')
     from recordings import drive, write
     # So many that kernels are compiled for them.
-    bag = write(place / 'bag', drive(200.0))
+    bag = write(place / 'bag', drive(200.0, 40.0))
     replay = start('-m', 'sat_collision.replay', str(bag))
     time.sleep(random.Random(seed).uniform(1.5, 6.0))
     sent = time.monotonic()

@@ -225,7 +225,8 @@ def translated(before: Vertices, after: Vertices, seconds: float) -> Translation
     """Return how vertices have moved that are now elsewhere, None where not all as one."""
     velocities = (after - before) / seconds
     mean, centre = velocities.mean(0), after.mean(0)
-    if np.abs(velocities - mean).max() > _MOST_SPREAD or np.abs(mean).max() > FASTEST:
+    # What overflows is not a number, and no velocity.
+    if not (np.abs(velocities - mean).max() <= _MOST_SPREAD and np.abs(mean).max() <= FASTEST):
         return None
     (vx, vy), (x, y) = mean.tolist(), centre.tolist()
     return Translation(vx, vy, x, y, float(np.hypot(*(after - centre).T).max()))

@@ -19,7 +19,7 @@ import math
 import numpy as np
 import pytest
 from sat_collision.scene.velocity import (
-    fitted, FOOTPRINTS, MotionTracker, ODOMETRY, TRANSFORMS, Velocity)
+    fitted, FOOTPRINTS, MotionTracker, ODOMETRY, TRANSFORMS, translated, Velocity)
 
 SECOND = 10**9
 ROBOT = np.array([(-0.5, -0.3), (0.5, -0.3), (0.6, 0.0), (0.5, 0.3), (-0.5, 0.3)])
@@ -110,3 +110,11 @@ def test_what_is_given_comes_first_if_it_makes_sense():
         assert tracker.velocity(SECOND, TRANSFORMS) is None
     tracker.place(2 * SECOND, ROBOT)
     assert tracker.velocity(2 * SECOND, TRANSFORMS).twist == (0, 0, 0)
+
+
+def test_translation_that_overflows_is_unknown():
+    """Two vertices change places across all doubles: their mean velocity is not a number."""
+    before = np.array([(-1e308, 0.0), (1e308, 0.0), (0.0, 1.0)])
+    after = np.array([(1e308, 0.0), (-1e308, 0.0), (0.0, 1.0)])
+    with np.errstate(all='ignore'):
+        assert translated(before, after, 1.0) is None

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.distance import goes_first, measure_with_normal
 from sat_collision.geometry.jit import inner, kernel, scratch
-from sat_collision.geometry.layout import convex_part, first_vertex, Packed
+from sat_collision.geometry.layout import convex_part, first_vertex, packed_polygon
 from sat_collision.geometry.nearest_features import reach_of
 from sat_collision.geometry.part_bounds import open_pairs
 from sat_collision.geometry.plane import unit
@@ -143,8 +143,8 @@ def contact_of_arrays(p, n, q, m):
 
     """
     require_nearest(n)
-    p = Packed(p, 0, n)
-    q = Packed(q, 0, m)
+    p = packed_polygon(p, n)
+    q = packed_polygon(q, m)
     # Of what is equally good the same is taken, whichever body is named first.
     if not goes_first(q, p):
         return _contact(p, q)

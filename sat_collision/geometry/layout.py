@@ -35,7 +35,7 @@ The table cuts the directions into sectors, four for each double: a double holds
 
 from typing import Any, NamedTuple
 
-from sat_collision.geometry.jit import inlined, kernel
+from sat_collision.geometry.jit import elements, inlined, kernel
 
 HEADER = 8
 BOUNDS = slice(2, 6)
@@ -54,7 +54,7 @@ class Packed(NamedTuple):
 
     Attributes
     ----------
-    array : flat array of float64
+    array : flat array of float64, or its `elements`
         Holds the polygon, and maybe others.
     start : int
         Where in the array it starts.
@@ -68,7 +68,7 @@ class Packed(NamedTuple):
     n: int
 
 
-@inlined
+@kernel
 def table_size(count):
     """Return how many doubles the table of a polygon with count vertices takes."""
     if count <= SCAN_LIMIT:
@@ -76,10 +76,16 @@ def table_size(count):
     return 32 if count <= 128 else LARGEST_TABLE
 
 
-@inlined
+@kernel
 def packed_size(count):
     """Return how many doubles a packed convex polygon with count vertices takes."""
     return HEADER + table_size(count) + 2 * count
+
+
+@inlined
+def packed_polygon(array, n):
+    """Return the packed polygon that an array begins with, for use inside kernels."""
+    return Packed(elements(array), 0, n)
 
 
 @inlined

@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 
 from sat_collision.geometry.double_double import (
     cross, difference, dot, negative, plus, quotient, scaled, square_root, times)
-from sat_collision.geometry.jit import inner, kernel
+from sat_collision.geometry.jit import inlined, inner, kernel
 from sat_collision.geometry.layout import first_vertex
 from sat_collision.geometry.plane import nearest_of_segment, scale_to_one
 from sat_collision.geometry.separating_axis import support
@@ -291,7 +291,7 @@ def furthest(p, i, nx, ny):
     return i
 
 
-@inner
+@inlined
 def along(v, i, k, nx, ny):
     """Return the component along n of the way from the vertex at i to that at k."""
     return dot(difference(v[k], v[i]), difference(v[k + 1], v[i + 1]), nx, ny)

@@ -36,13 +36,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.jit import (
-    borrowed, inlined, inner, kernel, scratch, scratch_integers)
-from sat_collision.geometry.layout import convex_part, first_vertex, Packed
+    inlined, inner, kernel, scratch, scratch_integers)
+from sat_collision.geometry.layout import convex_part, first_vertex, packed_polygon
 from sat_collision.geometry.moving import STRIDE
 from sat_collision.geometry.plane import length, unit
 from sat_collision.geometry.predicates import UNDERFLOW_BOUND
 from sat_collision.geometry.rows import body_of, rows_of
-from sat_collision.geometry.scan import contains, intersecting_rows, rows_within
+from sat_collision.geometry.scan import contains
 from sat_collision.geometry.sweep import first_contact_of_moving
 
 # The most that a body turns in a piece, rad, unless that takes too many.
@@ -172,7 +172,7 @@ def _finite(values: ArrayLike, name: str, meaning: str) -> NDArray[np.float64]:
 @kernel
 def first_row_met(set_array, body, count, motion, velocities, skipped):
     """
-    Find which row of a set a moving body meets first.
+    Find which row of a set a moving body meets first, of those that it does not meet at time 0.
 
     Parameters
     ----------
@@ -192,19 +192,12 @@ def first_row_met(set_array, body, count, motion, velocities, skipped):
     row : int
         Of several the first; -1 if there is none.
     time : float
-        Seconds; 0 just where they are in contact, or within the margin, at time 0; infinity if
-        there is none.
+        Seconds, more than 0; infinity if there is none.
 
     """
     require_nearest(count)
-    rows = rows_of(borrowed(set_array))
-    margin = motion[7]
-    met = (intersecting_rows(set_array, body, count) if margin == 0.0
-           else rows_within(set_array, body, count, margin))
-    for k in range(met):
-        if not contains(skipped, rows.found[k]):
-            return rows.found[k], 0.0
-    way = _way(Packed(body, 0, count), motion)
+    rows = rows_of(set_array)
+    way = _way(packed_polygon(body, count), motion)
     # Where it is at the end of the list of pieces is the whole way.
     candidates = 0
     for row in range(rows.used):

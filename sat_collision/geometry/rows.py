@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from sat_collision.geometry.jit import indexable, inlined, integers
+from sat_collision.geometry.jit import beyond, elements, inlined, integers
 from sat_collision.geometry.layout import Packed
 
 _COLUMNS = 8
@@ -65,8 +65,9 @@ class Rows(NamedTuple):
 @inlined
 def rows_of(array):
     """Name the parts of the array of a set."""
-    whole = integers(array)
-    room = int(array[0])
+    numbers = elements(array)
+    whole = integers(numbers)
+    room = int(numbers[0])
     a = _HEAD
     b = a + room
     c = b + room
@@ -75,8 +76,9 @@ def rows_of(array):
     f = e + room
     g = f + room
     h = g + room
-    return Rows(array[a:b], array[b:c], array[c:d], array[d:e], whole[e:f], whole[f:g],
-                whole[g:h], whole[h:h + room], array[h + room:], int(array[1]))
+    return Rows(beyond(numbers, a), beyond(numbers, b), beyond(numbers, c), beyond(numbers, d),
+                beyond(whole, e), beyond(whole, f), beyond(whole, g), beyond(whole, h),
+                beyond(numbers, h + room), int(numbers[1]))
 
 
 @inlined
@@ -94,10 +96,10 @@ def new_array(rows: int, doubles: int) -> NDArray[np.float64]:
 
 def views_of(array: NDArray[np.float64]) -> Rows:
     """Return the parts of the array of a set as NumPy has them, for plain Python."""
-    rows: Rows = rows_of(indexable(array))
-    columns: dict[str, Any] = {name: np.asarray(column)
-                               for name, column in rows._asdict().items() if name != 'used'}
-    return rows._replace(**columns)
+    room = int(array[0])
+    end = _HEAD + _COLUMNS * room
+    columns = array[_HEAD:end].reshape(_COLUMNS, room)
+    return Rows(*columns[:4], *columns[4:].view(np.int64), array[end:], int(array[1]))
 
 
 def use_rows(array: NDArray[np.float64], used: int) -> None:

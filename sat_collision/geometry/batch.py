@@ -30,8 +30,7 @@ from sat_collision.geometry.intersection import bodies_meet, meet_near
 from sat_collision.geometry.jit import (
     elements, inlined, inner, kernel, prefetch, scratch, scratch_integers)
 from sat_collision.geometry.layout import (
-    HEADER, near_support, Packed, SCAN_LIMIT, table_place, table_sector)
-from sat_collision.geometry.rows import body_of, Rows, rows_of
+    body_of, HEADER, near_support, Packed, Rows, rows_of, SCAN_LIMIT, table_place, table_sector)
 from sat_collision.geometry.separating_axis import (
     boxes_apart, find_separating_axis, first_axis, hill_climb, MEET, MOST_QUERIES, OPEN, refine,
     Search, SEPARATE, UNCERTAIN)
@@ -78,7 +77,7 @@ def decide_rows(set_array, other_array, answers):
     Parameters
     ----------
     set_array, other_array : flat arrays of float64
-        The arrays of both sets, see `rows`.
+        The arrays of both sets, see `layout`.
     answers : (r,) array of int8
         Receives MEET or SEPARATE.
 

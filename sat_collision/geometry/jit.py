@@ -41,11 +41,11 @@ try:
     from sat_collision.geometry.drafts import Draft, Whole
     from sat_collision.geometry.kernel_cache import keep_compiled
 
-    def _compiled(function, pipeline, **options):
+    def _compiled(function: Callable[..., Any], pipeline: type, **options: Any) -> Any:
         return numba.njit(error_model='numpy', no_cfunc_wrapper=True, pipeline_class=pipeline,
                           **options)(function)
 
-    def _kept(function):
+    def _kept(function: Callable[..., Any]) -> Any:
         compiled = _compiled(function, Whole)
         keep_compiled(compiled)
         return compiled

@@ -38,8 +38,7 @@ from numba.core.sigutils import normalize_signature
 from sat_collision.geometry.compilation import begin_compiling, end_compiling, report_problem
 
 # What is compiled of these, whenever the package is imported, takes a fraction of a second.
-_QUICK = ('sat_collision.geometry.arithmetic', 'sat_collision.geometry.jit',
-          'sat_collision.geometry.rows')
+_QUICK = 'sat_collision.geometry.arithmetic', 'sat_collision.geometry.jit'
 _DIGEST_SIZE = hashlib.sha256().digest_size
 
 

@@ -24,9 +24,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry.batch import decide_rows, measure_rows
 from sat_collision.geometry.jit import indexable
+from sat_collision.geometry.layout import new_array, use_rows, views_of
 from sat_collision.geometry.polygon import as_polygon, BodyLike, PackedBody, Polygon, size_of
 from sat_collision.geometry.prediction import first_row_met, motion_of, velocities_of
-from sat_collision.geometry.rows import new_array, use_rows, views_of
 from sat_collision.geometry.run import Run, write_run
 from sat_collision.geometry.scan import (
     intersecting_rows, nearest_row, NO_ROOM, rows_within, UNCHANGED, write_and_intersect,

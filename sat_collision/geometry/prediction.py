@@ -37,11 +37,11 @@ from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.jit import (
     inlined, inner, kernel, scratch, scratch_integers)
-from sat_collision.geometry.layout import convex_part, first_vertex, packed_polygon
+from sat_collision.geometry.layout import (
+    body_of, convex_part, first_vertex, packed_polygon, rows_of)
 from sat_collision.geometry.moving import STRIDE
 from sat_collision.geometry.plane import length, unit
 from sat_collision.geometry.predicates import UNDERFLOW_BOUND
-from sat_collision.geometry.rows import body_of, rows_of
 from sat_collision.geometry.scan import contains
 from sat_collision.geometry.sweep import first_contact_of_moving
 
@@ -177,7 +177,7 @@ def first_row_met(set_array, body, count, motion, velocities, skipped):
     Parameters
     ----------
     set_array : flat array of float64
-        See `rows`.
+        See `layout`.
     body, count
         A packed polygon.
     motion : (8,) array of float64

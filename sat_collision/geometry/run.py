@@ -18,9 +18,9 @@ from typing import Any, TypeAlias
 
 from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.jit import inner, kernel, scratch, words_and_floats
+from sat_collision.geometry.layout import rows_of
 from sat_collision.geometry.packing import pack
 from sat_collision.geometry.ring import CONVEX
-from sat_collision.geometry.rows import rows_of
 from sat_collision.geometry.scan import box_gap, NO_ROOM, write_row
 
 # Messages that differ in nothing but their points, see `write_run`. A plain tuple reaches a kernel

@@ -15,7 +15,7 @@
 """
 One body against all rows of a set: which it meets, which are within a margin, what is nearest.
 
-A set is given as its array, see `rows`, and a body as a packed polygon and its count.
+A set is given as its array, see `layout`, and a body as a packed polygon and its count.
 """
 
 import math
@@ -25,8 +25,7 @@ from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.distance import measure
 from sat_collision.geometry.intersection import bodies_meet, filtered_verdict
 from sat_collision.geometry.jit import COMPILED, elements, inlined, inner, kernel
-from sat_collision.geometry.layout import body_size, Packed
-from sat_collision.geometry.rows import body_of, rows_of
+from sat_collision.geometry.layout import body_of, body_size, Packed, rows_of
 from sat_collision.geometry.separating_axis import MEET, SEPARATE
 
 UNCHANGED = -1

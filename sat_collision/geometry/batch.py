@@ -43,27 +43,13 @@ _STATE = 8
 
 
 class Pairs(NamedTuple):
-    """
-    Two sets whose rows are paired, and what is known of each pair.
-
-    Attributes
-    ----------
-    rows, others : Rows
-        The two sets.
-    verdicts : (r,) array of int8
-        SEPARATE, MEET, UNCERTAIN, or OPEN.
-    searches : flat array of float64
-        The searches of a batch, one after another.
-    places : flat array of int64
-        Two for each pair of a batch: the sectors, then the support vertices.
-    pending : flat array of int64
-        The rows of a batch that are still open.
-
-    """
+    """Two sets whose rows are paired, and what is known of each pair."""
 
     rows: Rows
     others: Rows
+    # Of each row: SEPARATE, MEET, UNCERTAIN, or OPEN.
     verdicts: Any
+    # Of a batch: the searches; two places a pair, the sectors or the support vertices; open rows.
     searches: Any
     places: Any
     pending: Any
@@ -71,17 +57,7 @@ class Pairs(NamedTuple):
 
 @kernel
 def decide_rows(set_array, other_array, answers):
-    """
-    Decide for each row whether its body in one set meets that of the same row in the other; exact.
-
-    Parameters
-    ----------
-    set_array, other_array : flat arrays of float64
-        The arrays of both sets, see `layout`.
-    answers : (r,) array of int8
-        Receives MEET or SEPARATE.
-
-    """
+    """Write for each row whether its bodies in two sets MEET or are SEPARATE; exact."""
     require_nearest(len(answers))
     pairs = Pairs(rows_of(set_array), rows_of(other_array), answers,
                   scratch(_STATE * _BATCH), scratch_integers(2 * _BATCH), scratch_integers(_BATCH))

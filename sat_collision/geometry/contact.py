@@ -132,15 +132,8 @@ def contact_of_arrays(p, n, q, m):
     """
     Return the contact of two bodies that an array each holds, with counts n and m.
 
-    Returns
-    -------
-    separation, depth, nx, ny : float
-        As `Contact` has them.
-    count : int
-        1 or 2.
-    pairs : tuple of two tuples of float
-        So many points of contact, each as x, y on P and x, y on Q.
-
+    Returned are separation, depth and normal, as `Contact` has them, how many points of contact
+    there are, and these: two tuples of x, y on P and x, y on Q.
     """
     require_nearest(n)
     p = packed_polygon(p, n)

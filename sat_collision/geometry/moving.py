@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from sat_collision.geometry.convex_parts import convex_parts
-from sat_collision.geometry.jit import indexable, inner, kernel, scratch
+from sat_collision.geometry.jit import elements, indexable, inner, kernel, scratch
 from sat_collision.geometry.plane import scale_to_one
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.predicates import orient
@@ -64,7 +64,7 @@ class Part(NamedTuple):
 
     Attributes
     ----------
-    array : flat array of float64
+    array : flat array of float64, or its `elements`
         Holds its vertices, and maybe others.
     first, end : int
         Where in the array they start, and where they end.
@@ -124,23 +124,7 @@ def _rows_of_parts(points: NDArray[np.float64],
 
 @kernel
 def on_boundary(vertices, part, points):
-    """
-    Return of each point whether it lies on the boundary of a part; exact.
-
-    Parameters
-    ----------
-    vertices : flat array of float64
-        x, y of each vertex of the whole.
-    part : array of int64
-        Which of them the part has, in order.
-    points : flat array of float64
-        x, y of each point.
-
-    Returns
-    -------
-    array of bool
-
-    """
+    """Return of each point whether it lies on the boundary of a part of vertices; exact."""
     found = np.zeros(len(points) // 2, np.bool_)
     for k in range(len(part)):
         a = 2 * part[k - 1 if k > 0 else len(part) - 1]
@@ -171,6 +155,8 @@ def boxes_stay_apart(p, q, apart):
 
     It is wider than `apart`; exact if that is 0, where it is a line.
     """
+    p = Part(elements(p.array), p.first, p.end)
+    q = Part(elements(q.array), q.first, q.end)
     return (_is_below(p, q, 0, apart) or _is_below(q, p, 0, apart)
             or _is_below(p, q, 1, apart) or _is_below(q, p, 1, apart))
 

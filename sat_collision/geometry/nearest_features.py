@@ -303,7 +303,7 @@ def _rise(v, i, k, nx, ny):
     rise = along(v, i, k, nx, ny)[0]
     bound = (_HIDDEN * (abs((v[k] - v[i]) * nx[0]) + abs((v[k + 1] - v[i + 1]) * ny[0]))
              + _LOST)
-    return int(rise > bound) - int(-rise > bound)
+    return (rise > bound) - (-rise > bound)
 
 
 @inner

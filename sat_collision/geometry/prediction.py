@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.jit import (
-    inlined, inner, kernel, scratch, scratch_integers)
+    elements, inlined, inner, kernel, scratch, scratch_integers)
 from sat_collision.geometry.layout import (
     body_of, convex_part, first_vertex, packed_polygon, rows_of)
 from sat_collision.geometry.moving import STRIDE
@@ -174,26 +174,9 @@ def first_row_met(set_array, body, count, motion, velocities, skipped):
     """
     Find which row of a set a moving body meets first, of those that it does not meet at time 0.
 
-    Parameters
-    ----------
-    set_array : flat array of float64
-        See `layout`.
-    body, count
-        A packed polygon.
-    motion : (8,) array of float64
-        A `Motion`.
-    velocities : flat array of float64
-        vx, vy of each row, m/s.
-    skipped : flat array of int64
-        Rows to leave out, ascending.
-
-    Returns
-    -------
-    row : int
-        Of several the first; -1 if there is none.
-    time : float
-        Seconds, more than 0; infinity if there is none.
-
+    Given a packed body, a `Motion` as an array, vx, vy of each row and, ascending, the rows to
+    leave out. Returned are the row, of several the first, and the time in seconds, more than 0; -1
+    and infinity if there is none.
     """
     require_nearest(count)
     rows = rows_of(set_array)
@@ -263,12 +246,13 @@ def _parts(p, motion):
 @inner
 def _distances(body, motion):
     """Return `inner` and `outer` of a `Way`, or the same of a body that stands beside it."""
-    v = body.array
+    v = elements(body.array)
+    size = len(body.array)
     least = math.inf
     most = -math.inf
     if motion.turn == 0.0:
         ux, uy = unit(motion.vx, motion.vy)
-        for k in range(0, len(v), 2):
+        for k in range(0, size, 2):
             height = ux * v[k + 1] - uy * v[k]
             least = min(least, height)
             most = max(most, height)
@@ -358,8 +342,9 @@ def _write_pose(way, time, chords, place):
     x = along * (c * motion.vx - s * motion.vy)
     y = along * (s * motion.vx + c * motion.vy)
     # Turned by 2 half: cosine 1 - 2 s^2, sine 2 s c.
-    v = way.body.array
-    for k in range(0, len(v), 2):
+    v = elements(way.body.array)
+    chords = elements(chords)
+    for k in range(0, len(way.body.array), 2):
         chords[2 * k + place] = v[k] - 2.0 * s * (s * v[k] + c * v[k + 1]) + x
         chords[2 * k + place + 1] = v[k + 1] + 2.0 * s * (c * v[k] - s * v[k + 1]) + y
 

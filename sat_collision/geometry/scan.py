@@ -37,12 +37,7 @@ def write_row(set_array, row, body, count):
     """
     Write a packed body into a row.
 
-    Returns
-    -------
-    int
-        UNCHANGED if the very same body is there already, NO_ROOM if the row has not the space for
-        it, else 0.
-
+    Returned is UNCHANGED if the very same body is there, NO_ROOM if there is no space, else 0.
     """
     require_nearest(row)
     rows = rows_of(set_array)
@@ -155,13 +150,8 @@ def nearest_row(set_array, body, count, skipped):
     """
     Find what is nearest to a body, or deepest in it, among the rows that are not skipped.
 
-    Returns
-    -------
-    row : int
-        -1 if there is none.
-    separation, ax, ay, bx, by : float
-        As `distance.measure` has them: points of the row's body, and of the other.
-
+    Returned are the row, -1 if there is none, and what `distance.measure` has of the row's body
+    and the other.
     """
     require_nearest(count)
     rows = rows_of(set_array)

@@ -25,19 +25,11 @@ from sat_collision.geometry.separating_axis import (
 
 
 class Ring(NamedTuple):
-    """
-    The vertices of a convex polygon.
+    """The vertices of a convex polygon."""
 
-    Attributes
-    ----------
-    array : flat array of float64
-        Holds them x, y, x, y, ..., counter-clockwise.
-    first, n : int
-        Where in the array they start, and how many there are.
-
-    """
-
+    # Flat array of float64: holds them x, y, x, y, ..., counter-clockwise.
     array: Any
+    # Where in the array they start, and how many there are.
     first: int
     n: int
 

@@ -59,22 +59,13 @@ _INFINITY = float('inf')
 
 
 class Packed(NamedTuple):
-    """
-    A packed polygon, as kernels pass it to each other.
+    """A packed polygon, as kernels pass it to each other."""
 
-    Attributes
-    ----------
-    array : flat array of float64, or its `elements`
-        Holds the polygon, and maybe others.
-    start : int
-        Where in the array it starts.
-    n : int
-        Its vertices if convex, else minus its convex parts.
-
-    """
-
+    # Flat array of float64, or its `elements`: holds the polygon, and maybe others.
     array: Any
+    # Where in the array it starts.
     start: int
+    # Its vertices if convex, else minus its convex parts.
     n: int
 
 
@@ -156,33 +147,23 @@ def body_size(p):
 
 
 class Rows(NamedTuple):
-    """
-    The parts of the array of a set: its columns, and the packed bodies.
+    """The parts of the array of a set: its columns, and the packed bodies."""
 
-    Attributes
-    ----------
-    min_x, min_y, max_x, max_y : (r,) array of float64
-        Bounds.
-    start, n, space : (r,) array of int64
-        Where the packed body starts, its count (0: no body), and how many doubles it may take.
-    found : (r,) array of int64
-        Room for the rows that a scan finds.
-    packed : flat array of float64
-        The packed bodies.
-    used : int
-        How many rows are, or were, in use.
-
-    """
-
+    # (r,) array of float64: bounds.
     min_x: NDArray[np.float64]
     min_y: NDArray[np.float64]
     max_x: NDArray[np.float64]
     max_y: NDArray[np.float64]
+    # (r,) array of int64: where the packed body starts, its count (0: no body), and how many
+    # doubles it may take.
     start: NDArray[np.int64]
     n: NDArray[np.int64]
     space: NDArray[np.int64]
+    # (r,) array of int64: room for the rows that a scan finds.
     found: NDArray[np.int64]
+    # Flat array of float64: the packed bodies.
     packed: NDArray[np.float64]
+    # How many rows are, or were, in use.
     used: int
 
 

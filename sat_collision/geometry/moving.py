@@ -42,36 +42,21 @@ _LEAST_SCALE = 2.0 ** -1000
 
 
 class MovingBody(NamedTuple):
-    """
-    What the kernels of `sweep` read of a body that moves.
+    """What the kernels of `sweep` read of a body that moves."""
 
-    Attributes
-    ----------
-    array : flat array of float64
-        x, y at time 0 and x, y at time 1 of each vertex of the convex parts, part after part.
-    ends : (k,) array of int64
-        Where in the array each part ends.
-
-    """
-
+    # Flat array of float64: x, y at time 0 and x, y at time 1 of each vertex of the convex parts,
+    # part after part.
     array: Any
+    # (k,) array of int64: where in the array each part ends.
     ends: Any
 
 
 class Part(NamedTuple):
-    """
-    A convex part of a body that moves, see `MovingBody`.
+    """A convex part of a body that moves, see `MovingBody`."""
 
-    Attributes
-    ----------
-    array : flat array of float64, or its `elements`
-        Holds its vertices, and maybe others.
-    first, end : int
-        Where in the array they start, and where they end.
-
-    """
-
+    # Flat array of float64, or its `elements`: holds its vertices, and maybe others.
     array: Any
+    # Where in the array they start, and where they end.
     first: int
     end: int
 

@@ -48,24 +48,15 @@ SHORT = 2.0 ** -900
 
 
 class Features(NamedTuple):
-    """
-    Two segments between vertices, at least one of which is a single vertex, and their distance.
-
-    Attributes
-    ----------
-    distance : float
-    pa, pb, qa, qb : int
-        Where the ends of that of P stand in its array, and of that of Q.
-    nx, ny : pair of float
-        The way from P to Q: an axis of any length, in twice the precision.
-
-    """
+    """Two segments between vertices, one of which is a single one at least, and their distance."""
 
     distance: float
+    # Where the ends of that of P stand in its array, and of that of Q.
     pa: int
     pb: int
     qa: int
     qb: int
+    # The way from P to Q: an axis of any length, in twice the precision.
     nx: Any
     ny: Any
 

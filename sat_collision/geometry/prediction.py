@@ -54,77 +54,49 @@ _LEAST = 5e-324
 
 
 class Motion(NamedTuple):
-    """
-    How a body moves, and what is asked of it.
+    """How a body moves, and what is asked of it."""
 
-    Attributes
-    ----------
-    x, y : float
-        The origin of the body's frame at time 0, m.
-    vx, vy, turn : float
-        Its velocity at time 0, m/s, and rad/s.
-    horizon : float
-        Seconds.
-    tolerance, margin : float
-        Metres.
-
-    """
-
+    # The origin of the body's frame at time 0, m.
     x: float
     y: float
+    # Its velocity at time 0, m/s, and rad/s.
     vx: float
     vy: float
     turn: float
+    # Seconds.
     horizon: float
+    # Metres.
     tolerance: float
     margin: float
 
 
 class Moving(NamedTuple):
-    """
-    The convex parts of a body that moves.
+    """The convex parts of a body that moves."""
 
-    Attributes
-    ----------
-    array : flat array of float64
-        x, y of each vertex at time 0, part after part, relative to the origin of the motion.
-    ends : (k,) array of int64
-        Where each part ends, in doubles of an array as `moving.MovingBody` has it.
-
-    """
-
+    # Flat array of float64: x, y of each vertex at time 0, part after part, relative to the origin
+    # of the motion.
     array: Any
+    # (k,) array of int64: where each part ends, in doubles of an array as `moving.MovingBody` has
+    # it.
     ends: Any
 
 
 class Way(NamedTuple):
-    """
-    The way of a body up to the horizon.
-
-    Attributes
-    ----------
-    motion : Motion
-    body : Moving
-    speed : float
-        The greatest of a vertex, m/s; 0 just if it stands.
-    reach : float
-        How far from the origin a vertex gets at most, or its way is long, m.
-    pieces : int
-        How many it is cut into.
-    boxes : flat array of float64
-        min x, min y, max x, max y of each piece, then of all; relative to the origin.
-    inner, outer : float
-        The least and the greatest distance of the body from the centre of its turn; of a straight
-        way from a line along it, negative on its right; m.
-
-    """
+    """The way of a body up to the horizon."""
 
     motion: Motion
     body: Moving
+    # The greatest of a vertex, m/s; 0 just if it stands.
     speed: float
+    # How far from the origin a vertex gets at most, or its way is long, m.
     reach: float
+    # How many it is cut into.
     pieces: int
+    # Flat array of float64: min x, min y, max x, max y of each piece, then of all; relative to the
+    # origin.
     boxes: Any
+    # The least and the greatest distance of the body from the centre of its turn; of a straight
+    # way from a line along it, negative on its right; m.
     inner: float
     outer: float
 

@@ -52,26 +52,17 @@ MOST_QUERIES = 48
 
 
 class Search(NamedTuple):
-    """
-    What is known between two axes.
+    """What is known between two axes."""
 
-    Attributes
-    ----------
-    ax, ay, bx, by : float
-        The cone of axes still possible, {u: u . a > 0, u . b > 0}, a to b a left turn.
-    ux, uy : float
-        The axis to try next.
-    reach_x, reach_y : float
-        The greatest magnitudes of coordinates.
-
-    """
-
+    # The cone of axes still possible, {u: u . a > 0, u . b > 0}, a to b a left turn.
     ax: float
     ay: float
     bx: float
     by: float
+    # The axis to try next.
     ux: float
     uy: float
+    # The greatest magnitudes of coordinates.
     reach_x: float
     reach_y: float
 

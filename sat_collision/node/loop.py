@@ -190,7 +190,10 @@ class Loop:
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
         self._rest = 0.0
-        self._has_rested = False
+        self._rests_until = 0.0
+        # Pointers of the subscriptions to look at when a message ends a rest, and when none has.
+        self._at_once: set[int] = set()
+        self._gathered: set[int] = set()
         # Whether there are messages that the last turn had no time for.
         self._is_behind = False
         self._ticked = True
@@ -207,9 +210,15 @@ class Loop:
         while not ended():
             with ExitStack() as held:
                 self._topics = [_Topic(one, self._receiver) for one in self._inputs]
-                waiting = Waiting(
-                    self._node, {topic.pointer for topic in self._topics},
-                    {topic.pointer for topic in self._topics if topic.ends_rest}, held)
+                pointers = [topic.pointer for topic in self._topics]
+                ending_rest = {topic.pointer for topic in self._topics if topic.ends_rest}
+                every = {one.handle.pointer for one in self._node.subscriptions}
+                self._gathered = every - ending_rest
+                # What is taken before a footprint may be the transform that it needs.
+                until = max((k for k, one in enumerate(pointers, 1) if one in ending_rest),
+                            default=0)
+                self._at_once = every.difference(pointers[until:])
+                waiting = Waiting(self._node, {*pointers}, ending_rest, held)
                 # What is waited for changes seldom, such as with use_sim_time.
                 while not ended() and not (self._ticked and waiting.is_outdated()):
                     self._turn(waiting)
@@ -220,7 +229,7 @@ class Loop:
         self._executor.shutdown()
 
     def _turn(self, waiting: Waiting) -> None:
-        """Wait, take and publish; do what else is due; rest."""
+        """Rest or wait, take and publish; do what else is due."""
         ready, was_long = self._wait(waiting)
         begun = time.monotonic()
         late = begun - self._next_tick
@@ -250,21 +259,27 @@ class Loop:
             self._ticked = True
         if taken or late >= 0.0:
             self._next_tick = self._receiver.due(present, begun)
-        self._has_rested = bool(self._rest and taken)
-        if self._has_rested:
-            rest = min(self._rest, max(self._next_tick - time.monotonic(), 0.0))
-            if self._rest_may_end:
-                waiting.rest(rest)
-            else:
-                time.sleep(rest)
+        if (self._rest and taken and not self._is_behind
+                and (late >= 0.0 or ready is not self._at_once)):
+            self._rests_until = time.monotonic() + self._rest
 
     def _wait(self, waiting: Waiting) -> tuple[set[int] | None, bool]:
         """Return pointers of subscriptions to look at, None for all; and if the wait was long."""
-        look_at_all = self._has_rested or self._is_behind
-        if look_at_all and not self._ticked:
-            return None, False
         begun = time.monotonic()
         until_tick = max(self._next_tick - begun, 0.0)
+        rest = min(self._rests_until - begun, until_tick)
+        if rest > 0.0:
+            if not self._rest_may_end:
+                time.sleep(rest)
+            elif waiting.rest(rest):
+                return self._at_once, False
+            elif not self._ticked:
+                self._rests_until = 0.0
+                return self._gathered, False
+        look_at_all = self._rests_until > 0.0 or self._is_behind
+        self._rests_until = 0.0
+        if look_at_all and not self._ticked:
+            return None, False
         ready = waiting.wait(0.0 if look_at_all else until_tick, self._ticked)
         self._ticked = False
         return ready, not look_at_all and time.monotonic() - begun > _LONG_WAIT

@@ -101,12 +101,13 @@ class Waiting:
                     event.callback(info)
         return ready
 
-    def rest(self, seconds: float) -> None:
-        """Wait until there is a message that ends a rest."""
+    def rest(self, seconds: float) -> bool:
+        """Wait until there is a message that ends a rest; return whether there is."""
         self._wait_set.clear_entities()
         for handle in self._ending_rest:
             self._wait_set.add_subscription(handle)
         self._wait_set.wait(int(seconds * 1e9))
+        return bool(self._wait_set.get_ready_entities('subscription'))
 
     def take_others(self, ready: set[int] | None) -> None:
         """Take what else has come, such as /clock, of what is ready, None for of all."""

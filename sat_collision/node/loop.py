@@ -130,12 +130,14 @@ class Input:
     """
     A subscription, the name of its footprint or source, and whether a message ends a rest.
 
-    A footprint's does, so that it is answered at once.
+    A footprint's does, so that it is answered at once. The topic is that before it is remapped,
+    for those of rclpy's functions that remap it themselves.
     """
 
     name: str
     subscription: Subscription
     ends_rest: bool = False
+    topic: str = ''
 
 
 class Reserved(CallbackGroup):

@@ -155,8 +155,7 @@ class Publishers:
 
     def _look(self, one: Input) -> list[Endpoint]:
         """Return the live publishers, in an order that does not change."""
-        subscription = one.subscription
-        infos = self._node.get_publishers_info_by_topic(subscription.topic_name)
+        infos = self._node.get_publishers_info_by_topic(one.topic)
         known = self._order.get(one.name, [])
         endpoints = [self._endpoint(info, one) for info in infos]
         endpoints.sort(key=lambda endpoint: (

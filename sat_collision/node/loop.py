@@ -72,18 +72,10 @@ class Receiver(Protocol):
     def receive(self, name: str, messages: Sequence[bytes], now: int,
                 number: int | None) -> None:
         """
-        Take messages of one publisher, between which none is missing.
+        Take messages of one publisher for a footprint or source, between which none is missing.
 
-        Parameters
-        ----------
-        name : str
-            Name of the footprint or source.
-        messages : sequence of bytes
-        now : int
-            Present time in ns.
-        number : int or None
-            Which one of its publisher's messages the first one is, where that is known.
-
+        The number says which one of its publisher's messages the first one is, None where that is
+        not known. Times are in ns.
         """
 
     def begin_stream(self, name: str) -> None:
@@ -99,26 +91,15 @@ class Receiver(Protocol):
         """
         Return when the next tick is due, by the steady clock in s; messages may put it off.
 
-        Parameters
-        ----------
-        now : int
-            A time in ns, by the clock of the header stamps.
-        steady : float
-            The same time by the steady clock.
-
+        `steady` is what that clock reads at the time `now`, in ns by that of the header stamps.
         """
 
     def tick(self, now: int, is_all_taken: bool) -> None:
         """
         Do what is due by time alone.
 
-        Parameters
-        ----------
-        now : int
-            Present time in ns, read before the messages of this turn were taken.
-        is_all_taken : bool
-            Whether all that had been sent until then has been received.
-
+        `now` was read before the messages of this turn were taken, and `is_all_taken` says whether
+        all that had been sent until then has been received.
         """
 
     def present(self) -> int:
@@ -170,15 +151,8 @@ class Loop:
     middleware are looked at once a tick: each thing waited for costs with every wake. What a
     service asks for is done by an executor of rclpy's.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    inputs : sequence of Input
-        In the order in which they are taken; their callback group is a `Reserved` one.
-    receiver : Receiver
-    max_batch_delay : callable
-        Returns the longest rest, in s.
-
+    Inputs are taken in their order; their callback group is a `Reserved` one. `max_batch_delay`
+    returns the longest rest, in s.
     """
 
     def __init__(self, node: Node, inputs: Sequence[Input], receiver: Receiver,

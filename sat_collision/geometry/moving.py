@@ -99,7 +99,8 @@ def moving_body(start: NDArray[np.float64], end: NDArray[np.float64],
 def _rows_of_parts(points: NDArray[np.float64],
                    polygon: Polygon) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return which points each convex part has, and where in these rows each part ends."""
-    outline = indexable(polygon.vertices.ravel())
+    # Of a copy, which may be written: for another kind of array all would be compiled again.
+    outline = indexable(polygon.vertices.flatten())
     corners, ends = convex_parts(outline)
     points = indexable(points.ravel())
     rows = [np.flatnonzero(on_boundary(outline, indexable(part), points))

@@ -29,7 +29,7 @@ import numpy as np
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from sat_collision.geometry.jit import KERNEL
 from sat_collision.messages.rosbags_interfaces import STORE
-from sat_collision.replay.model.options import Options
+from sat_collision.replay.model.result import Options
 from sat_collision.replay.run import check
 
 _START = 1_700_000_000 * 10**9

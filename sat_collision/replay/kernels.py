@@ -136,7 +136,7 @@ class _WarmUp:
 
 def _warm_up() -> None:
     """Answer both questions once, exactly and with a margin."""
-    from sat_collision.replay.model.options import Options
+    from sat_collision.replay.model.result import Options
     from sat_collision.replay.run import check_recording
     for as_live in (False, True):
         for margin in (0.0, 0.1):

@@ -20,29 +20,22 @@ It reads what is whole only: what is damaged ends where rosbag2 gives up.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
-from sat_collision.replay.bag.storage import Faults, in_words, is_installed, Message, Scratch
+from sat_collision.replay.bag.storage import Faults, in_words, Message, Scratch, Storage
 
 
-def is_there() -> bool:
-    """Return whether rosbag2_py can be imported."""
-    return is_installed('rosbag2_py')
-
-
-class Rosbag2Storage:
+class Rosbag2Storage(Storage):
     """
-    A recording as rosbag2_py reads it. The attributes are those of `Recording`.
+    A recording as rosbag2_py reads it.
 
     Parameters
     ----------
     path : Path
         A directory with metadata.yaml, or a storage file.
     faults : Faults
-        Takes what is wrong with it.
     packed : bool
         Files or messages are compressed one by one, which metadata.yaml says.
     scratch : Scratch
@@ -51,13 +44,9 @@ class Rosbag2Storage:
     """
 
     def __init__(self, path: Path, faults: Faults, packed: bool, scratch: Scratch) -> None:
-        self._faults = faults
+        super().__init__(faults)
         self._packed = packed
         self._path = path
-        self.topics: dict[str, str] = {}
-        self.counts: Counter[str] = Counter()
-        self.start: int | None = None
-        self.end: int | None = None
         if any(file.suffix == '.zstd' for file in _files_of(path)):
             self._path = max(map(scratch.copy, _files_of(path))).parent
         try:
@@ -72,12 +61,8 @@ class Rosbag2Storage:
             self.start = metadata.starting_time.nanoseconds
             self.end = self.start + metadata.duration.nanoseconds
 
-    def close(self) -> None:
-        """Nothing is open between two readings."""
-
-    def messages(self, topics: Collection[str], start: int | None,
-                 stop: int | None) -> Iterator[Message]:
-        """Yield (topic, time in ns, data) of some topics, from start on and before stop (ns)."""
+    def messages(self, topics: Collection[str], start: int | None = None,
+                 stop: int | None = None) -> Iterator[Message]:
         import rosbag2_py
         there = [topic for topic in topics if topic in self.topics]
         if not there:

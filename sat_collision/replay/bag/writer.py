@@ -17,62 +17,32 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 from sat_collision.replay.bag.storage import is_installed
 
 
-class OutputError(ValueError):
-    """Something cannot be written where it should be."""
-
-
-class BagWriter(Protocol):
-    """Writes a bag of MCAP storage."""
-
-    def add_topic(self, topic: str, kind: str) -> None:
-        """Add a topic of a type such as std_msgs/msg/Bool."""
-
-    def write(self, topic: str, time: int, data: bytes) -> None:
-        """Write a serialised message at a time in ns."""
-
-    def close(self) -> None:
-        """Finish the bag."""
+def check_bag_writer() -> None:
+    """Raise OSError if nothing is there that writes bags."""
+    if not (is_installed('rosbags.rosbag2') or is_installed('rosbag2_py')):
+        raise OSError('writing a bag needs rosbags (pip install rosbags) or rosbag2_py of ROS')
 
 
 def new_bag(path: Path) -> BagWriter:
     """
-    Return what writes a new bag.
-
-    Parameters
-    ----------
-    path : Path
-        Its directory, which must not exist.
+    Return what writes a new bag of MCAP storage into a directory, which must not exist.
 
     Raises
     ------
-    OutputError
+    OSError
         If it exists, or cannot be made, or nothing is there that writes bags.
 
     """
     check_bag_writer()
     if path.exists():
-        raise OutputError(f'{path} already exists')
+        raise FileExistsError(f'{path} already exists')
     path.parent.mkdir(parents=True, exist_ok=True)
     return _ByRosbags(path) if is_installed('rosbags.rosbag2') else _ByRosbag2(path)
-
-
-def check_bag_writer() -> None:
-    """
-    Raise that nothing is there that writes bags, if so.
-
-    Raises
-    ------
-    OutputError
-
-    """
-    if not (is_installed('rosbags.rosbag2') or is_installed('rosbag2_py')):
-        raise OutputError(
-            'writing a bag needs rosbags (pip install rosbags) or rosbag2_py of ROS')
 
 
 class _ByRosbags:
@@ -87,17 +57,20 @@ class _ByRosbags:
         self._connections: dict[str, Any] = {}
 
     def add_topic(self, topic: str, kind: str) -> None:
+        """Add a topic of a type such as std_msgs/msg/Bool."""
         self._connections[topic] = self._writer.add_connection(topic, kind, typestore=self._store)
 
     def write(self, topic: str, time: int, data: bytes) -> None:
+        """Write a serialised message at a time in ns."""
         self._writer.write(self._connections[topic], time, data)
 
     def close(self) -> None:
+        """Finish the bag."""
         self._writer.close()
 
 
 class _ByRosbag2:
-    """The writer of ROS."""
+    """The writer of ROS, with the same methods."""
 
     def __init__(self, path: Path) -> None:
         import rosbag2_py
@@ -106,7 +79,7 @@ class _ByRosbag2:
             self._writer.open(rosbag2_py.StorageOptions(uri=str(path), storage_id='mcap'),
                               rosbag2_py.ConverterOptions('', ''))
         except RuntimeError as error:  # whatever rosbag2 raises
-            raise OutputError(f'{path}: {error}') from error
+            raise OSError(f'{path}: {error}') from error
         self._count = 0
 
     def add_topic(self, topic: str, kind: str) -> None:
@@ -120,3 +93,6 @@ class _ByRosbag2:
 
     def close(self) -> None:
         self._writer.close()
+
+
+BagWriter: TypeAlias = _ByRosbags | _ByRosbag2

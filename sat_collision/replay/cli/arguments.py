@@ -29,8 +29,7 @@ from typing import NoReturn
 
 from sat_collision import __version__
 from sat_collision.replay.bag.storage import Limits
-from sat_collision.replay.model.options import HEADER, NODE, RECEIVE
-from sat_collision.replay.model.result import Verdict
+from sat_collision.replay.model.result import HEADER, NODE, RECEIVE, Verdict
 
 _UNRECOGNIZED = 'unrecognized arguments: '
 _DESCRIPTION = """\
@@ -93,7 +92,7 @@ def _parser() -> argparse.ArgumentParser:
     add('-p', '--param', action='append', default=[], metavar='NAME:=VALUE',
         help='one parameter of the node; overrides the files')
     add('--footprint', type=_topic, action='append', default=[], metavar='[NAME:=]TOPIC',
-        help='a footprint and its topic')
+        dest='footprints', help='a footprint and its topic')
     add('--obstacles', type=_topic, action='append', default=[], metavar='[NAME:=]TOPIC',
         help='a source of obstacles and its topic')
     add('--node', type=_node, default=NODE,

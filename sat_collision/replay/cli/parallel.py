@@ -26,8 +26,7 @@ import signal
 import traceback
 
 from sat_collision.replay.bag.storage import in_words
-from sat_collision.replay.model.options import Options
-from sat_collision.replay.model.result import Result
+from sat_collision.replay.model.result import Options, Result
 from sat_collision.replay.run import check, OnProgress
 
 _ATTEMPTS = 3
@@ -121,11 +120,9 @@ def failed(path: str, options: Options, error: BaseException, attempts: int = 1)
     """Return the Result of a recording that could not be checked."""
     if options.debug:
         traceback.print_exception(type(error), error, error.__traceback__)
-    result = Result(str(path), options.clock, options.max_unknown, options.as_live,
-                    max_undetermined=options.max_undetermined, min_ttc=options.min_ttc)
     tried = f', {attempts} attempts failed' if attempts > 1 else ''
-    result.problems.append(f'{path}: not checked{tried}: {unexpected(error)}')
-    return result
+    return Result(str(path), options,
+                  problems=[f'{path}: not checked{tried}: {unexpected(error)}'])
 
 
 def unexpected(error: BaseException) -> str:

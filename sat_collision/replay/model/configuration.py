@@ -26,7 +26,7 @@ import re
 from typing import Any, TypeAlias
 
 from sat_collision.replay.bag.storage import in_words
-from sat_collision.replay.model.options import NODE
+from sat_collision.replay.model.result import NODE
 from sat_collision.scene.parameters import (
     check_names_given, declare_parameters, is_name_of, ParameterError, parameters_by_node,
     read_settings, type_problem)

@@ -12,19 +12,62 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a check of a recording finds, and the verdict on it. All times are ints in ns."""
+"""What a check of a recording is asked and what it finds. Times of findings are ints in ns."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 import enum
 from heapq import merge
 from typing import TYPE_CHECKING, TypeAlias
 
+from sat_collision.replay.bag.storage import Limits
+
 if TYPE_CHECKING:
     from sat_collision.geometry.polygon import Polygon
     from sat_collision.replay.model.keyframes import Keyframes, ShownBody
+
+
+NODE = '/footprint_monitor'
+RECEIVE = 'receive'
+HEADER = 'header'
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to check recordings; times in s."""
+
+    # Parameters of the node by dotted name.
+    parameters: Mapping[str, object] = field(default_factory=dict)
+    # Topics, or NAME:=TOPIC.
+    footprints: tuple[str, ...] = ()
+    obstacles: tuple[str, ...] = ()
+    # Full name of the node.
+    node: str = NODE
+    # Answer what the monitor would have said, instead of what touched by recorded motion.
+    as_live: bool = False
+    # RECEIVE or HEADER: the time of a message is when it was received, or its stamp.
+    clock: str = RECEIVE
+    # What part to check, from the recording's beginning.
+    start: float = 0.0
+    duration: float | None = None
+    # For how long in all a footprint may be unknown.
+    max_unknown: float = 1.0
+    # For how long in all the motion of a footprint or source may be undetermined; None for any.
+    max_undetermined: float | None = None
+    # The least time to collision that is allowed, 0 for any; None not to predict any.
+    min_ttc: float | None = None
+    # As live, how often to measure the separation from the nearest obstacle.
+    sample: float = 0.1
+    # Keep where the bodies were, to be drawn.
+    keyframes: bool = False
+    # As live, where to write what the node would have published.
+    write_bag: str | None = None
+    # How much memory and disk may be taken.
+    limits: Limits = Limits()
+    # Show where an unexpected error is raised.
+    debug: bool = False
 
 
 class Verdict(enum.IntEnum):
@@ -203,19 +246,14 @@ class Result:
     """
     What was found in one recording.
 
-    `as_live` says which question is answered: what the monitor would have said, or what touched.
     `origin` is when the recording begins, `start` what part of it was checked. `problems` say
     what is wrong with the recording, `notes` what else a reader should know.
     `keyframes` has the bodies at moments worth drawing, if asked for. `content` is what the
-    messages are known by, wherever they lie. `max_undetermined` is for how long (s) the motion of
-    each footprint and source may be undetermined, None for any time. `min_ttc` is the least time
-    to collision (s) that is allowed, None if none was asked for.
+    messages are known by, wherever they lie.
     """
 
     bag: str
-    clock: str
-    max_unknown: float
-    as_live: bool = False
+    options: Options = Options()
     origin: int | None = None
     start: int | None = None
     end: int | None = None
@@ -227,8 +265,6 @@ class Result:
     problems: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     keyframes: Keyframes | None = None
-    max_undetermined: float | None = None
-    min_ttc: float | None = None
 
     @property
     def duration(self) -> float:
@@ -259,16 +295,17 @@ class Result:
     @property
     def too_undetermined(self) -> list[SourceResult]:
         """The sources whose motion was undetermined for too long."""
-        if self.max_undetermined is None:
-            return []
-        most = 1e9 * self.max_undetermined
-        return [source for source in self.sources if source.undetermined > most]
+        most = self.options.max_undetermined
+        return [] if most is None else [
+            source for source in self.sources if source.undetermined > 1e9 * most]
 
     @property
     def too_soon(self) -> list[FootprintResult]:
         """The footprints whose least time to collision is less than allowed."""
-        return [footprint for footprint in self.footprints if self.min_ttc is not None
-                and footprint.soonest and footprint.soonest.time_to_collision < self.min_ttc]
+        least = self.options.min_ttc
+        return [] if least is None else [
+            footprint for footprint in self.footprints
+            if footprint.soonest and footprint.soonest.time_to_collision < least]
 
     @property
     def verdict(self) -> Verdict:
@@ -279,7 +316,7 @@ class Result:
             return Verdict.BAD_INPUT
         watched = [footprint for footprint in self.footprints if footprint.enabled]
         if not watched or not all(footprint.ever_known for footprint in watched) or any(
-                footprint.unknown > 1e9 * self.max_unknown for footprint in watched) or (
+                footprint.unknown > 1e9 * self.options.max_unknown for footprint in watched) or (
                     self.too_undetermined) or any(source.refused for source in self.sources):
             return Verdict.UNKNOWN
         return Verdict.CLEAR

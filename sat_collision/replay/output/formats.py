@@ -24,7 +24,7 @@ import json
 from typing import Any
 from xml.etree import ElementTree
 
-from sat_collision.replay.model.result import FootprintResult, overall, Result
+from sat_collision.replay.model.result import FootprintResult, Options, overall, Result
 from sat_collision.replay.output.text import (
     how_found, how_soon, how_undetermined, report, summary, when)
 
@@ -138,21 +138,23 @@ def _failures(footprint: FootprintResult, result: Result) -> Iterator[str]:
                    f'{contact.depth:.4f} m deep, found {how_found(contact, result)}')
     if footprint in result.too_soon:
         yield how_soon(footprint, result)
-    if footprint.unknown > 1e9 * result.max_unknown or not footprint.ever_known:
+    if footprint.unknown > 1e9 * result.options.max_unknown or not footprint.ever_known:
         yield f'unknown for {footprint.unknown / 1e9:.3f} s'
 
 
 def _bag(result: Result) -> dict[str, Any]:
+    options = result.options
     bag: dict[str, Any] = {
-        'bag': result.bag, 'question': 'as live' if result.as_live else 'recorded motion',
+        'bag': result.bag, 'question': 'as live' if options.as_live else 'recorded motion',
         'verdict': result.verdict.words, 'duration': result.duration,
-        'messages': result.messages,
-        **dataclasses.asdict(dataclasses.replace(result, keyframes=None))}
-    del bag['keyframes'], bag['as_live']
+        'messages': result.messages, 'clock': options.clock, 'max_unknown': options.max_unknown,
+        'max_undetermined': options.max_undetermined, 'min_ttc': options.min_ttc,
+        **dataclasses.asdict(dataclasses.replace(result, keyframes=None, options=Options()))}
+    del bag['keyframes'], bag['options']
     for contact in bag['contacts']:
         del contact['deepest_as']
     for footprint, values in zip(result.footprints, bag['footprints']):
         values['coverage'] = footprint.coverage
-        if result.min_ttc is None:
+        if options.min_ttc is None:
             del values['soonest'], values['time_to_collision']
     return bag

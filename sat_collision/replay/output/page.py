@@ -25,11 +25,11 @@ from typing import Any
 import numpy as np
 from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
 from sat_collision.replay.model.result import (
-    Contact, deepest_contacts, FootprintResult, GRAVITY, MOST_CONTACTS, overall, Result, Sample)
+    Contact, deepest_contacts, GRAVITY, MOST_CONTACTS, overall, Result, Sample)
 from sat_collision.replay.output.drawing import (
     colours, distance, joined_unknown, name_of, rows_of)
 from sat_collision.replay.output.text import (
-    CLOCKS, contact_row, CONTACTS, lasting, SOONEST, soonest_rows)
+    CLOCKS, contact_row, CONTACTS, footprint_row, FOOTPRINTS, lasting, SOONEST, soonest_rows)
 
 _SCRIPTS = ('page.js', 'timeline.js', 'scene.js')
 # How large the data of a page may be, in characters; the rest of it is small.
@@ -130,7 +130,7 @@ def _recording(result: Result, keyframes: Keyframes, numbers: list[int],
     moments = [keyframes.moments[k] for k in numbers]
     count = max(_MOST_SAMPLES // max(len(names), 1), 16)
     return {
-        'name': name_of(result), 'verdict': result.verdict.words, 'asLive': result.as_live,
+        'name': name_of(result), 'verdict': result.verdict.words, 'asLive': result.options.as_live,
         'problems': result.problems[:_MOST_ROWS], 'notes': result.notes[:_MOST_ROWS],
         'facts': _facts_of(result, moments, len(keyframes.bodies) - len(bodies)),
         'tables': _tables_of(result, contacts),
@@ -243,8 +243,9 @@ def _facts_of(result: Result, moments: list[int], left_out: int) -> list[str]:
     """Return what was checked, and how, in short phrases."""
     if result.start is None:
         return [result.bag]
-    facts = ['what the monitor would have said' if result.as_live else 'recorded motion',
-             f'{result.duration:.3f} s by {CLOCKS[result.clock]}', f'{result.messages} messages']
+    facts = ['what the monitor would have said' if result.options.as_live else 'recorded motion',
+             f'{result.duration:.3f} s by {CLOCKS[result.options.clock]}',
+             f'{result.messages} messages']
     if moments:
         most = max(later - time for time, later in zip(moments, [*moments[1:], moments[-1]]))
         facts.append(f'drawn at {len(moments)} moments, at least every {most / 1e9:.2g} s, and '
@@ -270,10 +271,8 @@ def _tables_of(result: Result, contacts: list[Contact]) -> list[dict[str, Any]]:
                   reason] for one in sorted(longest, key=lambda one: one.first)
                  for reason in one.reasons],
     }, {
-        'title': 'Footprints', 'note': '',
-        'head': ['footprint', 'topic', 'known', 'clear [s]', 'collision [s]', 'unknown [s]',
-                 'least separation'],
-        'rows': [_footprint(footprint, result) for footprint in result.footprints],
+        'title': 'Footprints', 'note': '', 'head': [*FOOTPRINTS, 'topic'],
+        'rows': [[*footprint_row(one, result), one.topic] for one in result.footprints],
     }, {
         'title': 'Least time to collision', 'note': '',
         'head': list(SOONEST), 'rows': soonest_rows(result),
@@ -288,15 +287,6 @@ def _tables_of(result: Result, contacts: list[Contact]) -> list[dict[str, Any]]:
         'rows': [[source.name, str(count), reason, source.examples.get(reason, '')]
                  for source in result.sources for reason, count in source.rejected.items()],
     }]
-
-
-def _footprint(footprint: FootprintResult, result: Result) -> list[str]:
-    coverage, least = footprint.coverage, footprint.least
-    return [footprint.name, footprint.topic, '-' if coverage is None else f'{coverage:.2%}',
-            *(f'{time / 1e9:.3f}'
-              for time in (footprint.clear, footprint.collision, footprint.unknown)),
-            f'{distance(least.separation)}, {least.obstacle}, at {result.since(least.time):.3f} s'
-            if least else '-']
 
 
 def _least(result: Result) -> str:

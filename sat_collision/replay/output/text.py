@@ -24,6 +24,8 @@ from sat_collision.replay.model.result import (
 
 _MOST_ROWS = 20
 _MOMENT = 500_000
+FOOTPRINTS = ('footprint', 'known', 'clear [s]', 'collision [s]', 'unknown [s]',
+              'least separation')
 CONTACTS = ('footprint', 'obstacle', 'first [s]', 'duration [s]', 'depth [m]', 'x [m]', 'y [m]',
             'found')
 SOONEST = 'footprint', 'obstacle', 'at [s]', 'time to collision [s]'
@@ -37,17 +39,16 @@ def report(result: Result) -> list[str]:
     lines += [f'  note: {note}' for note in result.notes]
     if result.start is None:
         return lines
-    question = 'as live' if result.as_live else 'recorded motion'
-    lines.append(f'  {question}, {result.duration:.3f} s by {CLOCKS[result.clock]}, '
+    question = 'as live' if result.options.as_live else 'recorded motion'
+    lines.append(f'  {question}, {result.duration:.3f} s by {CLOCKS[result.options.clock]}, '
                  f'{_counts(result)}')
     lines += _rejections(result)
     lines += [f'  {source.name}: {how_undetermined(source)}' for source in result.sources
               if source.undetermined]
     lines += [f'  {footprint.name}: {how_soon(footprint, result)}'
               for footprint in result.too_soon]
-    lines += _table(
-        ('footprint', 'known', 'clear [s]', 'collision [s]', 'unknown [s]', 'least separation'),
-        [_footprint_row(footprint, result) for footprint in result.footprints], 'footprints')
+    lines += _table(FOOTPRINTS, [footprint_row(footprint, result)
+                                 for footprint in result.footprints], 'footprints')
     lines += _table(SOONEST, soonest_rows(result), 'least time to collision')
     lines += _table(CONTACTS, [contact_row(contact, result) for contact in result.contacts],
                     'contacts')
@@ -70,7 +71,18 @@ def how_soon(footprint: FootprintResult, result: Result) -> str:
     least = footprint.soonest
     return '' if least is None else (
         f'a collision with {least.obstacle} was {least.time_to_collision:.3f} s ahead at '
-        f'{result.since(least.time):.3f} s, --min-ttc is {result.min_ttc:g} s')
+        f'{result.since(least.time):.3f} s, --min-ttc is {result.options.min_ttc:g} s')
+
+
+def footprint_row(footprint: FootprintResult, result: Result) -> tuple[str, ...]:
+    """Return a footprint as a row of FOOTPRINTS."""
+    seconds = [f'{getattr(footprint, state) / 1e9:.3f}'
+               for state in ('clear', 'collision', 'unknown')]
+    share = '' if footprint.coverage is None else f'{100 * footprint.coverage:.2f} %'
+    least = footprint.least
+    nearest = 'none known' if least is None else (
+        f'{least.separation:.4g} m from {least.obstacle} at {result.since(least.time):.3f} s')
+    return footprint.name + ('' if footprint.enabled else ' (disabled)'), share, *seconds, nearest
 
 
 def contact_row(contact: Contact, result: Result) -> tuple[str, ...]:
@@ -151,16 +163,6 @@ def _rejections(result: Result) -> Iterator[str]:
         for reason, count in source.rejected.items():
             yield f'  {source.name}: {count} messages rejected: {reason}'
             yield f'    the first one: {source.examples[reason]}'
-
-
-def _footprint_row(footprint: FootprintResult, result: Result) -> tuple[str, ...]:
-    seconds = [f'{getattr(footprint, state) / 1e9:.3f}'
-               for state in ('clear', 'collision', 'unknown')]
-    share = '' if footprint.coverage is None else f'{100 * footprint.coverage:.2f} %'
-    least = footprint.least
-    nearest = 'none known' if least is None else (
-        f'{least.separation:.4g} m from {least.obstacle} at {result.since(least.time):.3f} s')
-    return footprint.name + ('' if footprint.enabled else ' (disabled)'), share, *seconds, nearest
 
 
 def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]], title: str) -> list[str]:

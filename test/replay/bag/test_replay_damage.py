@@ -34,9 +34,8 @@ from recordings import box, drive, POLYGON, SOURCE, START, write
 from sat_collision.replay.__main__ import main
 from sat_collision.replay.bag.sqlite import SqliteFile
 from sat_collision.replay.bag.storage import Faults, Limits, Scratch
-from sat_collision.replay.bag.writer import check_bag_writer, OutputError
-from sat_collision.replay.model.options import Options
-from sat_collision.replay.model.result import Verdict
+from sat_collision.replay.bag.writer import check_bag_writer
+from sat_collision.replay.model.result import Options, Verdict
 from sat_collision.replay.run import check
 
 pytest.importorskip('mcap')
@@ -506,5 +505,5 @@ def test_folder_called_like_a_library_is_none(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, 'path', [str(tmp_path)])
     for name in [name for name in sys.modules if name.partition('.')[0] == 'rosbags']:
         monkeypatch.delitem(sys.modules, name)
-    with pytest.raises(OutputError, match='pip install rosbags'):
+    with pytest.raises(OSError, match='pip install rosbags'):
         check_bag_writer()

@@ -30,8 +30,7 @@ from recordings import box, drive, POLYGON, START, write
 from rosbags.highlevel import AnyReader
 from sat_collision.replay.bag import storage as storages
 from sat_collision.replay.cli.command import main
-from sat_collision.replay.model.options import Options
-from sat_collision.replay.model.result import Verdict
+from sat_collision.replay.model.result import Options, Verdict
 from sat_collision.replay.run import check
 
 ALL = 3 * 101

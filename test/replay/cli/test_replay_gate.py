@@ -26,7 +26,6 @@ import pytest
 from recordings import box, drive, write
 from sat_collision.replay.cli import command, parallel
 from sat_collision.replay.cli.command import main
-from sat_collision.replay.output import files
 
 CLEAR = drive(2.0, contact=(0, 0))
 TOUCHING = drive(2.0, contact=(1.0, 1.5))
@@ -79,7 +78,7 @@ def test_picture_that_fails_is_a_problem_of_its_recording(bags, tmp_path, monkey
         if len(drawn) == 1:
             raise RuntimeError('no ink')
 
-    monkeypatch.setattr(files, 'draw', fails_once)
+    monkeypatch.setattr(command, 'draw', fails_once)
     assert main([bags[0], bags[0], '--plot', str(tmp_path / 'plots')]) == 3
     assert 'no ink' in capsys.readouterr().out and len(drawn) == 2
 

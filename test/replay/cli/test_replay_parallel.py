@@ -23,8 +23,7 @@ import pytest
 from recordings import drive, NAMES, published, write
 from sat_collision.replay.cli import command, parallel
 from sat_collision.replay.cli.command import main
-from sat_collision.replay.model.options import Options
-from sat_collision.replay.model.result import Verdict
+from sat_collision.replay.model.result import Options, Verdict
 
 
 @pytest.fixture

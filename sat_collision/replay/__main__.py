@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 import sys
 import traceback
@@ -35,7 +34,10 @@ def main(args: Sequence[str] | None = None) -> int:
             # Not before: it takes so long to import that an interrupt may come meanwhile.
             from sat_collision.replay.cli.arguments import parse
             options = parse(args)
-            _prepare_kernels(options)
+            from sat_collision.replay.kernels import choose, prepare
+            # A cluster has kernels of its own.
+            if not options.dask and choose(options.bags, options.limits):
+                prepare(lambda words: print(f'replay_check: {words}', file=sys.stderr))
             from sat_collision.replay.cli.command import run
             return run(options)
     except KeyboardInterrupt:
@@ -52,15 +54,6 @@ def main(args: Sequence[str] | None = None) -> int:
             f'{type(error).__name__}: {words} (--debug shows where)')
         print(f'replay_check: cannot start: {hint}', file=sys.stderr)
         return _STATUS_OF_BAD_INPUT
-
-
-def _prepare_kernels(options: argparse.Namespace) -> None:
-    """Have the kernels compiled, and say so, where it pays; a cluster has kernels of its own."""
-    from sat_collision.replay.bag.storage import Limits
-    from sat_collision.replay.kernels import choose, prepare
-    limits = Limits(options.max_memory, options.max_disk)
-    if not options.dask and choose(options.bags, limits):
-        prepare(lambda words: print(f'replay_check: {words}', file=sys.stderr))
 
 
 if __name__ == '__main__':

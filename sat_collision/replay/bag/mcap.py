@@ -33,6 +33,8 @@ _FOOTER_KIND, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX = range(2, 8)
 _CHUNK_INDEX, _STATISTICS, _DATA_END = 8, 11, 15
 _NAMES = {_SCHEMA: 'schema', _CHANNEL: 'channel', _MESSAGE: 'message', _CHUNK: 'chunk',
           _MESSAGE_INDEX: 'index', _CHUNK_INDEX: 'index', _STATISTICS: 'statistics'}
+_OF_DATA = _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX
+_OF_SUMMARY = _SCHEMA, _CHANNEL, _CHUNK_INDEX, _STATISTICS
 _RECORD_HEAD = struct.Struct('<BQ')
 _MESSAGE_HEAD = struct.Struct('<HIQQ')
 _CHUNK_HEAD = struct.Struct('<QQQI')
@@ -272,8 +274,8 @@ class McapFile(Storage):
             if checksum and zlib.crc32(summary) != checksum:
                 self._faults.damaged('damaged in its summary: its checksum is wrong')
             for where, kind, size in self._framed(start, self._size - _FOOTER_SIZE):
-                if kind in (_SCHEMA, _CHANNEL, _CHUNK_INDEX, _STATISTICS):
-                    self._take(where, kind, self._read(where + _RECORD_HEAD.size, size))
+                if kind in _OF_SUMMARY:
+                    self._take(where, kind, size)
         except Damage as damage:
             self._faults.damaged(f'damaged at its end: {damage}')
 
@@ -287,7 +289,8 @@ class McapFile(Storage):
                     if kind == _DATA_END:
                         self._check_data(where, size)
                         break
-                    self._visit(where, kind, size)
+                    if kind in _OF_DATA:
+                        self._take(where, kind, size)
                 else:
                     if self._ends:
                         self._faults.damaged('damaged at the end of its data, which is missing')
@@ -329,8 +332,8 @@ class McapFile(Storage):
             yield where, kind, size
             where += _RECORD_HEAD.size + size
 
-    def _visit(self, where: int, kind: int, size: int) -> None:
-        """Take a record of the data."""
+    def _take(self, where: int, kind: int, size: int) -> None:
+        """Take a record of the data or of the summary."""
         at = where + _RECORD_HEAD.size
         try:
             if kind == _MESSAGE:
@@ -352,27 +355,22 @@ class McapFile(Storage):
                 block = self._blocks[-1]
                 self._blocks[-1] = block._replace(announced=(block.announced or 0) + length // 16)
                 self._indexed[channel] += length // 16
-            elif kind in (_SCHEMA, _CHANNEL):
-                self._define(kind, self._read(at, size), where)
-        except (struct.error, ValueError, Damage):
-            self._faults.damaged(f'damaged at byte {where}: invalid {_NAMES[kind]} record')
-
-    def _take(self, where: int, kind: int, content: bytes) -> None:
-        """Take a record of the summary."""
-        try:
-            if kind == _CHUNK_INDEX:
+            elif kind == _CHUNK_INDEX:
                 self._account()
-                first, last, begin = struct.unpack_from('<QQQ', content)
+                first, last, begin = struct.unpack_from('<QQQ', self._read(at, size))
                 self._chunks[begin] = first, last
             elif kind == _STATISTICS:
+                content = self._read(at, size)
                 self._channel_count, = struct.unpack_from('<I', content, 10)
                 length, = struct.unpack_from('<I', content, 42)
                 pairs = struct.iter_unpack('<HQ', content[46:46 + length])
                 self._statistics = Counter(dict(pairs))
             else:
-                self._define(kind, content, where)
-        except struct.error:
+                self._define(kind, self._read(at, size), where)
+        except (struct.error, ValueError):
             self._faults.damaged(f'damaged at byte {where}: invalid {_NAMES[kind]} record')
+        except Damage as damage:
+            self._faults.damaged(f'damaged at byte {where}: {damage}')
 
     def _add_to_run(self, where: int, head: bytes, size: int) -> None:
         """Take a message outside of chunks: it lengthens the run that it follows."""

@@ -24,8 +24,8 @@ import re
 from typing import Any, NamedTuple
 import zlib
 
+from sat_collision.replay.bag.libraries import Rosbag2Storage
 from sat_collision.replay.bag.mcap import McapFile
-from sat_collision.replay.bag.rosbag2 import Rosbag2Storage
 from sat_collision.replay.bag.sqlite import SqliteFile
 from sat_collision.replay.bag.storage import (
     Damage, Faults, in_words, is_installed, Limits, Message, Scratch, Storage, unpacked,

@@ -23,6 +23,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from difflib import get_close_matches
+from functools import partial
 import os
 import sys
 from typing import NoReturn
@@ -53,6 +54,7 @@ def parse(args: Sequence[str] | None = None) -> argparse.Namespace:
         import argcomplete
         argcomplete.autocomplete(parser)
     options = parser.parse_args(args)
+    options.limits = Limits(int(1e9 * options.max_memory), int(1e9 * options.max_disk))
     if not (options.bags or options.write_example):
         parser.error('name at least one recording (BAG)')
     if options.write_bag and not options.as_live:
@@ -134,10 +136,10 @@ def _parser() -> argparse.ArgumentParser:
     add('--dask', metavar='ADDRESS', help='check on the Dask cluster with this scheduler')
     limits = parser.add_argument_group('limits, for each recording')
     add = limits.add_argument
-    add('--max-memory', type=_bytes, default=Limits.memory, metavar='GB',
-        help=f'memory for what is unpacked ({Limits.memory / 1e9:g})')
-    add('--max-disk', type=_bytes, default=Limits.disk, metavar='GB',
-        help=f'disk for temporary files ({Limits.disk / 1e9:g})')
+    add('--max-memory', type=_gigabytes, default=Limits.memory / 1e9, metavar='GB',
+        help='memory for what is unpacked (%(default)g)')
+    add('--max-disk', type=_gigabytes, default=Limits.disk / 1e9, metavar='GB',
+        help='disk for temporary files (%(default)g)')
     add('--debug', action='store_true', help='show where an unexpected error is raised')
     return parser
 
@@ -153,26 +155,7 @@ def _topic(text: str) -> str:
     return text
 
 
-def _seconds(text: str) -> float:
-    return _number(text, 0.0, sys.float_info.max, 'a number of seconds, 0 or more')
-
-
-def _period(text: str) -> float:
-    return _number(text, 1e-3, 1e6, 'a number of seconds between 0.001 and 1000000')
-
-
-def _count(text: str) -> int:
-    value = _number(text, 1, 1000, 'a whole number from 1 to 1000')
-    if value != int(value):
-        raise argparse.ArgumentTypeError(f'{text} is not a whole number')
-    return int(value)
-
-
-def _bytes(text: str) -> int:
-    return int(1e9 * _number(text, 1e-3, 1e6, 'a number of GB between 0.001 and 1000000'))
-
-
-def _number(text: str, least: float, most: float, words: str) -> float:
+def _number(words: str, least: float, most: float, text: str) -> float:
     try:
         value = float(text)
     except ValueError:
@@ -180,3 +163,15 @@ def _number(text: str, least: float, most: float, words: str) -> float:
     if not least <= value <= most:
         raise argparse.ArgumentTypeError(f"'{text}' is not {words}")
     return value
+
+
+_seconds = partial(_number, 'a number of seconds, 0 or more', 0.0, sys.float_info.max)
+_period = partial(_number, 'a number of seconds between 0.001 and 1000000', 1e-3, 1e6)
+_gigabytes = partial(_number, 'a number of GB between 0.001 and 1000000', 1e-3, 1e6)
+
+
+def _count(text: str) -> int:
+    value = _number('a whole number from 1 to 1000', 1, 1000, text)
+    if value != int(value):
+        raise argparse.ArgumentTypeError(f'{text} is not a whole number')
+    return int(value)

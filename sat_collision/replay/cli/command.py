@@ -25,8 +25,8 @@ import sys
 import traceback
 
 from sat_collision.extras import missing
-from sat_collision.replay.bag.storage import in_words, Limits
-from sat_collision.replay.bag.writer import check_bag_writer
+from sat_collision.replay.bag.libraries import check_bag_writer
+from sat_collision.replay.bag.storage import in_words
 from sat_collision.replay.cli.arguments import parse
 from sat_collision.replay.cli.parallel import (
     check_here, check_on_cluster, check_one, failed, unexpected)
@@ -34,9 +34,8 @@ from sat_collision.replay.cli.terminal import Progress, with_colour
 from sat_collision.replay.model.configuration import (
     parameter_of_text, parameters_of_file, settings_of)
 from sat_collision.replay.model.result import Options, overall, Result, Verdict
-from sat_collision.replay.output.baseline import Baseline, BaselineError
 from sat_collision.replay.output.formats import (
-    write_csv, write_json, write_junit, write_junit_of_differences)
+    Baseline, BaselineError, write_csv, write_json, write_junit, write_junit_of_differences)
 from sat_collision.replay.output.text import report, report_all
 from sat_collision.replay.run import check
 from sat_collision.scene.parameters import ParameterError
@@ -104,8 +103,7 @@ def _options(arguments: argparse.Namespace) -> Options:
     settings_of(parameters, arguments.node, False)
     given = {name: getattr(arguments, name)
              for name in vars(arguments).keys() & {field.name for field in fields(Options)}}
-    return Options(parameters=parameters, keyframes=bool(arguments.plot),
-                   limits=Limits(arguments.max_memory, arguments.max_disk), **given)
+    return Options(parameters=parameters, keyframes=bool(arguments.plot), **given)
 
 
 def _check_outputs(arguments: argparse.Namespace) -> None:

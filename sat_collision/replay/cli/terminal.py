@@ -35,16 +35,7 @@ _REDRAW = 0.1
 
 
 class Progress:
-    """
-    A bar on a terminal that appears when a run takes long, and vanishes after it.
-
-    Parameters
-    ----------
-    what : str
-        What the bar is about.
-    stream : file, optional
-
-    """
+    """A bar on a terminal that appears when a run takes long, and vanishes after it."""
 
     def __init__(self, what: str = '', stream: TextIO = sys.stderr) -> None:
         self._what = f'{what[:_LONGEST]} ' if what else ''

@@ -134,19 +134,7 @@ class Contact:
         self.deepest_as = self.deepest_as or self.obstacle
 
     def deepen(self, depth: float, time: int, own: Polygon, other: Polygon) -> bool:
-        """
-        Update the deepest moment; return whether this is it.
-
-        Parameters
-        ----------
-        depth : float
-            Metres.
-        time : int
-            In ns.
-        own, other : Polygon
-            Footprint and obstacle at that time.
-
-        """
+        """Take a depth (m) of footprint and obstacle; return whether it is the deepest so far."""
         if self.deepest and depth <= self.depth:
             return False
         # Not above: the command line needs results, and importing geometry takes long.
@@ -335,15 +323,9 @@ _MOST_SAMPLES = 4096
 
 class Series:
     """
-    Separations (time in ns, metres or None) in a list that never grows beyond a fixed length.
+    Adds separations (time in ns, metres or None) to a list, which is empty first.
 
-    Where it would, neighbours are merged to their least.
-
-    Parameters
-    ----------
-    samples : list
-        An empty one, to be filled.
-
+    It never grows beyond a fixed length: where it would, neighbours are merged to their least.
     """
 
     def __init__(self, samples: list[Sample]) -> None:
@@ -352,14 +334,13 @@ class Series:
         self._pending = 0
 
     def add(self, time: int, value: float | None) -> None:
-        """Add a sample."""
         samples = self.samples
         if self._pending:
             last, least = samples[-1]
-            samples[-1] = last, _least(least, value)
+            samples[-1] = last, least_of_all((least, value))
         else:
             if len(samples) == _MOST_SAMPLES:
-                samples[:] = [(time_a, _least(a, b)) for (time_a, a), (_, b)
+                samples[:] = [(time_a, least_of_all((a, b))) for (time_a, a), (_, b)
                               in zip(samples[::2], samples[1::2])]
                 self._merged *= 2
             samples.append((time, value))
@@ -376,28 +357,18 @@ def least_of(series: Iterable[list[Sample]]) -> Iterable[Sample]:
         latest[number] = value
         if before is not None and time > before[0]:
             yield before
-        found = None
-        for one in latest.values():
-            found = _least(found, one)
-        before = time, found
+        before = time, least_of_all(latest.values())
     if before is not None:
         yield before
 
 
-def _least(a: float | None, b: float | None) -> float | None:
-    return min((value for value in (a, b) if value is not None), default=None)
+def least_of_all(values: Iterable[float | None]) -> float | None:
+    """Return the least of the values that are not None."""
+    return min((value for value in values if value is not None), default=None)
 
 
 class Unknowns:
-    """
-    Joins the unknown times of footprints to intervals.
-
-    Attributes
-    ----------
-    intervals : list of Unknown
-        In the order of their beginning.
-
-    """
+    """Joins the unknown times of footprints to intervals, in the order of their beginning."""
 
     def __init__(self) -> None:
         self.intervals: list[Unknown] = []

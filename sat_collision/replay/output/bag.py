@@ -27,7 +27,7 @@ from sat_collision.demo import warehouse
 from sat_collision.messages.interfaces import (
     Point32, PolygonStamped, serialize, Time, type_name)
 from sat_collision.messages.outputs import Outputs
-from sat_collision.replay.bag.writer import new_bag
+from sat_collision.replay.bag.libraries import new_bag
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import Settings
 

@@ -12,16 +12,23 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Results for machines: JSON, CSV and JUnit XML; docs/replay_json.md has the JSON schema."""
+"""
+Results for machines: JSON, CSV and JUnit XML; and what differs from JSON written before.
+
+docs/replay_json.md has the schema.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 import csv
 import dataclasses
 from itertools import chain
 import json
-from typing import Any
+import math
+from pathlib import PurePath
+from typing import Any, TypeAlias
 from xml.etree import ElementTree
 
 from sat_collision.replay.model.result import FootprintResult, Options, overall, Result
@@ -32,6 +39,16 @@ SCHEMA = 'sat_collision.replay/3'
 _COLUMNS = ('bag', 'kind', 'footprint', 'obstacle', 'first_ns', 'last_ns', 'duration_s', 'depth_m',
             'deepest_ns', 'x_m', 'y_m', 'reason', 'found', 'normal_x', 'normal_y', 'point_x_m',
             'point_y_m', 'second_point_x_m', 'second_point_y_m', 'time_to_collision_s')
+_Values: TypeAlias = dict[str, Any]
+
+# Separations are rounded: another processor or NumPy may round otherwise.
+_TOLERANCE = 1e-9
+_PLACES = {'x', 'y', 'depth', 'separation', 'time_to_collision'}
+# Where two normals are equally good, rounding decides which.
+_MANIFOLD = {'normal', 'points'}
+_CURVES = {'separation', 'time_to_collision'}
+_LEFT_OUT = {'bag', 'content', 'problems', 'notes', 'max_unknown', 'max_undetermined',
+             'min_ttc'}
 
 
 def as_dict(results: list[Result]) -> dict[str, Any]:
@@ -158,3 +175,111 @@ def _bag(result: Result) -> dict[str, Any]:
         if options.min_ttc is None:
             del values['soonest'], values['time_to_collision']
     return bag
+
+
+class BaselineError(ValueError):
+    """The file is not a result that --json wrote."""
+
+
+class Baseline:
+    """A result that --json wrote before; raises BaselineError if the file is anything else."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        try:
+            with open(path, encoding='utf-8') as file:
+                stored = json.load(file)
+            schema = stored['schema']
+            self._bags = [] if schema != SCHEMA else [
+                (_name(bag), bag, _comparable(bag)) for bag in stored['bags']]
+        except OSError as error:
+            raise BaselineError(f'cannot read {path}: {error.strerror}') from error
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise BaselineError(f'{path} is not a result that --json wrote') from error
+        if schema != SCHEMA:
+            raise BaselineError(f'{path} has the schema {schema}, this version needs {SCHEMA}')
+
+    def differences(self, results: list[Result]) -> list[tuple[str, list[str]]]:
+        """
+        Return each recording's name, with lines that say what differs.
+
+        Recordings are matched by their content, wherever and however they are stored; others
+        by the last part of their path. Contacts and unknown intervals are matched by footprint and
+        obstacle, in order. The words of problems and notes, normals and points of contact are not
+        compared.
+        """
+        checked: list[_Values] = as_dict(results)['bags']
+        left = list(self._bags)
+        partners: dict[int, _Values] = {}
+        for conditions in ((_same_content, _same_name), (_same_content,), (_same_name,)):
+            for place, bag in enumerate(checked):
+                found = [number for number, (_, other, _) in enumerate(left)
+                         if all(is_same(other, bag) for is_same in conditions)]
+                if found and place not in partners:
+                    partners[place] = left.pop(found[0])[2]
+        differences = [(name, ['expected, but not checked']) for name, _, _ in left]
+        for place, bag in enumerate(checked):
+            lines = [*_compared('', partners[place], _comparable(bag))] if place in partners else [
+                'checked, but not expected']
+            differences.append((_name(bag), lines))
+        return differences
+
+
+def _same_content(bag: _Values, other: _Values) -> bool:
+    return bag.get('content') is not None and bag['content'] == other['content']
+
+
+def _same_name(bag: _Values, other: _Values) -> bool:
+    return _name(bag) == _name(other)
+
+
+def _name(bag: _Values) -> str:
+    return PurePath(bag['bag']).name
+
+
+def _comparable(bag: _Values) -> _Values:
+    """Return what is to be compared of a recording."""
+    return {
+        **_without(bag, _LEFT_OUT),
+        'footprints': {one['name']: _without(one, _CURVES) for one in bag['footprints']},
+        'sources': {one['name']: _without(one, {'examples'}) for one in bag['sources']},
+        'contacts': _numbered([_without(one, _MANIFOLD) for one in bag['contacts']],
+                              'footprint', 'obstacle'),
+        'unknown': _numbered(bag['unknown'], 'footprint')}
+
+
+def _without(values: dict[str, Any], keys: set[str]) -> dict[str, Any]:
+    return {key: value for key, value in values.items() if key not in keys}
+
+
+def _numbered(intervals: Iterable[dict[str, Any]], *keys: str) -> dict[str, Any]:
+    """Return intervals by what they are about and how often that has been before."""
+    named: dict[str, Any] = {}
+    counts: Counter[str] = Counter()
+    for interval in intervals:
+        about = ' - '.join(interval[key] for key in keys)
+        counts[about] += 1
+        named[f'{about} #{counts[about]}'] = interval
+    return named
+
+
+def _compared(where: str, expected: Any, found: Any) -> Iterator[str]:
+    """Yield a line for each difference below a place in the result."""
+    if isinstance(expected, dict) and isinstance(found, dict):
+        for key in [*expected, *(key for key in found if key not in expected)]:
+            below = f'{where}.{key}' if where else key
+            if key not in found:
+                yield f'{below} is missing, expected {json.dumps(expected[key])}'
+            elif key not in expected:
+                yield f'{below} is new: {json.dumps(found[key])}'
+            else:
+                yield from _compared(below, expected[key], found[key])
+    elif not _same(where, expected, found):
+        yield f'{where} is {json.dumps(found)}, expected {json.dumps(expected)}'
+
+
+def _same(where: str, expected: Any, found: Any) -> bool:
+    if where.rpartition('.')[2] in _PLACES and isinstance(expected, float) and (
+            isinstance(found, (int, float))):
+        return math.isclose(expected, found, rel_tol=_TOLERANCE, abs_tol=_TOLERANCE)
+    return bool(expected == found)

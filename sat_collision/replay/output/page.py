@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
 from sat_collision.replay.model.result import (
-    Contact, deepest_contacts, GRAVITY, MOST_CONTACTS, overall, Result, Sample)
+    Contact, deepest_contacts, GRAVITY, least_of_all, MOST_CONTACTS, overall, Result, Sample)
 from sat_collision.replay.output.drawing import (
     colours, distance, joined_unknown, name_of, rows_of)
 from sat_collision.replay.output.text import (
@@ -46,17 +46,10 @@ _LEAST_OF_VERTEX = 6
 
 def write_page(results: list[Result], path: str) -> None:
     """
-    Write a page of results, the worst first, of at most 8 MB.
+    Write a page of results of checks with `keyframes`, the worst first, of at most 8 MB.
 
     Where the bodies would take more, they are shown at fewer moments; if that is not enough, only
     those that come nearest to a footprint are shown.
-
-    Parameters
-    ----------
-    results : list of Result
-        Of checks with `keyframes`.
-    path : str
-
     """
     ordered = _worst_first(results)
     title = name_of(ordered[0]) if len(ordered) == 1 else (
@@ -162,8 +155,7 @@ def _thinned(samples: list[Sample], most: int) -> list[Sample]:
     if step <= 1:
         return samples
     runs = [samples[k:k + step] for k in range(0, len(samples), step)]
-    return [(run[0][0], min((value for _, value in run if value is not None), default=None))
-            for run in runs]
+    return [(run[0][0], least_of_all(value for _, value in run)) for run in runs]
 
 
 def _unknown_of(result: Result, name: str) -> list[tuple[float, float, str]]:

@@ -32,9 +32,9 @@ from builders import serialised
 import pytest
 from recordings import box, drive, POLYGON, SOURCE, START, write
 from sat_collision.replay.__main__ import main
+from sat_collision.replay.bag.libraries import check_bag_writer
 from sat_collision.replay.bag.sqlite import SqliteFile
 from sat_collision.replay.bag.storage import Faults, Limits, Scratch
-from sat_collision.replay.bag.writer import check_bag_writer
 from sat_collision.replay.model.result import Options, Verdict
 from sat_collision.replay.run import check
 

@@ -12,14 +12,85 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""New bags, written by rosbags or, where only ROS is there, by its rosbag2_py."""
+"""
+What is left to libraries.
+
+rosbag2_py of ROS reads what nothing else here unpacks; rosbags writes or, without it, rosbag2_py.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from sat_collision.replay.bag.storage import is_installed
+from sat_collision.replay.bag.storage import (
+    Faults, in_words, is_installed, Message, Scratch, Storage)
+
+
+class Rosbag2Storage(Storage):
+    """
+    A recording as rosbag2_py reads it, up to the first damage.
+
+    Parameters
+    ----------
+    path : Path
+        A directory with metadata.yaml, or a storage file.
+    faults : Faults
+    packed : bool
+        Files or messages are compressed one by one, which metadata.yaml says.
+    scratch : Scratch
+        Takes a copy of the recording where rosbag2 would unpack files beside the packed ones.
+
+    """
+
+    def __init__(self, path: Path, faults: Faults, packed: bool, scratch: Scratch) -> None:
+        super().__init__(faults)
+        self._packed = packed
+        self._path = path
+        if any(file.suffix == '.zstd' for file in _files_of(path)):
+            self._path = max(map(scratch.copy, _files_of(path))).parent
+        try:
+            metadata = self._opened().get_metadata()
+        except RuntimeError as error:  # whatever rosbag2 raises
+            faults.damaged(in_words(error))
+            return
+        for topic in metadata.topics_with_message_count:
+            self.topics[topic.topic_metadata.name] = topic.topic_metadata.type
+            self.counts[topic.topic_metadata.name] = topic.message_count
+        if metadata.message_count:
+            self.start = metadata.starting_time.nanoseconds
+            self.end = self.start + metadata.duration.nanoseconds
+
+    def messages(self, topics: Collection[str], start: int | None = None,
+                 stop: int | None = None) -> Iterator[Message]:
+        import rosbag2_py
+        there = [topic for topic in topics if topic in self.topics]
+        if not there:
+            return
+        try:
+            reader = self._opened()
+            reader.set_filter(rosbag2_py.StorageFilter(topics=there))
+            while reader.has_next():
+                topic, data, time = reader.read_next()
+                if (start is None or time >= start) and (stop is None or time < stop):
+                    yield topic, time, data
+        except RuntimeError as error:
+            self._faults.damaged(in_words(error))
+
+    def _opened(self) -> Any:
+        import rosbag2_py
+        reader = (rosbag2_py.SequentialCompressionReader() if self._packed
+                  else rosbag2_py.SequentialReader())
+        storage = '' if self._path.is_dir() else (
+            'mcap' if self._path.suffix == '.mcap' else 'sqlite3')
+        reader.open(rosbag2_py.StorageOptions(uri=str(self._path), storage_id=storage),
+                    rosbag2_py.ConverterOptions('', ''))
+        return reader
+
+
+def _files_of(path: Path) -> list[Path]:
+    return [file for file in path.iterdir() if file.is_file()] if path.is_dir() else [path]
 
 
 def check_bag_writer() -> None:

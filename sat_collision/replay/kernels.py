@@ -119,11 +119,9 @@ class _WarmUp:
     path = Path('warm-up')
     start, end = _SECOND, 2 * _SECOND
     latched: frozenset[str] = frozenset()
-
-    def __init__(self) -> None:
-        self.problems: list[str] = []
-        self.topics = {'/footprint': _TYPES[0], '/obstacles': _TYPES[0]}
-        self.counts: Counter[str] = Counter()
+    problems: tuple[str, ...] = ()
+    topics = {'/footprint': _TYPES[0], '/obstacles': _TYPES[0]}
+    counts: Counter[str] = Counter()
 
     def messages(self, *_: object) -> Iterator[Message]:
         for tick in range(21):

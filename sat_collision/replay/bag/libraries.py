@@ -30,18 +30,10 @@ from sat_collision.replay.bag.storage import (
 
 class Rosbag2Storage(Storage):
     """
-    A recording as rosbag2_py reads it, up to the first damage.
+    A directory or storage file as rosbag2_py reads it, up to the first damage.
 
-    Parameters
-    ----------
-    path : Path
-        A directory with metadata.yaml, or a storage file.
-    faults : Faults
-    packed : bool
-        Files or messages are compressed one by one, which metadata.yaml says.
-    scratch : Scratch
-        Takes a copy of the recording where rosbag2 would unpack files beside the packed ones.
-
+    It is copied where rosbag2 would unpack files beside the packed ones. `packed` says that files
+    or messages are compressed one by one.
     """
 
     def __init__(self, path: Path, faults: Faults, packed: bool, scratch: Scratch) -> None:

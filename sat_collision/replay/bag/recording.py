@@ -243,8 +243,7 @@ def read_metadata(path: Path, most: int) -> Metadata:
     except Exception as error:  # whatever the constructors of YAML's types raise
         raise Damage(f'is not YAML: {in_words(error)}') from error
     information = _entry(content, 'rosbag2_bagfile_information', dict)
-    files = [Path(_checked(name, str, 'relative_file_paths')).name
-             for name in _entry(information, 'relative_file_paths', list)]
+    files = [Path(str(name)).name for name in _entry(information, 'relative_file_paths', list)]
     counts: dict[str, int] = {}
     latched = set()
     for topic in _entry(information, 'topics_with_message_count', list):
@@ -270,12 +269,7 @@ def _is_latched(profiles: Any) -> bool:
 
 
 def _entry(content: Any, key: str, kind: type) -> Any:
-    if not isinstance(content, dict) or key not in content:
-        raise Damage(f"has no '{key}' where it belongs")
-    return _checked(content[key], kind, key)
-
-
-def _checked(value: Any, kind: type, key: str) -> Any:
+    value = content.get(key) if isinstance(content, dict) else None
     if type(value) is not kind:
-        raise Damage(f"'{key}' is not of the right type")
+        raise Damage(f"has no '{key}' of the right type where it belongs")
     return value

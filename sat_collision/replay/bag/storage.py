@@ -29,7 +29,7 @@ Message: TypeAlias = tuple[str, int, bytes]  # topic, time in ns, data
 
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 _PIECE = 2**20
-_MISSING = 'it is compressed: unpacking {0} needs {1} (pip install {1}) or rosbag2_py of ROS'
+_LIBRARIES = {'zstd': 'backports.zstd', 'lz4': 'lz4'}
 # How many differences are named for a file, and the length of the text about all its faults.
 _MOST = 3
 _LONGEST = 1000
@@ -166,7 +166,7 @@ def unpacked(packed: bytes, compression: str, most: int) -> bytes:
         return packed
     if compression not in _LIBRARIES:
         raise Damage(f"unknown compression '{compression}'")
-    library = _LIBRARIES[compression]()
+    library = _library(compression)
     errors = RuntimeError, EOFError, getattr(library, 'ZstdError', RuntimeError)
     decompressor = (library.ZstdDecompressor if compression == 'zstd'
                     else library.LZ4FrameDecompressor)()
@@ -185,32 +185,27 @@ def why_not_unpacked(compressions: set[str]) -> str | None:
     """Return what is missing here to unpack what is compressed so, None if nothing is."""
     for compression in compressions & _LIBRARIES.keys():  # others are reported when read
         try:
-            _LIBRARIES[compression]()
+            _library(compression)
         except Damage as damage:
             return str(damage)
     return None
 
 
-def _zstd() -> Any:
+def _library(compression: str) -> Any:
+    """Return the module that unpacks; raise Damage if it is not installed."""
     try:
+        if compression == 'lz4':
+            from lz4 import frame
+            return frame
         if sys.version_info >= (3, 14):
             from compression import zstd
         else:
             from backports import zstd
     except ImportError as error:
-        raise Damage(_MISSING.format('zstd', 'backports.zstd')) from error
+        name = _LIBRARIES[compression]
+        raise Damage(f'it is compressed: unpacking {compression} needs {name} '
+                     f'(pip install {name}) or rosbag2_py of ROS') from error
     return zstd
-
-
-def _lz4() -> Any:
-    try:
-        from lz4 import frame
-    except ImportError as error:
-        raise Damage(_MISSING.format('lz4', 'lz4')) from error
-    return frame
-
-
-_LIBRARIES = {'zstd': _zstd, 'lz4': _lz4}
 
 
 class Scratch:
@@ -235,7 +230,7 @@ class Scratch:
     def unpack(self, packed: Path) -> tuple[Path, Damage | None]:
         """Return a file with what a zstd-compressed one holds, and why that is not all."""
         plain = self._place(packed.stem)
-        zstd = _zstd()
+        zstd = _library('zstd')
         try:
             with zstd.open(packed, 'rb') as source, plain.open('wb') as target:
                 self._write(source.read, target)

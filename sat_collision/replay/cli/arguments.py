@@ -87,8 +87,7 @@ def _parser() -> argparse.ArgumentParser:
     add = parser.add_argument
     add('--version', action='version', version=f'sat_collision {__version__}')
     add('bags', nargs='*', metavar='BAG', help='rosbag2 directory or storage file')
-    scene = parser.add_argument_group('what to check')
-    add = scene.add_argument
+    add = parser.add_argument_group('what to check').add_argument
     add('--params-file', action='append', default=[], metavar='FILE',
         help="the node's ROS 2 parameter file; later files override earlier ones")
     add('-p', '--param', action='append', default=[], metavar='NAME:=VALUE',
@@ -108,8 +107,7 @@ def _parser() -> argparse.ArgumentParser:
     add('--duration', type=_seconds, metavar='S', help='check S seconds of it')
     add('--sample', type=_period, default=0.1, metavar='S',
         help='with --as-live, measure separations every S seconds (%(default)s)')
-    verdict = parser.add_argument_group('verdict')
-    add = verdict.add_argument
+    add = parser.add_argument_group('verdict').add_argument
     add('--max-unknown', type=_seconds, default=1.0, metavar='S',
         help='how many seconds in all a footprint may be unknown (%(default)s)')
     add('--max-undetermined', type=_seconds, metavar='S',
@@ -117,8 +115,7 @@ def _parser() -> argparse.ArgumentParser:
     add('--min-ttc', type=_seconds, metavar='S',
         help='measure times to collision, and fail on one of less than S seconds; 0 fails on none')
     add('--expect', metavar='FILE', help='compare with a result that --json wrote before')
-    output = parser.add_argument_group('output')
-    add = output.add_argument
+    add = parser.add_argument_group('output').add_argument
     add('--json', metavar='FILE', help='write the result; docs/replay_json.md has the schema')
     add('--csv', metavar='FILE', help='write a row for each contact and each unknown interval')
     add('--junit', metavar='FILE', help='write a test suite for each recording')
@@ -130,12 +127,10 @@ def _parser() -> argparse.ArgumentParser:
         'directory of bags')
     add('--write-example', metavar='DIR',
         help='only write an example recording, of the demo scene')
-    many = parser.add_argument_group('many recordings')
-    add = many.add_argument
+    add = parser.add_argument_group('many recordings').add_argument
     add('--jobs', type=_count, default=1, metavar='N', help='check N recordings at a time')
     add('--dask', metavar='ADDRESS', help='check on the Dask cluster with this scheduler')
-    limits = parser.add_argument_group('limits, for each recording')
-    add = limits.add_argument
+    add = parser.add_argument_group('limits, for each recording').add_argument
     add('--max-memory', type=_gigabytes, default=Limits.memory / 1e9, metavar='GB',
         help='memory for what is unpacked (%(default)g)')
     add('--max-disk', type=_gigabytes, default=Limits.disk / 1e9, metavar='GB',

@@ -30,13 +30,12 @@ from sat_collision.replay.bag.storage import in_words
 from sat_collision.replay.cli.arguments import parse
 from sat_collision.replay.cli.parallel import (
     check_here, check_on_cluster, check_one, failed, unexpected)
-from sat_collision.replay.cli.terminal import Progress, with_colour
 from sat_collision.replay.model.configuration import (
     parameter_of_text, parameters_of_file, settings_of)
 from sat_collision.replay.model.result import Options, overall, Result, Verdict
 from sat_collision.replay.output.formats import (
     Baseline, BaselineError, write_csv, write_json, write_junit, write_junit_of_differences)
-from sat_collision.replay.output.text import report, report_all
+from sat_collision.replay.output.text import Progress, report, report_all, with_colour
 from sat_collision.replay.run import check
 from sat_collision.scene.parameters import ParameterError
 
@@ -228,24 +227,18 @@ def _say(lines: Iterable[str]) -> None:
 
 
 def _draw(results: list[Result], path: str, debug: bool) -> None:
-    """Draw a page of all or a picture of one; a failure is a problem of its recording only."""
+    """Draw a page of all, or a picture of one; a failure is a problem of its recording only."""
     try:
-        draw(results, path)
+        if _is_page(path):
+            from sat_collision.replay.output.page import write_page
+            write_page(results, path)
+        else:
+            from sat_collision.replay.output.figure import draw_picture
+            draw_picture(results[0]).savefig(path)
     except Exception as error:
         if debug:
             traceback.print_exc()
         results[0].problems.append(f'{results[0].bag}: no picture: {unexpected(error)}')
-
-
-def draw(results: list[Result], path: str) -> None:
-    """Draw results of checks with `keyframes`: a page of all, or a picture of the only one."""
-    if _is_page(path):
-        from sat_collision.replay.output.page import write_page
-        write_page(results, path)
-    else:
-        from sat_collision.replay.output.figure import draw_picture
-        result, = results
-        draw_picture(result).savefig(path)
 
 
 def _is_page(path: str) -> bool:

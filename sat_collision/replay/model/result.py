@@ -275,10 +275,11 @@ class Result:
         return sum(source.received for source in self.sources)
 
     @property
-    def least(self) -> Least | None:
-        """The least separation of any footprint, None if none was found."""
-        found = [footprint.least for footprint in self.footprints if footprint.least]
-        return min(found, key=lambda least: least.separation, default=None)
+    def nearest(self) -> tuple[str, Least] | None:
+        """The footprint of the least separation, and that; None if none was found."""
+        found = [(footprint.name, footprint.least) for footprint in self.footprints
+                 if footprint.least]
+        return min(found, key=lambda one: one[1].separation, default=None)
 
     @property
     def too_undetermined(self) -> list[SourceResult]:

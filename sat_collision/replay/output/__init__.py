@@ -15,7 +15,7 @@
 """
 Results for people, machines and other nodes.
 
-text       tables on a terminal
+text       tables, colours and progress on a terminal
 formats    JSON, CSV and JUnit XML; what differs from a result stored before
 figure     a picture
 page       a page for a browser

@@ -106,9 +106,10 @@ def _views(result: Result) -> Sequence[_View | None]:
     if found:
         return [_View(one.footprint, one.obstacle, one.deepest, 0.0 - one.depth, one.x, one.y)
                 for one in found]
-    least = result.least
-    return [_View(one.name, least.obstacle, least.time, least.separation, least.x, least.y)
-            for one in result.footprints if least and one.least is least] or [None]
+    if not result.nearest:
+        return [None]
+    name, least = result.nearest
+    return [_View(name, least.obstacle, least.time, least.separation, least.x, least.y)]
 
 
 def _words(view: _View | None, result: Result) -> str:
@@ -141,7 +142,8 @@ def _draw_curves(result: Result, rows: list[Rows], axes: Axes) -> None:
                   markersize=4)
     axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.grid(alpha=0.25)
-    _use_times(result, axes)
+    first = result.since(result.start or 0)
+    axes.set_xlim(first, first + max(result.duration, 1e-9))
 
 
 def _draw_rows(result: Result, rows: list[Rows], axes: Axes) -> None:
@@ -163,7 +165,6 @@ def _draw_rows(result: Result, rows: list[Rows], axes: Axes) -> None:
             axes.add_patch(Rectangle(
                 (first, bar.row - _HEIGHT / 2), last - first, _HEIGHT, linewidth=0,
                 color=CONTACT if bar.contact else UNKNOWN))
-    _use_times(result, axes)
 
 
 def _label_rows(result: Result, rows: list[Rows], axes: Axes) -> None:
@@ -188,11 +189,6 @@ def _bounds(bar: Bar, result: Result) -> tuple[float, float]:
     """Return from when to when a bar is drawn, in s; a short one longer than it is."""
     missing = max(_LEAST * result.duration - (bar.last - bar.first), 0.0) / 2
     return bar.first - missing, bar.last + missing
-
-
-def _use_times(result: Result, axes: Axes) -> None:
-    first = result.since(result.start or 0)
-    axes.set_xlim(first, first + max(result.duration, 1e-9))
 
 
 def _look_at(axes: Axes, view: _View | None, keyframes: Keyframes) -> None:
@@ -256,22 +252,11 @@ def _draw_body(axes: Axes, span: Span, edge: str, face: str) -> None:
 def _label(axes: Axes, text: str, box: Bbox, colour: str, taken: list[Bbox],
            spared: Sequence[Bbox] = (), sides: Sequence[tuple[int, int]] = _SIDES) -> None:
     """
-    Write a text beside a body or bar, if there is room in axes whose limits are final.
+    Write a text beside a box of pixels, if there is room in axes whose limits are final.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-    text : str
-    box : Bbox
-        Of the body or bar, in pixels.
-    colour : str
-    taken : list of Bbox
-        What is not covered; what is written is added.
-    spared : sequence of Bbox
-        What is covered only where there is no better place.
-    sides : sequence of tuple
-        Where to try: -1 is left or below, 1 right or above; (0, 0) is inside, in white.
-
+    It covers nothing that is taken, to which it is added, and what is spared only where there is
+    no better place. Of the sides to try -1 is left or below, 1 right or above; (0, 0) is inside,
+    in white.
     """
     inverse = axes.transData.inverted()
     for avoided, (x, y) in product(([*taken, *spared], [*taken]), sides):

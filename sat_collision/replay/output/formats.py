@@ -39,6 +39,8 @@ SCHEMA = 'sat_collision.replay/3'
 _COLUMNS = ('bag', 'kind', 'footprint', 'obstacle', 'first_ns', 'last_ns', 'duration_s', 'depth_m',
             'deepest_ns', 'x_m', 'y_m', 'reason', 'found', 'normal_x', 'normal_y', 'point_x_m',
             'point_y_m', 'second_point_x_m', 'second_point_y_m', 'time_to_collision_s')
+# Recording and subject of a test case, how it would fail (error or failure), and what is wrong.
+_Case: TypeAlias = tuple[str, str, str, list[str]]
 _Values: TypeAlias = dict[str, Any]
 
 # Separations are rounded: another processor or NumPy may round otherwise.
@@ -93,59 +95,47 @@ def _rows(result: Result) -> Iterator[tuple[Any, ...]]:
 
 def write_junit(results: list[Result], path: str) -> None:
     """Write a test suite for each recording: one case for it and one for each footprint."""
-    suites = ElementTree.Element('testsuites', name='replay_check')
+    suites = []
     for result in results:
-        suite = ElementTree.SubElement(suites, 'testsuite', name=result.bag,
-                                       time=f'{result.duration:.3f}')
-        outcomes = [_case(suite, result.bag, 'recording', 'error', result.problems)]
-        if not result.problems and not result.footprints:
-            outcomes = [_case(suite, result.bag, 'recording', 'error', ['nothing to check'])]
-        for source in result.too_undetermined:
-            outcomes.append(_case(suite, result.bag, f'motion of {source.name}', 'failure',
-                                  [how_undetermined(source)]))
-        for source in result.sources:
-            if source.refused:
-                outcomes.append(_case(suite, result.bag, f'messages of {source.name}', 'failure',
-                                      list(source.examples.values())))
-        for footprint in result.footprints:
-            if footprint.enabled:
-                outcomes.append(_case(suite, result.bag, footprint.name, 'failure',
-                                      list(_failures(footprint, result))))
+        cases: list[_Case] = [(result.bag, 'recording', 'error', result.problems or (
+            [] if result.footprints else ['nothing to check']))]
+        cases += [(result.bag, f'motion of {source.name}', 'failure', [how_undetermined(source)])
+                  for source in result.too_undetermined]
+        cases += [(result.bag, f'messages of {source.name}', 'failure',
+                   [*source.examples.values()]) for source in result.sources if source.refused]
+        cases += [(result.bag, footprint.name, 'failure', [*_failures(footprint, result)])
+                  for footprint in result.footprints if footprint.enabled]
+        suite = _suite(result.bag, cases)
+        suite.set('time', f'{result.duration:.3f}')
         ElementTree.SubElement(suite, 'system-out').text = '\n'.join(report(result))
-        _count(suite, outcomes)
-    _write_xml(suites, path)
+        suites.append(suite)
+    _write_suites(suites, path)
 
 
 def write_junit_of_differences(differences: list[tuple[str, list[str]]], baseline: str,
                                path: str) -> None:
     """Write a test case for each recording that was compared with a baseline."""
-    suites = ElementTree.Element('testsuites', name='replay_check')
-    suite = ElementTree.SubElement(suites, 'testsuite', name=f'as expected by {baseline}')
-    outcomes = [_case(suite, name, 'as expected', 'failure', lines)
-                for name, lines in differences]
-    _count(suite, outcomes)
-    _write_xml(suites, path)
+    cases = [(name, 'as expected', 'failure', lines) for name, lines in differences]
+    _write_suites([_suite(f'as expected by {baseline}', cases)], path)
 
 
-def _write_xml(root: ElementTree.Element, path: str) -> None:
+def _suite(name: str, cases: list[_Case]) -> ElementTree.Element:
+    suite = ElementTree.Element('testsuite', name=name, tests=str(len(cases)))
+    for kind in ('error', 'failure'):
+        count = sum(bool(faults) for _, _, of_kind, faults in cases if of_kind == kind)
+        suite.set(f'{kind}s', str(count))
+    for bag, about, kind, faults in cases:
+        case = ElementTree.SubElement(suite, 'testcase', classname=bag, name=about)
+        if faults:
+            ElementTree.SubElement(case, kind, message=faults[0]).text = '\n'.join(faults)
+    return suite
+
+
+def _write_suites(suites: list[ElementTree.Element], path: str) -> None:
+    root = ElementTree.Element('testsuites', name='replay_check')
+    root.extend(suites)
     ElementTree.indent(root)
     ElementTree.ElementTree(root).write(path, encoding='utf-8', xml_declaration=True)
-
-
-def _count(suite: ElementTree.Element, outcomes: list[str | None]) -> None:
-    suite.set('tests', str(len(outcomes)))
-    suite.set('errors', str(outcomes.count('error')))
-    suite.set('failures', str(outcomes.count('failure')))
-
-
-def _case(suite: ElementTree.Element, bag: str, name: str, kind: str,
-          faults: list[str]) -> str | None:
-    """Add a test case and return how it failed, None if it did not."""
-    case = ElementTree.SubElement(suite, 'testcase', classname=bag, name=name)
-    if not faults:
-        return None
-    ElementTree.SubElement(case, kind, message=faults[0]).text = '\n'.join(faults)
-    return kind
 
 
 def _failures(footprint: FootprintResult, result: Result) -> Iterator[str]:

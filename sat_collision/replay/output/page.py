@@ -20,6 +20,7 @@ from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
 import json
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,8 @@ from sat_collision.replay.model.result import (
 from sat_collision.replay.output.drawing import (
     colours, distance, joined_unknown, name_of, rows_of)
 from sat_collision.replay.output.text import (
-    CLOCKS, contact_row, CONTACTS, footprint_row, FOOTPRINTS, lasting, SOONEST, soonest_rows)
+    CLOCKS, contact_row, CONTACTS, footprint_row, FOOTPRINTS, SOONEST, soonest_rows, UNKNOWN,
+    unknown_row)
 
 _SCRIPTS = ('page.js', 'timeline.js', 'scene.js')
 # How large the data of a page may be, in characters; the rest of it is small.
@@ -81,7 +83,10 @@ def _fitted(result: Result, most: int) -> str:
     numbers = list(range(len(keyframes.moments)))
     bodies = keyframes.bodies
     while True:
-        if _estimate(bodies, len(numbers)) <= most or not bodies:
+        # About how much they take at least; with what is surely too large no time is lost.
+        least = sum(_LEAST_OF_VERTEX * len(body.spans[0].ring) * min(len(body.spans), len(numbers))
+                    for body in bodies)
+        if least <= most or not bodies:
             text = _as_json(_recording(result, keyframes, numbers, bodies))
             if len(text) <= most or not bodies:
                 return text
@@ -90,12 +95,6 @@ def _fitted(result: Result, most: int) -> str:
             numbers = kept if len(kept) < 0.8 * len(numbers) else numbers[::2]
         else:
             bodies = _nearest_half(bodies)
-
-
-def _estimate(bodies: list[ShownBody], moments: int) -> int:
-    """Return about how many characters bodies take at least."""
-    return sum(_LEAST_OF_VERTEX * len(body.spans[0].ring) * min(len(body.spans), moments)
-               for body in bodies)
 
 
 def _nearest_half(bodies: list[ShownBody]) -> list[ShownBody]:
@@ -119,7 +118,7 @@ def _recording(result: Result, keyframes: Keyframes, numbers: list[int],
     names = {footprint.name: k for k, footprint in enumerate(result.footprints)}
     contacts = sorted(deepest_contacts(result), key=lambda contact: contact.first)
     places = {id(contact): k for k, contact in enumerate(contacts)}
-    least = result.least
+    name, least = result.nearest or ('', None)
     moments = [keyframes.moments[k] for k in numbers]
     count = max(_MOST_SAMPLES // max(len(names), 1), 16)
     return {
@@ -137,16 +136,14 @@ def _recording(result: Result, keyframes: Keyframes, numbers: list[int],
              'unknown': _unknown_of(result, footprint.name)}
             for footprint, colour in zip(result.footprints, colours(result).values())
             for samples in [_thinned(footprint.separation, count)]],
-        'rows': [{'name': row.name, 'first': row.first, 'end': row.end, 'bars': [
-            {'row': bar.row, 'first': bar.first, 'last': bar.last, 'text': bar.text,
-             'contact': places.get(id(bar.contact))} for bar in row.bars]}
+        'rows': [{**row._asdict(), 'bars': [
+            {**bar._asdict(), 'contact': places.get(id(bar.contact))} for bar in row.bars]}
             for row in rows_of(result)],
         'contacts': [_contact(contact, result, rows, names) for contact in contacts],
         'times': [round(result.since(time), 6) for time in moments], 'unit': _UNIT,
         'bodies': [_body(body, names, numbers) for body in bodies],
         'begin': result.since(least.time if least else result.start or 0),
-        'beginAt': next(([names[one.name], least.x, least.y] for one in result.footprints
-                         if least and one.least is least), None)}
+        'beginAt': [names[name], least.x, least.y] if least else None}
 
 
 def _thinned(samples: list[Sample], most: int) -> list[Sample]:
@@ -215,10 +212,8 @@ def _ring(ring: Floats) -> Any:
 
 def _worst_first(results: list[Result]) -> list[Result]:
     """Return results by seriousness of the verdict, then by least separation."""
-    def badness(result: Result) -> tuple[int, float]:
-        return (-GRAVITY.index(result.verdict),
-                result.least.separation if result.least else float('inf'))
-    return sorted(results, key=badness)
+    return sorted(results, key=lambda result: (
+        -GRAVITY.index(result.verdict), result.nearest[1].separation if result.nearest else inf))
 
 
 def _index_of(results: list[Result]) -> dict[str, Any]:
@@ -252,38 +247,27 @@ def _tables_of(result: Result, contacts: list[Contact]) -> list[dict[str, Any]]:
     more = len(result.contacts) - len(contacts)
     deepest = f'the {MOST_CONTACTS} deepest; {more} more are in what --csv and --json write'
     longest = sorted(result.unknown, key=lambda one: one.first - one.last)[:_MOST_ROWS]
-    return [{
-        'title': 'Contacts', 'jumps': True, 'note': deepest if more else '',
-        'head': list(CONTACTS), 'rows': [contact_row(contact, result) for contact in contacts],
-    }, {
-        'title': 'Unknown', 'note': f'the {_MOST_ROWS} longest of {len(result.unknown)}'
-        if len(longest) < len(result.unknown) else '',
-        'head': ['footprint', 'first [s]', 'duration [s]', 'reason'],
-        'rows': [[one.footprint, f'{result.since(one.first):.3f}', lasting(one.last - one.first),
-                  reason] for one in sorted(longest, key=lambda one: one.first)
-                 for reason in one.reasons],
-    }, {
-        'title': 'Footprints', 'note': '', 'head': [*FOOTPRINTS, 'topic'],
-        'rows': [[*footprint_row(one, result), one.topic] for one in result.footprints],
-    }, {
-        'title': 'Least time to collision', 'note': '',
-        'head': list(SOONEST), 'rows': soonest_rows(result),
-    }, {
-        'title': 'Messages', 'note': '',
-        'head': ['source', 'topic', 'received', 'motion undetermined [s]'],
-        'rows': [[source.name, source.topic, str(source.received),
-                  f'{source.undetermined / 1e9:.3f}'] for source in result.sources],
-    }, {
-        'title': 'Rejections', 'note': '',
-        'head': ['source', 'messages', 'reason', 'the first one'],
-        'rows': [[source.name, str(count), reason, source.examples.get(reason, '')]
-                 for source in result.sources for reason, count in source.rejected.items()],
-    }]
+    hidden = f'the {_MOST_ROWS} longest of {len(result.unknown)}'
+    tables: list[tuple[str, str, tuple[str, ...], Sequence[Sequence[str]]]] = [
+        ('Contacts', deepest if more else '', CONTACTS,
+         [contact_row(contact, result) for contact in contacts]),
+        ('Unknown', hidden if len(longest) < len(result.unknown) else '', UNKNOWN,
+         [unknown_row(one, reason, result)
+          for one in sorted(longest, key=lambda one: one.first) for reason in one.reasons]),
+        ('Footprints', '', (*FOOTPRINTS, 'topic'),
+         [(*footprint_row(one, result), one.topic) for one in result.footprints]),
+        ('Least time to collision', '', SOONEST, soonest_rows(result)),
+        ('Messages', '', ('source', 'topic', 'received', 'motion undetermined [s]'),
+         [(source.name, source.topic, str(source.received), f'{source.undetermined / 1e9:.3f}')
+          for source in result.sources]),
+        ('Rejections', '', ('source', 'messages', 'reason', 'the first one'),
+         [(source.name, str(count), reason, source.examples.get(reason, ''))
+          for source in result.sources for reason, count in source.rejected.items()])]
+    return [dict(zip(('title', 'note', 'head', 'rows'), table)) for table in tables]
 
 
 def _least(result: Result) -> str:
-    least = result.least
-    if least is None:
+    if not result.nearest:
         return '-'
-    whose = next(one.name for one in result.footprints if one.least is least)
-    return f'{distance(least.separation)}: {whose} and {least.obstacle}'
+    name, least = result.nearest
+    return f'{distance(least.separation)}: {name} and {least.obstacle}'

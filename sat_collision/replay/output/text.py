@@ -12,15 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Results for people: tables on a terminal."""
+"""Results for people: tables on a terminal, verdicts in colour, and progress."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+import os
+import sys
+import time
+from typing import Any, TextIO
 
 from sat_collision.replay.model.result import (
-    BETWEEN_SAMPLES, Contact, FootprintResult, overall, Result, SourceResult, Verdict)
+    BETWEEN_SAMPLES, Contact, FootprintResult, overall, Result, SourceResult, Unknown, Verdict)
 
 _MOST_ROWS = 20
 _MOMENT = 500_000
@@ -28,8 +31,59 @@ FOOTPRINTS = ('footprint', 'known', 'clear [s]', 'collision [s]', 'unknown [s]',
               'least separation')
 CONTACTS = ('footprint', 'obstacle', 'first [s]', 'duration [s]', 'depth [m]', 'x [m]', 'y [m]',
             'found')
+UNKNOWN = 'footprint', 'first [s]', 'duration [s]', 'reason'
 SOONEST = 'footprint', 'obstacle', 'at [s]', 'time to collision [s]'
+_GREEN, _RED, _YELLOW, _MAGENTA = 32, 31, 33, 35
+_COLOURS = {Verdict.CLEAR: _GREEN, Verdict.COLLISION: _RED, Verdict.UNKNOWN: _YELLOW,
+            Verdict.BAD_INPUT: _MAGENTA}
+# Of the bar of progress: a longer line would wrap, and could not be removed.
+_LONGEST = 25
+_BAR = 30
+_DELAY = 1.0
+_REDRAW = 0.1
 CLOCKS = {'receive': 'receive time', 'header': 'header stamps'}
+
+
+class Progress:
+    """A bar on a terminal that appears when a run takes long, and vanishes after it."""
+
+    def __init__(self, what: str = '', stream: TextIO = sys.stderr) -> None:
+        self._what = f'{what[:_LONGEST]} ' if what else ''
+        self._stream = stream
+        self._begun = time.monotonic()
+        self._next = self._begun + _DELAY if stream.isatty() else float('inf')
+        self._shown = False
+
+    def show(self, share: float) -> None:
+        """Show that a share of the work is done."""
+        now = time.monotonic()
+        if now < self._next:
+            return
+        self._next = now + _REDRAW
+        self._shown = True
+        bar = f'{self._what}[{"#" * round(_BAR * share):{_BAR}}] {share:4.0%}'
+        if share:
+            bar += f'  {(now - self._begun) * (1.0 / share - 1.0):.0f} s left'
+        self._stream.write(f'\r\033[K{bar}')
+        self._stream.flush()
+
+    def clear(self) -> None:
+        """Remove the bar."""
+        if self._shown:
+            self._stream.write('\r\033[K')
+            self._stream.flush()
+            self._shown = False
+
+
+def with_colour(lines: list[str], verdict: Verdict, stream: TextIO) -> list[str]:
+    """Return lines whose verdict, at the end of one, is coloured if the stream should have it."""
+    # https://no-color.org: whatever it is set to, unless it is empty.
+    if os.environ.get('NO_COLOR') or os.environ.get('TERM') == 'dumb' or not stream.isatty():
+        return lines
+    word = verdict.words.upper()
+    coloured = f'\033[1;{_COLOURS[verdict]}m{word}\033[0m'
+    return [line.removesuffix(word) + coloured if line.endswith(f' {word}') else line
+            for line in lines]
 
 
 def report(result: Result) -> list[str]:
@@ -53,10 +107,8 @@ def report(result: Result) -> list[str]:
     lines += _table(CONTACTS, [contact_row(contact, result) for contact in result.contacts],
                     'contacts')
     lines += _table(
-        ('footprint', 'first [s]', 'duration [s]', 'reason'),
-        [(unknown.footprint, f'{result.since(unknown.first):.3f}',
-          f'{(unknown.last - unknown.first) / 1e9:.3f}', '; '.join(unknown.reasons))
-         for unknown in result.unknown if unknown.last - unknown.first >= _MOMENT], 'unknown')
+        UNKNOWN, [unknown_row(one, '; '.join(one.reasons), result) for one in result.unknown
+                  if one.last - one.first >= _MOMENT], 'unknown')
     return lines
 
 
@@ -91,6 +143,12 @@ def contact_row(contact: Contact, result: Result) -> tuple[str, ...]:
             lasting(contact.last - contact.first) + ('+' if contact.at_end else ''),
             f'{contact.depth:.4g}', f'{contact.x:.3f}', f'{contact.y:.3f}',
             how_found(contact, result))
+
+
+def unknown_row(unknown: Unknown, reason: str, result: Result) -> tuple[str, ...]:
+    """Return an unknown time as a row of UNKNOWN."""
+    return (unknown.footprint, f'{result.since(unknown.first):.3f}',
+            lasting(unknown.last - unknown.first), reason)
 
 
 def soonest_rows(result: Result) -> list[tuple[str, ...]]:

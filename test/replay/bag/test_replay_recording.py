@@ -369,11 +369,10 @@ def rosbag2_py(request, monkeypatch):
         stand_in.ConverterOptions = lambda *formats: formats
         monkeypatch.setitem(sys.modules, 'rosbag2_py', stand_in)
 
-    def missing():
+    def missing(compression):
         raise storages.Damage('it is hidden')
 
-    monkeypatch.setattr(storages, '_zstd', missing)
-    monkeypatch.setitem(storages._LIBRARIES, 'zstd', missing)
+    monkeypatch.setattr(storages, '_library', missing)
 
 
 @pytest.mark.parametrize('storage, compression', PACKED)

@@ -31,7 +31,7 @@ from rosbags.rosbag2 import Reader
 from sat_collision.demo import warehouse
 from sat_collision.replay.cli import parallel
 from sat_collision.replay.cli.command import main
-from sat_collision.replay.cli.terminal import Progress
+from sat_collision.replay.output.text import Progress
 
 DOCS = Path(__file__).resolve().parents[3] / 'docs'
 

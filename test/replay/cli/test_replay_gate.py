@@ -70,15 +70,16 @@ def test_what_nobody_foresaw_in_results_is_bad_input(bags, tmp_path, monkeypatch
 
 def test_picture_that_fails_is_a_problem_of_its_recording(bags, tmp_path, monkeypatch, capsys):
     """The other picture is drawn."""
-    pytest.importorskip('matplotlib')
+    figure = pytest.importorskip('matplotlib.figure')
     drawn = []
 
-    def fails_once(results, path):
-        drawn.append(path)
+    def fails_once(result):
+        drawn.append(result)
         if len(drawn) == 1:
             raise RuntimeError('no ink')
+        return figure.Figure()
 
-    monkeypatch.setattr(command, 'draw', fails_once)
+    monkeypatch.setattr('sat_collision.replay.output.figure.draw_picture', fails_once)
     assert main([bags[0], bags[0], '--plot', str(tmp_path / 'plots')]) == 3
     assert 'no ink' in capsys.readouterr().out and len(drawn) == 2
 

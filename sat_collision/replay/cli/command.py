@@ -113,11 +113,10 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
             raise OSError(f'--write-bag: {write_bag} already exists')
         check_bag_writer()
     in_folder = several and plot and not _is_page(plot)
-    if plot and not in_folder and not _is_page(plot) and (
-            Path(plot).suffix.lower() not in _PICTURES):
-        raise OSError(f'--plot: {plot} should end in .html for a page, or in .png, .svg or .pdf '
-                      'for a picture')
     if plot and not _is_page(plot):
+        if not in_folder and Path(plot).suffix.lower() not in _PICTURES:
+            raise OSError(f'--plot: {plot} should end in .html for a page, or in .png, .svg or '
+                          '.pdf for a picture')
         try:
             import matplotlib  # noqa: F401
         except ModuleNotFoundError as error:

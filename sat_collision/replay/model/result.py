@@ -241,7 +241,7 @@ class Result:
     """
 
     bag: str
-    options: Options = Options()
+    options: Options = field(default=Options(), compare=False)
     origin: int | None = None
     start: int | None = None
     end: int | None = None

@@ -154,13 +154,6 @@ def test_parameter_file_without_this_node_is_bad_input(bags, tmp_path, capsys):
         assert '/monitors/front, /monitors/rear; did you mean --node /monitors/' in error
 
 
-def test_baseline_that_is_missing_is_told_before_the_run(bags, tmp_path, capsys):
-    """Not when all recordings have been checked."""
-    assert main([bags[0], '--expect', str(tmp_path / 'nowhere.json')]) == 3
-    out, error = capsys.readouterr()
-    assert out == '' and error.count('\n') == 1
-
-
 def test_junit_of_a_gate_says_what_the_gate_says(bags, tmp_path):
     """A contact that is expected is no failure; what differs from the baseline is one."""
     stored, junit = str(tmp_path / 'stored.json'), tmp_path / 'a.xml'

@@ -147,9 +147,9 @@ def _message(time: int, ring: tuple[tuple[float, float], ...], x: float) -> byte
     """Return a PolygonStamped in CDR."""
     seconds, nanoseconds = divmod(time, _SECOND)
     points = array('f', [value for a, b in ring for value in (a + x, b, 0.0)])
-    encapsulation = b'\0\1\0\0' if struct.pack('=H', 1) == b'\1\0' else b'\0\0\0\0'
-    return encapsulation + struct.pack('=iII4sI', seconds, nanoseconds, 4, b'map\0',
-                                       len(ring)) + points.tobytes()
+    encapsulation = 0, sys.byteorder == 'little', 0, 0
+    return struct.pack('=4BiII4sI', *encapsulation, seconds, nanoseconds, 4, b'map\0',
+                       len(ring)) + points.tobytes()
 
 
 if __name__ == '__main__':

@@ -113,12 +113,8 @@ class McapFile(Storage):
         for channel, (topic, schema) in self._channels.items():
             self.counts[topic] += counts[channel]
             self._add_topic(topic, self._schemas.get(schema, ''))
-        unknown = {channel: count for channel, count in counts.items()
-                   if count and channel not in self._channels}
-        if unknown:
-            listed = ', '.join(map(str, sorted(unknown)[:3]))
-            faults.differs('unknown', f'{sum(unknown.values())} messages of unknown channels '
-                                      f'({listed})')
+        faults.unknown('channels', {channel: count for channel, count in counts.items()
+                                    if count and channel not in self._channels})
         if self._indexed:
             self._compare(self._indexed, 'are indexed')
         if self.start is None:
@@ -283,7 +279,7 @@ class McapFile(Storage):
         """Find the blocks; behind a damaged place go on at the next chunk that is indexed."""
         where = len(_MAGIC)
         lost: set[int] = set()
-        while True:
+        while where:
             try:
                 for where, kind, size in self._framed(where, self._size):
                     if kind == _DATA_END:
@@ -294,13 +290,11 @@ class McapFile(Storage):
                 else:
                     if self._ends:
                         self._faults.damaged('damaged at the end of its data, which is missing')
+                break
             except _Misplaced as damage:
                 self._faults.damaged(f'damaged at byte {damage.where}: {damage}')
                 lost.add(damage.where)
                 where = min((at for at in self._chunks if at > damage.where), default=0)
-                if where:
-                    continue
-            break
         found = {block.where: (block.first, block.last) for block in self._blocks}
         for where, times in self._chunks.items():
             if where not in lost and found.get(where) != times:

@@ -133,10 +133,7 @@ class SqliteFile(Storage):
                 self._extend(start, end)
             for key, name in self._names.items():
                 self.counts[name] += counts.pop(key)
-            if counts:
-                listed = ', '.join(str(key)[:20] for key in sorted(counts, key=str)[:3])
-                self._faults.differs('unknown', f'{sum(counts.values())} messages of unknown '
-                                                f'topics ({listed})')
+            self._faults.unknown('topics', counts)
         self._plain = shortest >= 0 and longest <= self._most
         # Pages that many rows share would make much of a small file.
         if announced > size:

@@ -72,6 +72,13 @@ class Faults:
             if numbers[0] != numbers[1]:
                 self.differs(('count', key), words.format(names.get(key, key), *numbers))
 
+    def unknown(self, what: str, counts: Mapping[Any, int]) -> None:
+        """Record the numbers of messages that belong to nothing that is announced, if any."""
+        if counts:
+            listed = ', '.join(str(key)[:20] for key in sorted(counts, key=str)[:3])
+            self.differs('unknown', f'{sum(counts.values())} messages of unknown {what} '
+                                    f'({listed})')
+
     def __bool__(self) -> bool:
         return bool(self._first or self._differences)
 

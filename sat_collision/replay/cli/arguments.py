@@ -166,7 +166,6 @@ _gigabytes = partial(_number, 'a number of GB between 0.001 and 1000000', 1e-3, 
 
 
 def _count(text: str) -> int:
-    value = _number('a whole number from 1 to 1000', 1, 1000, text)
-    if value != int(value):
-        raise argparse.ArgumentTypeError(f'{text} is not a whole number')
-    return int(value)
+    if not text.isdecimal() or not 1 <= int(text) <= 1000:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 1 to 1000")
+    return int(text)

@@ -267,8 +267,10 @@ def _label(axes: Axes, text: str, box: Bbox, colour: str, taken: list[Bbox],
         found = axes.text(spot_x, spot_y, text, fontsize=8, zorder=5, ha=_ALIGNED[x][0],
                           va=_ALIGNED[y][1], color='white' if is_inside else colour)
         covered = found.get_window_extent()
-        if _holds(box if is_inside else axes.bbox, covered) and not any(
-                covered.overlaps(other) for other in avoided if not (is_inside and other is box)):
+        room = box if is_inside else axes.bbox
+        fits = np.all(room.min <= covered.min) and np.all(covered.max <= room.max)
+        if fits and not any(covered.overlaps(other) for other in avoided
+                            if not (is_inside and other is box)):
             taken.append(covered)
             return
         found.remove()
@@ -286,8 +288,3 @@ def _fit(text: Text, width: float) -> None:
             text.set_text(f'{words[:half]}…{words[-half:]}')
         else:
             break
-
-
-def _holds(bounds: Bbox, other: Bbox) -> bool:
-    return bool(bounds.x0 <= other.x0 and other.x1 <= bounds.x1
-                and bounds.y0 <= other.y0 and other.y1 <= bounds.y1)

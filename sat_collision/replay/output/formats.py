@@ -201,10 +201,10 @@ class Baseline:
         checked: list[_Values] = as_dict(results)['bags']
         left = list(self._bags)
         partners: dict[int, _Values] = {}
-        for conditions in ((_same_content, _same_name), (_same_content,), (_same_name,)):
+        for key in (lambda bag: (_content(bag), _name(bag)), _content, _name):
             for place, bag in enumerate(checked):
                 found = [number for number, (_, other, _) in enumerate(left)
-                         if all(is_same(other, bag) for is_same in conditions)]
+                         if key(other) == key(bag)]
                 if found and place not in partners:
                     partners[place] = left.pop(found[0])[2]
         differences = [(name, ['expected, but not checked']) for name, _, _ in left]
@@ -215,12 +215,9 @@ class Baseline:
         return differences
 
 
-def _same_content(bag: _Values, other: _Values) -> bool:
-    return bag.get('content') is not None and bag['content'] == other['content']
-
-
-def _same_name(bag: _Values, other: _Values) -> bool:
-    return _name(bag) == _name(other)
+def _content(bag: _Values) -> object:
+    """Return what a recording is known by; where there is nothing it is like no other."""
+    return bag.get('content') or id(bag)
 
 
 def _name(bag: _Values) -> str:

@@ -33,9 +33,8 @@ CONTACTS = ('footprint', 'obstacle', 'first [s]', 'duration [s]', 'depth [m]', '
             'found')
 UNKNOWN = 'footprint', 'first [s]', 'duration [s]', 'reason'
 SOONEST = 'footprint', 'obstacle', 'at [s]', 'time to collision [s]'
-_GREEN, _RED, _YELLOW, _MAGENTA = 32, 31, 33, 35
-_COLOURS = {Verdict.CLEAR: _GREEN, Verdict.COLLISION: _RED, Verdict.UNKNOWN: _YELLOW,
-            Verdict.BAD_INPUT: _MAGENTA}
+# Green, red, yellow and magenta.
+_COLOURS = {Verdict.CLEAR: 32, Verdict.COLLISION: 31, Verdict.UNKNOWN: 33, Verdict.BAD_INPUT: 35}
 # Of the bar of progress: a longer line would wrap, and could not be removed.
 _LONGEST = 25
 _BAR = 30

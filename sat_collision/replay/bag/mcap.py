@@ -220,9 +220,10 @@ class McapFile(Storage):
     def _compare(self, found: Counter[int], how: str) -> None:
         """Compare numbers of messages by channel with those of the statistics, if any."""
         if self._statistics is not None:
-            self._faults.compare(
-                found, self._statistics, f'{{1}} messages of {{0}} {how}, but its statistics '
-                'announce {2}', {channel: topic for channel, (topic, _) in self._channels.items()})
+            names = {channel: self._channels.get(channel, (f'channel {channel}', 0))[0]
+                     for channel in found | self._statistics}
+            self._faults.compare(found, self._statistics, f'{{1}} messages of {{0}} {how}, but '
+                                 'its statistics announce {2}', names)
 
     def _read(self, at: int, size: int) -> bytes:
         """Return bytes of the file."""

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 import enum
 from heapq import merge
@@ -38,36 +38,22 @@ HEADER = 'header'
 class Options:
     """How to check recordings; times in s."""
 
-    # Parameters of the node by dotted name.
-    parameters: Mapping[str, object] = field(default_factory=dict)
-    # Topics, or NAME:=TOPIC.
-    footprints: tuple[str, ...] = ()
-    obstacles: tuple[str, ...] = ()
-    # Full name of the node.
-    node: str = NODE
-    # Answer what the monitor would have said, instead of what touched by recorded motion.
-    as_live: bool = False
-    # RECEIVE or HEADER: the time of a message is when it was received, or its stamp.
-    clock: str = RECEIVE
-    # What part to check, from the recording's beginning.
-    start: float = 0.0
+    parameters: Mapping[str, object] = field(default_factory=dict)  # of the node, by dotted name
+    footprints: Sequence[str] = ()  # topics, or NAME:=TOPIC
+    obstacles: Sequence[str] = ()
+    node: str = NODE  # its full name
+    as_live: bool = False  # answer what the monitor would have said, not what touched
+    clock: str = RECEIVE  # the time of a message is when it was received, or its HEADER stamp
+    start: float = 0.0  # what part to check, from the recording's beginning
     duration: float | None = None
-    # For how long in all a footprint may be unknown.
-    max_unknown: float = 1.0
-    # For how long in all the motion of a footprint or source may be undetermined; None for any.
-    max_undetermined: float | None = None
-    # The least time to collision that is allowed, 0 for any; None not to predict any.
-    min_ttc: float | None = None
-    # As live, how often to measure the separation from the nearest obstacle.
-    sample: float = 0.1
-    # Keep where the bodies were, to be drawn.
-    keyframes: bool = False
-    # As live, where to write what the node would have published.
-    write_bag: str | None = None
-    # How much memory and disk may be taken.
+    max_unknown: float = 1.0  # for how long in all a footprint may be unknown
+    max_undetermined: float | None = None  # how long a motion may be; None for any time
+    min_ttc: float | None = None  # least time to collision, 0 for any; None: none is predicted
+    sample: float = 0.1  # as live, how often to measure separations
+    keyframes: bool = False  # keep where the bodies were, to be drawn
+    write_bag: str | None = None  # as live, where to write what the node would have published
     limits: Limits = Limits()
-    # Show where an unexpected error is raised.
-    debug: bool = False
+    debug: bool = False  # show where an unexpected error is raised
 
 
 class Verdict(enum.IntEnum):

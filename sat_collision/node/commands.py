@@ -38,15 +38,7 @@ class CommandSubscriptions:
     A participant cannot have two subscriptions of one topic and different types, and one that the
     loop waits for is not gone before it looks for new ones. So where another type is published
     from now on, the subscription is ended, and the next one is made when `follow` is called again.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    settings : Settings
-    group : rclpy.callback_groups.CallbackGroup
-    inputs : list of Input
-        Gets the subscriptions that there are.
-
+    The inputs get the subscriptions that there are.
     """
 
     def __init__(self, node: Node, settings: Settings, group: CallbackGroup,

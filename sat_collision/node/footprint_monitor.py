@@ -74,11 +74,7 @@ class FootprintMonitor(Node):
 
     Everything happens in one thread, see `loop`: messages are checked in batches, what follows is
     published once a batch, and a tick by the steady clock does whatever is due by time alone.
-
-    Parameters
-    ----------
-    **options
-        As for `rclpy.node.Node`.
+    Options are those of `rclpy.node.Node`.
 
     Raises
     ------

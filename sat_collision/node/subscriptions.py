@@ -52,20 +52,7 @@ _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIAB
 
 class Subscriptions:
     """
-    Subscribes to the bytes of all that settings name a topic for.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    settings : Settings
-    group : rclpy.callback_groups.CallbackGroup
-    health : Health
-
-    Attributes
-    ----------
-    inputs : list of Input
-        Footprints first.
-    publishers : Publishers
+    Subscribes to the bytes of all that settings name a topic for, footprints first.
 
     Raises
     ------
@@ -96,11 +83,7 @@ class Subscriptions:
         """
         Subscribe again, to receive all that the publisher keeps for late subscribers.
 
-        Returns
-        -------
-        bool
-            Whether the subscription is one that gets such messages.
-
+        Returns whether the subscription is one that gets such messages.
         """
         one, = (one for one in self.inputs if one.name == name)
         if one.subscription.qos_profile.durability is not QoSDurabilityPolicy.TRANSIENT_LOCAL:
@@ -125,7 +108,7 @@ class Subscriptions:
             qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE))
         try:
             self.inputs.append(Input(source.name, create(),
-                                     isinstance(source, FootprintSettings)))
+                                     isinstance(source, FootprintSettings), topic))
         except RuntimeError as error:
             raise ParameterError(f'{source.topic}: {error}') from error
         self._node.get_logger().info(f'{source.name}: {kind.__name__} on {source.topic}')
@@ -167,21 +150,7 @@ def transform_type(node: Node, settings: Settings) -> type | None:
 
 
 def subscribe_transforms(node: Node, kind: type, group: CallbackGroup) -> list[Input]:
-    """
-    Subscribe to the bytes of /tf and /tf_static.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    kind : type
-        The class TFMessage.
-    group : rclpy.callback_groups.CallbackGroup
-
-    Returns
-    -------
-    list of Input
-
-    """
+    """Subscribe to the bytes of /tf and /tf_static; `kind` is the class TFMessage."""
     return [Input(topic, node.create_subscription(
         kind, topic, leave, QoSProfile(depth=_TRANSFORM_DEPTH, durability=durability),
         raw=True, callback_group=group)) for topic, durability in _DURABILITIES.items()]

@@ -184,28 +184,21 @@ def _check_all(arguments: argparse.Namespace, options: Options) -> list[Result]:
 
 
 def _results(arguments: argparse.Namespace, options: Options) -> Iterator[Result]:
-    """Yield results as they come."""
-    bags = arguments.bags
-    if arguments.dask:
-        print(f'replay_check: connecting to {arguments.dask}', file=sys.stderr)
-        return _counted(check_on_cluster(bags, options, arguments.dask), len(bags))
-    if len(bags) > 1 and arguments.jobs > 1:
-        return _counted(check_here(bags, options, arguments.jobs), len(bags))
-    return _one_by_one(bags, options)
-
-
-def _counted(results: Iterator[Result], total: int) -> Iterator[Result]:
-    """Yield results, and show meanwhile how many there are."""
-    progress = Progress(f'{total} recordings')
-    for count, result in enumerate(results, 1):
-        progress.clear()
-        yield result
-        if count < total:
-            progress.show(count / total)
-
-
-def _one_by_one(bags: Sequence[str], options: Options) -> Iterator[Result]:
-    several = len(bags) > 1
+    """Yield results as they come, and show meanwhile how far they are."""
+    bags, several = arguments.bags, len(arguments.bags) > 1
+    if arguments.dask or several and arguments.jobs > 1:
+        if arguments.dask:
+            print(f'replay_check: connecting to {arguments.dask}', file=sys.stderr)
+            results = check_on_cluster(bags, options, arguments.dask)
+        else:
+            results = check_here(bags, options, arguments.jobs)
+        progress = Progress(f'{len(bags)} recordings')
+        for count, result in enumerate(results, 1):
+            progress.clear()
+            yield result
+            if count < len(bags):
+                progress.show(count / len(bags))
+        return
     for number, bag in enumerate(bags, 1):
         progress = Progress(f'{number} of {len(bags)}: {Path(bag).name}' if several else '')
         try:

@@ -19,13 +19,12 @@ import json
 from pathlib import Path
 import shutil
 import struct
-import subprocess
 import sys
 from types import ModuleType, SimpleNamespace
 import zlib
 
 import pytest
-from recordings import box, drive, POLYGON, write
+from recordings import box, drive, POLYGON, run_without, write
 from rosbags.highlevel import AnyReader
 from sat_collision.replay.bag import storage as storages
 from sat_collision.replay.cli.command import main
@@ -235,20 +234,9 @@ def test_damaged_part_of_a_file_is_left_out_and_said(tmp_path, parts, count, wor
 
 HIDDEN = ('rosbags', 'lz4', 'backports', 'compression')
 # The command where none of these can be imported.
-WITHOUT = """
-import sys
-sys.modules.update(dict.fromkeys({names!r}))
-from sat_collision.replay.__main__ import main
-sys.exit(main(sys.argv[1:]))
-"""
 TOUCHING = drive(2.0, contact=(1.0, 1.5))
 PACKED = [('sqlite3', 'file'), ('sqlite3', 'message'), ('mcap', 'file'), ('mcap', 'message'),
           ('mcap', 'storage')]
-
-
-def run_without(names, *arguments):
-    return subprocess.run([sys.executable, '-c', WITHOUT.format(names=names), *arguments],
-                          capture_output=True, text=True)
 
 
 def results_of(path):

@@ -32,6 +32,12 @@ if TYPE_CHECKING:
 NODE = '/footprint_monitor'
 RECEIVE = 'receive'
 HEADER = 'header'
+_SECOND = 10**9
+# How many moments there are in all, around a contact, and of how many contacts, the deepest.
+_MOMENTS = 400
+_AROUND = 40
+_MOST_AROUND = 20
+MOST_CONTACTS = 200
 
 
 @dataclass(frozen=True)
@@ -47,8 +53,8 @@ class Options:
     start: float = 0.0  # what part to check, from the recording's beginning
     duration: float | None = None
     max_unknown: float = 1.0  # for how long in all a footprint may be unknown
-    max_undetermined: float | None = None  # how long a motion may be; None for any time
-    min_ttc: float | None = None  # least time to collision, 0 for any; None: none is predicted
+    max_undetermined: float | None = None  # for how long a motion may be; None for any time
+    min_ttc: float | None = None  # the least that is allowed, 0 for any; None to predict none
     sample: float = 0.1  # as live, how often to measure separations
     keyframes: bool = False  # keep where the bodies were, to be drawn
     write_bag: str | None = None  # as live, where to write what the node would have published
@@ -73,14 +79,6 @@ class Verdict(enum.IntEnum):
 AT_A_SAMPLE = 'at a sample'
 BETWEEN_SAMPLES = 'between samples'
 AT_A_MESSAGE = 'at a message'
-
-
-_SECOND = 10**9
-# How many moments there are in all, around a contact, and of how many contacts, the deepest.
-_MOMENTS = 400
-_AROUND = 40
-_MOST_AROUND = 20
-MOST_CONTACTS = 200
 
 # From the least to the most serious verdict.
 GRAVITY = (Verdict.CLEAR, Verdict.UNKNOWN, Verdict.BAD_INPUT, Verdict.COLLISION)

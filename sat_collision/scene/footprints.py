@@ -21,9 +21,8 @@ import enum
 from typing import NamedTuple, TypeAlias
 
 from sat_collision.scene.obstacles import Body, Obstacle, ObstacleId
-from sat_collision.scene.settings import FootprintSettings
+from sat_collision.scene.settings import BY_ANOTHER_CLOCK, FAR, FootprintSettings, NEVER
 from sat_collision.scene.streams import Stream
-from sat_collision.scene.times import BY_ANOTHER_CLOCK, FAR, NEVER
 from sat_collision.scene.velocity import Command, MotionTracker
 
 

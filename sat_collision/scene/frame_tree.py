@@ -28,7 +28,7 @@ from typing import TypeAlias
 
 from sat_collision.scene.rotations import (
     accepted, composed, fixed, FixedTransform, IDENTITY, interpolated, Transform)
-from sat_collision.scene.times import NEVER
+from sat_collision.scene.settings import NEVER
 
 BAD_NAMES = 'bad frame names'
 BAD_TRANSFORM = 'not finite or no rotation'

@@ -26,7 +26,7 @@ from sat_collision.geometry.polygon import PlaneMap
 from sat_collision.scene.frame_tree import FrameTree, in_quotes, in_words, transform_to
 from sat_collision.scene.rotations import (
     FixedTransform, IDENTITY, plane_map, relative, rounded, tilt, Transform)
-from sat_collision.scene.times import NEVER
+from sat_collision.scene.settings import NEVER
 
 BAD_FRAME_ID = 'bad frame_id'
 GAP = 'gap between transforms'

@@ -28,9 +28,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from sat_collision.scene.obstacle_store import KeyedGroup, ObstacleStore, SetGroup
-from sat_collision.scene.settings import ObstacleSettings
+from sat_collision.scene.settings import NEVER, ObstacleSettings
 from sat_collision.scene.streams import BEGUN, CONTINUES, LOST, MET, News
-from sat_collision.scene.times import NEVER
 
 LOSS = 'messages were lost'
 

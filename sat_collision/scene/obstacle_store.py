@@ -26,7 +26,7 @@ from sat_collision.geometry.polygon import PackedBody
 from sat_collision.geometry.run import Run
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.obstacles import Key, Obstacle
-from sat_collision.scene.times import NEVER
+from sat_collision.scene.settings import NEVER
 
 OTHER_FRAME = 'other frame'
 TOO_MANY = 'too many obstacles'

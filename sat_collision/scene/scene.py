@@ -31,10 +31,9 @@ from sat_collision.scene.frame_tree import in_quotes
 from sat_collision.scene.obstacle_store import OTHER_FRAME
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.prediction import predict, Prediction, velocity_of
-from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from sat_collision.scene.settings import FootprintSettings, NEVER, ObstacleSettings, Settings
 from sat_collision.scene.sources import Source
 from sat_collision.scene.streams import CONTINUES, Endpoint
-from sat_collision.scene.times import NEVER
 from sat_collision.scene.velocity import Command, Velocity, Vertices
 
 FROM_FUTURE = 'from the future'

@@ -24,7 +24,7 @@ from collections.abc import Sequence
 import enum
 from typing import NamedTuple
 
-from sat_collision.scene.times import NEVER
+from sat_collision.scene.settings import NEVER
 
 
 class News(enum.Enum):

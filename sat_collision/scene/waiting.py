@@ -21,7 +21,7 @@ from collections.abc import Callable
 import enum
 from typing import Generic, TypeVar
 
-from sat_collision.scene.times import NEVER
+from sat_collision.scene.settings import NEVER
 
 _Item = TypeVar('_Item')
 _Outcome = TypeVar('_Outcome')

@@ -76,32 +76,20 @@ class Scene:
 
     Every method that takes `now` first lets time pass until then, as `pass_time` does. Times are
     ints in ns by one clock. A header stamp of 0 means now, and no stamp counts from the future.
-    A body is a packed polygon, whose array may be used again once the method has returned.
-
-    Parameters
-    ----------
-    settings : Settings
-
-    Attributes
-    ----------
-    settings : Settings
-    frame_id : str
-        The frame of all bodies: that of the settings, else the one that the footprints received
-        in the last second agree on; empty until there is one.
-    deadline : int or float
-        The time in ns until which, at least, nothing changes by itself; NEVER if at no time.
-    waiting : container of str
-        Names of those of which messages wait to be taken: maps of theirs do not settle.
-    tracks_motion : bool
-        Whether what velocities are worked out from is kept of every footprint.
-
+    A body is a packed polygon, whose array may be used again once the method has returned. The
+    number of a message says which one of its publisher's it is, where that is known.
     """
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
+        # The frame of all bodies: that of the settings, else the one that the footprints received
+        # in the last second agree on; empty until there is one.
         self.frame_id = settings.frame_id
+        # The time until which, at least, nothing changes by itself.
         self.deadline: float = NEVER
+        # Names of those of which messages wait to be taken: maps of theirs do not settle.
         self.waiting: Container[str] = ()
+        # Whether the motion of every footprint is tracked, be it asked for or not.
         self.tracks_motion = False
         self._now = 0
         self._clock_stands = False
@@ -158,26 +146,10 @@ class Scene:
     def footprint(self, name: str, body: PackedBody, frame_id: str, stamp: int, now: int,
                   origin: Origin | None = None, number: int | None = None) -> str | None:
         """
-        Take a footprint.
+        Take a footprint, and its origin if it was moved to the frame.
 
-        Parameters
-        ----------
-        name : str
-        body : PackedBody
-        frame_id : str
-        stamp, now : int
-            Header stamp and present time in ns.
-        origin : Origin, optional
-            Where it came from, if it was moved to the frame.
-        number : int, optional
-            Which one of its publisher's messages it is, where that is known.
-
-        Returns
-        -------
-        str or None
-            Why it was refused, if it was: FROM_FUTURE, OTHER_FRAME or OVERTAKEN; the last leaves
-            the footprint as it is.
-
+        Return why it was refused, if it was: FROM_FUTURE, OTHER_FRAME or OVERTAKEN; the last
+        leaves the footprint as it is.
         """
         if now != self._now:
             self.pass_time(now)
@@ -266,20 +238,10 @@ class Scene:
     def obstacle(self, name: str, body: PackedBody | None, frame_id: str, stamp: int, now: int,
                  instance: int | None = None, number: int | None = None) -> str | None:
         """
-        Take a message of a source of obstacles; as `footprint`, but for what follows.
+        Take a message of a source of obstacles, with the obstacle's id if the source gives ids.
 
-        Parameters
-        ----------
-        body : PackedBody or None
-            None for an empty polygon, which ends a set or a map.
-        instance : int, optional
-            The obstacle's id, of a source that gives ids.
-
-        Returns
-        -------
-        str or None
-            Why it was refused, if it was: FROM_FUTURE, OTHER_FRAME, TOO_MANY or TOO_OLD.
-
+        There is no body of an empty polygon, which ends a set or a map. Return why the message was
+        refused, if it was: FROM_FUTURE, OTHER_FRAME, TOO_MANY or TOO_OLD.
         """
         if now != self._now:
             self.pass_time(now)

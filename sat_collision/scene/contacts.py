@@ -137,9 +137,9 @@ class Contacts:
     def first_contact(self, footprint: Footprint, velocity: Velocity, seconds: float,
                       moving: Mapping[Obstacle, Course] = {}) -> tuple[Obstacle, float] | None:
         """
-        Return what a footprint meets first in so long, and after how many s; None if none.
+        Return the obstacle that a footprint meets first within a time, and after how many s.
 
-        Obstacles stand, but for those that move: where they are at first, and vx and vy in m/s.
+        Obstacles stand still but for those in `moving`. None if it meets none.
         """
         if footprint.polygon is None:
             return None

@@ -86,8 +86,8 @@ class Sets(_Listing):
 
     The beginning of a set is proved by number 1, or by the end of the set before it; its end by a
     message of a later set, by an empty polygon with its stamp, or by `max_count` messages, unless
-    the set before had more. Held is the last whole set and all that is newer: only a whole set
-    replaces it. It is known while the last whole set is younger than the timeout.
+    the set before had more. The last whole set is held, and all that is newer: only a whole set
+    replaces it. The listing is known while the last whole set is younger than the timeout.
     """
 
     def __init__(self, store: ObstacleStore) -> None:
@@ -332,9 +332,9 @@ class Maps(_Keyed):
     """
     Listings that never grow old: all obstacles up to an empty polygon.
 
-    Known is a listing that began with number 1 or right after an empty polygon, once an empty
-    polygon ends it; and the first one of a stream, too, when nothing new has come for
-    `settle_time`, which drops nothing.
+    A listing that began with number 1 or right after an empty polygon is known once an empty
+    polygon ends it; the first one of a stream also when nothing new has come for `settle_time`,
+    which drops nothing.
     """
 
     def __init__(self, store: ObstacleStore) -> None:

@@ -169,7 +169,7 @@ class SetGroup(ObstacleGroup):
         """Take a message, whose body is None where it is refused; return a refusal or None."""
         place = self._taken
         if place >= self._store.max_count:
-            # All that is too much shares a place.
+            # All obstacles beyond the limit share a place.
             place = self._store.max_count
             refusal = refusal or TOO_MANY
         self._taken = place + 1

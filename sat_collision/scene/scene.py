@@ -40,7 +40,7 @@ FROM_FUTURE = 'from the future'
 OVERTAKEN = 'older than the last'
 
 _AGREEMENT = 10**9
-# So much further than it must `look_ahead` looks, in s, to know when to look again. It is called
+# How much further than needed `look_ahead` looks, in s, to know when to look again; it is called
 # more often than that.
 _AHEAD = 0.5
 _DISABLED = 'checking is disabled'
@@ -187,7 +187,7 @@ class Scene:
         return None
 
     def is_tracked(self, name: str) -> bool:
-        """Tell whether the motion of a footprint is to be tracked: nobody may ask for it."""
+        """Tell whether anything needs the motion of a footprint."""
         return self.tracks_motion or name in self._looks_ahead
 
     def track(self, name: str, vertices: Vertices, given: Velocity | None = None) -> None:
@@ -221,7 +221,7 @@ class Scene:
                        horizon) if horizon else None
 
     def look_ahead(self) -> None:
-        """Find out which footprints are about to collide, as their settings have it."""
+        """Find out which footprints are in contact within their min_time_to_collision."""
         for name, threshold in self._looks_ahead.items():
             footprint = self._footprints[name]
             found = predict(footprint, self._contacts, self._sources.values(), self._now,
@@ -422,9 +422,9 @@ class Scene:
 
     def brief_contacts(self) -> list[str]:
         """
-        Return the names of footprints that were in collision for a moment only.
+        Return the names of footprints that were in collision only for a moment.
 
-        That is, since the last call of `changes`, and not when it was called.
+        That is, since the last call of `changes`, but neither then nor now.
         """
         return [name for name in self._collided
                 if self._footprints[name].status is not Status.COLLISION
@@ -505,7 +505,7 @@ class Scene:
         return stamp > self._now + self._future_tolerance and self._now > 0
 
     def _choose_frame(self) -> None:
-        """Let the frame be the one that the footprints received of late agree on, if they do."""
+        """Use the frame that the footprints received recently agree on, if they do."""
         frames = {footprint.frame_id for footprint in self._footprints.values()
                   if footprint.received is not None
                   and footprint.received >= self._now - _AGREEMENT}

@@ -22,13 +22,13 @@ serialised messages, so another type stands in for TFMessage where tf2_msgs is m
 
 import contextlib
 import os
-from pathlib import Path
 import statistics
-import subprocess
 import sys
 import time
 import types
 
+import _setup  # noqa: F401
+from builders import box, SECOND, serialised, transforms
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 import node
 import numpy as np
@@ -37,9 +37,6 @@ from sat_collision.monitor import Monitor
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, TF
 from std_msgs.msg import Bool
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test' / 'support'))
-
-from builders import box, SECOND, serialised, transforms  # noqa: E402, I100
 
 RATE = 100
 SIZES = 1, 5, 20
@@ -49,6 +46,7 @@ _PARAMETERS = {'frame_id': 'odom', 'footprint.timeout': '0.0', 'obstacle.timeout
 _OUTLINE = {'footprint.points': '[0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0]',
             'footprint.frame_id': 'base'}
 _PATIENCE = 60.0
+node.NODES |= {'frames': [__file__], 'frames floor': [__file__, '--floor']}
 
 
 def message(stamp, children, x=0.0):
@@ -109,34 +107,22 @@ class Publisher:
         self._node.destroy_node()
 
 
-@contextlib.contextmanager
-def _running(*arguments, **parameters):
-    words = [word for name, value in {**_PARAMETERS, **parameters}.items()
-             for word in ('-p', f'{name}:={value}')]
-    process = subprocess.Popen(
-        [sys.executable, __file__, *arguments, '--ros-args', *words],
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        yield process.pid
-    finally:
-        process.terminate()
-        process.wait(30)
-
-
 def together(groups, seconds, repeats, **parameters):
     """Return processor time in us a message of the monitor and of the floor, and of a core."""
     core = max(os.sched_getaffinity(0))
-    with _running(**parameters) as monitor, _running('--floor') as floor, contextlib.closing(
-            Publisher(2)) as publisher:
-        for pid in (monitor, floor):
+    with node.running('frames', {**_PARAMETERS, **parameters}) as monitor, \
+            node.running('frames floor', _PARAMETERS) as floor, \
+            contextlib.closing(Publisher(2)) as publisher:
+        pids = monitor.pid, floor.pid
+        for pid in pids:
             node.pin(pid, core)
         publisher.run(groups, 0.5)
         costs = []
         for _ in range(repeats):
-            before = [node.cpu_time(pid) for pid in (monitor, floor)]
+            before = [node.cpu_time(pid) for pid in pids]
             count = publisher.run(groups, seconds)
             costs.append([1e6 * (node.cpu_time(pid) - used) / count
-                          for pid, used in zip((monitor, floor), before)])
+                          for pid, used in zip(pids, before)])
     monitor_us, floor_us = (statistics.median(column) for column in zip(*costs))
     return {'monitor_us': monitor_us, 'floor_us': floor_us,
             'ratio': statistics.median(one / other for one, other in costs),
@@ -145,7 +131,8 @@ def together(groups, seconds, repeats, **parameters):
 
 def latency(repeats):
     """Return ms from publishing a transform to the flag that follows."""
-    with _running(**_OUTLINE), contextlib.closing(Publisher(1)) as publisher:
+    with node.running('frames', {**_PARAMETERS, **_OUTLINE}), \
+            contextlib.closing(Publisher(1)) as publisher:
         raised = False
         times = []
         publisher.clear()

@@ -27,51 +27,38 @@ import sys
 import tempfile
 import time
 
-import matplotlib
+from _setup import ROOT
+from discovery import discover_promptly
+from matplotlib import pyplot
+from matplotlib.ticker import LogLocator
 import numpy as np
 import rclpy
 from std_msgs.msg import Bool
 from traffic import PATIENCE, Reader, SET_RATE, Traffic
 
-matplotlib.use('Agg')
-from matplotlib import pyplot  # noqa: E402, I100
-from matplotlib.ticker import LogLocator  # noqa: E402
 
-HERE = Path(__file__).parent
-_PEERS = str(HERE / 'peers.py')
-NODES = {'monitor': ['-m', 'sat_collision.node'], 'plain': ['-m', 'sat_collision.node'],
-         'floor': [_PEERS, 'floor'], 'loop floor': [_PEERS, 'loop'], 'rival': [_PEERS, 'shapely']}
+_PEERS = str(ROOT / 'benchmarks' / 'peers.py')
+_MONITOR = ['-m', 'sat_collision.node']
+NODES = {'monitor': _MONITOR, 'plain': _MONITOR, 'floor': [_PEERS, 'floor'],
+         'rival': [_PEERS, 'shapely']}
 TITLES = {'monitor': 'sat_collision', 'floor': 'empty rclpy node',
           'rival': 'shapely in a callback'}
 _ENVIRONMENTS = {'plain': {'NUMBA_DISABLE_JIT': '1'}}
-_TOGETHER = 'monitor', 'floor', 'loop floor'
+_TOGETHER = 'monitor', 'floor'
 OBSTACLES = 10, 100, 1000
 VERTICES = 4, 32
 RATES = 10_000, 20_000, 30_000, 60_000
 PLAIN_RATES = RATES[:2]
 # The tests have others.
 _DOMAINS = range(215, 233)
-_DISCOVERY = """<?xml version="1.0" encoding="UTF-8"?>
-<dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"><profiles>
-  <participant profile_name="prompt" is_default_profile="true"><rtps><builtin><discovery_config>
-    <initialAnnouncements>
-      <count>20</count><period><sec>0</sec><nanosec>20000000</nanosec></period>
-    </initialAnnouncements>
-  </discovery_config></builtin></rtps></participant>
-</profiles></dds>
-"""
 
 
 @contextlib.contextmanager
 def ros():
     """Run ROS on this machine only, in a domain of its own, with prompt discovery."""
     with tempfile.TemporaryDirectory() as folder:
-        profile = Path(folder, 'prompt.xml')
-        profile.write_text(_DISCOVERY)
-        os.environ.update(
-            FASTRTPS_DEFAULT_PROFILES_FILE=str(profile), ROS_LOG_DIR=folder,
-            ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST',
-            ROS_DOMAIN_ID=str(_DOMAINS[os.getpid() % len(_DOMAINS)]))
+        discover_promptly(folder, announces=False)
+        os.environ['ROS_DOMAIN_ID'] = str(_DOMAINS[os.getpid() % len(_DOMAINS)])
         rclpy.init()
         try:
             yield
@@ -80,11 +67,13 @@ def ros():
 
 
 @contextlib.contextmanager
-def running(kind, **environment):
+def running(kind, parameters={}, **environment):
     """Start a node of some kind as a process, the plain one without numba; end it at last."""
-    process = subprocess.Popen([sys.executable, *NODES[kind]], stdout=subprocess.DEVNULL,
-                               stderr=subprocess.DEVNULL,
-                               env={**os.environ, **_ENVIRONMENTS.get(kind, {}), **environment})
+    words = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
+    process = subprocess.Popen(
+        [sys.executable, *NODES[kind], *(['--ros-args', *words] if words else ())],
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        env={**os.environ, **_ENVIRONMENTS.get(kind, {}), **environment})
     try:
         yield process
     finally:
@@ -99,11 +88,7 @@ def cpu_time(pid):
 
 
 def load(kind, obstacles, vertices, seconds, burst=False, rate=SET_RATE, seed=1):
-    """
-    Run traffic against one node on one core; return costs, latencies and losses.
-
-    Processor time is divided by the messages that the node took.
-    """
+    """Run traffic against a node on one core; return its cost a message, latencies and losses."""
     core = max(os.sched_getaffinity(0))
     with running(kind) as process, contextlib.closing(Reader()) as reader, \
             contextlib.closing(Traffic(obstacles, vertices, seed)) as traffic:
@@ -124,14 +109,11 @@ def load(kind, obstacles, vertices, seconds, burst=False, rate=SET_RATE, seed=1)
 
 def together(kinds, obstacles, vertices, seconds, repeats, seed=1):
     """
-    Give the same messages at once to nodes of some kinds, which share a core.
+    Return processor time in us a message of nodes that share a core, and its ratio to the floor's.
 
-    So they have the same machine, whose speed changes from one second to the next by more than
-    they differ. They start anew for each repeat: a message wakes them one after the other, in the
-    order in which they were found, and the first warms the caches for the others.
-
-    Returns medians of the repeats: processor time in us a message of each, and that of the first
-    divided by that of the floor.
+    They get the same messages at once, as the machine's speed changes from one second to the next
+    by more than they differ. They start anew for each repeat: the one that was found first warms
+    the caches for the others. All are medians.
     """
     costs = [_run_together(kinds, obstacles, vertices, seconds, seed) for _ in range(repeats)]
     return {'us': {kind: statistics.median(cost[kind] for cost in costs) for kind in kinds},
@@ -161,11 +143,7 @@ def pin(pid, core):
 
 
 def _by_turns(kinds, repeats, *arguments, **options):
-    """
-    Run the same traffic against nodes of some kinds by turns.
-
-    Returns for each the medians of its runs; the greatest latency and losses are of all runs.
-    """
+    """Return medians of runs by turns; the greatest latency and losses are of all runs."""
     runs = [{kind: load(kind, *arguments, **options) for kind in kinds} for _ in range(repeats)]
     combine = {'lost': sum, 'unanswered': sum, 'max_ms': max}
     return {kind: {name: combine.get(name, statistics.median)([run[kind][name] for run in runs])

@@ -33,20 +33,15 @@ import sys
 import time
 from typing import NamedTuple
 
+import _setup  # noqa: F401
 from geometry_msgs.msg import Point32, PolygonInstanceStamped
-import matplotlib
-from node import cpu_time, NODES, ros, running
+from matplotlib import pyplot
+from node import cpu_time, ros, running
 import numpy as np
+from page_parts import replace_part
 from traffic import FOOTPRINT_RATE, Reader, regular, ROBOT, SET_RATE, tail, Traffic
+from words import table
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path += [str(ROOT / 'docs'), str(ROOT / 'benchmarks' / 'report')]
-
-from page_parts import replace_part  # noqa: E402, I100
-from words import table  # noqa: E402
-
-matplotlib.use('Agg')
-from matplotlib import pyplot  # noqa: E402, I100
 
 _SLICE = 10.0
 _SETTLING = 3.0
@@ -61,10 +56,9 @@ _TRANSPORT = 0.1
 _WALKER_RADIUS = 0.3
 # In s; stays are over before contact is so near, but not so where footprints pause.
 _THRESHOLD = 1.0
-NODES['predicting'] = [
-    *NODES['monitor'], '--ros-args', '-p', 'obstacles:=[obstacle, walker]',
-    '-p', 'obstacle.topic:=obstacles', '-p', 'walker.type:=polygon_instance',
-    '-p', 'walker.moving:=true', '-p', f'footprint.min_time_to_collision:={_THRESHOLD}']
+_PARAMETERS = {'obstacles': '[obstacle, walker]', 'obstacle.topic': 'obstacles',
+               'walker.type': 'polygon_instance', 'walker.moving': 'true',
+               'footprint.min_time_to_collision': _THRESHOLD}
 
 
 class Reading(NamedTuple):
@@ -193,7 +187,7 @@ def soak(minutes, obstacles):
     the verdicts on flags and on times, and how many obstacle messages were sent and lost.
     """
     readings = []
-    with running('predicting') as process, contextlib.closing(Reader()) as reader, \
+    with running('monitor', _PARAMETERS) as process, contextlib.closing(Reader()) as reader, \
             contextlib.closing(Traffic(obstacles, 4, 1, timed=True)) as traffic:
         drive = Drive(traffic.node)
         traffic.footprint_at = drive.footprint_at

@@ -39,14 +39,8 @@ PATIENCE = 60.0
 RECEIVED = 'obstacle: received'
 
 
-def pack(outline, stamp):
-    """Serialise a PolygonStamped, little endian; stamp in ns."""
-    points = np.zeros((len(outline), 3), np.float32)
-    points[:, :2] = outline
-    return _head(stamp) + tail(points)
-
-
 def _head(stamp):
+    """Return what a PolygonStamped begins with: the stamp, in ns."""
     return struct.pack('<4sII', b'\0\1\0\0', *divmod(stamp, 10**9))
 
 

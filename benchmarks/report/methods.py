@@ -28,7 +28,7 @@ import numpy as np
 import rivals
 from sat_collision import intersects_pairs, Polygon, PolygonSet
 from sat_collision.geometry.intersection import convex_meet
-from sat_collision.geometry.jit import borrowed, COMPILED, kernel, scratch
+from sat_collision.geometry.jit import borrowed, COMPILED, indexable, kernel, scratch
 from sat_collision.geometry.layout import Packed, packed_size
 from sat_collision.geometry.packing import pack
 import sat_methods
@@ -90,10 +90,6 @@ class Pairs:
             return [_pack(bodies, np.float32) for bodies in self.sides]
 
     @cached_property
-    def views(self):
-        return [[memoryview(body) for body in bodies] for bodies in self.sides]
-
-    @cached_property
     def bounds(self):
         return _each(sat_methods.bounds, self.sides)
 
@@ -104,8 +100,7 @@ class Pairs:
     @cached_property
     def heads(self):
         """Return a bounding box and a centre of gravity a body."""
-        heads = [np.hstack(parts) for parts in zip(self.bounds, self.centres)]
-        return heads if COMPILED else [head.tolist() for head in heads]
+        return [np.hstack(parts) for parts in zip(self.bounds, self.centres)]
 
     @cached_property
     def polygons(self):
@@ -127,14 +122,13 @@ def run(name, pairs):
     if name == 'shapely':
         return shapely.intersects(*pairs.shapely), None
     method, prepared = METHODS[name].kernel, METHODS[name].prepared
-    extra = getattr(pairs, prepared) if prepared else None
+    extra = prepared and [side if COMPILED else side.tolist()
+                          for side in getattr(pairs, prepared)]
     answers, axes = np.empty(len(pairs), np.bool_), np.empty(len(pairs), np.int64)
-    if not COMPILED:
-        _loop(method, *pairs.views, extra, answers, axes)
-        return answers, axes
+
     (a, a_ends), (b, b_ends) = (pairs.packed_float32 if name == 'traditional_float32'
                                 else pairs.packed)
-    if extra is None:
+    if not extra:
         _stream(method, a, a_ends, b, b_ends, answers, axes)
     else:
         _stream_prepared(method, a, a_ends, extra[0], b, b_ends, extra[1], answers, axes)
@@ -172,24 +166,13 @@ def run_once(name, pairs):
 
 
 def _each(function, sides):
-    """Return function of each body: an array a side, or lists of floats for plain Python."""
-    arrays = [np.array([function(body) for body in bodies]) for bodies in sides]
-    return arrays if COMPILED else [array.tolist() for array in arrays]
+    """Return function of each body: an array a side."""
+    return [np.array([function(body) for body in bodies]) for bodies in sides]
 
 
 def _pack(bodies, dtype):
     ends = np.cumsum([0] + [len(body) for body in bodies])
-    return np.concatenate(bodies).astype(dtype), ends
-
-
-def _loop(method, a, b, extra, answers, axes):
-    """Do the same in plain Python, which indexes memoryviews several times faster."""
-    if extra is None:
-        for i, (p, q) in enumerate(zip(a, b)):
-            answers[i], axes[i] = method(p, q)
-    else:
-        for i, (p, q, of_p, of_q) in enumerate(zip(a, b, *extra)):
-            answers[i], axes[i] = method(p, q, of_p, of_q)
+    return indexable(np.concatenate(bodies).astype(dtype)), ends
 
 
 @kernel

@@ -20,6 +20,7 @@ import math
 
 import families
 from libraries import LIBRARIES
+from measuring import medians
 from methods import counts
 import numpy as np
 import oracle
@@ -27,7 +28,6 @@ import rationals
 import samples
 from sat_collision import intersects_pairs, Polygon, PolygonSet
 import shapely
-import stages
 
 REPEATS = 5
 SIDES = 4, 16, 64
@@ -139,7 +139,7 @@ def _times(count, tasks):
     for task in tasks.values():
         task()
     return {name: round(seconds / count * 1e9, 1)
-            for name, seconds in stages.medians(tasks, REPEATS).items()}
+            for name, seconds in medians(tasks, REPEATS).items()}
 
 
 def _separation(a, b):
@@ -177,25 +177,16 @@ def _move(rng, a, b):
 def _first_contact(a, b, move):
     """Return the exact time at which a body that moves first meets another one, or None."""
     times = []
+    a, b = ([[Fraction(value) for value in point] for point in body.tolist()] for body in (a, b))
     for body, other, sign in ((a, b, -1), (b, a, 1)):
         x, y = (Fraction(sign * value) for value in move.tolist())
-        for vertex in _rational(body):
-            for start, end in zip(_rational(other), np.roll(_rational(other), -1, axis=0)):
-                ex, ey = end - start
-                wx, wy = start - vertex
+        for vertex in body:
+            for start, end in zip(other, other[1:] + other[:1]):
+                ex, ey = end[0] - start[0], end[1] - start[1]
+                wx, wy = start[0] - vertex[0], start[1] - vertex[1]
                 across = x * ey - y * ex
                 if across:
                     time, share = (wx * ey - wy * ex) / across, (wx * y - wy * x) / across
                     if 0 <= time <= 1 and 0 <= share <= 1:
                         times.append(time)
     return min(times, default=None)
-
-
-@functools.lru_cache(maxsize=4)
-def _rational_of(data, count):
-    values = np.frombuffer(data).reshape(count, 2)
-    return np.array([[Fraction(value) for value in point] for point in values.tolist()])
-
-
-def _rational(body):
-    return _rational_of(np.ascontiguousarray(body, float).tobytes(), len(body))

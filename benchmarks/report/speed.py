@@ -17,10 +17,10 @@
 import functools
 import sys
 
+from measuring import medians, times
 from methods import applicable, counts, Pairs, run, run_once, UNTIMED
 import numpy as np
 import samples
-import stages
 
 REPEATS = 5
 ONCE_SIDES = 4, 16, 64
@@ -53,7 +53,7 @@ def once(rng, scale=1.0):
             if (task() != run(name, prepared)[0]).any():
                 raise AssertionError(f'{name} answers otherwise where bodies are used once')
         rows += [{'method': name, 'n': n, 'ns': round(seconds / len(prepared) * 1e9, 1)}
-                 for name, seconds in stages.medians(tasks, REPEATS).items()]
+                 for name, seconds in medians(tasks, REPEATS).items()]
     return rows
 
 
@@ -62,8 +62,8 @@ def _run_all(pairs, meet):
     prepared = Pairs(pairs)
     with np.errstate(all='ignore'):
         answers = {name: run(name, prepared)[0] for name in applicable()}
-    taken = stages.times({name: functools.partial(run, name, prepared)
-                          for name in answers if name not in UNTIMED}, REPEATS)
+    taken = times({name: functools.partial(run, name, prepared)
+                   for name in answers if name not in UNTIMED}, REPEATS)
     return {name: {**counts(answer, meet), 'ns': [seconds / len(pairs) * 1e9
                                                   for seconds in taken.get(name, ())]}
             for name, answer in answers.items()}
@@ -75,9 +75,9 @@ def _pooled(runs):
         of = [run_[name] for run_ in runs]
         row = {'method': name, **{key: sum(one[key] for one in of) for key in (
             'pairs', 'apart', 'false_collisions', 'false_clears')}}
-        times = np.concatenate([one['ns'] for one in of])
-        if len(times):
-            row['ns'] = [round(value, 1) for value in np.quantile(times, [0.5, 0.25, 0.75])]
+        taken = np.concatenate([one['ns'] for one in of])
+        if len(taken):
+            row['ns'] = [round(value, 1) for value in np.quantile(taken, [0.5, 0.25, 0.75])]
         yield row
 
 

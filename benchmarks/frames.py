@@ -21,7 +21,6 @@ serialised messages, so another type stands in for TFMessage where tf2_msgs is m
 """
 
 import contextlib
-import os
 import statistics
 import sys
 import time
@@ -109,24 +108,14 @@ class Publisher:
 
 def together(groups, seconds, repeats, **parameters):
     """Return processor time in us a message of the monitor and of the floor, and of a core."""
-    core = max(os.sched_getaffinity(0))
-    with node.running('frames', {**_PARAMETERS, **parameters}) as monitor, \
-            node.running('frames floor', _PARAMETERS) as floor, \
-            contextlib.closing(Publisher(2)) as publisher:
-        pids = monitor.pid, floor.pid
-        for pid in pids:
-            node.pin(pid, core)
-        publisher.run(groups, 0.5)
-        costs = []
-        for _ in range(repeats):
-            before = [node.cpu_time(pid) for pid in pids]
-            count = publisher.run(groups, seconds)
-            costs.append([1e6 * (node.cpu_time(pid) - used) / count
-                          for pid, used in zip(pids, before)])
-    monitor_us, floor_us = (statistics.median(column) for column in zip(*costs))
-    return {'monitor_us': monitor_us, 'floor_us': floor_us,
-            'ratio': statistics.median(one / other for one, other in costs),
-            'core': monitor_us * RATE * len(groups) / 1e6}
+    def start(stack, nodes):
+        publisher = stack.enter_context(contextlib.closing(Publisher(nodes)))
+        return lambda seconds: publisher.run(groups, seconds)
+    us, floor, ratio = node.together([
+        ('frames', {**_PARAMETERS, **parameters}), ('frames floor', _PARAMETERS)],
+        start, seconds, repeats)
+    return {'monitor_us': us, 'floor_us': floor, 'ratio': ratio,
+            'core': us * RATE * len(groups) / 1e6}
 
 
 def latency(repeats):

@@ -15,11 +15,10 @@
 """
 The node under load for a long time: 4,000 obstacles a second, and what is known to happen.
 
-A robot is by turns on an obstacle and far from all, for 0.6 s each. Every contact must be told
-before it is over, and no flag may say clear once it has been told. Where the middleware loses
-messages the monitor has to say so: it is unknown then, which raises the flag. While it is far the
-robot drives towards somebody who walks, so times to collision must be those until they meet, and
-none may be given while its state is unknown.
+A robot is by turns on an obstacle and far from all, for 0.6 s each. Every contact must be reported
+before it is over, and no flag may say clear after that. Where the middleware loses messages the
+state must be unknown, which raises the flag. While it is far the robot drives towards somebody who
+walks, so times to collision must be those until they meet, and none may be given while unknown.
 """
 
 import argparse
@@ -187,8 +186,8 @@ def soak(minutes, obstacles):
     the verdicts on flags and on times, and how many obstacle messages were sent and lost.
     """
     readings = []
-    with running('monitor', _PARAMETERS) as process, contextlib.closing(Reader()) as reader, \
-            contextlib.closing(Traffic(obstacles, 4, 1, timed=True)) as traffic:
+    with running('monitor', _PARAMETERS) as pid, contextlib.closing(Reader()) as reader, \
+            contextlib.closing(Traffic(obstacles, 4, timed=True)) as traffic:
         drive = Drive(traffic.node)
         traffic.footprint_at = drive.footprint_at
         traffic.connect()
@@ -196,13 +195,13 @@ def soak(minutes, obstacles):
         traffic.changes.clear()
         traffic.heard.clear()
         traffic.times.clear()
-        count, used, sent = reader.steady(), cpu_time(process.pid), 0
+        count, used, sent = reader.steady(), cpu_time(pid), 0
         for k in range(round(60.0 * minutes / _SLICE)):
             traffic.restart()
             footprints, more, latencies = traffic.run(_SLICE)
             sent += more
-            used, before = cpu_time(process.pid), used
-            readings.append(Reading((k + 1) * _SLICE / 60.0, memory(process.pid),
+            used, before = cpu_time(pid), used
+            readings.append(Reading((k + 1) * _SLICE / 60.0, memory(pid),
                                     1e6 * (used - before) / (more + footprints),
                                     1e3 * max(latencies, default=float('nan'))))
             if k % 6 == 5:

@@ -59,16 +59,15 @@ class Traffic:
     """
     A node that sends footprints and obstacles and awaits the flag.
 
-    The robot is by turns on the first obstacle, which stays about the origin, and far from all,
-    for `stay` footprints each. The others are scattered around and never twice the same. An empty
-    polygon ends each set. `changes` has when, by the monotonic clock, the first footprint of each
-    stay was sent, and whether the robot is on an obstacle there; `heard` when flags came, and
-    `times`, if it is `timed`, when times to collision came. `footprint_at` takes a stamp in ns and
-    returns what follows it, whether that is on an obstacle, and whether it begins a stay.
+    The robot is by turns on the first obstacle, which stays about the origin, and far from all;
+    the others are scattered around and never twice the same. An empty polygon ends each set.
+    `footprint_at` takes a stamp in ns and returns what follows it, whether that is on an obstacle,
+    and whether it begins a stay there. By the monotonic clock, `changes` has when stays began,
+    `heard` when flags came, and `times`, if it is `timed`, when times to collision came.
     """
 
-    def __init__(self, obstacles, vertices, seed, stay=1, timed=False):
-        rng = np.random.default_rng(seed)
+    def __init__(self, obstacles, vertices, timed=False):
+        rng = np.random.default_rng(1)
         centres = rng.uniform(-100.0, 100.0, (obstacles, 2))
         centres[0] = 0.0
         self._per_set = obstacles + 1
@@ -79,8 +78,8 @@ class Traffic:
                 points[k, :, :2] = regular(vertices, x, y, 0.5)
             self._sets.append([tail(outline) for outline in (*points, points[0, :0])])
         footprints = itertools.cycle(
-            (tail(np.float32([(x + dx, dy, 0.0) for dx, dy in ROBOT])), hit, k == 0)
-            for x, hit in ((0.0, True), (1000.0, False)) for k in range(stay))
+            (tail(np.float32([(x + dx, dy, 0.0) for dx, dy in ROBOT])), hit, True)
+            for x, hit in ((0.0, True), (1000.0, False)))
         self.footprint_at = lambda stamp: next(footprints)
         self.changes = []
         self.heard = []
@@ -127,11 +126,10 @@ class Traffic:
 
     def run(self, seconds, burst=False, rate=SET_RATE):
         """
-        Send footprints and sets of obstacles for some time, `rate` sets a second.
+        Send footprints and `rate` sets of obstacles a second, which are spread or come in a burst.
 
-        Obstacles of a set are spread over the period, unless they come in a burst. Returns how
-        many footprints and obstacles were sent, and the seconds from before the publish() of each
-        footprint that changes the flag to the flag's arrival.
+        Return how many footprints and obstacles were sent, and the seconds from before the
+        publish() of each footprint that changes the flag to the flag's arrival.
         """
         latencies = []
         unanswered = collections.deque()

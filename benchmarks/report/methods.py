@@ -13,19 +13,20 @@
 # limitations under the License.
 
 """
-The methods compared, each as a loop over many pairs prepared for it.
+The methods compared, each as a loop over many pairs prepared for it: their speed and errors.
 
 What a body needs once is made before: packed arrays, boxes, centres of gravity, shapely's shapes.
-Running a method then returns its answers and, of all kernels but improved,
-how many axes each took.
 """
 
-from functools import cached_property
+from functools import cached_property, partial
+import sys
 from typing import NamedTuple
 
 from libraries import shapely_shape
+from measuring import medians, times
 import numpy as np
 import rivals
+import samples
 from sat_collision import intersects_pairs, Polygon, PolygonSet
 from sat_collision.geometry.intersection import convex_meet
 from sat_collision.geometry.jit import borrowed, COMPILED, indexable, kernel, scratch
@@ -37,7 +38,7 @@ import shapely
 
 class Method(NamedTuple):
     """
-    A method: its one name, how it is drawn, its kernel and what that takes of each body.
+    How a method is called and drawn, its kernel, and what that takes of each body.
 
     The colours are safe for the colour-blind (Okabe and Ito, and Tol).
     """
@@ -69,6 +70,8 @@ METHODS = {
 LABELS = {name: method.label for name, method in METHODS.items()}
 # Measured for wrong answers alone.
 UNTIMED = 'traditional_float32',
+REPEATS = 5
+ONCE_SIDES = 4, 16, 64
 
 
 class Pairs:
@@ -139,13 +142,6 @@ def applicable():
     """Return the methods of this kernel."""
     return [name for name in METHODS
             if COMPILED or name not in ('traditional_float32', 'shapely')]
-
-
-def counts(answers, meet):
-    """Return how many pairs there are, and how many answers are wrong in which way."""
-    return {'pairs': len(meet), 'apart': int((~meet).sum()),
-            'false_collisions': int((answers & ~meet).sum()),
-            'false_clears': int((~answers & meet).sum())}
 
 
 def run_once(name, pairs):
@@ -221,3 +217,63 @@ def _head(body):
 # What makes ready a body for a method, by the name of what the method takes.
 _PREPARING = {'bounds': sat_methods.bounds, 'centres': sat_methods.centre_of_gravity,
               'heads': _head}
+
+
+def measure(seeds, scale=1.0):
+    """Return rows of figures: answers and times of each method, of the runs with all seeds."""
+    rows = []
+    for n in samples.SIDES:
+        for kind in samples.KINDS:
+            runs = []
+            for seed in seeds:
+                rng = np.random.default_rng([seed, n])
+                runs.append(_run_all(*samples.sample(rng, n, kind, _count(n, scale))))
+            rows += [{'n': n, 'kind': kind, **row} for row in _pooled(runs)]
+        print(f'speed: {n}', file=sys.stderr)
+    return rows
+
+
+def once(rng, scale=1.0):
+    """Return the time of near pairs in ns where what a body needs is made for each pair."""
+    rows = []
+    for n in ONCE_SIDES:
+        pairs = samples.sample(rng, n, 'near', _count(n, scale))[0]
+        # Of those whose vertices rounding has not made fewer, so that shapely takes an array.
+        prepared = Pairs([pair for pair in pairs if len(pair[0]) == len(pair[1]) == n])
+        tasks = {name: partial(run_once, name, prepared) for name in applicable()
+                 if name not in UNTIMED}
+        for name, task in tasks.items():
+            if (task() != run(name, prepared)[0]).any():
+                raise AssertionError(f'{name} answers otherwise where bodies are used once')
+        rows += [{'method': name, 'n': n, 'ns': round(seconds / len(prepared) * 1e9, 1)}
+                 for name, seconds in medians(tasks, REPEATS).items()]
+    return rows
+
+
+def _run_all(pairs, meet):
+    """Return for each method the answers' counts and all times in ns."""
+    prepared = Pairs(pairs)
+    with np.errstate(all='ignore'):
+        answers = {name: run(name, prepared)[0] for name in applicable()}
+    taken = times({name: partial(run, name, prepared)
+                   for name in answers if name not in UNTIMED}, REPEATS)
+    return {name: {**samples.counts(answer, meet),
+                   'ns': [seconds / len(pairs) * 1e9 for seconds in taken.get(name, ())]}
+            for name, answer in answers.items()}
+
+
+def _pooled(runs):
+    """Return a row a method of the runs with several seeds; its times are median, quartiles."""
+    for name in runs[0]:
+        of = [run_[name] for run_ in runs]
+        row = {'method': name, **{key: sum(one[key] for one in of) for key in (
+            'pairs', 'apart', 'false_collisions', 'false_clears')}}
+        taken = np.concatenate([one['ns'] for one in of])
+        if len(taken):
+            row['ns'] = [round(value, 1) for value in np.quantile(taken, [0.5, 0.25, 0.75])]
+        yield row
+
+
+def _count(n, scale):
+    """Return how many pairs a seed: enough for rates of a per cent, and seconds for a method."""
+    return max(8, int(scale * min(1200, max(300, 40_000 // n))) // 2 * 2)

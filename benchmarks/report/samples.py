@@ -72,6 +72,13 @@ def chunks(count, n):
         count -= size
 
 
+def counts(answers, meet):
+    """Return how many pairs there are, and how many answers are wrong in which way."""
+    return {'pairs': len(meet), 'apart': int((~meet).sum()),
+            'false_collisions': int((answers & ~meet).sum()),
+            'false_clears': int((~answers & meet).sum())}
+
+
 def _generate(rng, n, kind, count):
     if kind != 'hard':
         return chunked(getattr(families, kind), rng, count, n)

@@ -79,10 +79,10 @@ def stamped(name):
 
 def docking(angle):
     """
-    Return a robot that drives straight into a dock at 0.1 m/s, 20 frames a second, and stays.
+    Return a robot that drives straight into a dock at 0.1 m/s, 20 frames a second.
 
-    The dock is a U that the robot's front fits, its sides 0.1 m off; a wall and boxes stand about.
-    The robot stays as long as it drove, its front against the ground of the dock.
+    The dock is a U, its sides 0.1 m off; a wall and boxes stand about. The robot stays as long as
+    it drove, its front against the ground of the dock.
     """
     place = _Place(angle, (12.0, 7.0))
     about = [_box(x, y, 0.6, 0.6) for x in (-2.0, -1.0, 0.2) for y in (-3.0, -1.8, 1.8, 3.0)]
@@ -151,10 +151,9 @@ def _exact_stage(frames):
 
 def tried(a, b):
     """
-    Return for pairs of two lists of `Polygon` how many axes each takes, and what went further.
+    Return how many axes each pair of two lists of `Polygon` takes, and which are decided exactly.
 
-    These are axes tried in plain doubles, the boxes counted as two, and whether exact orientations
-    had to decide.
+    Axes are tried in plain doubles, the boxes counted as two.
     """
     axes, exact = np.empty(len(a), np.int64), np.empty(len(a), np.bool_)
     _count(*_packed(a), *_packed(b), axes, exact)
@@ -217,10 +216,9 @@ def ages():
 
 def _age_of(frames):
     """
-    Return what is wrong with separations, in m, if the footprint is not that of the same stamp.
+    Return how wrong separations are, in m, if the footprint is not that of the same stamp.
 
-    Once it is the one of a frame before, once the one half way between the frames before and
-    after, each vertex on a straight line.
+    It is the one of the frame before, or the one half way between the frames before and after.
     """
     before, between, speeds, gaps = [], [], [], []
     for (t0, p0, _), (t1, p1, obstacles), (t2, p2, _) in zip(frames, frames[1:], frames[2:]):
@@ -247,9 +245,8 @@ def stepping(rng, count):
     """
     Return for the continuous time (step 0) and for steps what they miss and take, in s and ns.
 
-    What any of them finds counts as a contact, but for what the rectangle touches at the start.
-    How late it is found is measured from the earliest. Times are those of a scene's first
-    contact, asked from Python, an obstacle.
+    What any of them finds counts as a contact, but for what the rectangle touches at the start;
+    it is late by the time since the earliest. ns are those until a scene's first, an obstacle.
     """
     scenes = [(_segments(rng), (rng.uniform(1.0, 10.0), 0.0, rng.uniform(-1.0, 1.0)))
               for _ in range(count)]

@@ -25,7 +25,7 @@ import math
 
 import families
 from libraries import shapely_shape
-from methods import applicable, counts, Pairs, run
+from methods import applicable, Pairs, run
 import numpy as np
 import oracle
 import rationals
@@ -66,7 +66,7 @@ def by_family(rng, count=2000):
                                                           for pair in pairs]) for k in (0, 1)))}
         else:
             answers = _answers(pairs)
-        rows += [{'family': name, 'method': method, **counts(answer, meet)}
+        rows += [{'family': name, 'method': method, **samples.counts(answer, meet)}
                  for method, answer in answers.items()]
     return rows
 
@@ -128,7 +128,7 @@ def _misjudged(rng, n, offset, count):
     rows = []
     for method in filter(GROWING.__contains__, applicable()):
         answers, _ = run(method, prepared)
-        rows.append({'method': method, **counts(answers, meet), 'widest': float(
+        rows.append({'method': method, **samples.counts(answers, meet), 'widest': float(
             np.abs(gaps[answers != meet]).max(initial=0.0))})
     return rows
 
@@ -187,7 +187,7 @@ def by_condition(rng, count):
     of its number, false collisions, pairs apart, false clears, and pairs that meet.
     """
     pooled, of_families, worst, total = {}, {}, {}, 0
-    for name, family in sorted(families.CONVEX.items()):
+    for name, family in families.CONVEX.items():
         if name in samples.MANY:
             continue
         pairs = samples.of_family(rng, family, count, FEW_SIDES)
@@ -208,7 +208,7 @@ def by_condition(rng, count):
                     of_families.setdefault(name, []).append([k, *found.tolist()])
     return {'bins': {method: [[k, *of[k].tolist()] for k in sorted(of)]
                      for method, of in pooled.items()},
-            'families': of_families, 'backward': worst, 'pairs': total}
+            'families': dict(sorted(of_families.items())), 'backward': worst, 'pairs': total}
 
 
 def gap_in_units(a, b, meet):

@@ -35,12 +35,12 @@ PATHS = [str(ROOT / place)
          for place in ('.', 'benchmarks', 'benchmarks/report', 'test/support')]
 sys.path += PATHS[1:3]
 
-import methods  # noqa: E402, I100
+import libraries  # noqa: E402, I100
+import methods  # noqa: E402
 import rivals  # noqa: E402
 import samples  # noqa: E402
 import scenes  # noqa: E402
 import shapes  # noqa: E402
-import singly  # noqa: E402
 import stability  # noqa: E402
 
 EXACT = 'interval', 'filtered'
@@ -138,7 +138,7 @@ def test_equation_5_tries_the_axes_of_reading_a():
 def test_the_oracle_of_contact_times(move, time):
     """A square three wide of the other one: head on, short of it, corner on corner, past it."""
     square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
-    assert singly._first_contact(square, square + (3.0, 0.0), np.array(move, float)) == time
+    assert libraries._first_contact(square, square + (3.0, 0.0), np.array(move, float)) == time
 
 
 @pytest.mark.parametrize('n', [3, 8, 9, 10, 33, 257])

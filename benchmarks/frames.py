@@ -178,9 +178,11 @@ def run_monitor():
     messages.TFMessage = PolygonStamped
     sys.modules.update({'tf2_msgs': types.ModuleType('tf2_msgs'), 'tf2_msgs.msg': messages})
     from sat_collision.node.__main__ import main
-    if '--floor' in sys.argv:
+    arguments = sys.argv[1:]
+    if arguments[0] == '--floor':
+        del arguments[0]
         Monitor.receive_transforms = lambda *_: ()
-    return main()
+    return main(arguments)
 
 
 if __name__ == '__main__':

@@ -49,6 +49,15 @@ def test_stored_tables_are_those_of_their_figures(figures, name):
     assert words.with_tables(text_of(name), tables.TABLES, figures) == text_of(name)
 
 
+def test_stored_benchmarks_are_those_of_their_figures():
+    """Likewise."""
+    pytest.importorskip('rclpy')
+    import bench
+    page = ROOT / 'docs' / 'benchmarks' / 'README.md'
+    figures = json.loads(page.with_name('figures.json').read_text())
+    assert words.with_tables(page.read_text(), bench.TABLES, figures) == page.read_text()
+
+
 def test_each_table_is_on_a_page_once():
     text = ''.join(map(text_of, PAGES))
     names = re.findall('<!-- (.*?) -->', text)

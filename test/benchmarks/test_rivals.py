@@ -45,7 +45,8 @@ import stability  # noqa: E402
 
 EXACT = 'interval', 'filtered'
 INEXACT = 'traditional', 'binary', 'gjk', 'closest'
-HARD = 'hair_gaps', 'far_offsets', 'slivers', 'one_ulp', 'rectangles_on_edge', 'extreme_scales'
+HARD = ('hair_gaps', 'far_offsets', 'slivers', 'one_ulp', 'rectangles_on_edge', 'collinear_edges',
+        'points_and_segments', 'extreme_scales')
 
 
 def pairs_of(name, count, n):

@@ -28,9 +28,8 @@ from pathlib import Path
 import sys
 import time
 
-import _setup  # noqa: F401
+from _shared import describe
 import families
-import measuring
 import numpy as np
 import oracle
 import samples
@@ -75,7 +74,7 @@ def main():
     if arguments.json:
         arguments.json.write_text(json.dumps({
             'seed': arguments.seed, 'seconds': round(time.perf_counter() - start),
-            'machine': measuring.describe('numpy'), 'families': results, 'wrong': wrong},
+            'machine': describe('numpy'), 'families': results, 'wrong': wrong},
             indent=1) + '\n')
     return 1 if wrong else 0
 

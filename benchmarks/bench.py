@@ -24,9 +24,8 @@ from pathlib import Path
 import sys
 import time
 
-from _setup import ROOT
+from _shared import describe, ROOT
 import frames
-import measuring
 import node
 import scene
 from words import table, table_of, with_tables
@@ -69,7 +68,7 @@ def measure(seed, quick, parts):
         'node': lambda: node.measure(seconds, repeats),
         'frames': lambda: frames.measure(seconds, repeats),
         'startup': lambda: node.measure_startup(repeats)}
-    figures = {'seed': seed, 'machine': measuring.describe(*PACKAGES)}
+    figures = {'seed': seed, 'machine': describe(*PACKAGES)}
     with node.ros():
         for name in parts:
             print(f'{time.perf_counter() - start:6.0f} s  {name}', file=sys.stderr)

@@ -26,7 +26,7 @@ import sys
 import time
 import types
 
-import _setup  # noqa: F401
+import _shared  # noqa: F401
 from builders import box, SECOND, serialised, transforms
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 import node

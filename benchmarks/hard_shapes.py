@@ -29,7 +29,7 @@ import subprocess
 import sys
 import time
 
-import _setup  # noqa: F401
+import _shared  # noqa: F401
 from builders import serialised
 import numpy as np
 from page_parts import replace_part

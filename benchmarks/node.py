@@ -27,7 +27,7 @@ import sys
 import tempfile
 import time
 
-from _setup import ROOT
+from _shared import ROOT
 from discovery import discover_promptly
 from matplotlib import pyplot
 from matplotlib.ticker import LogLocator

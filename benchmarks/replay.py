@@ -24,7 +24,7 @@ from pathlib import Path
 import tempfile
 import time
 
-import _setup  # noqa: F401
+import _shared  # noqa: F401
 from builders import serialised
 import numpy as np
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer

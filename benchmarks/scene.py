@@ -24,10 +24,9 @@ import functools
 import time
 import tracemalloc
 
-import _setup  # noqa: F401
+from _shared import medians
 from builders import serialised
 from matplotlib import pyplot
-from measuring import medians
 import numpy as np
 from sat_collision import intersects_pairs, Polygon, PolygonSet
 from sat_collision.monitor import Monitor

@@ -32,7 +32,7 @@ import sys
 import time
 from typing import NamedTuple
 
-import _setup  # noqa: F401
+import _shared  # noqa: F401
 from geometry_msgs.msg import Point32, PolygonInstanceStamped
 from matplotlib import pyplot
 from node import cpu_time, ros, running

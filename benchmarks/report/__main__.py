@@ -32,9 +32,8 @@ FRESH_CACHE = tempfile.TemporaryDirectory()
 os.environ['NUMBA_CACHE_DIR'] = FRESH_CACHE.name
 sys.path.append(str(Path(__file__).parents[1]))
 
-from _setup import ROOT  # noqa: E402, I100
+from _shared import describe, ROOT  # noqa: E402, I100
 import libraries  # noqa: E402
-import measuring  # noqa: E402
 import methods  # noqa: E402
 import numpy as np  # noqa: E402
 import plots  # noqa: E402
@@ -71,7 +70,7 @@ def main():
 def measure(scale):
     """Return all figures of the report but those of the accuracy run."""
     start = time.perf_counter()
-    figures = {'seeds': SEEDS, 'machine': measuring.describe(*PACKAGES)}
+    figures = {'seeds': SEEDS, 'machine': describe(*PACKAGES)}
     for name, measured in {
             'speed': lambda rng: methods.measure(SEEDS, scale),
             'once': lambda rng: methods.once(rng, scale),

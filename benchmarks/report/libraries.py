@@ -25,8 +25,8 @@ from functools import partial
 import math
 from typing import Callable, NamedTuple
 
+from _shared import medians
 import families
-from measuring import medians
 import numpy as np
 import oracle
 import rationals

@@ -22,8 +22,8 @@ from functools import cached_property, partial
 import sys
 from typing import NamedTuple
 
+from _shared import medians, times
 from libraries import shapely_shape
-from measuring import medians, times
 import numpy as np
 import rivals
 import samples

@@ -23,7 +23,7 @@ In the scenes of predictions a rectangle of 0.8 m by 0.5 m drives at 1 to 10 m/s
 
 import functools
 
-from measuring import medians
+from _shared import medians
 import numpy as np
 from published import load
 from sat_collision import intersects_pairs, Polygon, PolygonSet, separation

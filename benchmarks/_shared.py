@@ -12,18 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Timing, and what figures were measured on, to be stored with them."""
+"""What benchmarks share: where modules are found, timing, and what figures were measured on."""
 
 import gc
 from importlib import metadata
 import os
 from pathlib import Path
 import platform
+import sys
 import time
 
 import numpy as np
 from sat_collision import KERNEL
 
+ROOT = Path(__file__).resolve().parents[1]
+sys.path += [str(ROOT / place) for place in (
+    'benchmarks', 'benchmarks/report', 'docs', 'test/support')]
+# Plots need no screen.
+os.environ.setdefault('MPLBACKEND', 'Agg')
 # A task that takes longer than this is not repeated, in seconds.
 _LONG = 0.25
 

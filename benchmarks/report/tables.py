@@ -190,10 +190,10 @@ def _scenes(figures):
 
 def _ages(figures):
     return table_of([row for row in figures['ages'] if row['speed']], {
-        'scene': '{scene}', 'a frame every': lambda row: f'{1e3 * row["spacing"]:.0f} ms',
+        'scene': '{scene}', 'sample interval': lambda row: f'{1e3 * row["spacing"]:.0f} ms',
         'fastest': '{speed:.2g} m/s',
-        'a frame before': lambda row: ' to '.join(map(length, row['before'])),
-        'between two frames': lambda row: ' to '.join(map(length, row['between'])),
+        'one sample older': lambda row: ' to '.join(map(length, row['before'])),
+        'between two samples': lambda row: ' to '.join(map(length, row['between'])),
         'float32': lambda row: length(row['coordinates'])})
 
 

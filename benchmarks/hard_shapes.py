@@ -41,7 +41,6 @@ from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Se
 from traffic import regular
 from words import table
 
-
 MAX_VERTICES = 1024
 KERNELS = {'compiled': '0', 'in plain Python': '1'}
 # How a second body is laid beside or over the first, in sizes of the body, and how it is turned.

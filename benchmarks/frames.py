@@ -35,6 +35,7 @@ import rclpy
 from sat_collision.monitor import Monitor
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, TF
 from std_msgs.msg import Bool
+from traffic import until
 
 
 RATE = 100
@@ -44,7 +45,7 @@ _PARAMETERS = {'frame_id': 'odom', 'footprint.timeout': '0.0', 'obstacle.timeout
                'obstacle.type': 'polygon_instance'}
 _OUTLINE = {'footprint.points': '[0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0]',
             'footprint.frame_id': 'base'}
-_PATIENCE = 60.0
+
 node.NODES |= {'frames': [__file__], 'frames floor': [__file__, '--floor']}
 
 
@@ -74,11 +75,7 @@ class Publisher:
 
     def until(self, condition):
         """Take flags until something holds."""
-        end = time.monotonic() + _PATIENCE
-        while not condition():
-            if time.monotonic() > end:
-                raise TimeoutError('the node does not answer')
-            rclpy.spin_once(self._node, timeout_sec=0.01)
+        until(condition, lambda: rclpy.spin_once(self._node, timeout_sec=0.01))
 
     def publish(self, children, x=0.0):
         self._publisher.publish(message(time.time_ns(), children, x))

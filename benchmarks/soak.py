@@ -33,7 +33,8 @@ import time
 from typing import NamedTuple
 
 import _shared  # noqa: F401
-from geometry_msgs.msg import Point32, PolygonInstanceStamped
+from builders import serialised
+from geometry_msgs.msg import PolygonInstanceStamped
 from matplotlib import pyplot
 from node import cpu_time, ros, running
 import numpy as np
@@ -108,7 +109,8 @@ class Drive:
         """Return a footprint as `Traffic` has it; who walks is published with every fifth."""
         walker = 1000.0 + _WALK_SPEED * (stamp - self._begun) / 1e9
         if self._count % round(FOOTPRINT_RATE / SET_RATE) == 0:
-            self._publish(walker, stamp)
+            self._publisher.publish(
+                serialised(regular(4, walker, 0.0, _WALKER_RADIUS), stamp, instance=0))
         is_first, is_on = self._count % _STAY == 0, self._count // _STAY % 2 == 0
         self._count += 1
         if is_first:
@@ -120,14 +122,6 @@ class Drive:
             left = self._meet_at - stamp / 1e9
             x = walker + _WALKER_RADIUS - ROBOT[0][0] + left * (_WALK_SPEED - _ROBOT_SPEED)
         return tail(np.float32([(x + dx, dy, 0.0) for dx, dy in ROBOT])), is_on, is_first
-
-    def _publish(self, x, stamp):
-        message = PolygonInstanceStamped()
-        message.header.frame_id = 'map'
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
-        message.polygon.polygon.points = [
-            Point32(x=x, y=y) for x, y in regular(4, x, 0.0, _WALKER_RADIUS).tolist()]
-        self._publisher.publish(message)
 
 
 def judge_times(stays, flags, times, latency=0.0):

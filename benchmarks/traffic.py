@@ -34,7 +34,7 @@ _AFTERMATH = 0.2
 ROBOT = (-0.5, -0.4), (0.9, -0.4), (0.9, 0.4), (-0.5, 0.4)
 FOOTPRINT_RATE = 50.0
 SET_RATE = 10.0
-PATIENCE = 60.0
+_PATIENCE = 60.0
 # What says on /diagnostics how many obstacles a node has received.
 RECEIVED = 'obstacle: received'
 
@@ -53,6 +53,15 @@ def regular(count, x, y, radius):
     """Return the vertices of a regular polygon."""
     angles = 2.0 * np.pi * np.arange(count) / count
     return np.column_stack([x + radius * np.cos(angles), y + radius * np.sin(angles)])
+
+
+def until(condition, step=lambda: time.sleep(_PAUSE)):
+    """Do a step again and again until a condition holds."""
+    end = time.monotonic() + _PATIENCE
+    while not condition():
+        if time.monotonic() > end:
+            raise TimeoutError('the node under test does not answer')
+        step()
 
 
 class Traffic:
@@ -102,27 +111,21 @@ class Traffic:
         """Let another publisher of obstacles take the place of the one before."""
         self.node.destroy_publisher(self._obstacle)
         self._obstacle = self._new_publisher()
-        end = time.monotonic() + PATIENCE
-        while not self._obstacle.get_subscription_count():
-            if time.monotonic() > end:
-                raise TimeoutError('the node under test does not find the new publisher')
-            time.sleep(_PAUSE)
+        until(self._obstacle.get_subscription_count)
 
     def connect(self, nodes=1):
         """Wait until traffic and so many nodes see each other and a footprint is answered."""
-        end = time.monotonic() + PATIENCE
-        while time.monotonic() < end:
+        def is_answered():
             stamp = time.time_ns()
             for obstacle in self._sets[0]:
                 self._obstacle.publish(_head(stamp) + obstacle)
             body, hit, _ = self.footprint_at(stamp)
             self._footprint.publish(_head(stamp) + body)
             time.sleep(0.2)
-            if hit in _arrived(self._flags, Bool) and all(
-                    publisher.get_subscription_count() >= nodes
-                    for publisher in (self._obstacle, self._footprint)):
-                return
-        raise TimeoutError('the node under test does not answer')
+            return hit in _arrived(self._flags, Bool) and all(
+                publisher.get_subscription_count() >= nodes
+                for publisher in (self._obstacle, self._footprint))
+        until(is_answered)
 
     def run(self, seconds, burst=False, rate=SET_RATE):
         """
@@ -206,12 +209,9 @@ class Reader:
         """Return the count once two reports from now on agree: all that was sent is dealt with."""
         rclpy.spin_once(self._node, timeout_sec=0.0)
         self._counts.clear()
-        end = time.monotonic() + PATIENCE
-        while time.monotonic() < end:
-            rclpy.spin_once(self._node, timeout_sec=0.1)
-            if len(self._counts) > 1 and self._counts[-1] == self._counts[-2]:
-                return self._counts[-1]
-        raise TimeoutError('no steady count from the node under test')
+        until(lambda: len(self._counts) > 1 and self._counts[-1] == self._counts[-2],
+              lambda: rclpy.spin_once(self._node, timeout_sec=0.1))
+        return self._counts[-1]
 
     def close(self):
         self._node.destroy_node()

@@ -31,15 +31,13 @@ from sat_collision.messages.outputs import Outputs
 from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
-from sat_collision.node.commands import CommandSubscriptions
 from sat_collision.node.health import Health
 from sat_collision.node.loop import Backlog, Loop, Reserved
 from sat_collision.node.parameters import Parameters
 from sat_collision.node.subscriptions import (
-    subscribe_transforms, Subscriptions, transform_type)
+    CommandSubscriptions, subscribe_transforms, Subscriptions, transform_type)
 from sat_collision.node.watchdog import ClockWatch, Every, Systemd, Watchdog
-from sat_collision.scene.settings import Settings
-from sat_collision.scene.times import NEVER
+from sat_collision.scene.settings import NEVER, Settings
 
 NAME = 'footprint_monitor'
 

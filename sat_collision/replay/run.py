@@ -41,8 +41,7 @@ from sat_collision.replay.motion.tape import MotionTape
 from sat_collision.replay.motion.walk import Motion, MotionTimeline
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.scene import OVERTAKEN
-from sat_collision.scene.settings import Settings
-from sat_collision.scene.times import NEVER
+from sat_collision.scene.settings import NEVER, Settings
 
 if TYPE_CHECKING:
     from sat_collision.replay.output.bag import BagOutputs

@@ -209,7 +209,6 @@ if COMPILED:
         """Return bytes, but for the last few, as 32-bit words, and as this machine's float32."""
         whole = np.frombuffer(data, np.uint8)[:len(data) // 4 * 4]
         return whole.view(np.uint32), whole.view(np.float32)
-
 else:
     def prefetch(array, i):
         """Do nothing; only compiled code waits for memory more than for itself."""

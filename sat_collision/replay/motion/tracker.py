@@ -34,8 +34,7 @@ from sat_collision.replay.motion.kernels import COUNT, mutual_nearest
 from sat_collision.replay.motion.trajectories import (
     Bodies, Integers, LinearMotion, Rings, rings_of, stay)
 from sat_collision.scene.obstacles import ObstacleId
-from sat_collision.scene.settings import ObstacleSettings, POLYGON_INSTANCE
-from sat_collision.scene.times import NEVER
+from sat_collision.scene.settings import NEVER, ObstacleSettings, POLYGON_INSTANCE
 
 # No motion is made up over more than this, whatever the timeout, ns.
 LONGEST = 10 * 10**9

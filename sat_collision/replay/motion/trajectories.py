@@ -36,7 +36,7 @@ from sat_collision.replay.motion.kernels import (
     COUNT, describe, END, FINISH, FIRST, motions_between, MOVED, pack_ring, STAMP, START)
 from sat_collision.scene.frames import NoTransform
 from sat_collision.scene.obstacles import ObstacleId
-from sat_collision.scene.times import NEVER
+from sat_collision.scene.settings import NEVER
 
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]

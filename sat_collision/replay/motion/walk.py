@@ -37,8 +37,7 @@ from sat_collision.replay.motion.trajectories import Bodies, Poses, rings_of, Tr
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
-    FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
-from sat_collision.scene.times import NEVER
+    FootprintSettings, NEVER, ObstacleSettings, POLYGON_INSTANCE, Settings)
 from sat_collision.scene.velocity import Command
 
 

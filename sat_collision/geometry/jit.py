@@ -30,8 +30,12 @@ from numpy.typing import NDArray
 from sat_collision.geometry.compilation import report_problem
 
 
-def _trial(x):
+def _step(x):
     return x + 1.0
+
+
+def _trial(x):
+    return _step(x)
 
 
 try:
@@ -51,7 +55,8 @@ try:
         return compiled
 
     if not numba.config.DISABLE_JIT:
-        # A compiler that is broken may show it only when it compiles.
+        # A compiler that is broken, or has other insides, may show it only when it compiles.
+        _step = _compiled(_step, Draft, no_cpython_wrapper=True)
         _kept(_trial)(1.0)
 except Exception as error:  # what is broken may raise anything
     numba = None

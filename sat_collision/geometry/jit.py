@@ -148,21 +148,6 @@ if COMPILED:
         return numba.types.none(array, i), generate
 
     @numba.extending.intrinsic
-    def borrowed(typing_context, array):
-        """
-        Return an array without its reference count, for the inside of a hot loop.
-
-        Passing an array on counts references atomically, which costs more than a collision check.
-        The caller must hold the array itself for as long as the loop runs.
-        """
-        def generate(context, builder, signature, arguments):
-            view = context.make_array(array)(context, builder, arguments[0])
-            view.meminfo = view.meminfo.type(None)
-            view.parent = view.parent.type(None)
-            return view._getvalue()
-        return array(array), generate
-
-    @numba.extending.intrinsic
     def elements(typing_context, array):
         """
         Return the numbers of a flat array for use inside kernels, by their place alone.
@@ -217,10 +202,6 @@ if COMPILED:
 else:
     def prefetch(array, i):
         """Do nothing; only compiled code waits for memory more than for itself."""
-
-    def borrowed(array):
-        """Return the array; there is a reference count to spare in compiled code only."""
-        return array
 
     def elements(array):
         """Return the array; plain Python looks at its length anyway."""

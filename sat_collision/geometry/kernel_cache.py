@@ -15,15 +15,17 @@
 Compiled kernels kept on disk from one process to the next, so that starting is quick.
 
 numba keeps them per function and compiles anew where the function's own file has changed, but does
-not notice a change in a kernel that it calls. Here all of `sat_collision.geometry` counts as one
-source. Where the files cannot be kept the kernels are compiled in each process, and where one is
-damaged it is compiled again. `kernel_problem` has the reason.
+not notice a change in a kernel that it calls. Here all of `sat_collision.geometry`, and all that
+is in the folder of a kernel, counts as its source. Where the files cannot be kept the kernels are
+compiled in each process, and where one is damaged it is compiled again. `kernel_problem` has the
+reason.
 
 The files are pickles: who may write to their folder may run code as whoever reads them.
 """
 
 from __future__ import annotations
 
+from functools import lru_cache
 import hashlib
 import os
 from pathlib import Path
@@ -39,6 +41,7 @@ from sat_collision.geometry.compilation import report_problem, say_compiling
 
 # What is compiled of these, whenever the package is imported, takes a fraction of a second.
 _QUICK = 'sat_collision.geometry.arithmetic', 'sat_collision.geometry.jit'
+_HERE = Path(__file__).parent
 _DIGEST_SIZE = hashlib.sha256().digest_size
 
 
@@ -54,7 +57,7 @@ def keep_compiled(kernel: Any) -> None:
     except (OSError, RuntimeError):  # numba's own where no folder will do
         report_problem(
             'compiled kernels cannot be kept, so each process compiles them again: '
-            f'neither NUMBA_CACHE_DIR nor {Path(__file__).parent / "__pycache__"} '
+            f'neither NUMBA_CACHE_DIR nor {_HERE / "__pycache__"} '
             "nor the user's cache directory can be written to")
 
 
@@ -64,11 +67,12 @@ def use_plain_python() -> None:
     config.DISABLE_JIT = 1
 
 
-def prepared_mark() -> Path | None:
+def prepared_mark(others: Path) -> Path | None:
     """
     Return the file that tells that all kernels of now are kept, for this processor.
 
-    None if nothing is compiled, or can be kept.
+    Those are in `sat_collision.geometry` and in another folder. None if nothing is compiled, or
+    can be kept.
     """
     if config.DISABLE_JIT:
         return None
@@ -77,19 +81,17 @@ def prepared_mark() -> Path | None:
     except (OSError, RuntimeError):  # as above
         return None
     machine = cpu_target.target_context.codegen().magic_tuple()
-    known = repr((__version__, sys.version_info[:2], _SOURCES, machine))
+    known = repr((__version__, sys.version_info[:2], _digest(_HERE), _digest(others), machine))
     return Path(folder, f'prepared-{hashlib.sha256(known.encode()).hexdigest()[:16]}')
 
 
-def _digest() -> str:
-    """Return a digest of all sources of the kernels that may call each other."""
+@lru_cache
+def _digest(folder: Path) -> str:
+    """Return a digest of all sources in a folder, whose kernels may call each other."""
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob('*.py')):
+    for path in sorted(folder.glob('*.py')):
         digest.update(path.read_bytes())
     return digest.hexdigest()
-
-
-_SOURCES = _digest()
 
 
 class _KernelCache(FunctionCache):  # type: ignore[misc]
@@ -99,9 +101,10 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
         super().__init__(function)
         self._is_quick = function.__module__ in _QUICK
         self._name = function.__name__
-        locator = self._impl.locator
-        self._cache_file = _CheckedFile(self.cache_path, self._impl.filename_base,
-                                        (__version__, _SOURCES, locator.get_source_stamp()))
+        beside = Path(function.__code__.co_filename).parent
+        self._cache_file = _CheckedFile(
+            self.cache_path, self._impl.filename_base,
+            (__version__, _digest(_HERE), _digest(beside), self._impl.locator.get_source_stamp()))
 
     def is_filled(self) -> bool:
         """Return whether there is anything to load."""

@@ -102,7 +102,7 @@ def _mark() -> Path | None:
     """Return the file that is there if all is compiled; None if nothing can be."""
     try:
         from sat_collision.geometry.kernel_cache import prepared_mark
-        return prepared_mark()
+        return prepared_mark(Path(__file__).parent / 'motion')
     except Exception:  # a numba that does not work may raise anything; kernels say so
         return None
 

@@ -79,6 +79,22 @@ def test_a_change_in_a_called_kernel_is_noticed(package):
     assert run(package) == (14.0, 0, 'None')
 
 
+def test_a_change_in_a_kernel_beside_the_caller_is_noticed(package):
+    """Those of recordings, say, call others of their own folder."""
+    beside = package.parent / 'motion'
+    beside.mkdir()
+    (beside / '__init__.py').touch()
+    callee = beside / 'callee.py'
+    callee.write_text('from sat_collision.geometry.jit import kernel\n\n'
+                      '@kernel\ndef length(x, y):\n    return x\n')
+    (beside / 'caller.py').write_text(CALLER.replace('geometry.plane', 'motion.callee'))
+    program = PROGRAM.replace('geometry.caller', 'motion.caller')
+    assert run(package, program) == (6.0, 0, 'None')
+    assert run(package, program) == (6.0, 1, 'None')
+    callee.write_text(callee.read_text().replace('return x', 'return 7.0'))
+    assert run(package, program) == (14.0, 0, 'None')
+
+
 def test_what_kernels_call_is_compiled_with_them_alone(package):
     """A change in it is a change in the caller, and no time is spent on it by itself."""
     run(package)

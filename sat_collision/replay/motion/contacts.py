@@ -30,10 +30,10 @@ from sat_collision.geometry.query import closest_points, separation
 from sat_collision.geometry.sweep import time_of_contact
 from sat_collision.replay.model.result import (
     AT_A_SAMPLE, BETWEEN_SAMPLES, Contact, FootprintResult, Least, least_of, Series, Unknown)
-from sat_collision.replay.motion.kernels import measure_near, rows_near
+from sat_collision.replay.motion.bodies import Block, Bodies, Floats, Integers, LinearMotion
+from sat_collision.replay.motion.kernels import look, measure_near, rows_near
 from sat_collision.replay.motion.tracker import Step
-from sat_collision.replay.motion.trajectories import (
-    Bodies, Box, Floats, Integers, LinearMotion, Piece, Trajectory)
+from sat_collision.replay.motion.trajectories import Box, Piece, Trajectory
 from sat_collision.scene.obstacles import ObstacleId
 
 # What rounding may take from a separation or add to a way, in parts of the largest coordinate.
@@ -74,9 +74,13 @@ class ContactTracker:
         self._contacts = contacts
         self._margin = margin
         self._touching: dict[ObstacleId, Contact] = {}
+        self._looks: _Looks | None = None
 
     def decide(self, step: Step) -> None:
         """Decide a step; the footprint's way through it must be known, as far as it ever is."""
+        if not self._touching and step.seen and len(step.motions) == 1 and (
+                self._look_together(step.seen, *step.motions)):
+            return
         followed: dict[ObstacleId, Contact] = {}
         for motion in step.motions:
             self._follow(motion, followed, step.seen)
@@ -100,6 +104,27 @@ class ContactTracker:
         """Mark the contacts that last to the end."""
         for contact in self._touching.values():
             contact.at_end = True
+
+    def _look_together(self, seen: Bodies, motion: LinearMotion) -> bool:
+        """Look at a step as part of its block; return False if it needs to be looked at alone."""
+        if not seen.follows(motion.before):
+            return False
+        if self._looks is None or self._looks.block is not seen.block:
+            if self._trajectory.block is None:
+                return False
+            self._looks = _Looks(seen.block, self._trajectory.block, self._margin)
+        first, end, low, high = self._looks.steps[seen.number]
+        if first < 0 or not self._trajectory.is_in_block(
+                self._looks.way, low, high, motion.begin, motion.end):
+            return False
+        self.decided = True
+        for k in range(first, end):
+            time, row, kind = self._looks.times[k]
+            value = self._looks.values[k]
+            if kind:
+                self._series.add(time, value)
+            self._contacts.measure(seen if kind == 2 else motion.before, row, time, value)
+        return True
 
     def _look(self, seen: Bodies, before: dict[ObstacleId, Contact]) -> dict[ObstacleId, Contact]:
         """Decide a moment: return what touches, and note how deep, and what is nearest."""
@@ -238,6 +263,31 @@ class ContactTracker:
             return None
         share = time_of_contact(*pair.rings(), margin=self._margin)
         return None if share is None else pair.begin + round(share * (pair.end - pair.begin))
+
+
+class _Looks:
+    """
+    What is nearest to a footprint at each step of a block, as `look` has it.
+
+    Parameters
+    ----------
+    block, way : Block
+        The obstacles, and the samples of the footprint.
+    margin : float
+        In metres.
+
+    """
+
+    def __init__(self, block: Block, way: Block, margin: float) -> None:
+        self.block = block
+        self.way = way
+        steps = np.empty((len(block.sets), 4), np.int64)
+        most = len(block.sets) + len(way.sets)
+        times, values = np.empty((most, 3), np.int64), np.empty(most)
+        look((way.points, way.rings, way.boxes, way.sets, way.ways.array),
+             (block.points, block.rings, block.boxes, block.sets, block.ways.rows,
+              block.ways.boxes, block.ways.moved), margin, steps, times, values)
+        self.steps, self.times, self.values = steps.tolist(), times.tolist(), values.tolist()
 
 
 class _Pair(NamedTuple):

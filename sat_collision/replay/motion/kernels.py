@@ -38,89 +38,135 @@ _KEY_BITS = 2**42 - 1
 # What the numbers of a ring are: where its points start, how many they are, when it is there, and
 # whether it has come there from somewhere else.
 FIRST, COUNT, STAMP, MOVED = range(4)
-# And of a way: where its vertices end, when it begins, and when it ends.
+# Of a way: where its vertices end, when it begins, and when it ends.
 END, START, FINISH = range(3)
+# Of a set among others: where its rings end, and its points; when its first and its last ring is
+# there, 0 if there is none; whether two may be the same to the bit (if they are, it is never
+# denied); where the ways that lead to it end, when the first begins, and when the last one ends.
+ROWS, POINTS, EARLIEST, LATEST, MAY_REPEAT, WAYS, WAYS_BEGIN, WAYS_END = range(8)
 
 
 @kernel
-def describe(data, starts, lengths, stamps, planes, out):
+def describe(data, starts, lengths, messages, planes, out):
     """
-    Write the points of rings, and where each is.
+    Write the points of the rings of some sets, and where each is.
 
     Parameters
     ----------
     data : bytes
+        Of all messages.
     starts : (n,) array of int64
-        Where in it the points of each ring start: x, y and z of each as float32.
+        Where in its message the points of each ring start: x, y and z of each as float32.
     lengths : (n,) array of int64
         How many points each ring has.
-    stamps : (n,) or (1,) array of int64
-        When each ring, or all, are there, ns.
-    planes : (n, 6) array of float64
-        The map that takes each ring to the frame that counts, as a PlaneMap; empty if none is
-        needed.
+    messages : (m, 3) array of int64
+        Where the rings of each message end, where its data begins, and its stamp, ns.
+    planes : (m, 6) array of float64
+        The map that takes the rings of each to the frame that counts, as a PlaneMap; empty if none
+        is needed.
     out : tuple
-        What is written: points, rings, boxes.
+        What is written: points, rings, boxes, sets.
     points : (v, 2) array of float64
     rings : (n, 4) array of int64
-        FIRST and COUNT of the points of each, without one that closes it, STAMP and MOVED, which
-        is 0 until its way there is known.
+        FIRST of the points of its set and COUNT of each, without one that closes it, STAMP and
+        MOVED, which is 0 until its way there is known.
     boxes : (n, 4) array of float64
         min x, min y, max x, max y.
-
-    Returns
-    -------
-    begin, end : int
-        When the first and the last ring is there; 0 if there is none.
-    may_repeat : bool
-        Whether two rings may be the same to the bit; if they are, it is never denied.
+    sets : (s, 8) array of int64
+        ROWS is read; written are POINTS, EARLIEST, LATEST and MAY_REPEAT.
 
     """
     words, values = words_and_floats(data)
-    points, rings, boxes = out
+    points, rings, boxes, sets = out
     keys = np.empty(len(starts), np.int64)
-    start = begin = end = 0
-    for i in range(len(starts)):
-        last = start + lengths[i] - 1
-        at = starts[i] // _WORD
-        key = lengths[i]
-        for k in range(at, at + _POINT * lengths[i]):
-            key = (_FACTOR * key + np.int64(words[k])) & _KEY_BITS
-        keys[i] = key
-        for k in range(start, last + 1):
-            points[k, 0] = values[at]
-            points[k, 1] = values[at + 1]
-            at += _POINT
-            if len(planes):
-                # As `packing.moved_points`.
-                x = points[k, 0]
-                y = points[k, 1]
-                points[k, 0] = planes[i, 0] * x + planes[i, 1] * y + planes[i, 2]
-                points[k, 1] = planes[i, 3] * x + planes[i, 4] * y + planes[i, 5]
-        closed = (last > start and points[start, 0] == points[last, 0]
-                  and points[start, 1] == points[last, 1])
-        stamp = stamps[i] if len(stamps) > 1 else stamps[0]
-        rings[i, FIRST] = start
-        rings[i, COUNT] = lengths[i] - (1 if closed else 0)
-        rings[i, STAMP] = stamp
-        rings[i, MOVED] = 0
-        for axis in range(2):
-            least = points[start, axis]
-            most = least
-            for k in range(start + 1, last + 1):
-                least = min(least, points[k, axis])
-                most = max(most, points[k, axis])
-            boxes[i, axis] = least
-            boxes[i, 2 + axis] = most
-        start = last + 1
-        begin = min(begin, stamp) if i else stamp
-        end = max(end, stamp)
-    keys.sort()
-    may_repeat = False
-    for i in range(1, len(keys)):
-        if keys[i] == keys[i - 1]:
-            may_repeat = True
-    return begin, end, may_repeat
+    message = i = start = 0
+    for s in range(len(sets)):
+        first, base = i, start
+        for i in range(first, sets[s, ROWS]):
+            while i >= messages[message, 0]:
+                message += 1
+            stamp = messages[message, 2]
+            last = start + lengths[i] - 1
+            at = (messages[message, 1] + starts[i]) // _WORD
+            key = lengths[i]
+            for k in range(at, at + _POINT * lengths[i]):
+                key = (_FACTOR * key + np.int64(words[k])) & _KEY_BITS
+            keys[i] = key
+            for k in range(start, last + 1):
+                points[k, 0] = values[at]
+                points[k, 1] = values[at + 1]
+                at += _POINT
+                if len(planes):
+                    # As `packing.moved_points`.
+                    x = points[k, 0]
+                    y = points[k, 1]
+                    plane = planes[message]
+                    points[k, 0] = plane[0] * x + plane[1] * y + plane[2]
+                    points[k, 1] = plane[3] * x + plane[4] * y + plane[5]
+            closed = (last > start and points[start, 0] == points[last, 0]
+                      and points[start, 1] == points[last, 1])
+            rings[i, FIRST] = start - base
+            rings[i, COUNT] = lengths[i] - (1 if closed else 0)
+            rings[i, STAMP] = stamp
+            rings[i, MOVED] = 0
+            for axis in range(2):
+                least = points[start, axis]
+                most = least
+                for k in range(start + 1, last + 1):
+                    least = min(least, points[k, axis])
+                    most = max(most, points[k, axis])
+                boxes[i, axis] = least
+                boxes[i, 2 + axis] = most
+            start = last + 1
+            sets[s, EARLIEST] = min(sets[s, EARLIEST], stamp) if i > first else stamp
+            sets[s, LATEST] = max(sets[s, LATEST], stamp)
+        i = sets[s, ROWS]
+        sets[s, POINTS] = start
+        keys[first:i].sort()
+        for k in range(first + 1, i):
+            if keys[k] == keys[k - 1]:
+                sets[s, MAY_REPEAT] = 1
+
+
+@kernel
+def follow(described, longest, ways):
+    """
+    Write the ways of the rings of each set to those of the next.
+
+    Parameters
+    ----------
+    described : tuple
+        Points, rings, boxes and sets, as `describe` has them; WAYS, WAYS_BEGIN and WAYS_END are
+        written.
+    longest : int
+        How long a way may take, ns.
+    ways : tuple
+        What is written: the rows in their set of the rings that are followed and of those that
+        they become, and array, ways, boxes and moved, as `motions_between` has them; the array
+        has room for each way where the points of the set are at which it begins.
+
+    """
+    points, rings, boxes, sets = described
+    rows, next_rows, array, times, bounds, moved = ways
+    first = row = first_point = point = way = 0
+    for s in range(len(sets)):
+        next_row = sets[s, ROWS]
+        next_point = sets[s, POINTS]
+        if s > 0:
+            found = mutual_nearest(rings[first:row], boxes[first:row], rings[row:next_row],
+                                   boxes[row:next_row], longest, rows[way:], next_rows[way:])
+            if found > 0:
+                end = way + found
+                begun, ended = motions_between(
+                    points[first_point:point], rings[first:row], rows[way:end],
+                    points[point:next_point], rings[row:next_row], next_rows[way:end],
+                    (array[STRIDE * first_point:STRIDE * point], times[way:end], bounds[way:end],
+                     moved[way:end]))
+                sets[s, WAYS_BEGIN] = begun
+                sets[s, WAYS_END] = ended
+                way = end
+        sets[s, WAYS] = way
+        first, row, first_point, point = row, next_row, point, next_point
 
 
 @kernel
@@ -410,3 +456,142 @@ def pack_ring(points, first, count, packed):
         ring[2 * k + 1] = points[first + k, 1]
     verdict, n, _, _, _ = pack(ring, packed, count, 0)
     return n if verdict == CONVEX else 0
+
+
+@kernel
+def look(way, bodies, margin, steps, times, values):
+    """
+    Look at the sets of a block from a footprint on its way, as long as it comes near nothing.
+
+    Parameters
+    ----------
+    way : tuple
+        A block of the samples of the footprint: points, rings, boxes and sets as `describe` has
+        them, and array as `follow` has it.
+    bodies : tuple
+        A block of the obstacles: points, rings, boxes and sets, and rows, boxes and moved.
+    margin : float
+        In metres.
+    steps : (s, 4) array of int64
+        Receives of the step to each set which of the looks is its first one, or -1 if something
+        comes near, or is not ordinary; where its looks end; and the numbers of the samples to
+        which the first and the last piece lead of the footprint's way in it.
+    times : (n, 3) array of int64
+        Receives of each look its time, the row of what is nearest, and whether that is one of the
+        later set, 2, or stands still in the one before, 1, as all of that does, or else 0.
+    values : (n,) array of float64
+        Receives of each look the least separation.
+
+    """
+    own, own_rings, own_boxes, samples, array = way
+    points, rings, boxes, sets, rows, bounds, moved = bodies
+    most = 1
+    for i in range(len(own_rings)):
+        most = max(most, own_rings[i, COUNT])
+    outline = np.empty((most, 2))
+    packed = scratch(packed_size(most))
+    found = np.empty((len(boxes), 3))
+    numbers = np.arange(len(boxes))
+    still = np.empty(len(boxes), np.int64)
+    low = 1
+    looks = 0
+    for s in range(1, len(sets)):
+        steps[s, 0] = -1
+        begin = sets[s - 1, EARLIEST]
+        finish = sets[s, EARLIEST]
+        ways, ways_end = sets[s - 1, WAYS], sets[s, WAYS]
+        if (ways == ways_end or begin >= finish or sets[s - 1, LATEST] != begin
+                or sets[s, LATEST] != finish):
+            continue
+        while low < len(samples) and samples[low, EARLIEST] <= begin:
+            low += 1
+        high = low
+        while high < len(samples) and samples[high, EARLIEST] < finish:
+            high += 1
+        if (high >= len(samples) or samples[low - 1, EARLIEST] > begin
+                or looks + high - low >= len(values)):
+            continue
+        box = around(own_boxes[low - 1], own_boxes[low])
+        is_near = False
+        for k in range(low, high + 1):
+            is_near = is_near or samples[k, WAYS] == samples[k - 1, WAYS]
+            box = around(box, own_boxes[k])
+        for k in range(ways, ways_end):
+            is_near = is_near or _gap(box, bounds[k]) <= margin
+        if is_near:
+            continue
+        first = sets[s - 2, ROWS] if s > 1 else 0
+        row, end = sets[s - 1, ROWS], sets[s, ROWS]
+        point = sets[s - 2, POINTS] if s > 1 else 0
+        next_point = sets[s - 1, POINTS]
+        count = 0
+        for k in range(ways, ways_end):
+            if moved[k] == 0.0:
+                still[count] = rows[k]
+                count += 1
+        at = looks
+        if count > 0:
+            before = boxes[first:row], points[point:next_point], rings[first:row]
+            for k in range(low, high):
+                start = samples[k - 1, POINTS]
+                n = pack_ring(own, start, own_rings[k, COUNT], packed)
+                nearest, values[at] = _least((packed, n), own_boxes[k], still[:count], before,
+                                             -math.inf, found)
+                times[at] = (samples[k, EARLIEST], nearest, 1 if count == row - first else 0)
+                is_near = is_near or math.isnan(values[at])
+                at += 1
+        start = samples[high - 1, POINTS]
+        n = own_rings[high, COUNT]
+        if samples[high, EARLIEST] == finish:
+            n = pack_ring(own, start, n, packed)
+        else:
+            begun = samples[high - 1, EARLIEST]
+            share = (finish - begun) / (samples[high, EARLIEST] - begun)
+            start = STRIDE * (samples[high - 2, POINTS] if high > 1 else 0)
+            for k in range(n):
+                for axis in range(2):
+                    x = array[start + STRIDE * k + axis]
+                    outline[k, axis] = x + share * (array[start + STRIDE * k + 2 + axis] - x)
+            n = pack_ring(outline, 0, n, packed)
+        after = boxes[row:end], points[next_point:sets[s, POINTS]], rings[row:end]
+        nearest, values[at] = _least((packed, n), around(own_boxes[high - 1], own_boxes[high]),
+                                     numbers[:end - row], after, margin, found)
+        times[at] = (finish, nearest, 2)
+        if not (is_near or math.isnan(values[at]) or values[at] <= margin):
+            steps[s] = (looks, at + 1, low, high)
+            looks = at + 1
+
+
+@kernel
+def _least(body, box, rows, bodies, margin, found):
+    """Return what is nearest to a body, and its separation; NaN if something is not convex."""
+    if body[1] == 0:
+        return -1, math.nan
+    least = math.inf
+    nearest = -1
+    count = measure_near(body, box, rows, bodies, margin, found)
+    # The nearest boxes first.
+    for i in range(count):
+        k = i
+        for j in range(i + 1, count):
+            if found[j, 0] < found[k, 0] or (
+                    found[j, 0] == found[k, 0] and found[j, 1] < found[k, 1]):
+                k = j
+        gap, row, value = found[k, 0], found[k, 1], found[k, 2]
+        for axis in range(3):
+            found[k, axis] = found[i, axis]
+        if gap > margin and gap > least:
+            break
+        if math.isnan(value):
+            return -1, value
+        if value < least:
+            least = value
+            nearest = int(row)
+    return nearest, least
+
+
+@kernel
+def around(box, other):
+    """Return what bounds two boxes."""
+    return (min(box[0], other[0]), min(box[1], other[1]),
+            max(box[2], other[2]), max(box[3], other[3]))

@@ -30,9 +30,9 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from sat_collision.messages.placement import Placement
-from sat_collision.replay.motion.kernels import COUNT, mutual_nearest
-from sat_collision.replay.motion.trajectories import (
-    Bodies, Integers, LinearMotion, Rings, rings_of, stay)
+from sat_collision.replay.motion.bodies import (
+    Block, Bodies, Integers, LinearMotion, motion_between, motion_in_block, stay)
+from sat_collision.replay.motion.kernels import COUNT, MOVED, mutual_nearest, ROWS
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import ObstacleSettings, POLYGON_INSTANCE
 from sat_collision.scene.times import NEVER
@@ -72,6 +72,13 @@ class Step(NamedTuple):
         return bodies[0].frame_id if bodies else ''
 
 
+class Described(NamedTuple):
+    """A set, and of how many messages it was made."""
+
+    bodies: Bodies
+    count: int
+
+
 Emit: TypeAlias = 'Callable[[Tracker, Step], None]'
 
 
@@ -103,8 +110,12 @@ class Tracker(ABC):
         self._frame_id = ''
 
     @abstractmethod
-    def place(self, placement: Placement) -> None:
-        """Take where bodies were; no points say that the publisher has sent all."""
+    def place(self, placement: Placement, described: Described | None = None) -> None:
+        """
+        Take where bodies were; no points say that the publisher has sent all.
+
+        A set that begins may have been described before.
+        """
 
     @abstractmethod
     def rest(self, now: int, is_over: bool = False) -> None:
@@ -114,11 +125,11 @@ class Tracker(ABC):
         """Drop what is in another frame than this."""
         self._frame_id = frame_id
 
-    def _bodies(self, names: Sequence[ObstacleId], rings: Rings,
-                placements: Iterable[Placement]) -> Bodies:
-        """Return what has come in; there may be more names than rings."""
+    def _bodies(self, names: Sequence[ObstacleId], placements: Iterable[Placement],
+                block: Block, number: int = 0) -> Bodies:
+        """Return what has come in, as a block has it; there may be more names than bodies."""
         frames = {placement.frame_id for placement in placements}
-        return Bodies(names[:len(rings.starts)], rings, self._max_vertices,
+        return Bodies(names, block, number, self._max_vertices,
                       frames.pop() if len(frames) == 1 else '')
 
     def _is_usable(self, placement: Placement) -> bool:
@@ -141,6 +152,7 @@ class SetTracker(Tracker):
         self._stamp: int | None = None
         # What comes in, until the set is whole.
         self._pending: list[Placement] = []
+        self._described: Described | None = None
         self._names: list[ObstacleId] = []
         # The last set, when each of it was seen, and the rows that may be seen again.
         self._last: Bodies | None = None
@@ -148,12 +160,30 @@ class SetTracker(Tracker):
         self._seen_at: Integers = np.zeros(0, np.int64)
         self._alive: Sequence[int] = ()
 
-    def place(self, placement: Placement) -> None:
+    def describe(self, placements: Iterable[tuple[int, Placement]]) -> dict[int, Described]:
+        """Describe sets that are about to come, by the numbers of the messages that begin them."""
+        sets: dict[int, list[Placement]] = {}
+        one: list[Placement] = []
+        stamp = None
+        for number, placement in placements:
+            if placement.is_empty:
+                stamp = None
+            elif stamp is not None and abs(placement.stamp - stamp) <= self._window:
+                one.append(placement)
+            else:
+                stamp, one = placement.stamp, [placement]
+                sets[number] = one
+        block = Block([*sets.values()], self._longest)
+        return {number: Described(self._set(one, block, k), len(one))
+                for k, (number, one) in enumerate(sets.items())}
+
+    def place(self, placement: Placement, described: Described | None = None) -> None:
         stamp = placement.stamp
         if self._stamp is not None and abs(stamp - self._stamp) > self._window:
             self._close()
         if self._stamp is None:
             self._stamp = stamp
+            self._described = described
         if placement.is_empty:
             self._close()
         else:
@@ -196,15 +226,13 @@ class SetTracker(Tracker):
         motions: list[LinearMotion] = []
         until: dict[int, int] = {}
         if last is not None:
-            rows, next_rows = np.empty((2, len(last)), np.int64)
-            found = mutual_nearest(last.rings, last.boxes, seen.rings, seen.boxes, self._longest,
-                                   rows, next_rows)
-            rows, next_rows = rows[:found], next_rows[:found]
-            if found:
-                motions.append(LinearMotion(last, seen, rows, next_rows))
+            motion = self._motion(last, seen)
+            found = len(motion.rows) if motion else 0
+            if motion:
+                motions.append(motion)
             is_lost = found < len(last)
             if is_lost:
-                lost = {*self._alive}.difference(rows.tolist())
+                lost = {*self._alive}.difference(motion.rows.tolist() if motion else ())
                 moving = last.moving
                 # What was forgotten before this set was there until then.
                 for row in sorted(lost):
@@ -223,18 +251,33 @@ class SetTracker(Tracker):
     def _take_set(self) -> Bodies:
         """Return the set that came in; of bodies in the same place the last message counts."""
         pending, self._pending = self._pending, []
-        rings = rings_of(pending)
-        self._names += [ObstacleId(self._source, k)
-                        for k in range(len(self._names), len(rings.starts))]
-        seen = self._bodies(self._names, rings, pending)
+        seen, count = self._described or (None, 0)
+        if seen is None or count != len(pending):
+            seen = self._set(pending, Block([pending]))
         if seen.may_repeat or not all(map(self._is_usable, pending)):
             shapes = {}
             for one in chain.from_iterable(placement.each() for placement in pending):
                 shapes[one.shape, one.plane] = one
             usable = [*map(self._is_usable, shapes.values())]
             pending = [*compress(shapes.values(), usable)]
-            seen = self._bodies([*compress(self._names, usable)], rings_of(pending), pending)
+            seen = self._bodies([*compress(self._names, usable)], pending, Block([pending]))
         return seen
+
+    def _set(self, placements: Sequence[Placement], block: Block, number: int = 0) -> Bodies:
+        first, end = (numbers[ROWS] for numbers in block.numbers[number:number + 2])
+        self._names += [ObstacleId(self._source, k) for k in range(len(self._names), end - first)]
+        return self._bodies(self._names, placements, block, number)
+
+    def _motion(self, last: Bodies, seen: Bodies) -> LinearMotion | None:
+        """Return the motion from one set to the next, None if nothing of it is followed."""
+        if seen.follows(last):
+            return motion_in_block(last, seen)
+        # What the block has is from another set.
+        seen.rings[:, MOVED] = 0
+        rows, next_rows = np.empty((2, len(last)), np.int64)
+        found = mutual_nearest(last.rings, last.boxes, seen.rings, seen.boxes, self._longest,
+                               rows, next_rows)
+        return motion_between(last, seen, rows[:found], next_rows[:found]) if found else None
 
 
 class _Sighting(NamedTuple):
@@ -259,7 +302,7 @@ class KeyTracker(Tracker):
         self._shapes: dict[tuple[bytes, object], ObstacleId] = {}
         self._first_stamp = self._rested = 0
 
-    def place(self, placement: Placement) -> None:
+    def place(self, placement: Placement, described: Described | None = None) -> None:
         if placement.is_empty:
             return
         for one in placement.each():
@@ -327,7 +370,8 @@ class KeyTracker(Tracker):
         self._pending = {}
         if not pending:
             return
-        seen = self._bodies([*pending], rings_of([*pending.values()]), pending.values())
+        placements = [*pending.values()]
+        seen = self._bodies([*pending], placements, Block([placements]))
         self._stand(seen.begin, self._longest)
         followed: defaultdict[int, list[tuple[int, int]]] = defaultdict(list)
         found: dict[int, Bodies] = {}
@@ -347,6 +391,6 @@ class KeyTracker(Tracker):
         motions = []
         for key, pairs in followed.items():
             rows, next_rows = np.array(pairs, np.int64).T
-            motions.append(LinearMotion(found[key], seen, np.ascontiguousarray(rows),
-                                        np.ascontiguousarray(next_rows)))
+            motions.append(motion_between(found[key], seen, np.ascontiguousarray(rows),
+                                          np.ascontiguousarray(next_rows)))
         self._emit(self, Step(motions, seen, (), seen.end))

@@ -31,13 +31,11 @@ from sat_collision.geometry.sweep import time_of_contact
 from sat_collision.replay.model.result import (
     AT_A_SAMPLE, BETWEEN_SAMPLES, Contact, FootprintResult, Least, least_of, Series, Unknown)
 from sat_collision.replay.motion.bodies import Block, Bodies, Floats, Integers, LinearMotion
-from sat_collision.replay.motion.kernels import look, measure_near, rows_near
+from sat_collision.replay.motion.kernels import look, measure_near, rows_near, SLACK
 from sat_collision.replay.motion.tracker import Step
 from sat_collision.replay.motion.trajectories import Box, Piece, Trajectory
 from sat_collision.scene.obstacles import ObstacleId
 
-# What rounding may take from a separation or add to a way, in parts of the largest coordinate.
-_SLACK = 1e-12
 _NOTHING = indexable(np.zeros(1)), 0
 
 
@@ -284,9 +282,8 @@ class _Looks:
         steps = np.empty((len(block.sets), 4), np.int64)
         most = len(block.sets) + len(way.sets)
         times, values = np.empty((most, 3), np.int64), np.empty(most)
-        look((way.points, way.rings, way.boxes, way.sets, way.ways.array),
-             (block.points, block.rings, block.boxes, block.sets, block.ways.rows,
-              block.ways.boxes, block.ways.moved), margin, steps, times, values)
+        look(*((one.points, one.rings, one.boxes, one.sets, *one.ways) for one in (way, block)),
+             margin, steps, times, values)
         self.steps, self.times, self.values = steps.tolist(), times.tolist(), values.tolist()
 
 
@@ -333,7 +330,7 @@ class _Pair(NamedTuple):
         moved: float = sum(motion.moved[i] * passed / max(motion.finishes[i] - motion.starts[i], 1)
                            for motion, i in both)
         largest: float = max(np.abs(motion.boxes[i]).max() for motion, i in both)
-        return moved * (1.0 + _SLACK) + _SLACK * largest
+        return moved * (1.0 + SLACK) + SLACK * largest
 
 
 def _between(first: int, last: int) -> list[int]:

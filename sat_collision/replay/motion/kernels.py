@@ -35,6 +35,9 @@ _POINT = 3
 _FACTOR = 1_000_003
 _KEY_BITS = 2**42 - 1
 
+# What rounding may take from a separation or add to a way, in parts of the largest coordinate.
+SLACK = 1e-12
+
 # What the numbers of a ring are: where its points start, how many they are, when it is there, and
 # whether it has come there from somewhere else.
 FIRST, COUNT, STAMP, MOVED = range(4)
@@ -461,21 +464,19 @@ def pack_ring(points, first, count, packed):
 @kernel
 def look(way, bodies, margin, steps, times, values):
     """
-    Look at the sets of a block from a footprint on its way, as long as it comes near nothing.
+    Look at the sets of a block from a footprint on its way, as long as it touches nothing.
 
     Parameters
     ----------
-    way : tuple
-        A block of the samples of the footprint: points, rings, boxes and sets as `describe` has
-        them, and array as `follow` has it.
-    bodies : tuple
-        A block of the obstacles: points, rings, boxes and sets, and rows, boxes and moved.
+    way, bodies : tuple
+        The blocks of the samples of the footprint and of the obstacles: points, rings, boxes and
+        sets as `describe` has them, then what `follow` writes.
     margin : float
         In metres.
     steps : (s, 4) array of int64
         Receives of the step to each set which of the looks is its first one, or -1 if something
-        comes near, or is not ordinary; where its looks end; and the numbers of the samples to
-        which the first and the last piece lead of the footprint's way in it.
+        may touch, or is not ordinary; where its looks end; and the numbers of the samples to which
+        the first and the last piece lead of the footprint's way in it.
     times : (n, 3) array of int64
         Receives of each look its time, the row of what is nearest, and whether that is one of the
         later set, 2, or stands still in the one before, 1, as all of that does, or else 0.
@@ -483,13 +484,15 @@ def look(way, bodies, margin, steps, times, values):
         Receives of each look the least separation.
 
     """
-    own, own_rings, own_boxes, samples, array = way
-    points, rings, boxes, sets, rows, bounds, moved = bodies
+    own, own_rings, own_boxes, samples = way[:4]
+    points, rings, boxes, sets, rows, _, _, _, bounds, moved = bodies
     most = 1
     for i in range(len(own_rings)):
         most = max(most, own_rings[i, COUNT])
-    outline = np.empty((most, 2))
     packed = scratch(packed_size(most))
+    for i in range(len(rings)):
+        most = max(most, rings[i, COUNT])
+    other = scratch(packed_size(most))
     found = np.empty((len(boxes), 3))
     numbers = np.arange(len(boxes))
     still = np.empty(len(boxes), np.int64)
@@ -512,13 +515,14 @@ def look(way, bodies, margin, steps, times, values):
                 or looks + high - low >= len(values)):
             continue
         box = around(own_boxes[low - 1], own_boxes[low])
-        is_near = False
+        may_touch = False
         for k in range(low, high + 1):
-            is_near = is_near or samples[k, WAYS] == samples[k - 1, WAYS]
+            may_touch = may_touch or samples[k, WAYS] == samples[k - 1, WAYS]
             box = around(box, own_boxes[k])
         for k in range(ways, ways_end):
-            is_near = is_near or _gap(box, bounds[k]) <= margin
-        if is_near:
+            may_touch = may_touch or _gap(box, bounds[k]) <= margin and not _stays_apart(
+                way, low, high, packed, bodies, s, k, other, margin)
+        if may_touch:
             continue
         first = sets[s - 2, ROWS] if s > 1 else 0
         row, end = sets[s - 1, ROWS], sets[s, ROWS]
@@ -533,33 +537,82 @@ def look(way, bodies, margin, steps, times, values):
         if count > 0:
             before = boxes[first:row], points[point:next_point], rings[first:row]
             for k in range(low, high):
-                start = samples[k - 1, POINTS]
-                n = pack_ring(own, start, own_rings[k, COUNT], packed)
+                n = pack_ring(own, samples[k - 1, POINTS], own_rings[k, COUNT], packed)
                 nearest, values[at] = _least((packed, n), own_boxes[k], still[:count], before,
                                              -math.inf, found)
                 times[at] = (samples[k, EARLIEST], nearest, 1 if count == row - first else 0)
-                is_near = is_near or math.isnan(values[at])
+                may_touch = may_touch or math.isnan(values[at])
                 at += 1
-        start = samples[high - 1, POINTS]
-        n = own_rings[high, COUNT]
-        if samples[high, EARLIEST] == finish:
-            n = pack_ring(own, start, n, packed)
-        else:
-            begun = samples[high - 1, EARLIEST]
-            share = (finish - begun) / (samples[high, EARLIEST] - begun)
-            start = STRIDE * (samples[high - 2, POINTS] if high > 1 else 0)
-            for k in range(n):
-                for axis in range(2):
-                    x = array[start + STRIDE * k + axis]
-                    outline[k, axis] = x + share * (array[start + STRIDE * k + 2 + axis] - x)
-            n = pack_ring(outline, 0, n, packed)
+        n = _pack_at(way, high, samples[high - 1, WAYS], finish, packed)
         after = boxes[row:end], points[next_point:sets[s, POINTS]], rings[row:end]
         nearest, values[at] = _least((packed, n), around(own_boxes[high - 1], own_boxes[high]),
                                      numbers[:end - row], after, margin, found)
         times[at] = (finish, nearest, 2)
-        if not (is_near or math.isnan(values[at]) or values[at] <= margin):
+        if not (may_touch or math.isnan(values[at]) or values[at] <= margin):
             steps[s] = (looks, at + 1, low, high)
             looks = at + 1
+
+
+@kernel
+def _stays_apart(way, low, high, packed, bodies, s, k, other, margin):
+    """
+    Tell whether a footprint surely stays apart from an obstacle on way k of those to a set.
+
+    On each piece, low to high, of the footprint's way the two begin further apart than they can
+    move, and end apart. They are packed into arrays that have room for them.
+    """
+    samples, sets = way[3], bodies[3]
+    for piece in range(low, high + 1):
+        own = samples[piece - 1, WAYS]
+        begin = max(samples[piece - 1, EARLIEST], sets[s - 1, EARLIEST])
+        end = min(samples[piece, EARLIEST], sets[s, EARLIEST])
+        # As `_Pair.most_motion`.
+        room = SLACK * max(_farthest(way[8][own]), _farthest(bodies[8][k])) + (1.0 + SLACK) * (
+            _motion(way, own, end - begin) + _motion(bodies, k, end - begin))
+        for time in (begin, end):
+            n = _pack_at(way, piece, own, time, packed)
+            m = _pack_at(bodies, s, k, time, other)
+            if n == 0 or m == 0:
+                return False
+            if measure(Packed(packed, 0, n), Packed(other, 0, m))[0] - margin <= room:
+                return False
+            room = 0.0
+    return True
+
+
+@kernel
+def _motion(block, k, passed):
+    """Return how far a body can move on its way in some ns."""
+    times = block[7]
+    return block[9][k] * passed / (times[k, FINISH] - times[k, START])
+
+
+@kernel
+def _farthest(box):
+    return max(max(abs(box[0]), abs(box[1])), max(abs(box[2]), abs(box[3])))
+
+
+@kernel
+def _pack_at(block, s, k, time, packed):
+    """Pack a body where it is on way k of those to a set; 0 if it is not convex there."""
+    points, rings, _, sets, rows, next_rows, array, times, _, _ = block
+    i = rows[k] + (sets[s - 2, ROWS] if s > 1 else 0)
+    first = sets[s - 2, POINTS] if s > 1 else 0
+    start, finish = times[k, START], times[k, FINISH]
+    if time <= start:
+        return pack_ring(points, first + rings[i, FIRST], rings[i, COUNT], packed)
+    if time >= finish:
+        i = next_rows[k] + sets[s - 1, ROWS]
+        return pack_ring(points, sets[s - 1, POINTS] + rings[i, FIRST], rings[i, COUNT], packed)
+    n = rings[i, COUNT]
+    at = STRIDE * first + (times[k - 1, END] if k > sets[s - 1, WAYS] else 0)
+    share = (time - start) / (finish - start)
+    ring = np.empty((n, 2))
+    for v in range(n):
+        for axis in range(2):
+            x = array[at + STRIDE * v + axis]
+            ring[v, axis] = x + share * (array[at + STRIDE * v + 2 + axis] - x)
+    return pack_ring(ring, 0, n, packed)
 
 
 @kernel

@@ -27,8 +27,8 @@ from sat_collision.geometry.polygon import MAX_VERTICES, PlaneMap, Polygon
 from sat_collision.messages.cdr import POINT_SIZE
 from sat_collision.messages.placement import Placement
 from sat_collision.replay.motion.kernels import (
-    COUNT, describe, EARLIEST, END, FINISH, FIRST, follow, LATEST, MAY_REPEAT, motions_between,
-    MOVED, POINTS, ROWS, STAMP, START, WAYS, WAYS_BEGIN, WAYS_END)
+    COUNT, describe, EARLIEST, END, FINISH, FIRST, follow, LATEST, LENGTH, MAY_REPEAT,
+    motions_between, MOVED, POINTS, ROWS, STAMP, START, WAYS, WAYS_BEGIN, WAYS_END)
 from sat_collision.scene.obstacles import ObstacleId
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -93,35 +93,34 @@ class Block:
 
     def __init__(self, sets: Sequence[Sequence[Placement]], longest: int = 0) -> None:
         pieces, starts, lengths = [], [_NO_ROWS], [_NO_ROWS]
-        messages: list[tuple[int, int, int]] = []
+        messages: list[int] = []
         planes: list[PlaneMap | None] = []
-        ends = []
-        row = at = 0
-        for placements in sets:
-            for _, stamp, _, _, (data, start, count), plane, _ in placements:
-                if isinstance(start, int) or isinstance(count, int):
-                    start, count = np.array([[start], [count]])
-                row += len(start)
-                messages.append((row, at, stamp))
+        rings = at = 0
+        for number, placements in enumerate(sets):
+            for _, stamp, _, _, (data, start, length), plane, _ in placements:
+                if isinstance(start, int) or isinstance(length, int):
+                    messages += number, 1, at, stamp, start, length
+                    rings += 1
+                else:
+                    messages += number, len(start), at, stamp, 0, 0
+                    starts.append(start)
+                    lengths.append(length)
+                    rings += len(start)
                 at += len(data)
                 pieces.append(data)
-                starts.append(start)
-                lengths.append(count)
                 planes.append(plane)
-            ends.append(row)
         maps: Floats = _NO_PLANES
-        if any(plane is not None for plane in planes):
+        if any(planes):
             maps = np.array([plane or _IDENTITY for plane in planes])
         self.points = np.empty((at // POINT_SIZE, 2))
-        self.rings: Integers = np.empty((row, 4), np.int64)
-        self.boxes = np.empty((row, 4))
+        self.rings: Integers = np.empty((rings, 4), np.int64)
+        self.boxes = np.empty((rings, 4))
         self.sets: Integers = np.zeros((len(sets), len(_NO_NUMBERS)), np.int64)
-        self.sets[:, ROWS] = ends
         described = self.points, self.rings, self.boxes, self.sets
-        describe(b''.join(pieces), np.concatenate(starts), np.concatenate(lengths),
-                 np.array(messages, np.int64).reshape(-1, 3), maps, described)
+        describe(b''.join(pieces), np.array(messages, np.int64).reshape(-1, LENGTH + 1),
+                 np.concatenate(starts), np.concatenate(lengths), maps, described)
         if longest:
-            self.ways = Ways.of(*np.empty((2, row), np.int64), len(self.points))
+            self.ways = Ways.of(*np.empty((2, rings), np.int64), len(self.points))
             follow(described, longest, tuple(self.ways))
         self.numbers = [_NO_NUMBERS, *self.sets.tolist()]
 
@@ -164,7 +163,7 @@ class Bodies:
     def __init__(self, names: Sequence[ObstacleId], block: Block, number: int = 0,
                  max_vertices: int = MAX_VERTICES, frame_id: str = '',
                  is_between: bool = False) -> None:
-        before, numbers = block.numbers[number:number + 2]
+        before, numbers = block.numbers[number], block.numbers[number + 1]
         first, end = before[ROWS], numbers[ROWS]
         self.block: Block | None = block
         self.number = number
@@ -219,6 +218,12 @@ class Bodies:
         """Return whether other bodies are the set before this one in a block."""
         return (self.block is not None and before.block is self.block
                 and before.number == self.number - 1)
+
+    @property
+    def followed(self) -> int:
+        """How many of the set before it in the block become one of it."""
+        assert self.block is not None
+        return self.block.numbers[self.number + 1][WAYS] - self.block.numbers[self.number][WAYS]
 
     def ring(self, row: int) -> Floats:
         """Return the vertices of a body as received, (n, 2)."""
@@ -313,18 +318,18 @@ def motion_between(before: Bodies, after: Bodies, rows: Integers,
     return LinearMotion(before, after, ways, int(begin), int(end))
 
 
-def motion_in_block(before: Bodies, after: Bodies) -> LinearMotion | None:
-    """Return the motion from the set before in a block, None if none of it is followed."""
+def motion_in_block(before: Bodies, after: Bodies) -> list[LinearMotion]:
+    """Return the motion from the set before in a block, nothing if none of it is followed."""
     assert after.block is not None
     numbers, ways = after.block.numbers, after.block.ways
     former, last, own = numbers[before.number:before.number + 3]
     if last[WAYS] == own[WAYS]:
-        return None
+        return []
     found = slice(last[WAYS], own[WAYS])
-    return LinearMotion(before, after, Ways(
+    return [LinearMotion(before, after, Ways(
         ways.rows[found], ways.next_rows[found],
         ways.array[STRIDE * former[POINTS]:STRIDE * last[POINTS]], ways.times[found],
-        ways.boxes[found], ways.moved[found]), own[WAYS_BEGIN], own[WAYS_END])
+        ways.boxes[found], ways.moved[found]), own[WAYS_BEGIN], own[WAYS_END])]
 
 
 def stay(bodies: Bodies, until: Mapping[int, int]) -> LinearMotion:

@@ -76,8 +76,8 @@ class ContactTracker:
 
     def decide(self, step: Step) -> None:
         """Decide a step; the footprint's way through it must be known, as far as it ever is."""
-        if not self._touching and step.seen and len(step.motions) == 1 and (
-                self._look_together(step.seen, *step.motions)):
+        if step.last is not None and step.seen is not None and not self._touching and (
+                self._look_together(step.last, step.seen)):
             return
         followed: dict[ObstacleId, Contact] = {}
         for motion in step.motions:
@@ -103,25 +103,22 @@ class ContactTracker:
         for contact in self._touching.values():
             contact.at_end = True
 
-    def _look_together(self, seen: Bodies, motion: LinearMotion) -> bool:
+    def _look_together(self, last: Bodies, seen: Bodies) -> bool:
         """Look at a step as part of its block; return False if it needs to be looked at alone."""
-        if not seen.follows(motion.before):
-            return False
-        if self._looks is None or self._looks.block is not seen.block:
+        looks = self._looks
+        if looks is None or looks.block is not seen.block:
             if self._trajectory.block is None:
                 return False
-            self._looks = _Looks(seen.block, self._trajectory.block, self._margin)
-        first, end, low, high = self._looks.steps[seen.number]
-        if first < 0 or not self._trajectory.is_in_block(
-                self._looks.way, low, high, motion.begin, motion.end):
+            looks = self._looks = _Looks(seen.block, self._trajectory.block, self._margin)
+        first, end, low, high = looks.steps[seen.number]
+        if first < 0 or not self._trajectory.is_in_block(looks.way, low, high, last.begin,
+                                                         seen.begin):
             return False
         self.decided = True
-        for k in range(first, end):
-            time, row, kind = self._looks.times[k]
-            value = self._looks.values[k]
+        for (time, row, kind), value in zip(looks.times[first:end], looks.values[first:end]):
             if kind:
                 self._series.add(time, value)
-            self._contacts.measure(seen if kind == 2 else motion.before, row, time, value)
+            self._contacts.measure(seen if kind == 2 else last, row, time, value)
         return True
 
     def _look(self, seen: Bodies, before: dict[ObstacleId, Contact]) -> dict[ObstacleId, Contact]:
@@ -276,7 +273,8 @@ class _Looks:
 
     """
 
-    def __init__(self, block: Block, way: Block, margin: float) -> None:
+    def __init__(self, block: Block | None, way: Block, margin: float) -> None:
+        assert block is not None
         self.block = block
         self.way = way
         steps = np.empty((len(block.sets), 4), np.int64)

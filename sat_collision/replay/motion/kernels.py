@@ -43,6 +43,9 @@ SLACK = 1e-12
 FIRST, COUNT, STAMP, MOVED = range(4)
 # Of a way: where its vertices end, when it begins, and when it ends.
 END, START, FINISH = range(3)
+# Of a message: which set it is of, how many rings it has, where its data begins, its stamp; and of
+# one ring where its points start, and how many they are.
+SET, RINGS, DATA, TIME, SINGLE, LENGTH = range(6)
 # Of a set among others: where its rings end, and its points; when its first and its last ring is
 # there, 0 if there is none; whether two may be the same to the bit (if they are, it is never
 # denied); where the ways that lead to it end, when the first begins, and when the last one ends.
@@ -50,7 +53,7 @@ ROWS, POINTS, EARLIEST, LATEST, MAY_REPEAT, WAYS, WAYS_BEGIN, WAYS_END = range(8
 
 
 @kernel
-def describe(data, starts, lengths, messages, planes, out):
+def describe(data, messages, starts, lengths, planes, out):
     """
     Write the points of the rings of some sets, and where each is.
 
@@ -58,12 +61,13 @@ def describe(data, starts, lengths, messages, planes, out):
     ----------
     data : bytes
         Of all messages.
-    starts : (n,) array of int64
-        Where in its message the points of each ring start: x, y and z of each as float32.
-    lengths : (n,) array of int64
-        How many points each ring has.
-    messages : (m, 3) array of int64
-        Where the rings of each message end, where its data begins, and its stamp, ns.
+    messages : (m, 6) array of int64
+        SET, RINGS, DATA, TIME, SINGLE and LENGTH of each, in the order of the sets.
+    starts : array of int64
+        Where in its message the points of each ring start, but for single ones: x, y and z of each
+        as float32.
+    lengths : array of int64
+        How many points each of these rings has.
     planes : (m, 6) array of float64
         The map that takes the rings of each to the frame that counts, as a PlaneMap; empty if none
         is needed.
@@ -76,54 +80,61 @@ def describe(data, starts, lengths, messages, planes, out):
     boxes : (n, 4) array of float64
         min x, min y, max x, max y.
     sets : (s, 8) array of int64
-        ROWS is read; written are POINTS, EARLIEST, LATEST and MAY_REPEAT.
+        ROWS, POINTS, EARLIEST, LATEST and MAY_REPEAT are written; all is 0 before.
 
     """
     words, values = words_and_floats(data)
     points, rings, boxes, sets = out
-    keys = np.empty(len(starts), np.int64)
-    message = i = start = 0
+    keys = np.empty(len(rings), np.int64)
+    message = listed = i = start = 0
     for s in range(len(sets)):
         first, base = i, start
-        for i in range(first, sets[s, ROWS]):
-            while i >= messages[message, 0]:
-                message += 1
-            stamp = messages[message, 2]
-            last = start + lengths[i] - 1
-            at = (messages[message, 1] + starts[i]) // _WORD
-            key = lengths[i]
-            for k in range(at, at + _POINT * lengths[i]):
-                key = (_FACTOR * key + np.int64(words[k])) & _KEY_BITS
-            keys[i] = key
-            for k in range(start, last + 1):
-                points[k, 0] = values[at]
-                points[k, 1] = values[at + 1]
-                at += _POINT
-                if len(planes):
-                    # As `packing.moved_points`.
-                    x = points[k, 0]
-                    y = points[k, 1]
-                    plane = planes[message]
-                    points[k, 0] = plane[0] * x + plane[1] * y + plane[2]
-                    points[k, 1] = plane[3] * x + plane[4] * y + plane[5]
-            closed = (last > start and points[start, 0] == points[last, 0]
-                      and points[start, 1] == points[last, 1])
-            rings[i, FIRST] = start - base
-            rings[i, COUNT] = lengths[i] - (1 if closed else 0)
-            rings[i, STAMP] = stamp
-            rings[i, MOVED] = 0
-            for axis in range(2):
-                least = points[start, axis]
-                most = least
-                for k in range(start + 1, last + 1):
-                    least = min(least, points[k, axis])
-                    most = max(most, points[k, axis])
-                boxes[i, axis] = least
-                boxes[i, 2 + axis] = most
-            start = last + 1
-            sets[s, EARLIEST] = min(sets[s, EARLIEST], stamp) if i > first else stamp
-            sets[s, LATEST] = max(sets[s, LATEST], stamp)
-        i = sets[s, ROWS]
+        while message < len(messages) and messages[message, SET] == s:
+            stamp = messages[message, TIME]
+            for i in range(i, i + messages[message, RINGS]):
+                at = messages[message, SINGLE]
+                length = messages[message, LENGTH]
+                if length == 0:
+                    at = starts[listed]
+                    length = lengths[listed]
+                    listed += 1
+                at = (messages[message, DATA] + at) // _WORD
+                last = start + length - 1
+                key = length
+                for k in range(at, at + _POINT * length):
+                    key = (_FACTOR * key + np.int64(words[k])) & _KEY_BITS
+                keys[i] = key
+                for k in range(start, last + 1):
+                    points[k, 0] = values[at]
+                    points[k, 1] = values[at + 1]
+                    at += _POINT
+                    if len(planes):
+                        # As `packing.moved_points`.
+                        x = points[k, 0]
+                        y = points[k, 1]
+                        plane = planes[message]
+                        points[k, 0] = plane[0] * x + plane[1] * y + plane[2]
+                        points[k, 1] = plane[3] * x + plane[4] * y + plane[5]
+                closed = (last > start and points[start, 0] == points[last, 0]
+                          and points[start, 1] == points[last, 1])
+                rings[i, FIRST] = start - base
+                rings[i, COUNT] = length - (1 if closed else 0)
+                rings[i, STAMP] = stamp
+                rings[i, MOVED] = 0
+                for axis in range(2):
+                    least = points[start, axis]
+                    most = least
+                    for k in range(start + 1, last + 1):
+                        least = min(least, points[k, axis])
+                        most = max(most, points[k, axis])
+                    boxes[i, axis] = least
+                    boxes[i, 2 + axis] = most
+                start = last + 1
+                sets[s, EARLIEST] = min(sets[s, EARLIEST], stamp) if i > first else stamp
+                sets[s, LATEST] = max(sets[s, LATEST], stamp)
+            i += 1
+            message += 1
+        sets[s, ROWS] = i
         sets[s, POINTS] = start
         keys[first:i].sort()
         for k in range(first + 1, i):

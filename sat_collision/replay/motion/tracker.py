@@ -25,8 +25,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from itertools import chain, compress
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from sat_collision.messages.placement import Placement
@@ -43,27 +44,39 @@ LONGEST = 10 * 10**9
 _TOGETHER = 10**8
 
 
-class Step(NamedTuple):
+@dataclass
+class Step:
     """
     What is known of a source's bodies from one moment to the next.
 
     Attributes
     ----------
-    motions : list of LinearMotion
-        The bodies that are known to be the same at both.
     seen : Bodies or None
         All that was seen at the later one, None if nothing was.
     gone : sequence of ObstacleId or None
         Names of those that are there no longer; None for all that was not seen.
     finish : int
         The last time of which anything is known, ns.
+    last : Bodies or None
+        The set before that which was seen in its block, if these two are all of the step.
 
     """
 
-    motions: list[LinearMotion]
+    made: list[LinearMotion]
     seen: Bodies | None
     gone: Sequence[ObstacleId] | None
     finish: int
+    last: Bodies | None = None
+
+    @property
+    def motions(self) -> list[LinearMotion]:
+        """The bodies that are known to be the same at both moments."""
+        if self.last is not None and self.seen is not None and not self.made:
+            self.made = motion_in_block(self.last, self.seen)
+        return self.made
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, 'made': self.motions, 'last': None}
 
     @property
     def frame_id(self) -> str:
@@ -125,12 +138,13 @@ class Tracker(ABC):
         """Drop what is in another frame than this."""
         self._frame_id = frame_id
 
-    def _bodies(self, names: Sequence[ObstacleId], placements: Iterable[Placement],
+    def _bodies(self, names: Sequence[ObstacleId], placements: Sequence[Placement],
                 block: Block, number: int = 0) -> Bodies:
         """Return what has come in, as a block has it; there may be more names than bodies."""
-        frames = {placement.frame_id for placement in placements}
-        return Bodies(names, block, number, self._max_vertices,
-                      frames.pop() if len(frames) == 1 else '')
+        frame_id = placements[0].frame_id if placements else ''
+        if any(one.frame_id != frame_id for one in placements[1:]):
+            frame_id = ''
+        return Bodies(names, block, number, self._max_vertices, frame_id)
 
     def _is_usable(self, placement: Placement) -> bool:
         """Return whether a placement is in the frame that counts, if there is one yet."""
@@ -225,14 +239,17 @@ class SetTracker(Tracker):
         last = self._last
         motions: list[LinearMotion] = []
         until: dict[int, int] = {}
+        is_in_block = False
         if last is not None:
-            motion = self._motion(last, seen)
-            found = len(motion.rows) if motion else 0
-            if motion:
-                motions.append(motion)
+            is_in_block = seen.follows(last)
+            if not is_in_block:
+                motions = self._follow(last, seen)
+            found = seen.followed if is_in_block else sum(map(len, motions))
             is_lost = found < len(last)
             if is_lost:
-                lost = {*self._alive}.difference(motion.rows.tolist() if motion else ())
+                if is_in_block:
+                    motions = motion_in_block(last, seen)
+                lost = {*self._alive}.difference(*(motion.rows.tolist() for motion in motions))
                 moving = last.moving
                 # What was forgotten before this set was there until then.
                 for row in sorted(lost):
@@ -244,7 +261,8 @@ class SetTracker(Tracker):
                 is_lost = len(until) < len(lost)
             if found < len(seen) or is_lost:
                 self.undetermined += min(max(stamp - self._last_stamp, 0), self._longest)
-        self._emit(self, Step(motions, seen, None, max(stamp, seen.end, *until.values())))
+        self._emit(self, Step(motions, seen, None, max(stamp, seen.end, *until.values()),
+                              last if is_in_block and not until else None))
         self._last, self._last_stamp, self._seen_at = seen, stamp, seen.stamps
         self._alive = range(len(seen))
 
@@ -264,20 +282,19 @@ class SetTracker(Tracker):
         return seen
 
     def _set(self, placements: Sequence[Placement], block: Block, number: int = 0) -> Bodies:
-        first, end = (numbers[ROWS] for numbers in block.numbers[number:number + 2])
-        self._names += [ObstacleId(self._source, k) for k in range(len(self._names), end - first)]
+        count = block.numbers[number + 1][ROWS] - block.numbers[number][ROWS]
+        if count > len(self._names):
+            self._names += [ObstacleId(self._source, k) for k in range(len(self._names), count)]
         return self._bodies(self._names, placements, block, number)
 
-    def _motion(self, last: Bodies, seen: Bodies) -> LinearMotion | None:
-        """Return the motion from one set to the next, None if nothing of it is followed."""
-        if seen.follows(last):
-            return motion_in_block(last, seen)
+    def _follow(self, last: Bodies, seen: Bodies) -> list[LinearMotion]:
+        """Return the motion from one set to the next, nothing if none of it is the same."""
         # What the block has is from another set.
         seen.rings[:, MOVED] = 0
         rows, next_rows = np.empty((2, len(last)), np.int64)
         found = mutual_nearest(last.rings, last.boxes, seen.rings, seen.boxes, self._longest,
                                rows, next_rows)
-        return motion_between(last, seen, rows[:found], next_rows[:found]) if found else None
+        return [motion_between(last, seen, rows[:found], next_rows[:found])] if found else []
 
 
 class _Sighting(NamedTuple):

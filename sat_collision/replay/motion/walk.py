@@ -123,18 +123,21 @@ class Sweep:
                 self.trajectory, self.contacts, self._margin)
         one.waiting.append(step)
         if one.waiting[0].finish <= self._known_until(now):
-            self.advance(now)
+            self._decide_known(now)
 
     def advance(self, now: int) -> None:
-        """Decide what can be decided."""
-        for one in self._contact_trackers.values():
-            while one.waiting and one.waiting[0].finish <= self._known_until(now):
-                self.trajectory.stand(one.waiting[0].finish)
-                self._decide(one)
+        """Decide what can be decided, and forget what is not needed any more."""
+        self._decide_known(now)
         if self.trajectory.latest is not None:
             self.trajectory.drop_before(self.trajectory.latest - self._keep)
             if self.prediction:
                 self.prediction.drop_before(self.trajectory.latest - self._keep)
+
+    def _decide_known(self, now: int) -> None:
+        for one in self._contact_trackers.values():
+            while one.waiting and one.waiting[0].finish <= self._known_until(now):
+                self.trajectory.stand(one.waiting[0].finish)
+                self._decide(one)
 
     def use_frame(self, frame_id: str) -> None:
         """Drop what is to be decided in another frame than this."""
@@ -214,8 +217,9 @@ class Motion:
             if number in samples:
                 self._place_footprint(placement, samples[number])
             else:
-                self._tracker(placement.name, placement.is_stamped).place(
-                    placement, sets.get(number))
+                tracker = self._trackers.get((placement.name, placement.is_stamped)) or (
+                    self._tracker(placement.name, placement.is_stamped))
+                tracker.place(placement, sets.get(number))
 
     def _describe(self, placements: Sequence[Placement]
                   ) -> tuple[dict[int, Bodies], dict[int, Described]]:

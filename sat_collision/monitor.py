@@ -53,6 +53,9 @@ class Monitor:
     source. After `transform_timeout` it is refused. Calls that end a wait return the Rejections of
     the messages that had waited, too. A footprint that has an outline moves with its frame.
 
+    Times are in ns by the clock of the header stamps. The number of a message says which one of
+    its publisher's it is, and is None where that is not known.
+
     Parameters
     ----------
     settings : Settings
@@ -61,38 +64,20 @@ class Monitor:
     placements : list of Placement, optional
         Gets the messages that were taken.
 
-    Attributes
-    ----------
-    scene : Scene
-        Has the states, and is where settings are changed.
-    ingest : Ingest
-        Passes messages to the scene.
-    received : Counter
-        All messages, by name of the footprint or source; of an outline its poses.
-    rejected : Counter
-        The messages that were not taken, by (name, reason).
-    is_numbered : bool
-        Whether the messages of all batches have numbers, without which no loss shows.
-    transforms : TransformListener
-        What is known of frames.
-    waiting : Waiting
-        The messages that wait for a transform.
-    outlines : Outlines
-        The footprints that nobody publishes.
-    commands : Commands
-        Passes to the scene what footprints are told to do.
-
     """
 
     def __init__(self, settings: Settings, transforms: bool = False,
                  placements: list[Placement] | None = None) -> None:
         self.scene = Scene(settings)
+        # All messages, by name of the footprint or source; of an outline its poses.
         self.received: Counter[str] = Counter()
+        # Whether the messages of all batches have numbers, without which no loss shows.
         self.is_numbered = True
         self.transforms = TransformListener(settings)
         has_transforms = transforms or any(one.odometry for one in settings.footprints)
         self.ingest = Ingest(settings, self.scene, self.transforms if has_transforms else None,
                              self._watch_clock, placements)
+        # The messages that were not taken, by (name, reason).
         self.rejected = self.ingest.rejected
         self.outlines = Outlines(settings, self.ingest, self.transforms, self.received)
         self.commands = Commands(settings, self.ingest, self.scene)
@@ -117,23 +102,9 @@ class Monitor:
     def receive(self, name: str, data: bytes, now: int,
                 number: int | None = None) -> Rejection | None:
         """
-        Take a message; one for what is disabled is ignored.
+        Take a message for a footprint, source or commands; for what is disabled it is ignored.
 
-        Parameters
-        ----------
-        name : str
-            Name of the footprint, source or commands.
-        data : bytes
-            The serialised PolygonStamped, PolygonInstanceStamped, Odometry or TwistStamped.
-        now : int
-            Present time in ns, by the clock of the header stamps.
-        number : int, optional
-            Which one of its publisher's messages it is, where that is known.
-
-        Returns
-        -------
-        Rejection or None
-
+        It is a serialised PolygonStamped, PolygonInstanceStamped, Odometry or TwistStamped.
         """
         rejections = self.receive_batch(name, (data,), now, number)
         return rejections[0] if rejections else None
@@ -143,18 +114,7 @@ class Monitor:
         """
         Take messages of one publisher as `receive` does, between which none is missing.
 
-        Parameters
-        ----------
-        name : str
-        messages : sequence of bytes
-        now : int
-        number : int, optional
-            Which one of its publisher's messages the first one is, where that is known.
-
-        Returns
-        -------
-        sequence of Rejection
-
+        The number is that of the first one.
         """
         self.received[name] += len(messages)
         if name in self.commands.names:
@@ -179,21 +139,9 @@ class Monitor:
 
     def receive_run(self, name: str, batch: Batch, begin: int, now: int) -> int:
         """
-        Take those messages of a batch that only add to the set of the message before them.
+        Take those messages of a batch, from one on, that only add to the set of the one before.
 
-        Parameters
-        ----------
-        name : str
-        batch : Batch
-        begin : int
-            The first one.
-        now : int
-
-        Returns
-        -------
-        int
-            How many were taken. The next one has to be received by itself.
-
+        Returns how many were taken. The next one has to be received by itself.
         """
         if name in self.commands.names:
             return 0

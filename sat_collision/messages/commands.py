@@ -35,27 +35,13 @@ class Commands:
     Passes commands to a scene, of which the last counts, or refuses them.
 
     A refused one counts, too: what the footprint does now is not known.
-
-    Parameters
-    ----------
-    settings : Settings
-    ingest : Ingest
-        Counts what is refused.
-    scene : Scene
-
-    Attributes
-    ----------
-    names : frozenset of str
-        Of the CommandSettings that there are.
-    last : dict
-        The Command that came last, by that name.
-
     """
 
     def __init__(self, settings: Settings, ingest: Ingest, scene: Scene) -> None:
         self._ingest = ingest
         self._scene = scene
         self.names = frozenset(one.command.name for one in settings.footprints if one.command)
+        # What came last, by these names.
         self.last: dict[str, Command] = {}
 
     def receive(self, name: str, messages: Sequence[bytes], now: int) -> list[Rejection]:

@@ -40,30 +40,16 @@ from sat_collision.scene.waiting import WAIT, Wait
 
 
 class Batch:
-    """
-    Messages of one publisher, between which none is missing.
-
-    Parameters
-    ----------
-    messages : sequence of bytes
-    number : int, optional
-        Which one of its publisher's messages the first one is, where that is known.
-
-    Attributes
-    ----------
-    data : bytes
-        The messages, one behind the other.
-    ends : (m - 1,) array of int64
-        Where in the data each message ends but the last one.
-
-    """
+    """Messages of one publisher, between which none is missing."""
 
     __slots__ = 'messages', 'number', 'data', 'ends'
 
     def __init__(self, messages: Sequence[bytes], number: int | None = None) -> None:
         self.messages = messages
+        # Which one of its publisher's messages the first one is, where that is known.
         self.number = number
         self.data = b''.join(messages)
+        # Where in the data each message ends but the last one: (m - 1,) array of int64.
         self.ends = _ends_of(*map(len, messages[:-1])) if len(messages) > 1 else _NO_ENDS
 
 
@@ -78,30 +64,17 @@ _NO_ENDS = indexable(np.empty(0, np.int64))
 
 class Ingest:
     """
-    Passes messages to a scene, or refuses them.
+    Passes messages to a scene, or refuses them; without transforms all in another frame.
 
-    Parameters
-    ----------
-    settings : Settings
-    scene : Scene
-    transforms : TransformListener or None
-        None where what is not in the fixed frame is refused.
-    watch_clock : callable
-        Takes the present time in ns before a transform is asked for.
-    placements : list of Placement, optional
-        Gets what was taken.
-
-    Attributes
-    ----------
-    rejected : Counter
-        The messages that were not taken, by (name, reason).
-
+    `watch_clock` takes the present time in ns before a transform is asked for, and placements get
+    what was taken.
     """
 
     def __init__(self, settings: Settings, scene: Scene, transforms: TransformListener | None,
                  watch_clock: Callable[[int], None],
                  placements: list[Placement] | None = None) -> None:
         self._placements = placements
+        # The messages that were not taken, by (name, reason).
         self.rejected: Counter[tuple[str, str]] = Counter()
         self._scene = scene
         self._transforms = transforms

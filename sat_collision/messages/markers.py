@@ -274,13 +274,8 @@ class Labels:
     """
     Finds places for texts, one after the other: beside what they describe.
 
-    Parameters
-    ----------
-    bodies : iterable of ((n, 2) ndarray, Box)
-        Convex rings that no text shall cover, each with the box around it.
-    height : float
-        Of all texts, metres.
-
+    No text shall cover the bodies, convex rings with the box around each. All texts have a height
+    in metres.
     """
 
     def __init__(self, bodies: Iterable[tuple[Ring, Box]], height: float) -> None:

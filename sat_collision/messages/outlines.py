@@ -39,20 +39,7 @@ class Outlines:
     """
     Places outlines in the scene whenever their frames have moved.
 
-    Parameters
-    ----------
-    settings : Settings
-    ingest : Ingest
-    transforms : TransformListener
-        Receives odometry, too.
-    received : Counter
-        Poses of outlines that move by /tf are counted there by name.
-
-    Attributes
-    ----------
-    names : frozenset of str
-        Of the footprints that have an outline.
-
+    Transforms receive odometry, too; poses of outlines that move by /tf count as `received`.
     """
 
     def __init__(self, settings: Settings, ingest: Ingest, transforms: TransformListener,
@@ -144,29 +131,7 @@ class Outlines:
 
 
 class _Placed:
-    """
-    The outline of a footprint, and where it was placed last.
-
-    Attributes
-    ----------
-    settings : FootprintSettings
-    points : Points
-    period : int
-        How long it stays at least where it was placed, on average, in ns.
-    next : int
-        When it is due again, if it moves until then and all is as regular as it can be.
-    odometry : bytes
-        The message of odometry that came last, empty if none.
-    is_pending : bool
-        Whether it may have moved, but it was too soon to place it.
-    stamp : int or None
-        Of its last place.
-    is_static : bool
-        Whether that holds for all times.
-    fault : str
-        Why it has no place, as far as that has been reported.
-
-    """
+    """The outline of a footprint, and where it was placed last."""
 
     def __init__(self, footprint: FootprintSettings, max_vertices: int) -> None:
         self._begun: int | None = None
@@ -177,6 +142,7 @@ class _Placed:
     def configure(self, footprint: FootprintSettings, max_vertices: int) -> None:
         """Apply settings."""
         self.settings = footprint
+        # How long it stays at least where it was placed, on average, in ns.
         self.period = round(1e9 / footprint.rate)
         outline = outline_of(footprint, max_vertices)
         if outline != self._outline or not footprint.enabled:
@@ -189,10 +155,16 @@ class _Placed:
 
     def forget(self, fault: str = '') -> None:
         """Reset the pose."""
+        # The stamp of its last place, and whether that holds for all times.
         self.stamp: int | None = None
-        self.is_static = self.is_pending = False
+        self.is_static = False
+        # When it is due again, if all is as regular as it can be, and whether it may have moved
+        # but it was too soon to place it.
         self.next = 0
+        self.is_pending = False
+        # The message of odometry that came last, empty if none.
         self.odometry = b''
+        # Why it has no place, as far as that has been reported.
         self.fault = fault
         self._begun = None
 

@@ -52,14 +52,6 @@ def contact_cloud(scene: Scene, name: str, stamp: Any) -> Any:
     vector from the obstacle to the footprint; moved by depth (m) along it, the footprint is out
     of the obstacle. Where bodies within the margin are apart, minus the depth is their distance.
     The obstacle is the place of its name in what the state of that stamp lists, from 0 on.
-
-    Parameters
-    ----------
-    scene : Scene
-    name : str
-        Of the footprint.
-    stamp : builtin_interfaces.msg.Time
-
     """
     places = {obstacle: k for k, obstacle in enumerate(scene.state(name).contacts)}
     rows = []
@@ -92,26 +84,7 @@ class NodeLike(Protocol):
 
 
 class Outputs:
-    """
-    The publishers of a scene; only what has subscribers and has changed is computed.
-
-    Parameters
-    ----------
-    node : NodeLike
-    settings : Settings
-    scene : Scene
-    flag_qos : optional
-        The QoS of the flags, as `node` takes it.
-
-    Attributes
-    ----------
-    markers_current : bool
-        Whether the markers made last show the scene as it is; to be unset when a body has changed.
-    measures : bool
-        Whether distances are measured; without, states have none and say so, no contacts are
-        published and nothing is drawn.
-
-    """
+    """The publishers of a scene; only what has subscribers and has changed is computed."""
 
     def __init__(self, node: NodeLike, settings: Settings, scene: Scene,
                  flag_qos: Any = 10) -> None:
@@ -138,12 +111,17 @@ class Outputs:
         self._markers = Markers()
         self._marker_publisher = node.create_publisher(MarkerArray, '~/markers', 1)
         self._marker_message: Any = None
+        # Whether that shows the scene as it is; to be unset when a body has changed.
         self.markers_current = False
         self.configure(settings)
 
     @property
     def measures(self) -> bool:
-        """Whether distances are measured, as above."""
+        """
+        Whether distances are measured.
+
+        Without, states have none and say so, no contacts are published and nothing is drawn.
+        """
         return self._states.is_measured
 
     @measures.setter

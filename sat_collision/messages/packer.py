@@ -38,15 +38,7 @@ def most_notched(max_vertices: int) -> int:
 
 
 class Packer:
-    """
-    Packs the points of one message after another, convex ones into one array.
-
-    Parameters
-    ----------
-    max_vertices : int
-        The most vertices accepted.
-
-    """
+    """Packs the points of one message after another, convex ones into one array."""
 
     def __init__(self, max_vertices: int) -> None:
         self.max_vertices = max_vertices
@@ -57,13 +49,7 @@ class Packer:
 
     def pack(self, points: Points, plane: PlaneMap = UNMOVED) -> PackedBody:
         """
-        Return the body that points make, good until the next call.
-
-        Parameters
-        ----------
-        points : Points
-        plane : PlaneMap, optional
-            Takes the points to another frame.
+        Return the body that points make in another frame, good until the next call.
 
         Raises
         ------

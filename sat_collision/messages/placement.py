@@ -31,35 +31,15 @@ RunPoints: TypeAlias = tuple[bytes, NDArray[np.int64], NDArray[np.int64]]
 
 
 class Placement(NamedTuple):
-    """
-    A message that was taken, or a run of them, which differ in nothing but their points.
+    """A message that was taken, or a run of them, which differ in nothing but their points."""
 
-    Attributes
-    ----------
-    name : str
-        Of the footprint or source of obstacles.
-    stamp : int
-        Header stamp in ns, the time of reception if it has none.
-    is_stamped : bool
-        Whether it has a stamp.
-    frame_id : str
-        The frame after the map is applied.
-    points : Points
-        As received; RunPoints of a run.
-    plane : PlaneMap or None
-        What takes the points to that frame, None if they are in it.
-    instance : int or None
-        The obstacle's id, of a source that gives ids.
-
-    """
-
-    name: str
-    stamp: int
+    name: str  # of the footprint or source of obstacles
+    stamp: int  # in ns, the time of reception if it has none
     is_stamped: bool
-    frame_id: str
-    points: Points | RunPoints
-    plane: PlaneMap | None
-    instance: int | None
+    frame_id: str  # after the map is applied
+    points: Points | RunPoints  # as received
+    plane: PlaneMap | None  # what takes the points to that frame, None if they are in it
+    instance: int | None  # the obstacle's id, of a source that gives ids
 
     @property
     def is_empty(self) -> bool:

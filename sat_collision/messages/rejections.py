@@ -68,24 +68,12 @@ _ADVICE = {
 
 
 class Rejection(NamedTuple):
-    """
-    A message that was refused.
+    """A message that was refused."""
 
-    Attributes
-    ----------
-    name, topic : str
-        The footprint or source that it was for, and its topic.
-    reason : str
-        A few words without figures, to count by.
-    detail : str
-        What is wrong with this very message.
-
-    """
-
-    name: str
+    name: str  # of the footprint or source that it was for
     topic: str
-    reason: str
-    detail: str
+    reason: str  # a few words without figures, to count by
+    detail: str  # what is wrong with this very message
 
     @property
     def text(self) -> str:
@@ -98,14 +86,7 @@ def detail_of(refusal: str, frame_id: str, fixed: str, age: float, timeout: floa
     """
     Return what is wrong with a message that the scene has refused.
 
-    Parameters
-    ----------
-    refusal : str
-    frame_id, fixed : str
-        Its frame, and that of all else.
-    age, timeout : float
-        Its age by its stamp, and the timeout, in s.
-
+    `frame_id` is its frame, `fixed` that of all else; its age is by its stamp. Times are in s.
     """
     if refusal == OTHER_FRAME:
         return f'it is in {in_quotes(frame_id)}, all else in {in_quotes(fixed)}'

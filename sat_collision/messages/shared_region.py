@@ -65,12 +65,7 @@ def clip(ring: Ring, other: Ring, slack: float = 0.0) -> Ring:
     """
     Return what two convex rings share, by Sutherland and Hodgman (1974); may be empty.
 
-    Parameters
-    ----------
-    ring, other : (n, 2) ndarray
-    slack : float
-        Metres that a point may lie outside.
-
+    A point may lie outside by the slack, in metres.
     """
     # The fewer lines, the faster.
     if len(ring) < len(other):

@@ -47,14 +47,7 @@ def in_words(state: State, margin: float = 0.0, prediction: Prediction | None = 
     """
     Return a footprint's state in a few words.
 
-    Parameters
-    ----------
-    state : State
-    margin : float, optional
-        Metres that count as a collision.
-    prediction : Prediction, optional
-        When a collision that is imminent comes.
-
+    Within the margin, in metres, counts as a collision; the prediction is of one that is imminent.
     """
     if state.status is Status.IMMINENT and prediction and prediction.obstacle:
         most = '' if prediction.is_known else 'at most '
@@ -77,23 +70,12 @@ class States:
     """
     One status a footprint, rewritten only where a state has changed.
 
-    Parameters
-    ----------
-    node_name : str
-    settings : Settings
-    moving : bool, optional
-        Whether to include what changes all the time, as ~/state does.
-
-    Attributes
-    ----------
-    settings : Settings
-    is_measured : bool
-        False while no distances can be measured, which states then say.
-
+    What changes all the time is included if they are `moving`, as in ~/state.
     """
 
     def __init__(self, node_name: str, settings: Settings, moving: bool = True) -> None:
         self.settings = settings
+        # False while no distances can be measured, which states then say.
         self.is_measured = True
         self._statuses = {
             footprint.name: DiagnosticStatus(name=f'{node_name}: {footprint.name}',
@@ -128,19 +110,7 @@ class States:
 
     def write(self, name: str, state: State, step: float,
               prediction: Prediction | None = None) -> None:
-        """
-        Write down a footprint's new state.
-
-        Parameters
-        ----------
-        name : str
-        state : State
-        step : float
-            The float32 step of its coordinates in metres.
-        prediction : Prediction, optional
-            When it collides.
-
-        """
+        """Write down a footprint's new state; its coordinates have float32 steps in metres."""
         coarse = step > self.settings.resolution
         self._coarse[name] = coarse
         self._contacts[name] = state.contacts
@@ -170,24 +140,10 @@ class States:
                      velocity: Velocity | str,
                      prediction: Prediction | None) -> None:
         """
-        Write down what changes all the time.
+        Write down what changes all the time, as the methods of a Scene return it.
 
-        Parameters
-        ----------
-        name : str
-        age : float or None
-            Seconds since the footprint's stamp.
-        nearest : tuple or None
-            As `Scene.nearest` returns it; None while that is not known.
-        newer : dict
-            By how many s the nearest obstacle, and each in contact, is newer than the footprint.
-        origin : tuple
-            As `Scene.origin` returns it.
-        velocity : Velocity or str
-            As `Scene.velocity` returns it.
-        prediction : Prediction or None
-            As `Scene.prediction` returns it.
-
+        The age is in s since the footprint's stamp; `newer` says by how many s the nearest
+        obstacle, and each in contact, is newer than the footprint.
         """
         (age_value, separation_value, obstacle_value, nearest_value, contacts_value, frame_value,
          transform_value, time_value, first_value, velocity_value,

@@ -196,13 +196,7 @@ def _name(text: bytes, length: int) -> str:
     """
     Return the name that a string holds, and keep it for the next time.
 
-    Parameters
-    ----------
-    text : bytes
-        Its bytes, as far as the message has them.
-    length : int
-        Its announced length.
-
+    The text is what the message has of it, and may be shorter than its announced length.
     """
     if length > LONGEST_FRAME_ID + 1:
         raise MessageError(f'a frame name of {length} bytes where {LONGEST_FRAME_ID} are accepted')
@@ -220,33 +214,17 @@ def _name(text: bytes, length: int) -> str:
 
 
 class TransformListener:
-    """
-    Takes serialised TFMessages; a transform of no use is counted and returned as a Rejection.
-
-    Parameters
-    ----------
-    settings : Settings
-
-    Attributes
-    ----------
-    frames : Frames
-    received : Counter
-        All messages, by topic.
-    transforms : int
-        How many transforms were taken.
-    rejected : Counter
-        The transforms that were not taken, by (child frame, reason), where the frame is in words
-        for users; of messages that could not be read by (topic, reason).
-    turns : Counter
-        How often another publisher than the last one sent a frame, by its name.
-
-    """
+    """Takes serialised TFMessages; a transform of no use is counted and returned as Rejection."""
 
     def __init__(self, settings: Settings) -> None:
         self.frames = Frames(round(settings.tf_cache_time * 1e9))
+        # All messages, by topic, and how many transforms were taken.
         self.received: Counter[str] = Counter()
-        self.rejected: Counter[tuple[str, str]] = Counter()
         self.transforms = 0
+        # The transforms that were not taken, by (child frame, reason), where the frame is in words
+        # for users; of messages that could not be read by (topic, reason).
+        self.rejected: Counter[tuple[str, str]] = Counter()
+        # How often another publisher than the last one sent a frame, by its name.
         self.turns: Counter[str] = Counter()
         self._numbers: dict[str, int] = {}
         self.configure(settings)
@@ -330,18 +308,8 @@ class TransformListener:
         """
         Return what takes a message to the fixed frame.
 
-        Parameters
-        ----------
-        frame_id : str
-        stamp, now : int
-            Header stamp and present time in ns; the stamp 0 takes the newest transform.
-        timeout : float
-            How old that may be, in s; 0.0 for any age.
-
-        Returns
-        -------
-        Mapped or NoTransform
-
+        Stamp and present time are in ns. The stamp 0 takes the newest transform, unless it is
+        older than the timeout in s; 0.0 for any age.
         """
         if stamp:
             return self.frames.plane(self._target, frame_id, stamp)

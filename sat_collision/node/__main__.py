@@ -31,18 +31,9 @@ _STATUS_OF_BAD_ARGUMENTS = 2  # as argparse has it
 
 def main(args: Sequence[str] | None = None) -> int:
     """
-    Run the node until SIGINT, SIGTERM or SIGHUP.
+    Run the node until SIGINT, SIGTERM or SIGHUP; return the exit status.
 
-    Parameters
-    ----------
-    args : sequence of str, optional
-        The arguments without the program's name; those of the process unless given.
-
-    Returns
-    -------
-    int
-        The exit status.
-
+    Arguments are without the program's name, and those of the process unless given.
     """
     own, ros = split(sys.argv[1:] if args is None else args)
     if '--version' in own:

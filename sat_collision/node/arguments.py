@@ -55,17 +55,7 @@ def unused_files(ros: Sequence[str], node: str) -> Iterator[str]:
     """
     Say which parameter files have nothing for a node, and for which nodes they have some.
 
-    Parameters
-    ----------
-    ros : sequence of str
-        Arguments that are ROS's.
-    node : str
-        The full name of the node.
-
-    Yields
-    ------
-    str
-
+    `ros` are the arguments that are ROS's, `node` the full name of the node.
     """
     from sat_collision.scene.parameters import is_name_of, parameters_by_node
     import yaml  # rclpy needs it, too

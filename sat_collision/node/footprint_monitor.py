@@ -31,12 +31,11 @@ from sat_collision.messages.outputs import Outputs
 from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
-from sat_collision.node.commands import CommandSubscriptions
 from sat_collision.node.health import Health
 from sat_collision.node.loop import Backlog, Loop, Reserved
 from sat_collision.node.parameters import Parameters
 from sat_collision.node.subscriptions import (
-    subscribe_transforms, Subscriptions, transform_type)
+    CommandSubscriptions, subscribe_transforms, Subscriptions, transform_type)
 from sat_collision.node.watchdog import ClockWatch, Every, Systemd, Watchdog
 from sat_collision.scene.settings import Settings
 from sat_collision.scene.times import NEVER
@@ -74,11 +73,7 @@ class FootprintMonitor(Node):
 
     Everything happens in one thread, see `loop`: messages are checked in batches, what follows is
     published once a batch, and a tick by the steady clock does whatever is due by time alone.
-
-    Parameters
-    ----------
-    **options
-        As for `rclpy.node.Node`.
+    Options are those of `rclpy.node.Node`.
 
     Raises
     ------

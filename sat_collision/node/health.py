@@ -38,12 +38,7 @@ class Health:
     """
     Publishes /diagnostics: what came in, what was refused, what a check costs, and the states.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    facts : dict
-        What does not change while the node runs, such as the kernel in use.
-
+    Facts do not change while the node runs, such as the kernel in use.
     """
 
     def __init__(self, node: Node, facts: Mapping[str, str]) -> None:
@@ -96,17 +91,7 @@ class Health:
             self._backlogs.pop(name, None)
 
     def publish(self, monitor: Monitor, states: Iterable[DiagnosticStatus]) -> None:
-        """
-        Publish the figures of the period that ends now, and begin the next.
-
-        Parameters
-        ----------
-        monitor : Monitor
-            Has counted the messages since the start.
-        states : iterable of DiagnosticStatus
-            Of the footprints.
-
-        """
+        """Publish the states of footprints and the figures of the period that ends now."""
         self._write(monitor)
         self._send([self._status, *states])
 

@@ -72,18 +72,10 @@ class Receiver(Protocol):
     def receive(self, name: str, messages: Sequence[bytes], now: int,
                 number: int | None) -> None:
         """
-        Take messages of one publisher, between which none is missing.
+        Take messages of one publisher for a footprint or source, between which none is missing.
 
-        Parameters
-        ----------
-        name : str
-            Name of the footprint or source.
-        messages : sequence of bytes
-        now : int
-            Present time in ns.
-        number : int or None
-            Which one of its publisher's messages the first one is, where that is known.
-
+        The number says which one of its publisher's messages the first one is, None where that is
+        not known. Times are in ns.
         """
 
     def begin_stream(self, name: str) -> None:
@@ -99,26 +91,15 @@ class Receiver(Protocol):
         """
         Return when the next tick is due, by the steady clock in s; messages may put it off.
 
-        Parameters
-        ----------
-        now : int
-            A time in ns, by the clock of the header stamps.
-        steady : float
-            The same time by the steady clock.
-
+        `steady` is what that clock reads at the time `now`, in ns by that of the header stamps.
         """
 
     def tick(self, now: int, is_all_taken: bool) -> None:
         """
         Do what is due by time alone.
 
-        Parameters
-        ----------
-        now : int
-            Present time in ns, read before the messages of this turn were taken.
-        is_all_taken : bool
-            Whether all that had been sent until then has been received.
-
+        `now` was read before the messages of this turn were taken, and `is_all_taken` says whether
+        all that had been sent until then has been received.
         """
 
     def present(self) -> int:
@@ -130,12 +111,14 @@ class Input:
     """
     A subscription, the name of its footprint or source, and whether a message ends a rest.
 
-    A footprint's does, so that it is answered at once.
+    A footprint's does, so that it is answered at once. The topic is that before it is remapped,
+    for those of rclpy's functions that remap it themselves.
     """
 
     name: str
     subscription: Subscription
     ends_rest: bool = False
+    topic: str = ''
 
 
 class Reserved(CallbackGroup):
@@ -168,15 +151,8 @@ class Loop:
     middleware are looked at once a tick: each thing waited for costs with every wake. What a
     service asks for is done by an executor of rclpy's.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    inputs : sequence of Input
-        In the order in which they are taken; their callback group is a `Reserved` one.
-    receiver : Receiver
-    max_batch_delay : callable
-        Returns the longest rest, in s.
-
+    Inputs are taken in their order; their callback group is a `Reserved` one. `max_batch_delay`
+    returns the longest rest, in s.
     """
 
     def __init__(self, node: Node, inputs: Sequence[Input], receiver: Receiver,
@@ -190,7 +166,10 @@ class Loop:
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
         self._rest = 0.0
-        self._has_rested = False
+        self._rests_until = 0.0
+        # Pointers of the subscriptions to look at when a message ends a rest, and when none has.
+        self._at_once: set[int] = set()
+        self._gathered: set[int] = set()
         # Whether there are messages that the last turn had no time for.
         self._is_behind = False
         self._ticked = True
@@ -207,9 +186,15 @@ class Loop:
         while not ended():
             with ExitStack() as held:
                 self._topics = [_Topic(one, self._receiver) for one in self._inputs]
-                waiting = Waiting(
-                    self._node, {topic.pointer for topic in self._topics},
-                    {topic.pointer for topic in self._topics if topic.ends_rest}, held)
+                pointers = [topic.pointer for topic in self._topics]
+                ending_rest = {topic.pointer for topic in self._topics if topic.ends_rest}
+                every = {one.handle.pointer for one in self._node.subscriptions}
+                self._gathered = every - ending_rest
+                # What is taken before a footprint may be the transform that it needs.
+                until = max((k for k, one in enumerate(pointers, 1) if one in ending_rest),
+                            default=0)
+                self._at_once = every.difference(pointers[until:])
+                waiting = Waiting(self._node, {*pointers}, ending_rest, held)
                 # What is waited for changes seldom, such as with use_sim_time.
                 while not ended() and not (self._ticked and waiting.is_outdated()):
                     self._turn(waiting)
@@ -220,7 +205,7 @@ class Loop:
         self._executor.shutdown()
 
     def _turn(self, waiting: Waiting) -> None:
-        """Wait, take and publish; do what else is due; rest."""
+        """Rest or wait, take and publish; do what else is due."""
         ready, was_long = self._wait(waiting)
         begun = time.monotonic()
         late = begun - self._next_tick
@@ -250,21 +235,27 @@ class Loop:
             self._ticked = True
         if taken or late >= 0.0:
             self._next_tick = self._receiver.due(present, begun)
-        self._has_rested = bool(self._rest and taken)
-        if self._has_rested:
-            rest = min(self._rest, max(self._next_tick - time.monotonic(), 0.0))
-            if self._rest_may_end:
-                waiting.rest(rest)
-            else:
-                time.sleep(rest)
+        if (self._rest and taken and not self._is_behind
+                and (late >= 0.0 or ready is not self._at_once)):
+            self._rests_until = time.monotonic() + self._rest
 
     def _wait(self, waiting: Waiting) -> tuple[set[int] | None, bool]:
         """Return pointers of subscriptions to look at, None for all; and if the wait was long."""
-        look_at_all = self._has_rested or self._is_behind
-        if look_at_all and not self._ticked:
-            return None, False
         begun = time.monotonic()
         until_tick = max(self._next_tick - begun, 0.0)
+        rest = min(self._rests_until - begun, until_tick)
+        if rest > 0.0:
+            if not self._rest_may_end:
+                time.sleep(rest)
+            elif waiting.rest(rest):
+                return self._at_once, False
+            elif not self._ticked:
+                self._rests_until = 0.0
+                return self._gathered, False
+        look_at_all = self._rests_until > 0.0 or self._is_behind
+        self._rests_until = 0.0
+        if look_at_all and not self._ticked:
+            return None, False
         ready = waiting.wait(0.0 if look_at_all else until_tick, self._ticked)
         self._ticked = False
         return ready, not look_at_all and time.monotonic() - begun > _LONG_WAIT

@@ -38,15 +38,6 @@ class Parameters:
     """
     Declares the parameters of a node and keeps the Settings that they add up to.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-
-    Attributes
-    ----------
-    settings : Settings
-        As the parameters are now.
-
     Raises
     ------
     ParameterError

@@ -35,33 +35,17 @@ _LOOKS = 10
 
 
 class Publishers:
-    """
-    Looks at the publishers of each input.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    inputs : sequence of Input
-
-    Attributes
-    ----------
-    dead : dict
-        How many publishers of an input have lost their liveliness, by its name: the middleware
-        still counts them.
-    changed : set of str
-        Names of the inputs whose publishers may have changed.
-    reported : dict
-        The publishers of each input that `news` reported last, by its name.
-
-    """
+    """Looks at the publishers of each input."""
 
     def __init__(self, node: Node, inputs: Sequence[Input]) -> None:
-        self.dead: dict[str, int] = {}
-        self.changed = {one.name for one in inputs}
-        self.reported: dict[str, list[Endpoint]] = {}
         self._node = node
         self._inputs = inputs
         self._looks = 0
+        # By name of an input: how many publishers have lost their liveliness, which the middleware
+        # still counts; whether they may have changed; and those that `news` reported last.
+        self.dead: dict[str, int] = {}
+        self.changed = {one.name for one in inputs}
+        self.reported: dict[str, list[Endpoint]] = {}
         # By name of an input: how many are matched with it, how many more there were since its
         # subscription was made than were seen, and who was seen since then.
         self._matched: dict[str, int] = {}
@@ -90,13 +74,8 @@ class Publishers:
         """
         Yield the inputs whose publishers have changed since the last call, and who they are.
 
-        The end of one is reported once all that it has sent is taken: not before the next call.
-
-        Parameters
-        ----------
-        behind : iterable of str
-            Names of the inputs of which messages wait to be taken.
-
+        The end of one is reported once all that it has sent is taken: not before the next call,
+        nor while messages of the input wait to be taken, as they do where it is `behind`.
         """
         self._looks += 1
         for one in self._inputs:
@@ -155,8 +134,7 @@ class Publishers:
 
     def _look(self, one: Input) -> list[Endpoint]:
         """Return the live publishers, in an order that does not change."""
-        subscription = one.subscription
-        infos = self._node.get_publishers_info_by_topic(subscription.topic_name)
+        infos = self._node.get_publishers_info_by_topic(one.topic)
         known = self._order.get(one.name, [])
         endpoints = [self._endpoint(info, one) for info in infos]
         endpoints.sort(key=lambda endpoint: (

@@ -12,30 +12,31 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The subscriptions of footprints, sources of obstacles and transforms, and their QoS events."""
+"""The subscriptions of footprints, obstacles, transforms and commands, and their QoS events."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
-from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
+from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped, Twist, TwistStamped
 from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import (
     QoSLivelinessChangedInfo, QoSRequestedDeadlineMissedInfo, QoSRequestedIncompatibleQoSInfo,
     SubscriptionEventCallbacks)
 from rclpy.node import Node
 from rclpy.qos import (
-    qos_policy_name_from_kind, QoSDurabilityPolicy, QoSPolicyKind, QoSProfile)
+    qos_policy_name_from_kind, QoSDurabilityPolicy, QoSPolicyKind, QoSProfile,
+    QoSReliabilityPolicy)
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
-from sat_collision.messages.transform_listener import TF_STATIC
+from sat_collision.messages.transform_listener import stamped, TF_STATIC
 from sat_collision.node.health import Health
 from sat_collision.node.loop import Input, leave
 from sat_collision.node.publishers import Publishers
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
-    FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings, TF)
+    CommandSettings, FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings, TF)
 
 # For transforms, as tf2 has them.
 _TRANSFORM_DEPTH = 100
@@ -48,24 +49,14 @@ _ODOMETRY_DEPTH = 100
 _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
                 QoSPolicyKind.DURABILITY, QoSPolicyKind.DEADLINE, QoSPolicyKind.LIVELINESS,
                 QoSPolicyKind.LIVELINESS_LEASE_DURATION)
+_COMMAND_TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStamped': TwistStamped}
+# The last one counts, and nothing is proved by all of them.
+_COMMAND_QOS = QoSProfile(depth=1, reliability=QoSReliabilityPolicy.BEST_EFFORT)
 
 
 class Subscriptions:
     """
-    Subscribes to the bytes of all that settings name a topic for.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    settings : Settings
-    group : rclpy.callback_groups.CallbackGroup
-    health : Health
-
-    Attributes
-    ----------
-    inputs : list of Input
-        Footprints first.
-    publishers : Publishers
+    Subscribes to the bytes of all that settings name a topic for, footprints first.
 
     Raises
     ------
@@ -96,11 +87,7 @@ class Subscriptions:
         """
         Subscribe again, to receive all that the publisher keeps for late subscribers.
 
-        Returns
-        -------
-        bool
-            Whether the subscription is one that gets such messages.
-
+        Returns whether the subscription is one that gets such messages.
         """
         one, = (one for one in self.inputs if one.name == name)
         if one.subscription.qos_profile.durability is not QoSDurabilityPolicy.TRANSIENT_LOCAL:
@@ -125,7 +112,7 @@ class Subscriptions:
             qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE))
         try:
             self.inputs.append(Input(source.name, create(),
-                                     isinstance(source, FootprintSettings)))
+                                     isinstance(source, FootprintSettings), topic))
         except RuntimeError as error:
             raise ParameterError(f'{source.topic}: {error}') from error
         self._node.get_logger().info(f'{source.name}: {kind.__name__} on {source.topic}')
@@ -167,21 +154,68 @@ def transform_type(node: Node, settings: Settings) -> type | None:
 
 
 def subscribe_transforms(node: Node, kind: type, group: CallbackGroup) -> list[Input]:
-    """
-    Subscribe to the bytes of /tf and /tf_static.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    kind : type
-        The class TFMessage.
-    group : rclpy.callback_groups.CallbackGroup
-
-    Returns
-    -------
-    list of Input
-
-    """
+    """Subscribe to the bytes of /tf and /tf_static; `kind` is the class TFMessage."""
     return [Input(topic, node.create_subscription(
         kind, topic, leave, QoSProfile(depth=_TRANSFORM_DEPTH, durability=durability),
         raw=True, callback_group=group)) for topic, durability in _DURABILITIES.items()]
+
+
+class CommandSubscriptions:
+    """
+    Subscribes to commands once it is known in which type they are published.
+
+    A participant cannot have two subscriptions of one topic and different types, and one that the
+    loop waits for is not gone before it looks for new ones. So where another type is published
+    from now on, the subscription is ended, and the next one is made when `follow` is called again.
+    The inputs get the subscriptions that there are.
+    """
+
+    def __init__(self, node: Node, settings: Settings, group: CallbackGroup,
+                 inputs: list[Input]) -> None:
+        self._node = node
+        self._group = group
+        self._inputs = inputs
+        self._commands = [one.command for one in settings.footprints if one.command]
+        self._subscribed: dict[str, Input] = {}
+        self._reported: dict[str, set[str]] = {}
+
+    def with_stamps(self, name: str, messages: Sequence[bytes]) -> Sequence[bytes]:
+        """Return messages of an input as they are, but commands of type Twist with a header."""
+        one = self._subscribed.get(name)
+        if one and one.subscription.msg_type is Twist:
+            return [stamped(data) for data in messages]
+        return messages
+
+    def follow(self) -> None:
+        """Subscribe to what is published, where nothing of the type subscribed to is."""
+        for command in self._commands:
+            one = self._subscribed.get(command.name)
+            if not (one and one.subscription.get_publisher_count()):
+                self._follow(command, one)
+
+    def _follow(self, command: CommandSettings, one: Input | None) -> None:
+        # The settings have the remapped name, which must not be remapped again.
+        topic = self._node.get_parameter(command.name).value
+        published = {info.topic_type for info in self._node.get_publishers_info_by_topic(topic)}
+        types = published & _COMMAND_TYPES.keys()
+        if published and not types and published != self._reported.get(command.name):
+            self._node.get_logger().error(
+                f'{command.name}: {command.topic} is published as {", ".join(sorted(published))}, '
+                f'but a command has to be {" or ".join(_COMMAND_TYPES)}')
+        self._reported[command.name] = published
+        if one and types and one.subscription.msg_type not in map(_COMMAND_TYPES.get, types):
+            del self._subscribed[command.name]
+            self._inputs.remove(one)
+            self._node.destroy_subscription(one.subscription)
+        elif types and not one:
+            kind = _COMMAND_TYPES[min(types)]
+            try:
+                subscription = self._node.create_subscription(
+                    kind, topic, leave, _COMMAND_QOS, raw=True, callback_group=self._group)
+            except RuntimeError as error:  # another one of this process has another type
+                self._node.get_logger().error(f'{command.name}: {command.topic}: {error}',
+                                              throttle_duration_sec=1.0)
+                return
+            one = self._subscribed[command.name] = Input(command.name, subscription)
+            self._inputs.append(one)
+            self._node.get_logger().info(f'{command.name}: {kind.__name__} on {command.topic}')

@@ -28,21 +28,8 @@ class Waiting:
     """
     The subscriptions, services and events of a node, as they are now, to be waited for.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    taken_elsewhere : set of int
-        Pointers of the subscriptions whose messages the loop takes itself.
-    ending_rest : set of int
-        Pointers of those whose messages end a rest.
-    held : ExitStack
-        Keeps what is waited for until it is closed.
-
-    Attributes
-    ----------
-    is_service_called : bool
-        Whether a service was found called when services were last looked at.
-
+    Subscriptions are given by their pointers: those whose messages the loop takes itself, and
+    those of them whose messages end a rest. What is waited for is kept until `held` is closed.
     """
 
     def __init__(self, node: Node, taken_elsewhere: set[int], ending_rest: set[int],
@@ -61,6 +48,7 @@ class Waiting:
         self._wait_set = rclpy_implementation.WaitSet(
             len(self._subscriptions), 0, 0, 0, len(self._services), len(self._events),
             node.context.handle)
+        # Whether a service was found called when services were last looked at.
         self.is_service_called = False
         self._others = {one.handle.pointer: one for one in node.subscriptions
                         if one.handle.pointer not in taken_elsewhere}
@@ -76,12 +64,7 @@ class Waiting:
         """
         Wait until something is ready; return the pointers of the subscriptions that are.
 
-        Parameters
-        ----------
-        seconds : float
-        for_others : bool
-            Whether to look at services and events, too, and handle the events.
-
+        With `for_others` services and events are looked at, too, and the events handled.
         """
         wait_set = self._wait_set
         wait_set.clear_entities()
@@ -101,12 +84,13 @@ class Waiting:
                     event.callback(info)
         return ready
 
-    def rest(self, seconds: float) -> None:
-        """Wait until there is a message that ends a rest."""
+    def rest(self, seconds: float) -> bool:
+        """Wait until there is a message that ends a rest; return whether there is."""
         self._wait_set.clear_entities()
         for handle in self._ending_rest:
             self._wait_set.add_subscription(handle)
         self._wait_set.wait(int(seconds * 1e9))
+        return bool(self._wait_set.get_ready_entities('subscription'))
 
     def take_others(self, ready: set[int] | None) -> None:
         """Take what else has come, such as /clock, of what is ready, None for of all."""

@@ -32,14 +32,8 @@ class Watchdog:
 
     It runs in a thread of its own, which starts with the first turn. Python lets it run while the
     loop waits or computes in Python, and between two calls of compiled kernels, not during one.
-
-    Parameters
-    ----------
-    on_stall : callable
-        Takes for how many s the loop has not turned; called again and again, from the thread.
-    on_recovery : callable
-        Takes for how many s it had not; called once, from the loop.
-
+    `on_stall` is called again and again, from the thread, and `on_recovery` once, from the loop;
+    both take for how many s the loop has not turned.
     """
 
     def __init__(self, on_stall: Callable[[float], None],
@@ -162,17 +156,9 @@ class ClockWatch:
 
     def stands(self, reading: int, now: float, timeout: float) -> bool:
         """
-        Return whether the clock has read the same for longer than a timeout.
+        Return whether the clock has read the same for longer than a timeout in s, 0 for never.
 
-        Parameters
-        ----------
-        reading : int
-            What it reads now.
-        now : float
-            The other clock, in s.
-        timeout : float
-            In s; 0.0 for never.
-
+        `now` is what the other clock reads.
         """
         if reading != self._reading:
             self._reading, self._since = reading, now

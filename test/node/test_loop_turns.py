@@ -83,7 +83,7 @@ def looped(domain):
     node = rclpy.create_node('receiver', context=peer.context)
     inputs = [loop.Input(name, node.create_subscription(
         PolygonStamped, name, id, QoSProfile(depth=2000), raw=True,
-        callback_group=loop.Reserved()), ends_rest=name == 'other') for name in ('flood', 'other')]
+        callback_group=loop.Reserved()), ends_rest=name == 'other') for name in ('other', 'flood')]
 
     @contextmanager
     def looped(receiver, delay=0.0):
@@ -227,7 +227,7 @@ def test_rests_only_where_messages_are_many(looped, domain, monkeypatch, topic, 
     monkeypatch.setattr(loop, 'time', clock)
     rest = loop.Waiting.rest
     monkeypatch.setattr(loop.Waiting, 'rest', lambda waiting, seconds: (
-        rests.append(('to be ended', seconds)), rest(waiting, seconds)))
+        rests.append(('to be ended', seconds)) or rest(waiting, seconds)))
     receiver = Recorder()
     with looped(receiver, delay=0.02) as one, streaming(domain, topic, rate):
         one.run(lambda: receiver.names.count(topic) > 0)
@@ -239,8 +239,13 @@ def test_rests_only_where_messages_are_many(looped, domain, monkeypatch, topic, 
         assert receiver.names.count(topic) / len(receiver.batches) > 2
 
 
-def test_footprint_ends_a_rest(looped, domain, monkeypatch):
-    """It is taken at once while obstacles gather, and they with it; a tick would be in 30 s."""
+def seldom_after(receiver, ticks):
+    """Return what lets a Recorder tick every 30 s after so many ticks."""
+    return lambda now, steady: receiver.ticked + (30.0 if receiver.ticks > ticks else 0.05)
+
+
+def test_footprint_is_taken_during_a_rest(looped, domain, monkeypatch):
+    """It is answered at once, while obstacles gather on; a tick would be in 30 s."""
     peer, looped = looped
     rest = loop.Waiting.rest
     rests = []
@@ -248,23 +253,60 @@ def test_footprint_ends_a_rest(looped, domain, monkeypatch):
     def rest_meanwhile(waiting, seconds):
         begun = time.monotonic()
         sender = threading.Timer(0.1, arrive, (peer,), {'flood': 20, 'other': 1})
-        if seconds > 15.0:
+        if is_first := seconds > 15.0 and not rests:
             sender.start()
-        rest(waiting, seconds)
-        if seconds > 15.0:
+        is_ended = rest(waiting, seconds)
+        if is_first:
             rests.append(time.monotonic() - begun)
             sender.join()
+        return is_ended
     monkeypatch.setattr(loop.Waiting, 'rest', rest_meanwhile)
-    # However busy the machine is, what has gathered is taken in one turn.
-    monkeypatch.setattr(loop, '_LONGEST_TURN', 60.0)
     receiver = Recorder()
-    receiver.due = lambda now, steady: receiver.ticked + (30.0 if receiver.ticks > 5 else 0.05)
+    receiver.due = seldom_after(receiver, 5)
     for topic in ('flood', 'other'):
         peer.publisher(topic, qos=QoSProfile(depth=2000))
     with looped(receiver, delay=30.0) as one, streaming(domain, 'flood', 500):
         one.run(lambda: 'other' in receiver.names)
-    assert 0.1 < rests[0] < 25.0
-    assert receiver.names[-1] == 'other' and receiver.batches[-1] > 20
+        assert 0.1 < rests[0] < 25.0
+        assert receiver.names[-1] == 'other' and receiver.batches[-1] == 1
+        # However busy the machine is, what has gathered is taken in one turn.
+        one._budget = 60.0
+        receiver.due = lambda now, steady: steady + 0.1
+        arrive(peer, other=1)
+        before = receiver.names.count('flood')
+        one.run(lambda: receiver.names.count('flood') > before)
+    assert receiver.batches[-1] > 20
+
+
+def test_footprints_do_not_prolong_a_rest(looped, domain):
+    """Obstacles are taken when it is over, however often it was ended."""
+    peer, looped = looped
+    receiver = Recorder()
+    receiver.due = seldom_after(receiver, 5)
+    with looped(receiver, delay=0.5) as one, streaming(domain, 'flood', 500):
+        one.run(lambda: receiver.ticks > 5 and receiver.names[-1] == 'flood')
+        del receiver.names[:-1]
+        with streaming(domain, 'other', 10):
+            one.run(lambda: receiver.names.count('other') > 20)
+    others = [len([*run]) for name, run in itertools.groupby(receiver.names) if name == 'other']
+    assert max(others) < 10
+
+
+def test_clock_is_taken_after_each_rest(looped, domain):
+    """With rests, too, no tick is awaited for what else is subscribed to."""
+    peer, looped = looped
+    receiver = Recorder()
+    receiver.due = seldom_after(receiver, 5)
+    received = []
+    looped.node.create_subscription(PolygonStamped, 'more', received.append, 10)
+    peer.publisher('more')
+    with looped(receiver, delay=0.02) as one, streaming(domain, 'flood', 500):
+        one.run(lambda: receiver.ticks > 5)
+        # The wait after a tick looks at all.
+        one.run(lambda: receiver.names[-5:] == 5 * ['flood'])
+        arrive(peer, more=1)
+        one.run(lambda: received or time.monotonic() > receiver.ticked + 20.0)
+    assert received
 
 
 def test_message_that_comes_alone_is_taken_alone(looped):

@@ -79,6 +79,19 @@ def test_second_publisher_is_named_until_it_leaves(start, join, topic, kind, qos
     monitor.until(sent, 'clear again')
 
 
+def test_topics_that_are_swapped_by_remapping(start):
+    """Each is remapped once, where publishers are looked for, too."""
+    monitor = start(arguments=['-r', 'footprint:=obstacles', '-r', 'obstacles:=footprint'])
+    monitor.until(lambda: 'footprint footprint on /obstacles has no publisher; obstacle source '
+                          'obstacle on /footprint has no publisher' in monitor.reason())
+    monitor.send('obstacles', ROBOT)
+    monitor.until(lambda: 'has no publisher' in monitor.reason()
+                  and '/obstacles' not in monitor.reason())
+    monitor.send_set('footprint', APART)
+    monitor.send('obstacles', ROBOT)
+    monitor.await_state('clear')
+
+
 def test_second_publisher_with_an_obstacle_on_the_robot(start, join):
     """Its numbers may continue those of the first one by chance: never clear all the same."""
     monitor = start(**LASTING)

@@ -27,7 +27,7 @@ from sat_collision.geometry.polygon import MAX_VERTICES, PlaneMap, Polygon
 from sat_collision.messages.cdr import POINT_SIZE
 from sat_collision.messages.placement import Placement
 from sat_collision.replay.motion.kernels import (
-    COUNT, describe, EARLIEST, END, FINISH, FIRST, follow, LATEST, LENGTH, MAY_REPEAT,
+    COUNT, describe, EARLIEST, END, FINISH, FIRST, follow, LAST, LATEST, MAY_REPEAT,
     motions_between, MOVED, POINTS, ROWS, STAMP, START, WAYS, WAYS_BEGIN, WAYS_END)
 from sat_collision.scene.obstacles import ObstacleId
 
@@ -36,7 +36,7 @@ Integers: TypeAlias = NDArray[np.int64]
 
 _IDENTITY = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0
 _NO_PLANES = np.empty((0, len(_IDENTITY)))
-_NO_ROWS = np.empty(0, np.int64)
+_NO_ENDS = np.empty(0, np.int64)
 _NO_NUMBERS = [0] * (WAYS_END + 1)
 
 
@@ -92,20 +92,20 @@ class Block:
     """
 
     def __init__(self, sets: Sequence[Sequence[Placement]], longest: int = 0) -> None:
-        pieces, starts, lengths = [], [_NO_ROWS], [_NO_ROWS]
+        pieces, ends = [], [_NO_ENDS]
         messages: list[int] = []
         planes: list[PlaneMap | None] = []
         rings = at = 0
         for number, placements in enumerate(sets):
-            for _, stamp, _, _, (data, start, length), plane, _ in placements:
-                if isinstance(start, int) or isinstance(length, int):
-                    messages += number, 1, at, stamp, start, length
-                    rings += 1
+            for _, stamp, _, _, (data, where, count), plane, _ in placements:
+                points_at, run = count, 1
+                if isinstance(where, int):
+                    data, points_at = data[where:where + POINT_SIZE * count], 0
                 else:
-                    messages += number, len(start), at, stamp, 0, 0
-                    starts.append(start)
-                    lengths.append(length)
-                    rings += len(start)
+                    ends.append(where)
+                    run += len(where)
+                messages += number, run, at, stamp, points_at, len(data)
+                rings += run
                 at += len(data)
                 pieces.append(data)
                 planes.append(plane)
@@ -117,8 +117,8 @@ class Block:
         self.boxes = np.empty((rings, 4))
         self.sets: Integers = np.zeros((len(sets), len(_NO_NUMBERS)), np.int64)
         described = self.points, self.rings, self.boxes, self.sets
-        describe(b''.join(pieces), np.array(messages, np.int64).reshape(-1, LENGTH + 1),
-                 np.concatenate(starts), np.concatenate(lengths), maps, described)
+        describe(b''.join(pieces), np.array(messages, np.int64).reshape(-1, LAST + 1),
+                 np.concatenate(ends), maps, described)
         if longest:
             self.ways = Ways.of(*np.empty((2, rings), np.int64), len(self.points))
             follow(described, longest, tuple(self.ways))

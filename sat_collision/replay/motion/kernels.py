@@ -43,9 +43,9 @@ SLACK = 1e-12
 FIRST, COUNT, STAMP, MOVED = range(4)
 # Of a way: where its vertices end, when it begins, and when it ends.
 END, START, FINISH = range(3)
-# Of a message: which set it is of, how many rings it has, where its data begins, its stamp; and of
-# one ring where its points start, and how many they are.
-SET, RINGS, DATA, TIME, SINGLE, LENGTH = range(6)
+# Of a message, or a run of some: which set it is of, how many rings it has, where its data begins,
+# its stamp, where in each message points start, and where in the data the last ones end.
+SET, RINGS, DATA, TIME, POINTS_AT, LAST = range(6)
 # Of a set among others: where its rings end, and its points; when its first and its last ring is
 # there, 0 if there is none; whether two may be the same to the bit (if they are, it is never
 # denied); where the ways that lead to it end, when the first begins, and when the last one ends.
@@ -53,7 +53,7 @@ ROWS, POINTS, EARLIEST, LATEST, MAY_REPEAT, WAYS, WAYS_BEGIN, WAYS_END = range(8
 
 
 @kernel
-def describe(data, messages, starts, lengths, planes, out):
+def describe(data, messages, ends, planes, out):
     """
     Write the points of the rings of some sets, and where each is.
 
@@ -62,12 +62,10 @@ def describe(data, messages, starts, lengths, planes, out):
     data : bytes
         Of all messages.
     messages : (m, 6) array of int64
-        SET, RINGS, DATA, TIME, SINGLE and LENGTH of each, in the order of the sets.
-    starts : array of int64
-        Where in its message the points of each ring start, but for single ones: x, y and z of each
-        as float32.
-    lengths : array of int64
-        How many points each of these rings has.
+        What is known of each message or run, in the order of the sets. Points are x, y and z as
+        float32.
+    ends : array of int64
+        Where in the data of each run its messages end but the last one.
     planes : (m, 6) array of float64
         The map that takes the rings of each to the frame that counts, as a PlaneMap; empty if none
         is needed.
@@ -91,14 +89,17 @@ def describe(data, messages, starts, lengths, planes, out):
         first, base = i, start
         while message < len(messages) and messages[message, SET] == s:
             stamp = messages[message, TIME]
-            for i in range(i, i + messages[message, RINGS]):
-                at = messages[message, SINGLE]
-                length = messages[message, LENGTH]
-                if length == 0:
-                    at = starts[listed]
-                    length = lengths[listed]
+            data_at = messages[message, DATA]
+            end = 0
+            row = i + messages[message, RINGS]
+            for i in range(i, row):
+                at = end + messages[message, POINTS_AT]
+                end = messages[message, LAST]
+                if i < row - 1:
+                    end = ends[listed]
                     listed += 1
-                at = (messages[message, DATA] + at) // _WORD
+                length = (end - at) // (_WORD * _POINT)
+                at = (data_at + at) // _WORD
                 last = start + length - 1
                 key = length
                 for k in range(at, at + _POINT * length):

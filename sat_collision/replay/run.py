@@ -120,6 +120,7 @@ class _Run:
         self._monitor = Monitor(settings, bool(self._transforms),
                                 None if options.as_live else self._placements)
         self._scene = self._monitor.scene
+        self._scene.decides_contacts = options.as_live or options.write_bag is not None
         self._timers: list[Timer] = []
         self._motion: Motion | None = None
         self._live: Timeline | None = None

@@ -95,6 +95,8 @@ class Scene:
         Names of those of which messages wait to be taken: maps of theirs do not settle.
     tracks_motion : bool
         Whether what velocities are worked out from is kept of every footprint.
+    decides_contacts : bool
+        Whether footprints are placed among the obstacles; else it is only found what is known.
 
     """
 
@@ -104,6 +106,7 @@ class Scene:
         self.deadline: float = NEVER
         self.waiting: Container[str] = ()
         self.tracks_motion = False
+        self.decides_contacts = True
         self._now = 0
         self._clock_stands = False
         self._contacts = Contacts(settings.margin)
@@ -203,7 +206,8 @@ class Scene:
         if footprint.time is not None and time < footprint.time and not (
                 footprint.stale or footprint.timeout == NEVER):
             return OVERTAKEN
-        self._contacts.place_footprint(footprint, body)
+        if self.decides_contacts:
+            self._contacts.place_footprint(footprint, body)
         footprint.origin = origin
         footprint.time = time
         if footprint.fault or footprint.stale or time + footprint.timeout < now:

@@ -29,6 +29,7 @@ from sat_collision.replay.bag.storage import Damage, Faults, in_words, Limits, M
 
 _MESSAGE = 5
 _MESSAGE_HEAD = struct.Struct('<HIQQ')
+_MESSAGE_RECORD = struct.Struct('<BQHIQQ')
 _RECORD_HEAD = struct.Struct('<BQ')
 _SCHEMA, _CHANNEL = 3, 4
 
@@ -183,7 +184,16 @@ class McapFile:
         content = self._content(block, held)
         assert self._layout
         at, end = 0, len(content)
+        whole = end - _MESSAGE_RECORD.size
+        unpack, append = _MESSAGE_RECORD.unpack_from, entries.append
         while at < end:
+            if at <= whole:
+                kind, size, channel, _, time, _ = unpack(content, at)
+                behind = at + _RECORD_HEAD.size + size
+                if kind == _MESSAGE and size >= _MESSAGE_HEAD.size and behind <= end:
+                    append((time, number, at + _MESSAGE_RECORD.size, behind, channel, content))
+                    at = behind
+                    continue
             if end - at < _RECORD_HEAD.size:
                 raise Damage('the head of a record is cut off')
             kind, size = _RECORD_HEAD.unpack_from(content, at)
@@ -191,12 +201,8 @@ class McapFile:
             if not kind or size > end - at:
                 raise Damage(f'{size} bytes announced, {end - at} left' if kind else 'no record')
             if kind == _MESSAGE:
-                if size < _MESSAGE_HEAD.size:
-                    raise Damage('invalid message record')
-                channel, _, time, _ = _MESSAGE_HEAD.unpack_from(content, at)
-                entries.append((time, number, at + _MESSAGE_HEAD.size, at + size, channel,
-                                content))
-            elif kind in (_SCHEMA, _CHANNEL):
+                raise Damage('invalid message record')
+            if kind in (_SCHEMA, _CHANNEL):
                 self._layout.define(kind, content[at:at + size], block.where)
             at += size
 

@@ -165,9 +165,10 @@ class Bodies:
                  is_between: bool = False) -> None:
         before, numbers = block.numbers[number], block.numbers[number + 1]
         first, end = before[ROWS], numbers[ROWS]
+        self._count = end - first
         self.block: Block | None = block
         self.number = number
-        self.names = names[:end - first]
+        self.names = names
         self.frame_id = frame_id
         self.is_between = is_between
         self.points = block.points[before[POINTS]:numbers[POINTS]]
@@ -179,7 +180,7 @@ class Bodies:
         self._polygons: dict[int, Polygon] = {}
 
     def __len__(self) -> int:
-        return len(self.names)
+        return self._count
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, 'block': None, '_polygons': {}}

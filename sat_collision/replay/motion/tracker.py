@@ -44,7 +44,7 @@ LONGEST = 10 * 10**9
 _TOGETHER = 10**8
 
 
-@dataclass
+@dataclass(slots=True)
 class Step:
     """
     What is known of a source's bodies from one moment to the next.
@@ -75,8 +75,8 @@ class Step:
             self.made = motion_in_block(self.last, self.seen)
         return self.made
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, 'made': self.motions, 'last': None}
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Step, (self.motions, self.seen, self.gone, self.finish)
 
     @property
     def frame_id(self) -> str:

@@ -122,20 +122,21 @@ class Sweep:
             one = self._contact_trackers[tracker] = ContactTracker(
                 self.trajectory, self.contacts, self._margin)
         one.waiting.append(step)
-        if one.waiting[0].finish <= self._known_until(now):
-            self._decide_known(now)
+        known = self._known_until(now)
+        if one.waiting[0].finish <= known:
+            self._decide_until(known)
 
     def advance(self, now: int) -> None:
         """Decide what can be decided, and forget what is not needed any more."""
-        self._decide_known(now)
+        self._decide_until(self._known_until(now))
         if self.trajectory.latest is not None:
             self.trajectory.drop_before(self.trajectory.latest - self._keep)
             if self.prediction:
                 self.prediction.drop_before(self.trajectory.latest - self._keep)
 
-    def _decide_known(self, now: int) -> None:
+    def _decide_until(self, known: int) -> None:
         for one in self._contact_trackers.values():
-            while one.waiting and one.waiting[0].finish <= self._known_until(now):
+            while one.waiting and one.waiting[0].finish <= known:
                 self.trajectory.stand(one.waiting[0].finish)
                 self._decide(one)
 

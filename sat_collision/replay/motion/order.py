@@ -18,8 +18,6 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterable, Iterator
-from itertools import chain, groupby
-from operator import itemgetter
 from typing import TypeAlias
 
 from sat_collision.messages.cdr import header_stamp, STAMP_SIZE
@@ -114,8 +112,16 @@ class StampOrder:
         end = len(waiting) if until is None else bisect_left(waiting, (until,))
         ready = waiting[:end]
         del waiting[:end]
-        for (topic, time), runs in groupby(ready, itemgetter(2, 0)):
-            yield topic, time, [*chain.from_iterable(run for _, _, _, run in runs)]
+        last_topic, last_time, messages = '', -1, [b'']
+        for time, _, topic, run in ready:
+            if topic == last_topic and time == last_time:
+                messages += run
+                continue
+            if last_topic:
+                yield last_topic, last_time, messages
+            last_topic, last_time, messages = topic, time, run
+        if last_topic:
+            yield last_topic, last_time, messages
 
 
 def _tf_stamp(data: bytes) -> int:

@@ -19,6 +19,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Collection, Iterator
+from operator import itemgetter
 import os
 from pathlib import Path
 import struct
@@ -46,6 +47,7 @@ _PIECE = 2**20
 _ENTRY = 400
 # Time in ns, block, where its data begins and ends in the block, channel, bytes of the block.
 _Entry: TypeAlias = tuple[int, int, int, int, int, bytes]
+_channel_of = itemgetter(4)
 
 
 class McapFile:
@@ -135,7 +137,7 @@ class McapFile:
         for number, block in enumerate(blocks):
             held = {entry[1]: len(entry[5]) for entry in pending}
             loaded = self._load(block, number, sum(held.values()), faults)
-            read.update(entry[4] for entry in loaded)
+            read.update(map(_channel_of, loaded))
             pending += [entry for entry in loaded
                         if entry[4] in wanted and first <= entry[0] < last]
             pending.sort()
@@ -152,7 +154,7 @@ class McapFile:
         found: Counter[int] = Counter()
         for number, block in enumerate(layout.blocks):
             loaded = self._load(block, number, 0, self._faults)
-            found.update(entry[4] for entry in loaded)
+            found.update(map(_channel_of, loaded))
             for time, *_ in loaded[:1] + loaded[-1:]:
                 self.start = time if self.start is None else min(time, self.start)
                 self.end = time if self.end is None else max(time, self.end)

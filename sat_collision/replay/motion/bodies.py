@@ -98,12 +98,12 @@ class Block:
         rings = at = 0
         for number, placements in enumerate(sets):
             for _, stamp, _, _, (data, where, count), plane, _ in placements:
-                points_at, run = count, 1
+                run, points_at = 1, 0
                 if isinstance(where, int):
-                    data, points_at = data[where:where + POINT_SIZE * count], 0
+                    data = data[where:where + POINT_SIZE * count]
                 else:
                     ends.append(where)
-                    run += len(where)
+                    run, points_at = 1 + len(where), count
                 messages += number, run, at, stamp, points_at, len(data)
                 rings += run
                 at += len(data)
@@ -120,9 +120,10 @@ class Block:
         describe(b''.join(pieces), np.array(messages, np.int64).reshape(-1, LAST + 1),
                  np.concatenate(ends), maps, described)
         if longest:
-            self.ways = Ways.of(*np.empty((2, rings), np.int64), len(self.points))
+            rows, next_rows = np.empty((2, rings), np.int64)
+            self.ways = Ways.of(rows, next_rows, len(self.points))
             follow(described, longest, tuple(self.ways))
-        self.numbers = [_NO_NUMBERS, *self.sets.tolist()]
+        self.numbers: list[list[int]] = [_NO_NUMBERS, *self.sets.tolist()]
 
 
 class Bodies:
@@ -224,7 +225,8 @@ class Bodies:
     def followed(self) -> int:
         """How many of the set before it in the block become one of it."""
         assert self.block is not None
-        return self.block.numbers[self.number + 1][WAYS] - self.block.numbers[self.number][WAYS]
+        last, numbers = self.block.numbers[self.number:self.number + 2]
+        return numbers[WAYS] - last[WAYS]
 
     def ring(self, row: int) -> Floats:
         """Return the vertices of a body as received, (n, 2)."""

@@ -51,6 +51,8 @@ class Step:
 
     Attributes
     ----------
+    made : list of LinearMotion
+        The motions, as far as they are made.
     seen : Bodies or None
         All that was seen at the later one, None if nothing was.
     gone : sequence of ObstacleId or None
@@ -58,7 +60,8 @@ class Step:
     finish : int
         The last time of which anything is known, ns.
     last : Bodies or None
-        The set before that which was seen in its block, if these two are all of the step.
+        The set before that which was seen in their block, if these two are all of the step: then
+        the motions are made when they are asked for.
 
     """
 
@@ -86,10 +89,10 @@ class Step:
 
 
 class Described(NamedTuple):
-    """A set, and of how many messages it was made."""
+    """A set, and how many messages it was made of."""
 
     bodies: Bodies
-    count: int
+    messages: int
 
 
 Emit: TypeAlias = 'Callable[[Tracker, Step], None]'
@@ -269,8 +272,10 @@ class SetTracker(Tracker):
     def _take_set(self) -> Bodies:
         """Return the set that came in; of bodies in the same place the last message counts."""
         pending, self._pending = self._pending, []
-        seen, count = self._described or (None, 0)
-        if seen is None or count != len(pending):
+        described = self._described
+        if described and described.messages == len(pending):
+            seen = described.bodies
+        else:
             seen = self._set(pending, Block([pending]))
         if seen.may_repeat or not all(map(self._is_usable, pending)):
             shapes = {}

@@ -61,7 +61,8 @@ class Piece:
     @cached_property
     def box(self) -> Box:
         """What bounds all of it."""
-        return around(*(tuple(one.boxes[0].tolist()) for one in (self.before, self.after)))
+        box: Box = around(*(tuple(one.boxes[0].tolist()) for one in (self.before, self.after)))
+        return box
 
     @cached_property
     def motion(self) -> LinearMotion:

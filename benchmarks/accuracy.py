@@ -24,27 +24,18 @@ that cost.
 import argparse
 from collections import Counter
 import json
-import os
 from pathlib import Path
 import sys
-import tempfile
 import time
 
+from _shared import describe
+import families
 import numpy as np
-
-# Compile the kernels as they are now: numba's cache does not see a change of what a kernel calls.
-FRESH_CACHE = tempfile.TemporaryDirectory()
-os.environ['NUMBA_CACHE_DIR'] = FRESH_CACHE.name
-ROOT = Path(__file__).parents[1]
-sys.path[:0] = [str(ROOT / place) for place in ('test/support', 'benchmarks/report', 'docs')]
-
-import families  # noqa: E402, I100
-import machine  # noqa: E402
-import oracle  # noqa: E402
-import samples  # noqa: E402
-from sat_collision import intersects_pairs, Polygon, PolygonSet  # noqa: E402
-import stages  # noqa: E402
-import tables  # noqa: E402
+import oracle
+import samples
+from sat_collision import intersects_pairs, Polygon, PolygonSet
+from scenes import tried
+import tables
 
 SIDES = 3, 4, 5, 6, 8, 16, 32, 64, 256, 1024
 CHECKED = 1000  # one in so many of the answers the filter proved is also decided in integers
@@ -64,7 +55,7 @@ def main():
         name = family.__name__
         rng = np.random.default_rng([arguments.seed, k])
         total = results.setdefault(name, Counter())
-        for part in _chunks(count, n):
+        for part in samples.chunks(count, n):
             counts, examples = _compare(rng, family(rng, part, n))
             total.update(counts)
             for a, b in examples:
@@ -79,11 +70,11 @@ def main():
     for counts in results.values():
         total.update(counts)  # unlike a sum, keeps what is 0
     results['all'] = total
-    print(tables.TABLES['long run']({'accuracy': {'families': results}}))
+    print(tables.long_run(results))
     if arguments.json:
         arguments.json.write_text(json.dumps({
             'seed': arguments.seed, 'seconds': round(time.perf_counter() - start),
-            'machine': machine.describe('numpy'), 'families': results, 'wrong': wrong},
+            'machine': describe('numpy'), 'families': results, 'wrong': wrong},
             indent=1) + '\n')
     return 1 if wrong else 0
 
@@ -104,20 +95,13 @@ def _shares(pairs):
     return [(*shares[0][:2], shares[0][2] + left), *shares[1:]]
 
 
-def _chunks(count, n):
-    size = min(max(5_000_000 // n**2, 4), 10_000)
-    while count > 0:
-        yield min(size, count)
-        count -= size
-
-
 def _compare(rng, pairs):
     expected, unknown = oracle.intersects_pairs(pairs)
     checked = np.flatnonzero(~unknown & (rng.random(len(pairs)) < 1 / CHECKED))
     if any(oracle.intersects(*pairs[i]) != expected[i] for i in checked):
         raise AssertionError('the filtered oracle contradicts the exact one')
     a, b = ([Polygon(pair[k]) for pair in pairs] for k in (0, 1))
-    _, unsure = stages.tried(a, b)
+    _, unsure = tried(a, b)
     answers, seconds = np.empty(len(pairs), np.bool_), {}
     for exact in (False, True):
         rows = np.flatnonzero(unsure == exact)

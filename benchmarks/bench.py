@@ -20,33 +20,26 @@ With --written tables and plots are made again from the figures stored there.
 
 import argparse
 import json
-import os
 from pathlib import Path
 import sys
-import tempfile
 import time
 
-# Compile the kernels as they are now: numba's cache does not see a change of what a kernel calls.
-FRESH_CACHE = tempfile.TemporaryDirectory()
-os.environ['NUMBA_CACHE_DIR'] = FRESH_CACHE.name
-ROOT = Path(__file__).parents[1]
-sys.path += [str(ROOT / 'benchmarks' / 'report'), str(ROOT / 'docs')]
+from _shared import describe, ROOT
+import frames
+import node
+import scene
+from words import table, table_of, with_tables
 
-import frames  # noqa: E402, I100
-import kernel  # noqa: E402
-import machine  # noqa: E402
-import node  # noqa: E402
-import scene  # noqa: E402
-from words import table, with_tables  # noqa: E402
-
-DIRECTORY = ROOT / 'docs' / 'benchmarks'
 PACKAGES = 'numpy', 'numba', 'shapely', 'rclpy'
 PARTS = 'kernel', 'scene', 'node', 'frames', 'startup'
+PLOTS = {'kernel': scene.plot_pairs, 'scene': scene.plot, 'node': node.plot}
 _KERNELS = {'monitor': 'numba', 'plain': 'plain Python'}
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser.add_argument('--directory', type=Path, default=ROOT / 'docs' / 'benchmarks',
+                        help='with the page, in which the tables are replaced')
     parser.add_argument('--seed', type=int, default=1)
     parser.add_argument('--quick', action='store_true', help='fewer pairs and repeats')
     parser.add_argument('--only', choices=PARTS, action='append',
@@ -54,14 +47,14 @@ def main():
     parser.add_argument('--written', action='store_true',
                         help='only write tables and plots from the figures stored before')
     arguments = parser.parse_args()
-    stored = DIRECTORY / 'figures.json'
+    stored = arguments.directory / 'figures.json'
     figures = json.loads(stored.read_text())
     if not arguments.written:
         figures |= measure(arguments.seed, arguments.quick, arguments.only or PARTS)
         stored.write_text(json.dumps(figures, indent=1) + '\n')
-    for part in (kernel, scene, node):
-        part.plot(figures[part.__name__], DIRECTORY / f'{part.__name__}.png')
-    page = DIRECTORY / 'README.md'
+    for part, plot in PLOTS.items():
+        plot(figures[part], arguments.directory / f'{part}.png')
+    page = arguments.directory / 'README.md'
     page.write_text(with_tables(page.read_text(), TABLES, figures))
 
 
@@ -70,12 +63,12 @@ def measure(seed, quick, parts):
     start = time.perf_counter()
     seconds, repeats = (1.0, 1) if quick else (3.0, 3)
     measures = {
-        'kernel': lambda: kernel.measure(*((2_000, 3) if quick else (20_000, 7)), seed),
+        'kernel': lambda: scene.measure_pairs(*((2_000, 3) if quick else (20_000, 7)), seed),
         'scene': lambda: scene.measure(seed, 5 if quick else 25),
         'node': lambda: node.measure(seconds, repeats),
         'frames': lambda: frames.measure(seconds, repeats),
         'startup': lambda: node.measure_startup(repeats)}
-    figures = {'seed': seed, 'machine': machine.describe(*PACKAGES)}
+    figures = {'seed': seed, 'machine': describe(*PACKAGES)}
     with node.ros():
         for name in parts:
             print(f'{time.perf_counter() - start:6.0f} s  {name}', file=sys.stderr)
@@ -84,93 +77,74 @@ def measure(seed, quick, parts):
     return figures
 
 
-def _machine(figures):
-    return table(figures['machine'], [figures['machine'].values()])
-
-
 def _costs(figures):
-    return table(
-        ['obstacles', 'vertices', *node.TITLES.values(), 'times the empty node',
-         'shapely, times ours'],
-        [[f'{one["obstacles"]:,}', one['vertices'],
-          *(f'{one[kind]["cpu_us"]:.0f}' for kind in node.TITLES),
-          f'{one["together"]["times_floor"]:.1f}',
-          f'{one["rival"]["cpu_us"] / one["monitor"]["cpu_us"]:.1f}']
-         for one in figures['node']['loads']])
+    return table_of(figures['node']['loads'], {
+        'obstacles': '{obstacles:,}', 'vertices': '{vertices}',
+        **{title: f'{{{kind}[cpu_us]:.0f}}' for kind, title in node.TITLES.items()},
+        'times the empty node': '{together[times_floor]:.1f}',
+        'shapely, times ours': lambda one: '{:.1f}'.format(
+            one['rival']['cpu_us'] / one['monitor']['cpu_us'])})
 
 
 def _latencies(figures):
     loads = figures['node']['loads'] + [{**one, 'vertices': '4, all at once'}
                                         for one in figures['node']['bursts']]
-    return table(['obstacles', 'vertices', *node.TITLES.values()], [
-        [f'{one["obstacles"]:,}', one['vertices'],
-         *(_latency(one[kind]) if kind in one else '–' for kind in node.TITLES)]
-        for one in loads])
+    return table_of(loads, {
+        'obstacles': '{obstacles:,}', 'vertices': '{vertices}',
+        **{title: lambda one, kind=kind: _latency(one[kind]) if kind in one else '–'
+           for kind, title in node.TITLES.items()}})
 
 
 def _latency(run):
-    times = ' / '.join(f'{run[name]:.1f}' for name in ('p50_ms', 'p99_ms', 'max_ms'))
     lost = run['lost'] + run['unanswered']
-    return f'{times}, {lost:,} lost' if lost else times
-
-
-def _rates(figures):
-    return table(['kernel', 'sent a second', 'lost', 'share of the core'], [
-        [_KERNELS[rate['kind']], f'{rate["sent_per_second"]:,.0f}', f'{rate["lost"]:,}',
-         f'{rate["core"]:.0%}'] for rate in figures['node']['rates']])
-
-
-def _scene(figures):
-    return table(['obstacles', 'sat_collision', 'STRtree, built before', 'STRtree, built anew'], [
-        [f'{row["obstacles"]:,}', f'{row["us"]:.1f}', f'{row["tree_us"]:.1f}',
-         f'{row["tree_build_us"]:,.0f}'] for row in figures['scene']['one']])
-
-
-def _messages(figures):
-    return table(['obstacles', 'obstacle message, alone', 'one of 64', 'footprint message'], [
-        [f'{row["obstacles"]:,}', f'{row["obstacle_us"]:.1f}', f'{row["together_us"]:.1f}',
-         f'{row["footprint_us"]:.1f}']
-        for row in figures['scene']['message']])
-
-
-def _memory(figures):
-    return table(['vertices', 'bytes an obstacle'], [
-        [row['vertices'], f'{row["scene"]:,.0f}'] for row in figures['scene']['memory']])
-
-
-def _kernel(figures):
-    return table(
-        ['pairs', 'vertices', 'sat_collision', 'shapely', 'shapely, times ours', 'make a polygon',
-         'different answers'],
-        [[row['load'].replace('_', ' '), f'{row["vertices"]:,}', f'{row["ours"]:,.0f}',
-          f'{row["shapely"]:,.0f}', f'{row["shapely"] / row["ours"]:.1f}',
-          f'{1e3 * row["setup"]:,.0f}', row['wrong']] for row in figures['kernel']])
+    return '{p50_ms:.1f} / {p99_ms:.1f} / {max_ms:.1f}'.format(**run) + (
+        f', {lost:,} lost' if lost else '')
 
 
 def _transforms(figures):
-    loads = {**{f'{row["transforms"]} in a message': row for row in figures['frames']['sizes']},
-             '1 in a message, and an outline in its frame': figures['frames']['outline'],
-             '1 in each of 20 messages': figures['frames']['robots']}
-    return table(['transforms at 100 Hz', 'sat_collision', 'empty', 'ratio', 'share of a core'], [
-        [name, f'{row["monitor_us"]:.0f}', f'{row["floor_us"]:.0f}', f'{row["ratio"]:.2f}',
-         f'{row["core"]:.1%}'] for name, row in loads.items()])
+    found = figures['frames']
+    names = [*(f'{row["transforms"]} in a message' for row in found['sizes']),
+             '1 in a message, and an outline in its frame', '1 in each of 20 messages']
+    rows = [*found['sizes'], found['outline'], found['robots']]
+    return table_of([{'name': name, **row} for name, row in zip(names, rows)], {
+        'transforms at 100 Hz': '{name}', 'sat_collision': '{monitor_us:.0f}',
+        'empty': '{floor_us:.0f}', 'ratio': '{ratio:.2f}', 'share of a core': '{core:.1%}'})
 
 
 def _frames(figures):
-    other, latency = figures['frames']['other_frame'], figures['frames']['latency']
-    return table(['message in the fixed frame', 'in another frame', 'transform to flag'], [
-        [f'{other["fixed_us"]:.1f} µs', f'{other["fixed_us"] + other["more_us"]:.1f} µs',
-         f'{latency["p50_ms"]:.1f} ms, 99 of 100 below {latency["p99_ms"]:.1f} ms']])
+    return table_of([{**figures['frames']['other_frame'], **figures['frames']['latency']}], {
+        'message in the fixed frame': '{fixed_us:.1f} µs',
+        'in another frame': lambda one: f'{one["fixed_us"] + one["more_us"]:.1f} µs',
+        'transform to flag': '{p50_ms:.1f} ms, 99 of 100 below {p99_ms:.1f} ms'})
 
 
-def _startup(figures):
-    return table(['first start', 'later starts', 'empty rclpy node'], [
-        [f'{figures["startup"][name]:.1f} s' for name in ('cold_s', 'warm_s', 'floor_s')]])
+def _kernel(figures):
+    return table_of(figures['kernel'], {
+        'pairs': lambda row: row['load'].replace('_', ' '), 'vertices': '{vertices:,}',
+        'sat_collision': '{ours:,.0f}', 'shapely': '{shapely:,.0f}',
+        'shapely, times ours': lambda row: f'{row["shapely"] / row["ours"]:.1f}',
+        'make a polygon': lambda row: f'{1e3 * row["setup"]:,.0f}',
+        'different answers': '{wrong}'})
 
 
-TABLES = {'machine': _machine, 'costs': _costs, 'latencies': _latencies, 'rates': _rates,
-          'scene': _scene, 'messages': _messages, 'memory': _memory, 'kernel': _kernel,
-          'transforms': _transforms, 'frames': _frames, 'start-up': _startup}
+TABLES = {
+    'machine': lambda figures: table(figures['machine'], [figures['machine'].values()]),
+    'costs': _costs, 'latencies': _latencies, 'kernel': _kernel, 'transforms': _transforms,
+    'frames': _frames,
+    'rates': lambda figures: table_of(figures['node']['rates'], {
+        'kernel': lambda rate: _KERNELS[rate['kind']], 'sent a second': '{sent_per_second:,.0f}',
+        'lost': '{lost:,}', 'share of the core': '{core:.0%}'}),
+    'scene': lambda figures: table_of(figures['scene']['one'], {
+        'obstacles': '{obstacles:,}', 'sat_collision': '{us:.1f}',
+        'STRtree, built before': '{tree_us:.1f}', 'STRtree, built anew': '{tree_build_us:,.0f}'}),
+    'messages': lambda figures: table_of(figures['scene']['message'], {
+        'obstacles': '{obstacles:,}', 'obstacle message, alone': '{obstacle_us:.1f}',
+        'one of 64': '{together_us:.1f}', 'footprint message': '{footprint_us:.1f}'}),
+    'memory': lambda figures: table_of(figures['scene']['memory'], {
+        'vertices': '{vertices}', 'bytes an obstacle': '{scene:,.0f}'}),
+    'start-up': lambda figures: table_of([figures['startup']], {
+        'first start': '{cold_s:.1f} s', 'later starts': '{warm_s:.1f} s',
+        'empty rclpy node': '{floor_s:.1f} s'})}
 
 
 if __name__ == '__main__':

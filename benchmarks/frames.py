@@ -21,14 +21,13 @@ serialised messages, so another type stands in for TFMessage where tf2_msgs is m
 """
 
 import contextlib
-import os
-from pathlib import Path
 import statistics
-import subprocess
 import sys
 import time
 import types
 
+import _shared  # noqa: F401
+from builders import box, SECOND, serialised, transforms
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 import node
 import numpy as np
@@ -36,10 +35,8 @@ import rclpy
 from sat_collision.monitor import Monitor
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, TF
 from std_msgs.msg import Bool
+from traffic import until
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test' / 'support'))
-
-from builders import box, SECOND, serialised, transforms  # noqa: E402, I100
 
 RATE = 100
 SIZES = 1, 5, 20
@@ -48,7 +45,8 @@ _PARAMETERS = {'frame_id': 'odom', 'footprint.timeout': '0.0', 'obstacle.timeout
                'obstacle.type': 'polygon_instance'}
 _OUTLINE = {'footprint.points': '[0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0]',
             'footprint.frame_id': 'base'}
-_PATIENCE = 60.0
+
+node.NODES |= {'frames': [__file__], 'frames floor': [__file__, '--floor']}
 
 
 def message(stamp, children, x=0.0):
@@ -77,11 +75,7 @@ class Publisher:
 
     def until(self, condition):
         """Take flags until something holds."""
-        end = time.monotonic() + _PATIENCE
-        while not condition():
-            if time.monotonic() > end:
-                raise TimeoutError('the node does not answer')
-            rclpy.spin_once(self._node, timeout_sec=0.01)
+        until(condition, lambda: rclpy.spin_once(self._node, timeout_sec=0.01))
 
     def publish(self, children, x=0.0):
         self._publisher.publish(message(time.time_ns(), children, x))
@@ -109,43 +103,22 @@ class Publisher:
         self._node.destroy_node()
 
 
-@contextlib.contextmanager
-def _running(*arguments, **parameters):
-    words = [word for name, value in {**_PARAMETERS, **parameters}.items()
-             for word in ('-p', f'{name}:={value}')]
-    process = subprocess.Popen(
-        [sys.executable, __file__, *arguments, '--ros-args', *words],
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        yield process.pid
-    finally:
-        process.terminate()
-        process.wait(30)
-
-
 def together(groups, seconds, repeats, **parameters):
     """Return processor time in us a message of the monitor and of the floor, and of a core."""
-    core = max(os.sched_getaffinity(0))
-    with _running(**parameters) as monitor, _running('--floor') as floor, contextlib.closing(
-            Publisher(2)) as publisher:
-        for pid in (monitor, floor):
-            node.pin(pid, core)
-        publisher.run(groups, 0.5)
-        costs = []
-        for _ in range(repeats):
-            before = [node.cpu_time(pid) for pid in (monitor, floor)]
-            count = publisher.run(groups, seconds)
-            costs.append([1e6 * (node.cpu_time(pid) - used) / count
-                          for pid, used in zip((monitor, floor), before)])
-    monitor_us, floor_us = (statistics.median(column) for column in zip(*costs))
-    return {'monitor_us': monitor_us, 'floor_us': floor_us,
-            'ratio': statistics.median(one / other for one, other in costs),
-            'core': monitor_us * RATE * len(groups) / 1e6}
+    def start(stack, nodes):
+        publisher = stack.enter_context(contextlib.closing(Publisher(nodes)))
+        return lambda seconds: publisher.run(groups, seconds)
+    us, floor, ratio = node.together([
+        ('frames', {**_PARAMETERS, **parameters}), ('frames floor', _PARAMETERS)],
+        start, seconds, repeats)
+    return {'monitor_us': us, 'floor_us': floor, 'ratio': ratio,
+            'core': us * RATE * len(groups) / 1e6}
 
 
 def latency(repeats):
     """Return ms from publishing a transform to the flag that follows."""
-    with _running(**_OUTLINE), contextlib.closing(Publisher(1)) as publisher:
+    with node.running('frames', {**_PARAMETERS, **_OUTLINE}), \
+            contextlib.closing(Publisher(1)) as publisher:
         raised = False
         times = []
         publisher.clear()
@@ -202,9 +175,11 @@ def run_monitor():
     messages.TFMessage = PolygonStamped
     sys.modules.update({'tf2_msgs': types.ModuleType('tf2_msgs'), 'tf2_msgs.msg': messages})
     from sat_collision.node.__main__ import main
-    if '--floor' in sys.argv:
+    arguments = sys.argv[1:]
+    if arguments[0] == '--floor':
+        del arguments[0]
         Monitor.receive_transforms = lambda *_: ()
-    return main()
+    return main(arguments)
 
 
 if __name__ == '__main__':

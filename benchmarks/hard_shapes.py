@@ -29,19 +29,17 @@ import subprocess
 import sys
 import time
 
+import _shared  # noqa: F401
+from builders import serialised
 import numpy as np
+from page_parts import replace_part
 from sat_collision import intersects, Polygon, separation
 from sat_collision.messages.cdr import decode
 from sat_collision.messages.packer import most_notched, Packer
 from sat_collision.monitor import Monitor
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
-from traffic import pack, regular
-
-ROOT = Path(__file__).resolve().parents[1]
-sys.path += [str(ROOT / 'docs'), str(ROOT / 'benchmarks' / 'report')]
-
-from page_parts import replace_part  # noqa: E402, I100
-from words import table  # noqa: E402
+from traffic import regular
+from words import table
 
 MAX_VERTICES = 1024
 KERNELS = {'compiled': '0', 'in plain Python': '1'}
@@ -125,7 +123,7 @@ def measure(repeats, seed):
     outlines = shapes(most_notched(MAX_VERTICES), rng)
     found = {}
     for name, outline in outlines.items():
-        messages = [decode(pack(_placed(outline, 0.0, 0.0, turn), 0), False)[2]
+        messages = [decode(serialised(_placed(outline, 0.0, 0.0, turn), 0), False)[2]
                     for turn in _TURNS]
         taking = max(_best(repeats, packer.pack, points) for points in messages)
         deciding, measuring = (0.0, ''), (0.0, '')
@@ -145,8 +143,8 @@ def contacts(count):
         (FootprintSettings('footprint', '/footprint', timeout=0.0),),
         (ObstacleSettings('obstacles', '/obstacles', timeout=0.0, max_count=count),)))
     now = 10**18
-    monitor.receive('footprint', pack(regular(4, 0.0, 0.0, 2.0 * count), now), now)
-    messages = [pack(regular(4, float(k), 0.0, 0.4), now) for k in range(count)]
+    monitor.receive('footprint', serialised(regular(4, 0.0, 0.0, 2.0 * count), now), now)
+    messages = [serialised(regular(4, float(k), 0.0, 0.4), now) for k in range(count)]
 
     def meet_all():
         for message in messages:

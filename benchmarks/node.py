@@ -27,51 +27,37 @@ import sys
 import tempfile
 import time
 
-import matplotlib
+from _shared import ROOT
+from discovery import discover_promptly
+from matplotlib import pyplot
+from matplotlib.ticker import LogLocator
 import numpy as np
 import rclpy
 from std_msgs.msg import Bool
-from traffic import PATIENCE, Reader, SET_RATE, Traffic
+from traffic import Reader, SET_RATE, Traffic, until
 
-matplotlib.use('Agg')
-from matplotlib import pyplot  # noqa: E402, I100
-from matplotlib.ticker import LogLocator  # noqa: E402
 
-HERE = Path(__file__).parent
-_PEERS = str(HERE / 'peers.py')
-NODES = {'monitor': ['-m', 'sat_collision.node'], 'plain': ['-m', 'sat_collision.node'],
-         'floor': [_PEERS, 'floor'], 'loop floor': [_PEERS, 'loop'], 'rival': [_PEERS, 'shapely']}
+_PEERS = str(ROOT / 'benchmarks' / 'peers.py')
+_MONITOR = ['-m', 'sat_collision.node']
+NODES = {'monitor': _MONITOR, 'plain': _MONITOR, 'floor': [_PEERS, 'floor'],
+         'rival': [_PEERS, 'shapely']}
 TITLES = {'monitor': 'sat_collision', 'floor': 'empty rclpy node',
           'rival': 'shapely in a callback'}
 _ENVIRONMENTS = {'plain': {'NUMBA_DISABLE_JIT': '1'}}
-_TOGETHER = 'monitor', 'floor', 'loop floor'
 OBSTACLES = 10, 100, 1000
 VERTICES = 4, 32
 RATES = 10_000, 20_000, 30_000, 60_000
 PLAIN_RATES = RATES[:2]
 # The tests have others.
 _DOMAINS = range(215, 233)
-_DISCOVERY = """<?xml version="1.0" encoding="UTF-8"?>
-<dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"><profiles>
-  <participant profile_name="prompt" is_default_profile="true"><rtps><builtin><discovery_config>
-    <initialAnnouncements>
-      <count>20</count><period><sec>0</sec><nanosec>20000000</nanosec></period>
-    </initialAnnouncements>
-  </discovery_config></builtin></rtps></participant>
-</profiles></dds>
-"""
 
 
 @contextlib.contextmanager
 def ros():
     """Run ROS on this machine only, in a domain of its own, with prompt discovery."""
     with tempfile.TemporaryDirectory() as folder:
-        profile = Path(folder, 'prompt.xml')
-        profile.write_text(_DISCOVERY)
-        os.environ.update(
-            FASTRTPS_DEFAULT_PROFILES_FILE=str(profile), ROS_LOG_DIR=folder,
-            ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST',
-            ROS_DOMAIN_ID=str(_DOMAINS[os.getpid() % len(_DOMAINS)]))
+        discover_promptly(folder, announces=False)
+        os.environ['ROS_DOMAIN_ID'] = str(_DOMAINS[os.getpid() % len(_DOMAINS)])
         rclpy.init()
         try:
             yield
@@ -80,13 +66,15 @@ def ros():
 
 
 @contextlib.contextmanager
-def running(kind, **environment):
-    """Start a node of some kind as a process, the plain one without numba; end it at last."""
-    process = subprocess.Popen([sys.executable, *NODES[kind]], stdout=subprocess.DEVNULL,
-                               stderr=subprocess.DEVNULL,
-                               env={**os.environ, **_ENVIRONMENTS.get(kind, {}), **environment})
+def running(kind, parameters={}, **environment):
+    """Run a node of some kind as a process, the plain one without numba; yield its id."""
+    words = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
+    process = subprocess.Popen(
+        [sys.executable, *NODES[kind], *(['--ros-args', *words] if words else ())],
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        env={**os.environ, **_ENVIRONMENTS.get(kind, {}), **environment})
     try:
-        yield process
+        yield process.pid
     finally:
         process.terminate()
         process.wait(30)
@@ -98,22 +86,18 @@ def cpu_time(pid):
                for path in Path(f'/proc/{pid}/task').glob('*/schedstat')) / 1e9
 
 
-def load(kind, obstacles, vertices, seconds, burst=False, rate=SET_RATE, seed=1):
-    """
-    Run traffic against one node on one core; return costs, latencies and losses.
-
-    Processor time is divided by the messages that the node took.
-    """
+def load(kind, obstacles, vertices, seconds, burst=False, rate=SET_RATE):
+    """Run traffic against a node on one core; return its cost a message, latencies and losses."""
     core = max(os.sched_getaffinity(0))
-    with running(kind) as process, contextlib.closing(Reader()) as reader, \
-            contextlib.closing(Traffic(obstacles, vertices, seed)) as traffic:
+    with running(kind) as pid, contextlib.closing(Reader()) as reader, \
+            contextlib.closing(Traffic(obstacles, vertices)) as traffic:
         traffic.connect()
-        pin(process.pid, core)
+        pin(pid, core)
         traffic.run(0.5, burst, rate)
         count = reader.steady()
-        used = cpu_time(process.pid)
+        used = cpu_time(pid)
         footprints, sent, latencies = traffic.run(seconds, burst, rate)
-        used = cpu_time(process.pid) - used
+        used = cpu_time(pid) - used
         taken = reader.steady() - count
     return {'cpu_us': 1e6 * used / (taken + len(latencies)), 'core': used / seconds,
             'sent_per_second': sent / seconds, 'lost': sent - taken,
@@ -122,36 +106,40 @@ def load(kind, obstacles, vertices, seconds, burst=False, rate=SET_RATE, seed=1)
                 ('p50_ms', 50), ('p99_ms', 99), ('max_ms', 100))}}
 
 
-def together(kinds, obstacles, vertices, seconds, repeats, seed=1):
+def together(nodes, start, seconds, repeats):
     """
-    Give the same messages at once to nodes of some kinds, which share a core.
+    Return processor time in us a message of two nodes that share a core, and their ratio.
 
-    So they have the same machine, whose speed changes from one second to the next by more than
-    they differ. They start anew for each repeat: a message wakes them one after the other, in the
-    order in which they were found, and the first warms the caches for the others.
-
-    Returns medians of the repeats: processor time in us a message of each, and that of the first
-    divided by that of the floor.
+    They get the same messages at once, as the machine's speed changes from one second to the next
+    by more than they differ. They start anew for each repeat: the one that was found first warms
+    the caches for the other. All are medians. `nodes` are kinds and parameters; `start` takes a
+    stack of contexts and how many nodes to await, and returns what sends messages for some seconds
+    and returns how many.
     """
-    costs = [_run_together(kinds, obstacles, vertices, seconds, seed) for _ in range(repeats)]
-    return {'us': {kind: statistics.median(cost[kind] for cost in costs) for kind in kinds},
-            'times_floor': statistics.median(cost[kinds[0]] / cost['floor'] for cost in costs)}
-
-
-def _run_together(kinds, obstacles, vertices, seconds, seed):
-    """Return processor time in us a message of nodes of some kinds that share a core."""
     core = max(os.sched_getaffinity(0))
-    with contextlib.ExitStack() as stack:
-        nodes = {kind: stack.enter_context(running(kind)).pid for kind in kinds}
-        traffic = stack.enter_context(contextlib.closing(Traffic(obstacles, vertices, seed)))
-        traffic.connect(len(nodes))
-        for pid in nodes.values():
-            pin(pid, core)
-        traffic.run(0.5)
-        used = {kind: cpu_time(pid) for kind, pid in nodes.items()}
-        footprints, sent, _ = traffic.run(seconds)
-        return {kind: 1e6 * (cpu_time(pid) - used[kind]) / (footprints + sent)
-                for kind, pid in nodes.items()}
+    costs = []
+    for _ in range(repeats):
+        with contextlib.ExitStack() as stack:
+            pids = [stack.enter_context(running(*node)) for node in nodes]
+            run = start(stack, len(pids))
+            for pid in pids:
+                pin(pid, core)
+            run(0.5)
+            before = [cpu_time(pid) for pid in pids]
+            count = run(seconds)
+            costs.append([1e6 * (cpu_time(pid) - used) / count
+                          for pid, used in zip(pids, before)])
+    return *map(statistics.median, zip(*costs)), statistics.median(
+        one / other for one, other in costs)
+
+
+def _beside_the_floor(obstacles, vertices, seconds, repeats):
+    def start(stack, nodes):
+        traffic = stack.enter_context(contextlib.closing(Traffic(obstacles, vertices)))
+        traffic.connect(nodes)
+        return lambda seconds: sum(traffic.run(seconds)[:2])
+    us, floor, ratio = together([('monitor',), ('floor',)], start, seconds, repeats)
+    return {'us': {'monitor': us, 'floor': floor}, 'times_floor': ratio}
 
 
 def pin(pid, core):
@@ -161,11 +149,7 @@ def pin(pid, core):
 
 
 def _by_turns(kinds, repeats, *arguments, **options):
-    """
-    Run the same traffic against nodes of some kinds by turns.
-
-    Returns for each the medians of its runs; the greatest latency and losses are of all runs.
-    """
+    """Return medians of runs by turns; the greatest latency and losses are of all runs."""
     runs = [{kind: load(kind, *arguments, **options) for kind in kinds} for _ in range(repeats)]
     combine = {'lost': sum, 'unanswered': sum, 'max_ms': max}
     return {kind: {name: combine.get(name, statistics.median)([run[kind][name] for run in runs])
@@ -177,7 +161,7 @@ def measure(seconds, repeats):
     return {
         'repeats': repeats,
         'loads': [{'obstacles': obstacles, 'vertices': vertices,
-                   'together': together(_TOGETHER, obstacles, vertices, seconds, 3 * repeats),
+                   'together': _beside_the_floor(obstacles, vertices, seconds, 3 * repeats),
                    **_by_turns(TITLES, repeats, obstacles, vertices, seconds)}
                   for vertices in VERTICES for obstacles in OBSTACLES],
         'bursts': [{'obstacles': obstacles,
@@ -196,12 +180,9 @@ def _first_flag(kind, **environment):
     node.create_subscription(Bool, '/footprint_monitor/collision', flags.append, 10)
     start = time.monotonic()
     with running(kind, **environment):
-        while not flags and time.monotonic() < start + PATIENCE:
-            rclpy.spin_once(node, timeout_sec=0.1)
+        until(lambda: flags, lambda: rclpy.spin_once(node, timeout_sec=0.1))
         seconds = time.monotonic() - start
     node.destroy_node()
-    if not flags:
-        raise TimeoutError(f'no flag from {kind}')
     return seconds
 
 

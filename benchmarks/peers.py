@@ -16,8 +16,7 @@
 Nodes to compare the monitor with: one that only receives and publishes, one that asks shapely.
 
 `floor` has raw subscriptions, callbacks that look at a byte at most, and the same publishes, in
-rclpy's events executor; `loop` has the same in the loop of our node, which takes messages in
-batches. `shapely` has typed messages, one flag, and checks nothing but intersection.
+rclpy's events executor. `shapely` has typed messages, one flag, and checks only intersection.
 """
 
 import sys
@@ -34,7 +33,6 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
-from sat_collision.node import loop
 from sat_collision.node.footprint_monitor import flag_qos
 from sat_collision.node.signals import end_on_signals, Signalled
 import shapely
@@ -65,25 +63,18 @@ class Peer(Node):
 class Floor(Peer):
     """Answers a footprint by the sign of its first x, with as many flags as the monitor has."""
 
-    def __init__(self, in_loop):
+    def __init__(self):
         super().__init__()
         self._flags = [serialize_message(Bool(data=raised)) for raised in (False, True)]
         self._flag = self._flags[0]
-        self._ticked = 0.0
         # Not _publishers, which is rclpy's own list of all that a node has.
         self._flag_publishers = [
             self.create_publisher(Bool, topic, flag_qos())
             for topic in ('~/collision', '~/footprint/collision')]
-        group = loop.Reserved() if in_loop else None
-        self.inputs = [
-            loop.Input('footprint', self.create_subscription(
-                PolygonStamped, 'footprint', self._answer, 1, raw=True, callback_group=group),
-                ends_rest=True),
-            loop.Input('obstacles', self.create_subscription(
-                PolygonStamped, 'obstacles', self._count, QoSProfile(depth=1000), raw=True,
-                callback_group=group))]
-        if not in_loop:
-            self.create_timer(_TICK, self.tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_subscription(PolygonStamped, 'footprint', self._answer, 1, raw=True)
+        self.create_subscription(PolygonStamped, 'obstacles', self._count,
+                                 QoSProfile(depth=1000), raw=True)
+        self.create_timer(_TICK, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _answer(self, data):
         self._flag = self._flags[data[_SIGN_OF_FIRST_X] > 127]
@@ -92,32 +83,9 @@ class Floor(Peer):
     def _count(self, data):
         self.received += 1
 
-    present = staticmethod(time.time_ns)
-
-    def receive(self, name, messages, now, number):
-        """Take messages, for the loop."""
-        take = self._answer if name == 'footprint' else self._count
-        for data in messages:
-            take(data)
-
-    def begin_stream(self, name):
-        """Do nothing."""
-
-    def end_batch(self, messages, seconds):
-        """Do nothing."""
-
-    def note_backlog(self, name, backlog):
-        """Do nothing."""
-
-    def tick(self, now=0, is_all_taken=True):
-        """Publish the flags, and once a second how many messages there were."""
+    def _tick(self):
         self._publish()
         self.report()
-        self._ticked = time.monotonic()
-
-    def due(self, now, steady):
-        """Return when the next tick is due."""
-        return self._ticked + _TICK
 
     def _publish(self):
         for publisher in self._flag_publishers:
@@ -157,23 +125,18 @@ def _polygon(message):
     return shapely.Polygon([(point.x, point.y) for point in message.polygon.points])
 
 
-def run_floor(in_loop):
+def run_floor():
     """Run the floor until a signal comes."""
     end_on_signals()
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = Floor(in_loop)
+    node = Floor()
     ended = Signalled()
-    if in_loop:
-        runner = loop.Loop(node, node.inputs, node, lambda: 0.005)
-        runner.run(ended)
-        runner.close()
-    else:
-        executor = EventsExecutor(context=node.context)
-        executor.add_node(node)
-        while not ended():
-            # A wait for what never comes costs less a message than `spin_once`.
-            executor.spin_until_future_complete(Future(), timeout_sec=0.2)
-        executor.remove_node(node)
+    executor = EventsExecutor(context=node.context)
+    executor.add_node(node)
+    while not ended():
+        # A wait for what never comes costs less a message than `spin_once`.
+        executor.spin_until_future_complete(Future(), timeout_sec=0.2)
+    executor.remove_node(node)
     node.destroy_node()
     rclpy.shutdown()
 
@@ -188,7 +151,4 @@ def run_shapely():
 
 
 if __name__ == '__main__':
-    if sys.argv[1] == 'shapely':
-        run_shapely()
-    else:
-        run_floor(sys.argv[1] == 'loop')
+    {'floor': run_floor, 'shapely': run_shapely}[sys.argv[1]]()

@@ -21,16 +21,18 @@ figures are processor time of one process, the least of some runs, in turn.
 import argparse
 import math
 from pathlib import Path
-import struct
 import tempfile
 import time
 
+import _shared  # noqa: F401
+from builders import serialised
 import numpy as np
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from sat_collision.geometry.jit import KERNEL
 from sat_collision.messages.rosbags_interfaces import STORE
-from sat_collision.replay.model.options import Options
+from sat_collision.replay.model.result import Options
 from sat_collision.replay.run import check
+
 
 _START = 1_700_000_000 * 10**9
 _KIND = 'geometry_msgs/msg/PolygonStamped'
@@ -54,16 +56,9 @@ def write(path, messages, per_set, storage):
         for frame in range(messages // (per_set + 1)):
             stamp = _START + frame * 10**8
             drift = np.array([math.sin(frame / 300), math.cos(frame / 300)])
-            writer.write(footprint, stamp, _message(robot + 2 * drift, stamp))
+            writer.write(footprint, stamp, serialised(robot + 2 * drift, stamp))
             for k, outline in enumerate(outlines):
-                writer.write(obstacles, stamp + k + 1, _message(outline + 0.1 * drift, stamp))
-
-
-def _message(outline, stamp):
-    points = np.zeros((len(outline), 3), np.float32)
-    points[:, :2] = outline
-    return struct.pack('<4siII4sI', b'\0\1\0\0', *divmod(stamp, 10**9), 4, b'map\0',
-                       len(points)) + points.tobytes()
+                writer.write(obstacles, stamp + k + 1, serialised(outline + 0.1 * drift, stamp))
 
 
 def iterate(path):

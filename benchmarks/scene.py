@@ -13,27 +13,29 @@
 # limitations under the License.
 
 """
-The scene as it grows: one footprint against many obstacles, a message's cost, memory.
+The decision alone, beside shapely, and the scene as it grows, beside shapely's STRtree.
 
-Obstacles are scattered over a map of fixed size. The rival is the query of shapely's STRtree, in
-the same process, on the same bodies and by turns with ours.
+All run in one process, on the same bodies and by turns. Touching pairs are the worst load that an
+adversary could send: no sign can be told from plain doubles. Obstacles are scattered over a map of
+fixed size.
 """
 
+import functools
 import time
 import tracemalloc
 
-import matplotlib
+from _shared import medians
+from builders import serialised
+from matplotlib import pyplot
 import numpy as np
-from sat_collision import Polygon
-from sat_collision.geometry.polygon_set import PolygonSet
+from sat_collision import intersects_pairs, Polygon, PolygonSet
 from sat_collision.monitor import Monitor
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 import shapely
-from traffic import pack, regular
+import shapes
+from traffic import regular
 
-matplotlib.use('Agg')
-from matplotlib import pyplot  # noqa: E402, I100
-
+VERTICES = (4, 8, 16, 32, 64, 256, 1024)
 SIZES = 10, 100, 1_000, 10_000, 100_000
 MESSAGE_SIZES = 10, 100, 1_000, 10_000
 MAP = 200.0
@@ -42,6 +44,90 @@ _START = 1_700_000_000 * 10**9
 # The most that the node takes in one call.
 _TOGETHER = 64
 _PERIOD = 10**8
+
+
+def random_pairs(rng, count, n):
+    """
+    Return unit-sized pairs: a third 1 to 5 apart, a third 0.1 to -0.1, a third -0.2 to -0.8.
+
+    That is the gap between their shadows on a random axis, so they are at least so far apart, and
+    overlap by no more.
+    """
+    a, b = (shapes.polygons(rng, count, n) for _ in range(2))
+    axes = shapes.directions(rng, count)
+    touching = (a @ axes[..., None]).max(axis=1) - (b @ axes[..., None]).min(axis=1)
+    low, high = np.array([(1.0, 5.0), (-0.1, 0.1), (-0.8, -0.2)])[rng.permutation(count) % 3].T
+    places = rng.uniform(-50, 50, (count, 1, 2))
+    moves = (touching[:, 0] + rng.uniform(low, high))[:, None] * axes
+    return list(zip(a + places, b + places + moves[:, None]))
+
+
+def abutting_boxes(rng, count, _):
+    """Return boxes of a grid with a neighbour each, edge on edge or corner on corner."""
+    square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+    steps = np.array([(1, 0), (0, 1), (1, 1), (-1, 0), (0, -1), (-1, 1)])
+    corners = rng.integers(-1000, 1000, (count, 2))
+    return [(square + corner, square + corner + step)
+            for corner, step in zip(corners, steps[rng.integers(0, 6, count)])]
+
+
+def shared_edges(rng, count, n):
+    """Return regular polygons with their reflection in the middle of an edge, all exact."""
+    rings = np.round(shapes.regular(rng, count, n) * 2.0**40) / 2.0**40
+    edges = rng.integers(0, n - 1, count)
+    return [(ring, ring[edge] + ring[edge + 1] - ring) for ring, edge in zip(rings, edges)]
+
+
+LOADS = [(random_pairs, n) for n in VERTICES] + [(abutting_boxes, 4), (shared_edges, 1024)]
+
+
+def measure_pairs(pairs, repeats, seed):
+    """Return for each load median ns a pair, setup in us a polygon, and different answers."""
+    rng = np.random.default_rng(seed)
+    for load, n in LOADS:
+        _measure_load(load, rng, 10, n, 1)  # whatever has to be compiled is compiled now
+    return [_measure_load(load, rng, pairs, n, repeats) for load, n in LOADS]
+
+
+def _measure_load(load, rng, count, n, repeats):
+    a, b = zip(*load(rng, count, n))
+    start = time.perf_counter()
+    ours = [PolygonSet(map(Polygon, side)) for side in (a, b)]
+    setup = time.perf_counter() - start
+    theirs = [np.array([shapely.Polygon(ring) for ring in side]) for side in (a, b)]
+    tasks = {'ours': functools.partial(intersects_pairs, *ours),
+             'shapely': functools.partial(shapely.intersects, *theirs)}
+    answers, others = (task() for task in tasks.values())
+    return {'load': load.__name__, 'vertices': n, 'wrong': int((answers != others).sum()),
+            'setup': setup / (2 * count) * 1e6,
+            **{name: 1e9 * seconds / count for name, seconds in medians(tasks, repeats).items()}}
+
+
+def plot_pairs(figures, path):
+    """Draw time against vertices, log-log, with the ratio between."""
+    figure, axes = pyplot.subplots(figsize=(8.0, 4.6), layout='constrained')
+    rows = [row for row in figures if row['load'] == 'random_pairs']
+    n = [row['vertices'] for row in rows]
+    axes.loglog(n, [row['shapely'] for row in rows], 's--', color='#d55e00',
+                label='shapely, vectorised')
+    axes.loglog(n, [row['ours'] for row in rows], 'o-', color='#0072b2', linewidth=2.5,
+                markersize=8, label='sat_collision')
+    for row in rows:
+        axes.plot(2 * [row['vertices']], [1.2 * row['ours'], row['shapely'] / 1.2], ':',
+                  color='#999999')
+        axes.annotate(f'{row["shapely"] / row["ours"]:.0f} times\nfaster',
+                      (row['vertices'], (row['shapely'] * row['ours']) ** 0.5), ha='center',
+                      va='center', fontsize=10, bbox={'facecolor': 'white', 'linewidth': 0})
+    axes.set_xticks(n, [f'{k:,}' for k in n])
+    axes.set_yticks([100, 1000, 10_000], ['100 ns', '1 µs', '10 µs'])
+    axes.minorticks_off()
+    axes.set(xlim=(2.9, 1450), ylim=(20, 20_000), ylabel='time per pair (median, lower is better)',
+             xlabel='vertices of each of the two convex polygons',
+             title='Do two polygons meet? 20,000 distinct pairs in one call, on one core')
+    axes.grid(alpha=0.3)
+    axes.legend(loc='upper left', fontsize=11)
+    figure.savefig(path, dpi=120)
+    pyplot.close(figure)
 
 
 def measure(seed, repeats):
@@ -60,17 +146,6 @@ def _outlines(rng, count, vertices, radius):
     return [regular(vertices, x, y, radius) for x, y in centres]
 
 
-def _by_turns(functions, repeats):
-    """Return the median time in s of each function, run by turns."""
-    times = {name: [] for name in functions}
-    for _ in range(repeats + 1):
-        for name, function in functions.items():
-            start = time.perf_counter()
-            function()
-            times[name].append(time.perf_counter() - start)
-    return {name: float(np.median(values[1:])) for name, values in times.items()}
-
-
 def _one_against_many(rng, footprints, size, repeats):
     outlines = _outlines(rng, size, 4, 0.5)
     bodies = PolygonSet(Polygon(outline) for outline in outlines)
@@ -78,23 +153,14 @@ def _one_against_many(rng, footprints, size, repeats):
     tree = shapely.STRtree(polygons)
     own = [Polygon(outline) for outline in footprints]
     theirs = [shapely.Polygon(outline) for outline in footprints]
-    for body, other in zip(own, theirs):
-        found = np.sort(tree.query(other, predicate='intersects'))
-        assert np.array_equal(bodies.intersecting_rows(body), found)
-
-    def scan():
-        for body in own:
-            bodies.intersecting_rows(body)
-
-    def query():
-        for body in theirs:
-            tree.query(body, predicate='intersects')
-
-    times = _by_turns({'scan': scan, 'query': query}, repeats)
-    build = _by_turns({'build': lambda: shapely.STRtree(polygons).query(theirs[0])},
-                      min(repeats, 5))['build']
-    return {'obstacles': size, 'us': 1e6 * times['scan'] / len(own),
-            'tree_us': 1e6 * times['query'] / len(own), 'tree_build_us': 1e6 * build}
+    tasks = {'us': lambda: [bodies.intersecting_rows(body) for body in own],
+             'tree_us': lambda: [tree.query(body, predicate='intersects') for body in theirs]}
+    for found, other in zip(*(task() for task in tasks.values())):
+        assert np.array_equal(found, np.sort(other))
+    times = medians(tasks, repeats)
+    build = {'tree_build_us': lambda: shapely.STRtree(polygons).query(theirs[0])}
+    return {'obstacles': size, **{name: 1e6 * times[name] / len(own) for name in times},
+            'tree_build_us': 1e6 * medians(build, min(repeats, 5))['tree_build_us']}
 
 
 def _monitor(size):
@@ -108,7 +174,7 @@ def _rounds(rng, size, vertices, count):
     outlines = np.array(_outlines(rng, size, vertices, 0.5))
     for k in range(count):
         now = _START + k * _PERIOD
-        yield now, [pack(outline, now) for outline in outlines + 0.01 * (k % 8)]
+        yield now, [serialised(outline, now) for outline in outlines + 0.01 * (k % 8)]
 
 
 def _message(rng, size, repeats):
@@ -116,18 +182,18 @@ def _message(rng, size, repeats):
     monitor = _monitor(size)
     count = 2 + 2 * repeats * max(1, 500 // size)
     times, footprint_times = {'alone': [], 'together': []}, []
-    monitor.receive('footprint', pack(regular(4, 0.0, 0.0, 1.0), _START), _START)
+    monitor.receive('footprint', serialised(regular(4, 0.0, 0.0, 1.0), _START), _START)
     for now, messages in _rounds(rng, size, 4, count):
         how = 'together' if len(times['together']) < len(times['alone']) else 'alone'
         most = 1 if how == 'alone' else _TOGETHER
-        messages = [*messages, pack(np.empty((0, 2)), now)]
+        messages = [*messages, serialised(np.empty((0, 2)), now)]
         start = time.perf_counter()
         for k in range(0, len(messages), most):
             monitor.receive_batch('obstacles', messages[k:k + most], now)
             monitor.scene.changes()
         times[how].append((time.perf_counter() - start) / len(messages))
         for outline in _outlines(rng, 10, 4, 1.0):
-            message = pack(outline, now)
+            message = serialised(outline, now)
             start = time.perf_counter()
             monitor.receive('footprint', message, now)
             monitor.scene.changes()
@@ -139,7 +205,7 @@ def _message(rng, size, repeats):
 
 def _memory(rng, vertices, size=2_000):
     """Return the bytes an obstacle that the scene allocates."""
-    messages = [pack(outline, _START) for outline in _outlines(rng, size, vertices, 0.5)]
+    messages = [serialised(outline, _START) for outline in _outlines(rng, size, vertices, 0.5)]
     monitor = _monitor(size)
     tracemalloc.start()
     for message in messages:

@@ -15,11 +15,10 @@
 """
 The node under load for a long time: 4,000 obstacles a second, and what is known to happen.
 
-A robot is by turns on an obstacle and far from all, for 0.6 s each. Every contact must be told
-before it is over, and no flag may say clear once it has been told. Where the middleware loses
-messages the monitor has to say so: it is unknown then, which raises the flag. While it is far the
-robot drives towards somebody who walks, so times to collision must be those until they meet, and
-none may be given while its state is unknown.
+A robot is by turns on an obstacle and far from all, for 0.6 s each. Every contact must be reported
+before it is over, and no flag may say clear after that. Where the middleware loses messages the
+state must be unknown, which raises the flag. While it is far the robot drives towards somebody who
+walks, so times to collision must be those until they meet, and none may be given while unknown.
 """
 
 import argparse
@@ -33,20 +32,16 @@ import sys
 import time
 from typing import NamedTuple
 
-from geometry_msgs.msg import Point32, PolygonInstanceStamped
-import matplotlib
-from node import cpu_time, NODES, ros, running
+import _shared  # noqa: F401
+from builders import serialised
+from geometry_msgs.msg import PolygonInstanceStamped
+from matplotlib import pyplot
+from node import cpu_time, ros, running
 import numpy as np
+from page_parts import replace_part
 from traffic import FOOTPRINT_RATE, Reader, regular, ROBOT, SET_RATE, tail, Traffic
+from words import table
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path += [str(ROOT / 'docs'), str(ROOT / 'benchmarks' / 'report')]
-
-from page_parts import replace_part  # noqa: E402, I100
-from words import table  # noqa: E402
-
-matplotlib.use('Agg')
-from matplotlib import pyplot  # noqa: E402, I100
 
 _SLICE = 10.0
 _SETTLING = 3.0
@@ -61,10 +56,9 @@ _TRANSPORT = 0.1
 _WALKER_RADIUS = 0.3
 # In s; stays are over before contact is so near, but not so where footprints pause.
 _THRESHOLD = 1.0
-NODES['predicting'] = [
-    *NODES['monitor'], '--ros-args', '-p', 'obstacles:=[obstacle, walker]',
-    '-p', 'obstacle.topic:=obstacles', '-p', 'walker.type:=polygon_instance',
-    '-p', 'walker.moving:=true', '-p', f'footprint.min_time_to_collision:={_THRESHOLD}']
+_PARAMETERS = {'obstacles': '[obstacle, walker]', 'obstacle.topic': 'obstacles',
+               'walker.type': 'polygon_instance', 'walker.moving': 'true',
+               'footprint.min_time_to_collision': _THRESHOLD}
 
 
 class Reading(NamedTuple):
@@ -115,7 +109,8 @@ class Drive:
         """Return a footprint as `Traffic` has it; who walks is published with every fifth."""
         walker = 1000.0 + _WALK_SPEED * (stamp - self._begun) / 1e9
         if self._count % round(FOOTPRINT_RATE / SET_RATE) == 0:
-            self._publish(walker, stamp)
+            self._publisher.publish(
+                serialised(regular(4, walker, 0.0, _WALKER_RADIUS), stamp, instance=0))
         is_first, is_on = self._count % _STAY == 0, self._count // _STAY % 2 == 0
         self._count += 1
         if is_first:
@@ -127,14 +122,6 @@ class Drive:
             left = self._meet_at - stamp / 1e9
             x = walker + _WALKER_RADIUS - ROBOT[0][0] + left * (_WALK_SPEED - _ROBOT_SPEED)
         return tail(np.float32([(x + dx, dy, 0.0) for dx, dy in ROBOT])), is_on, is_first
-
-    def _publish(self, x, stamp):
-        message = PolygonInstanceStamped()
-        message.header.frame_id = 'map'
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
-        message.polygon.polygon.points = [
-            Point32(x=x, y=y) for x, y in regular(4, x, 0.0, _WALKER_RADIUS).tolist()]
-        self._publisher.publish(message)
 
 
 def judge_times(stays, flags, times, latency=0.0):
@@ -193,8 +180,8 @@ def soak(minutes, obstacles):
     the verdicts on flags and on times, and how many obstacle messages were sent and lost.
     """
     readings = []
-    with running('predicting') as process, contextlib.closing(Reader()) as reader, \
-            contextlib.closing(Traffic(obstacles, 4, 1, timed=True)) as traffic:
+    with running('monitor', _PARAMETERS) as pid, contextlib.closing(Reader()) as reader, \
+            contextlib.closing(Traffic(obstacles, 4, timed=True)) as traffic:
         drive = Drive(traffic.node)
         traffic.footprint_at = drive.footprint_at
         traffic.connect()
@@ -202,13 +189,13 @@ def soak(minutes, obstacles):
         traffic.changes.clear()
         traffic.heard.clear()
         traffic.times.clear()
-        count, used, sent = reader.steady(), cpu_time(process.pid), 0
+        count, used, sent = reader.steady(), cpu_time(pid), 0
         for k in range(round(60.0 * minutes / _SLICE)):
             traffic.restart()
             footprints, more, latencies = traffic.run(_SLICE)
             sent += more
-            used, before = cpu_time(process.pid), used
-            readings.append(Reading((k + 1) * _SLICE / 60.0, memory(process.pid),
+            used, before = cpu_time(pid), used
+            readings.append(Reading((k + 1) * _SLICE / 60.0, memory(pid),
                                     1e6 * (used - before) / (more + footprints),
                                     1e3 * max(latencies, default=float('nan'))))
             if k % 6 == 5:

@@ -34,19 +34,13 @@ _AFTERMATH = 0.2
 ROBOT = (-0.5, -0.4), (0.9, -0.4), (0.9, 0.4), (-0.5, 0.4)
 FOOTPRINT_RATE = 50.0
 SET_RATE = 10.0
-PATIENCE = 60.0
+_PATIENCE = 60.0
 # What says on /diagnostics how many obstacles a node has received.
 RECEIVED = 'obstacle: received'
 
 
-def pack(outline, stamp):
-    """Serialise a PolygonStamped, little endian; stamp in ns."""
-    points = np.zeros((len(outline), 3), np.float32)
-    points[:, :2] = outline
-    return _head(stamp) + tail(points)
-
-
 def _head(stamp):
+    """Return what a PolygonStamped begins with: the stamp, in ns."""
     return struct.pack('<4sII', b'\0\1\0\0', *divmod(stamp, 10**9))
 
 
@@ -61,20 +55,28 @@ def regular(count, x, y, radius):
     return np.column_stack([x + radius * np.cos(angles), y + radius * np.sin(angles)])
 
 
+def until(condition, step=lambda: time.sleep(_PAUSE)):
+    """Do a step again and again until a condition holds."""
+    end = time.monotonic() + _PATIENCE
+    while not condition():
+        if time.monotonic() > end:
+            raise TimeoutError('the node under test does not answer')
+        step()
+
+
 class Traffic:
     """
     A node that sends footprints and obstacles and awaits the flag.
 
-    The robot is by turns on the first obstacle, which stays about the origin, and far from all,
-    for `stay` footprints each. The others are scattered around and never twice the same. An empty
-    polygon ends each set. `changes` has when, by the monotonic clock, the first footprint of each
-    stay was sent, and whether the robot is on an obstacle there; `heard` when flags came, and
-    `times`, if it is `timed`, when times to collision came. `footprint_at` takes a stamp in ns and
-    returns what follows it, whether that is on an obstacle, and whether it begins a stay.
+    The robot is by turns on the first obstacle, which stays about the origin, and far from all;
+    the others are scattered around and never twice the same. An empty polygon ends each set.
+    `footprint_at` takes a stamp in ns and returns what follows it, whether that is on an obstacle,
+    and whether it begins a stay there. By the monotonic clock, `changes` has when stays began,
+    `heard` when flags came, and `times`, if it is `timed`, when times to collision came.
     """
 
-    def __init__(self, obstacles, vertices, seed, stay=1, timed=False):
-        rng = np.random.default_rng(seed)
+    def __init__(self, obstacles, vertices, timed=False):
+        rng = np.random.default_rng(1)
         centres = rng.uniform(-100.0, 100.0, (obstacles, 2))
         centres[0] = 0.0
         self._per_set = obstacles + 1
@@ -85,8 +87,8 @@ class Traffic:
                 points[k, :, :2] = regular(vertices, x, y, 0.5)
             self._sets.append([tail(outline) for outline in (*points, points[0, :0])])
         footprints = itertools.cycle(
-            (tail(np.float32([(x + dx, dy, 0.0) for dx, dy in ROBOT])), hit, k == 0)
-            for x, hit in ((0.0, True), (1000.0, False)) for k in range(stay))
+            (tail(np.float32([(x + dx, dy, 0.0) for dx, dy in ROBOT])), hit, True)
+            for x, hit in ((0.0, True), (1000.0, False)))
         self.footprint_at = lambda stamp: next(footprints)
         self.changes = []
         self.heard = []
@@ -109,35 +111,28 @@ class Traffic:
         """Let another publisher of obstacles take the place of the one before."""
         self.node.destroy_publisher(self._obstacle)
         self._obstacle = self._new_publisher()
-        end = time.monotonic() + PATIENCE
-        while not self._obstacle.get_subscription_count():
-            if time.monotonic() > end:
-                raise TimeoutError('the node under test does not find the new publisher')
-            time.sleep(_PAUSE)
+        until(self._obstacle.get_subscription_count)
 
     def connect(self, nodes=1):
         """Wait until traffic and so many nodes see each other and a footprint is answered."""
-        end = time.monotonic() + PATIENCE
-        while time.monotonic() < end:
+        def is_answered():
             stamp = time.time_ns()
             for obstacle in self._sets[0]:
                 self._obstacle.publish(_head(stamp) + obstacle)
             body, hit, _ = self.footprint_at(stamp)
             self._footprint.publish(_head(stamp) + body)
             time.sleep(0.2)
-            if hit in _arrived(self._flags, Bool) and all(
-                    publisher.get_subscription_count() >= nodes
-                    for publisher in (self._obstacle, self._footprint)):
-                return
-        raise TimeoutError('the node under test does not answer')
+            return hit in _arrived(self._flags, Bool) and all(
+                publisher.get_subscription_count() >= nodes
+                for publisher in (self._obstacle, self._footprint))
+        until(is_answered)
 
     def run(self, seconds, burst=False, rate=SET_RATE):
         """
-        Send footprints and sets of obstacles for some time, `rate` sets a second.
+        Send footprints and `rate` sets of obstacles a second, which are spread or come in a burst.
 
-        Obstacles of a set are spread over the period, unless they come in a burst. Returns how
-        many footprints and obstacles were sent, and the seconds from before the publish() of each
-        footprint that changes the flag to the flag's arrival.
+        Return how many footprints and obstacles were sent, and the seconds from before the
+        publish() of each footprint that changes the flag to the flag's arrival.
         """
         latencies = []
         unanswered = collections.deque()
@@ -214,12 +209,9 @@ class Reader:
         """Return the count once two reports from now on agree: all that was sent is dealt with."""
         rclpy.spin_once(self._node, timeout_sec=0.0)
         self._counts.clear()
-        end = time.monotonic() + PATIENCE
-        while time.monotonic() < end:
-            rclpy.spin_once(self._node, timeout_sec=0.1)
-            if len(self._counts) > 1 and self._counts[-1] == self._counts[-2]:
-                return self._counts[-1]
-        raise TimeoutError('no steady count from the node under test')
+        until(lambda: len(self._counts) > 1 and self._counts[-1] == self._counts[-2],
+              lambda: rclpy.spin_once(self._node, timeout_sec=0.1))
+        return self._counts[-1]
 
     def close(self):
         self._node.destroy_node()

@@ -27,9 +27,8 @@ from sat_collision.messages.placement import Placement
 from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.scene import Scene
-from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from sat_collision.scene.settings import FootprintSettings, NEVER, ObstacleSettings, Settings
 from sat_collision.scene.streams import Endpoint
-from sat_collision.scene.times import NEVER
 from sat_collision.scene.waiting import WAIT, Wait, Waiting
 
 # The most messages of a footprint that wait for transforms; of a source in parts of max_count.

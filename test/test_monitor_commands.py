@@ -25,7 +25,7 @@ from sat_collision.messages.cdr import MessageError
 from sat_collision.messages.states import States
 from sat_collision.messages.transform_listener import decode_command, stamped
 from sat_collision.monitor import Monitor
-from sat_collision.scene.outlines import check, OutlineError
+from sat_collision.scene.parameters import check_outlines, ParameterError
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, TF
 from shapely import affinity
 from shapely.geometry import Polygon
@@ -257,9 +257,10 @@ def test_a_disabled_footprint_hears_nothing():
 
 
 def test_a_published_footprint_has_no_frame_for_commands():
-    with pytest.raises(OutlineError, match=r'give robot\.points or robot\.radius, and robot\.fr'):
-        check(Settings(footprints=(FootprintSettings('robot', '/robot', cmd_vel='/cmd_vel'),),
-                       obstacles=(MAP,)))
+    with pytest.raises(ParameterError, match=r'give robot\.points or robot\.radius, and robot'):
+        check_outlines(Settings(
+            footprints=(FootprintSettings('robot', '/robot', cmd_vel='/cmd_vel'),),
+            obstacles=(MAP,)))
 
 
 @pytest.mark.parametrize('seed', range(6))

@@ -30,16 +30,14 @@ import time
 # Compile the kernels as they are now: numba's cache does not see a change of what a kernel calls.
 FRESH_CACHE = tempfile.TemporaryDirectory()
 os.environ['NUMBA_CACHE_DIR'] = FRESH_CACHE.name
-ROOT = Path(__file__).parents[2]
-sys.path += [str(ROOT / 'benchmarks'), str(ROOT / 'test' / 'support'), str(ROOT / 'docs')]
+sys.path.append(str(Path(__file__).parents[1]))
 
-import condition  # noqa: E402, I100
-import machine  # noqa: E402
+from _shared import describe, ROOT  # noqa: E402, I100
+import libraries  # noqa: E402
+import methods  # noqa: E402
 import numpy as np  # noqa: E402
 import plots  # noqa: E402
 import scenes  # noqa: E402
-import singly  # noqa: E402
-import speed  # noqa: E402
 import stability  # noqa: E402
 import tables  # noqa: E402
 import words  # noqa: E402
@@ -72,18 +70,18 @@ def main():
 def measure(scale):
     """Return all figures of the report but those of the accuracy run."""
     start = time.perf_counter()
-    figures = {'seeds': SEEDS, 'machine': machine.describe(*PACKAGES)}
+    figures = {'seeds': SEEDS, 'machine': describe(*PACKAGES)}
     for name, measured in {
-            'speed': lambda rng: speed.measure(SEEDS, scale),
-            'once': lambda rng: speed.once(rng, scale),
-            'decisions': lambda rng: singly.decisions(rng, int(500 * scale)),
-            'separations': lambda rng: singly.separations(rng, int(300 * scale)),
-            'contact_times': lambda rng: singly.contact_times(rng, int(300 * scale)),
+            'speed': lambda rng: methods.measure(SEEDS, scale),
+            'once': lambda rng: methods.once(rng, scale),
+            'decisions': lambda rng: libraries.decisions(rng, int(500 * scale)),
+            'separations': lambda rng: libraries.separations(rng, int(300 * scale)),
+            'contact_times': lambda rng: libraries.contact_times(rng, int(300 * scale)),
             'stepping': lambda rng: scenes.stepping(rng, int(250 * scale)),
-            'non_convex': lambda rng: singly.non_convex(rng, int(200 * scale)),
+            'non_convex': lambda rng: libraries.non_convex(rng, int(200 * scale)),
             'steps': lambda rng: stability.by_step(rng, int(4000 * scale)),
             'examples': lambda rng: stability.examples(rng, int(4000 * scale)),
-            'condition': lambda rng: condition.measure(rng, int(4000 * scale)),
+            'condition': lambda rng: stability.by_condition(rng, int(4000 * scale)),
             'families': lambda rng: stability.by_family(rng, int(8000 * scale)),
             'by_offset': lambda rng: stability.by_offset(rng, int(4000 * scale)),
             'float32': lambda rng: stability.by_float32(rng, int(4000 * scale)),

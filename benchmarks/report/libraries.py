@@ -13,16 +13,26 @@
 # limitations under the License.
 
 """
-The libraries of PyPI that are asked pair by pair from Python, as their users ask them.
+The libraries of PyPI that are asked pair by pair from Python: times and errors.
 
 Each makes a body of convex vertices and answers whether two meet, and some how far apart they are
 or when they meet on their way. Box2D computes in float32, gives polygons a skin of 1 cm, welds
 vertices nearer than 2.5 mm and takes at most 16 of them.
 """
 
+from fractions import Fraction
+from functools import partial
+import math
 from typing import Callable, NamedTuple
 
-from sat_collision import intersects, Polygon, separation, time_of_contact
+from _shared import medians
+import families
+import numpy as np
+import oracle
+import rationals
+import samples
+from sat_collision import (
+    intersects, intersects_pairs, Polygon, PolygonSet, separation, time_of_contact)
 import shapely
 
 try:
@@ -39,6 +49,13 @@ except ImportError:
 LABELS = {'improved': 'sat_collision', 'shapely': 'shapely', 'chipmunk': 'Chipmunk',
           'box2d': 'Box2D'}
 SAMPLES = 100
+REPEATS = 5
+SIDES = 4, 16, 64
+RATED = 16
+NON_CONVEX_SIDES = 16, 64, 256
+# Where the numbers overflow and underflow, the first four; then where rounding decides the sign.
+MEASURED = 'near', 'deep', *families.EXTREME, 'extreme_scales', 'hair_gaps', 'vertex_on_edge', \
+    'slivers', 'containment', 'far_offsets'
 
 
 class Library(NamedTuple):
@@ -111,3 +128,153 @@ if Box2D is not None:
         lambda a, b: Box2D.b2Distance(shapeA=a, shapeB=b, transformA=HERE, transformB=HERE,
                                       useRadii=False).distance,
         _box2d_time, 16, True)
+
+
+def decisions(rng, count):
+    """Return what making a body and asking for a near pair takes, in ns, and wrong answers."""
+    rows = []
+    for n in SIDES:
+        pairs, _ = samples.sample(rng, n, 'near', count)
+        for name, library in LIBRARIES.items():
+            if n <= library.max_vertices:
+                bodies = [[library.make(body) for body in pair] for pair in pairs]
+                rows.append({'library': name, 'n': n, **_times(len(pairs), {
+                    'make': lambda: [library.make(a) for a, _ in pairs],
+                    'ask': lambda: [library.meets(a, b) for a, b in bodies]})})
+    for kind in ('near', 'hard'):
+        pairs, meet = samples.sample(rng, RATED, kind, 4 * count)
+        for name, library in LIBRARIES.items():
+            if kind == 'near' or not library.is_fragile:
+                answers = np.array([library.meets(*map(library.make, pair)) for pair in pairs])
+                rows.append({'library': name, 'kind': kind, **samples.counts(answers, meet)})
+    return rows
+
+
+def separations(rng, count):
+    """Return what asking for a separation takes, in ns, and its errors, see `_errors`."""
+    rows = []
+    asked = {name: library for name, library in LIBRARIES.items() if library.distance}
+    for n in SIDES:
+        pairs, _ = samples.sample(rng, n, 'near', count)
+        for name, library in asked.items():
+            if n <= library.max_vertices:
+                bodies = [[library.make(body) for body in pair] for pair in pairs]
+                rows.append({'library': name, 'n': n, **_times(len(pairs), {
+                    'ask': lambda: [library.distance(a, b) for a, b in bodies]})})
+    for family in MEASURED:
+        of = {**families.CONVEX, **families.EXTREME, 'deep': families.deep}[family]
+        pairs = of(rng, count, 8)
+        exact = [_separation(a, b) for a, b in pairs]
+        for name, library in asked.items():
+            if family == 'near' or not library.is_fragile:
+                rows.append({'library': name, 'family': family,
+                             **_errors(name, pairs, exact)})
+    return rows
+
+
+def contact_times(rng, count):
+    """
+    Return what asking when two bodies meet takes, in ns, and how wrong it is.
+
+    One body moves by twice the way to the other's middle, aside by up to what just passes it.
+    """
+    rows = []
+    for n in (4, RATED):
+        moves = [(a, b, _move(rng, a, b)) for a, b in families.clear(rng, count, n)]
+        exact = [_first_contact(*moving) for moving in moves]
+        for name, library in LIBRARIES.items():
+            if not library.time:
+                continue
+            found = [library.time(*moving) for moving in moves]
+            both = [abs(float(Fraction(one) - other)) * math.hypot(*move) for one, other, (
+                *_, move) in zip(found, exact, moves) if None not in (one, other)]
+            rows.append({
+                'library': name, 'n': n, 'pairs': len(moves),
+                'contacts': sum(one is not None for one in exact),
+                'missed': sum(one is None and other is not None
+                              for one, other in zip(found, exact)),
+                'invented': sum(one is not None and other is None
+                                for one, other in zip(found, exact)),
+                'median': float(np.median(both)), 'worst': max(both),
+                **_times(len(moves), {'ask': lambda: [library.time(*one) for one in moves]})})
+    return rows
+
+
+def non_convex(rng, count):
+    """Return for combs in each other's gaps, mostly not convex, what a pair takes, in ns."""
+    rows = []
+    for n in NON_CONVEX_SIDES:
+        pairs = families.interlocked_combs(rng, count, n)
+        meet, _ = oracle.intersects_pairs(pairs)
+        bodies = [[Polygon(pair[k]) for pair in pairs] for k in (0, 1)]
+        sets = [PolygonSet(polygons) for polygons in bodies]
+        shapes = [[shapely.Polygon(pair[k]) for pair in pairs] for k in (0, 1)]
+        arrays = [np.array(of) for of in shapes]
+        tasks = {
+            'improved': {'make': lambda: [Polygon(a) for a, _ in pairs],
+                         'ask': partial(intersects_pairs, *sets)},
+            'shapely': {'make': lambda: [shapely.Polygon(a) for a, _ in pairs],
+                        'ask': partial(shapely.intersects, *arrays)}}
+        for name, of in tasks.items():
+            rows.append({'library': name, 'n': len(pairs[0][0]), 'pairs': len(pairs),
+                         'wrong': int((of['ask']() != meet).sum()), **_times(len(pairs), of)})
+    return rows
+
+
+def _times(count, tasks):
+    """Return the median time of each task for one of its pairs, in ns."""
+    for task in tasks.values():
+        task()
+    return {name: round(seconds / count * 1e9, 1)
+            for name, seconds in medians(tasks, REPEATS).items()}
+
+
+def _separation(a, b):
+    """Return the exact signed separation of two convex bodies, as a rational."""
+    p, q = Polygon(a), Polygon(b)
+    if oracle.intersects(a, b):
+        return -rationals.exact_depth(p, q)
+    return rationals.exact_distance(p, q)
+
+
+def _errors(name, pairs, exact):
+    """Return errors in ulp of the largest coordinate; of others than ours for pairs apart."""
+    library = LIBRARIES[name]
+    worst, signs, unusable, measured = Fraction(0), 0, 0, 0
+    for pair, truth in zip(pairs, exact):
+        if truth <= 0 and name != 'improved':
+            continue
+        measured += 1
+        with np.errstate(all='ignore'):
+            value = float(library.distance(*map(library.make, pair)))
+        signs += (value > 0) != (truth > 0)
+        if not math.isfinite(value):
+            unusable += 1
+            continue
+        ulp = Fraction(float(np.spacing(max(np.abs(body).max() for body in pair))))
+        worst = max(worst, abs(Fraction(value) - truth) / ulp)
+    return {'pairs': measured, 'worst_ulp': float(worst) if worst < 10**300 else math.inf,
+            'wrong_signs': signs, 'unusable': unusable}
+
+
+def _move(rng, a, b):
+    towards = 2.0 * (a.mean(axis=0) - b.mean(axis=0))
+    return towards + rng.uniform(-6.0, 6.0) * towards[::-1] * (-1, 1) / np.hypot(*towards)
+
+
+def _first_contact(a, b, move):
+    """Return the exact time at which a body that moves first meets another one, or None."""
+    times = []
+    a, b = ([[Fraction(value) for value in point] for point in body.tolist()] for body in (a, b))
+    for body, other, sign in ((a, b, -1), (b, a, 1)):
+        x, y = (Fraction(sign * value) for value in move.tolist())
+        for vertex in body:
+            for start, end in zip(other, other[1:] + other[:1]):
+                ex, ey = end[0] - start[0], end[1] - start[1]
+                wx, wy = start[0] - vertex[0], start[1] - vertex[1]
+                across = x * ey - y * ex
+                if across:
+                    time, share = (wx * ey - wy * ex) / across, (wx * y - wy * x) / across
+                    if 0 <= time <= 1 and 0 <= share <= 1:
+                        times.append(time)
+    return min(times, default=None)

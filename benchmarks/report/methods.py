@@ -13,22 +13,23 @@
 # limitations under the License.
 
 """
-The methods compared, each as a loop over many pairs prepared for it.
+The methods compared, each as a loop over many pairs prepared for it: their speed and errors.
 
 What a body needs once is made before: packed arrays, boxes, centres of gravity, shapely's shapes.
-Running a method then returns its answers and, of all kernels but improved,
-how many axes each took.
 """
 
-from functools import cached_property
+from functools import cached_property, partial
+import sys
 from typing import NamedTuple
 
+from _shared import medians, times
 from libraries import shapely_shape
 import numpy as np
 import rivals
+import samples
 from sat_collision import intersects_pairs, Polygon, PolygonSet
 from sat_collision.geometry.intersection import convex_meet
-from sat_collision.geometry.jit import borrowed, COMPILED, kernel, scratch
+from sat_collision.geometry.jit import borrowed, COMPILED, indexable, kernel, scratch
 from sat_collision.geometry.layout import Packed, packed_size
 from sat_collision.geometry.packing import pack
 import sat_methods
@@ -37,7 +38,7 @@ import shapely
 
 class Method(NamedTuple):
     """
-    A method: its one name, how it is drawn, its kernel and what that takes of each body.
+    How a method is called and drawn, its kernel, and what that takes of each body.
 
     The colours are safe for the colour-blind (Okabe and Ito, and Tol).
     """
@@ -69,6 +70,8 @@ METHODS = {
 LABELS = {name: method.label for name, method in METHODS.items()}
 # Measured for wrong answers alone.
 UNTIMED = 'traditional_float32',
+REPEATS = 5
+ONCE_SIDES = 4, 16, 64
 
 
 class Pairs:
@@ -90,10 +93,6 @@ class Pairs:
             return [_pack(bodies, np.float32) for bodies in self.sides]
 
     @cached_property
-    def views(self):
-        return [[memoryview(body) for body in bodies] for bodies in self.sides]
-
-    @cached_property
     def bounds(self):
         return _each(sat_methods.bounds, self.sides)
 
@@ -104,8 +103,7 @@ class Pairs:
     @cached_property
     def heads(self):
         """Return a bounding box and a centre of gravity a body."""
-        heads = [np.hstack(parts) for parts in zip(self.bounds, self.centres)]
-        return heads if COMPILED else [head.tolist() for head in heads]
+        return [np.hstack(parts) for parts in zip(self.bounds, self.centres)]
 
     @cached_property
     def polygons(self):
@@ -127,14 +125,13 @@ def run(name, pairs):
     if name == 'shapely':
         return shapely.intersects(*pairs.shapely), None
     method, prepared = METHODS[name].kernel, METHODS[name].prepared
-    extra = getattr(pairs, prepared) if prepared else None
+    extra = prepared and [side if COMPILED else side.tolist()
+                          for side in getattr(pairs, prepared)]
     answers, axes = np.empty(len(pairs), np.bool_), np.empty(len(pairs), np.int64)
-    if not COMPILED:
-        _loop(method, *pairs.views, extra, answers, axes)
-        return answers, axes
+
     (a, a_ends), (b, b_ends) = (pairs.packed_float32 if name == 'traditional_float32'
                                 else pairs.packed)
-    if extra is None:
+    if not extra:
         _stream(method, a, a_ends, b, b_ends, answers, axes)
     else:
         _stream_prepared(method, a, a_ends, extra[0], b, b_ends, extra[1], answers, axes)
@@ -145,13 +142,6 @@ def applicable():
     """Return the methods of this kernel."""
     return [name for name in METHODS
             if COMPILED or name not in ('traditional_float32', 'shapely')]
-
-
-def counts(answers, meet):
-    """Return how many pairs there are, and how many answers are wrong in which way."""
-    return {'pairs': len(meet), 'apart': int((~meet).sum()),
-            'false_collisions': int((answers & ~meet).sum()),
-            'false_clears': int((~answers & meet).sum())}
 
 
 def run_once(name, pairs):
@@ -172,24 +162,13 @@ def run_once(name, pairs):
 
 
 def _each(function, sides):
-    """Return function of each body: an array a side, or lists of floats for plain Python."""
-    arrays = [np.array([function(body) for body in bodies]) for bodies in sides]
-    return arrays if COMPILED else [array.tolist() for array in arrays]
+    """Return function of each body: an array a side."""
+    return [np.array([function(body) for body in bodies]) for bodies in sides]
 
 
 def _pack(bodies, dtype):
     ends = np.cumsum([0] + [len(body) for body in bodies])
-    return np.concatenate(bodies).astype(dtype), ends
-
-
-def _loop(method, a, b, extra, answers, axes):
-    """Do the same in plain Python, which indexes memoryviews several times faster."""
-    if extra is None:
-        for i, (p, q) in enumerate(zip(a, b)):
-            answers[i], axes[i] = method(p, q)
-    else:
-        for i, (p, q, of_p, of_q) in enumerate(zip(a, b, *extra)):
-            answers[i], axes[i] = method(p, q, of_p, of_q)
+    return indexable(np.concatenate(bodies).astype(dtype)), ends
 
 
 @kernel
@@ -238,3 +217,63 @@ def _head(body):
 # What makes ready a body for a method, by the name of what the method takes.
 _PREPARING = {'bounds': sat_methods.bounds, 'centres': sat_methods.centre_of_gravity,
               'heads': _head}
+
+
+def measure(seeds, scale=1.0):
+    """Return rows of figures: answers and times of each method, of the runs with all seeds."""
+    rows = []
+    for n in samples.SIDES:
+        for kind in samples.KINDS:
+            runs = []
+            for seed in seeds:
+                rng = np.random.default_rng([seed, n])
+                runs.append(_run_all(*samples.sample(rng, n, kind, _count(n, scale))))
+            rows += [{'n': n, 'kind': kind, **row} for row in _pooled(runs)]
+        print(f'speed: {n}', file=sys.stderr)
+    return rows
+
+
+def once(rng, scale=1.0):
+    """Return the time of near pairs in ns where what a body needs is made for each pair."""
+    rows = []
+    for n in ONCE_SIDES:
+        pairs = samples.sample(rng, n, 'near', _count(n, scale))[0]
+        # Of those whose vertices rounding has not made fewer, so that shapely takes an array.
+        prepared = Pairs([pair for pair in pairs if len(pair[0]) == len(pair[1]) == n])
+        tasks = {name: partial(run_once, name, prepared) for name in applicable()
+                 if name not in UNTIMED}
+        for name, task in tasks.items():
+            if (task() != run(name, prepared)[0]).any():
+                raise AssertionError(f'{name} answers otherwise where bodies are used once')
+        rows += [{'method': name, 'n': n, 'ns': round(seconds / len(prepared) * 1e9, 1)}
+                 for name, seconds in medians(tasks, REPEATS).items()]
+    return rows
+
+
+def _run_all(pairs, meet):
+    """Return for each method the answers' counts and all times in ns."""
+    prepared = Pairs(pairs)
+    with np.errstate(all='ignore'):
+        answers = {name: run(name, prepared)[0] for name in applicable()}
+    taken = times({name: partial(run, name, prepared)
+                   for name in answers if name not in UNTIMED}, REPEATS)
+    return {name: {**samples.counts(answer, meet),
+                   'ns': [seconds / len(pairs) * 1e9 for seconds in taken.get(name, ())]}
+            for name, answer in answers.items()}
+
+
+def _pooled(runs):
+    """Return a row a method of the runs with several seeds; its times are median, quartiles."""
+    for name in runs[0]:
+        of = [run_[name] for run_ in runs]
+        row = {'method': name, **{key: sum(one[key] for one in of) for key in (
+            'pairs', 'apart', 'false_collisions', 'false_clears')}}
+        taken = np.concatenate([one['ns'] for one in of])
+        if len(taken):
+            row['ns'] = [round(value, 1) for value in np.quantile(taken, [0.5, 0.25, 0.75])]
+        yield row
+
+
+def _count(n, scale):
+    """Return how many pairs a seed: enough for rates of a per cent, and seconds for a method."""
+    return max(8, int(scale * min(1200, max(300, 40_000 // n))) // 2 * 2)

@@ -16,12 +16,12 @@
 
 import math
 
-from condition import centre_of_bin, FIRST
-import lookup
 from matplotlib import pyplot
 from methods import LABELS, METHODS
 import numpy as np
 import shapely
+from stability import centre_of_bin, FIRST
+from tables import distinct, parts, speed_row
 from words import wilson
 
 U = 2.0 ** -53
@@ -86,9 +86,10 @@ def _speed_error(figures):
 
 def _speed_error_line(above, below, figures, kind, method, place):
     """Draw shares on a logarithmic scale, per cent times 100, and a share of 0 in its row."""
-    rows = [lookup.row(figures, n, kind, method) for n in lookup.sides(figures)]
+    sides = distinct(figures['speed'], 'n')
+    rows = [speed_row(figures, n, kind, method) for n in sides]
     times = np.array([row['ns'][:3] for row in rows])
-    shares = [lookup.parts(row, 'wrong') for row in rows]
+    shares = [parts(row) for row in rows]
     wrong = np.array([part > 0 for part, _ in shares])
     ends = np.array([[_height(end) for end in (part / whole, *wilson(part, whole))]
                      for part, whole in shares])
@@ -101,8 +102,7 @@ def _speed_error_line(above, below, figures, kind, method, place):
                        yerr=np.abs(ends[shown, 1:] - ends[shown, :1]).T if panel is above
                        else None)
     if kind == 'near' and method in _NUMBERED:
-        for n, time, height, is_above in zip(lookup.sides(figures), times[:, 0], ends[:, 0],
-                                             wrong):
+        for n, time, height, is_above in zip(sides, times[:, 0], ends[:, 0], wrong):
             if n in _NUMBERS:
                 panel, at = (above, height) if is_above else (below, place)
                 panel.annotate(f'n = {n}' if n == _NUMBERS[0] else f'{n}', (time, at),

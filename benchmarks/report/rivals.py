@@ -15,18 +15,15 @@
 """
 Rivals worth beating: two in plain floating point, two that are exact.
 
-All take what `improved` is given too: two convex polygons as counter-clockwise (n, 2) arrays, and
-of each a head made in advance, its bounding box and centre of gravity, so that all begin with the
-boxes. A kernel returns the answer and how many axes or edges it tried, a test of the boxes counted
-as two.
+All take two convex polygons as counter-clockwise (n, 2) arrays, and of each a head made in
+advance, its bounding box and centre of gravity; all begin with the boxes. A kernel returns the
+answer and how many axes or edges it tried, a test of the boxes counted as two.
 
-*binary-search SAT* and *GJK* find support vertices in O(log n) where a scan would take longer.
 Two convex polygons are apart iff some edge of one has every vertex of the other strictly on its
-outer side. *filtered orientations* asks this of each edge, CGAL's way: every orientation goes
-through the semi-static filter of CGAL's kernel (Melquiond and Pion 2007) and is computed exactly
-where that fails. *interval filter* asks the same in interval arithmetic, and where an edge stays
-undecided gives the whole pair to the exact orientations, `predicates.orient`, which `improved` has
-too. Both try first the vertex that refuted the edge before, which makes most pairs O(n).
+outer side. *filtered orientations* asks this of each edge through the semi-static filter of CGAL's
+kernel (Melquiond and Pion 2007), and exactly where that fails. *interval filter* asks the same in
+interval arithmetic, and gives a pair with an undecided edge to the other one. Both try first the
+vertex that refuted the edge before, which makes most pairs O(n).
 """
 
 import math
@@ -79,10 +76,10 @@ def binary_axes(p, q, head_p, head_q):
 @kernel
 def gjk_axes(p, q, head_p, head_q):
     """
-    Walk to the point of Q - P nearest to the origin (Gilbert, Johnson and Keerthi 1988).
+    Walk to the point of Q - P nearest to the origin, as van den Bergen (1999) does.
 
-    As van den Bergen (1999) does: each step adds the support vertex along the nearest point found
-    so far, and ends once that point is an axis that separates, or is as good as the origin.
+    Each step adds the support vertex along the nearest point found so far, and ends once that
+    point is an axis that separates, or is as good as the origin.
     """
     if boxes_apart(head_p, head_q):
         return False, 2

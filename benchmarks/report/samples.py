@@ -58,11 +58,25 @@ def sample(rng, n, kind, count):
 
 def chunked(generate, rng, count, n):
     """Return count pairs of a generator of families, made in parts that fit into memory."""
-    size = min(max(5_000_000 // n**2, 4), 10_000)
     pairs = []
-    while len(pairs) < count:
-        pairs += generate(rng, min(size, count - len(pairs)), n)
+    for part in chunks(count, n):
+        pairs += generate(rng, part, n)
     return pairs
+
+
+def chunks(count, n):
+    """Yield numbers of pairs that fit into memory, count in all."""
+    size = min(max(5_000_000 // n**2, 4), 10_000)
+    while count > 0:
+        yield min(size, count)
+        count -= size
+
+
+def counts(answers, meet):
+    """Return how many pairs there are, and how many answers are wrong in which way."""
+    return {'pairs': len(meet), 'apart': int((~meet).sum()),
+            'false_collisions': int((answers & ~meet).sum()),
+            'false_clears': int((~answers & meet).sum())}
 
 
 def _generate(rng, n, kind, count):

@@ -31,10 +31,9 @@ from sat_collision.geometry.plane import centroid
 @kernel
 def traditional_axes(p, q):
     """
-    Decide by the normals of all edges (section 2.3).
+    Decide by the normals of all edges (section 2.3), points and segments too.
 
-    Complete, but for rounding: bodies that touch or all but touch may come out either way. Arrays
-    of float32 are computed with in float32. Points and segments are allowed.
+    Complete, but for rounding. Arrays of float32 are computed with in float32.
     """
     axes = 0
     for body in (p, q):
@@ -63,11 +62,10 @@ def published_a_axes(p, q, centre_p, centre_q):
     """
     Decide as the paper's sections 3.1 and 3.2 say (reading A).
 
-    The centre line is tried as an axis; then the normals of the two edges at each potential
-    nearest point, the vertices B of P and C of Q that reach furthest along the centre line; then
-    the lines from B and from C to their nearest points on the two edges at the other. The paper
-    claims a collision where none of these separates. That is no theorem: the separating axis may
-    be the normal of another edge, so separate bodies that are near are called colliding.
+    Axes are the centre line; the normals of the two edges at each potential nearest point, the
+    vertices B of P and C of Q that reach furthest along the centre line; and the lines from B and
+    from C to their nearest points on the two edges at the other. The separating axis may be the
+    normal of another edge, so separate bodies that are near are called colliding.
     """
     x, y = centre_q[0] - centre_p[0], centre_q[1] - centre_p[1]
     if separates(p, q, x, y):
@@ -77,12 +75,7 @@ def published_a_axes(p, q, centre_p, centre_q):
 
 @kernel
 def literal_axes(p, q, centre_p, centre_q):
-    """
-    Decide as reading A, with B and C chosen as equation 5 is printed: the longest OB / cos BOE.
-
-    That length grows without bound as OB turns away from the centre line, so it picks vertices
-    beside the body rather than near the other one.
-    """
+    """Decide as reading A, with B and C as equation 5 is printed: the longest OB / cos BOE."""
     x, y = centre_q[0] - centre_p[0], centre_q[1] - centre_p[1]
     if separates(p, q, x, y):
         return False, 1
@@ -94,10 +87,9 @@ def published_b_axes(p, q, centre_p, centre_q):
     """
     Decide by steps 1 to 4 of the paper's section 4 (reading B).
 
-    Only the ends of the edge of each polygon that the centre line crosses are projected on the
-    centre line; then the normals of those two edges are tried. Wrong in both ways: the claim of a
-    collision is no theorem, as in reading A, and another vertex may reach further along the
-    centre line than those four, so bodies that overlap are called separate.
+    Only the ends of the edge of each polygon that the centre line crosses are projected on it;
+    then the normals of those two edges are tried. Beside the fault of reading A, another vertex
+    may reach further along the centre line than those four: overlapping bodies are called apart.
     """
     x, y = centre_q[0] - centre_p[0], centre_q[1] - centre_p[1]
     i, j = crossed_edge(p, centre_p, x, y), crossed_edge(q, centre_q, -x, -y)
@@ -112,12 +104,7 @@ def published_b_axes(p, q, centre_p, centre_q):
 
 @kernel
 def hybrid_axes(p, q, centre_p, centre_q):
-    """
-    Decide by the charitable hybrid of the readings A and B.
-
-    All vertices are projected on the centre line as in section 3.2, which never misses a
-    collision; then on the normals of the two edges that it crosses, as in section 4.
-    """
+    """Project all vertices on the centre line, then on the normals of the edges it crosses."""
     x, y = centre_q[0] - centre_p[0], centre_q[1] - centre_p[1]
     if separates(p, q, x, y):
         return False, 1
@@ -128,12 +115,7 @@ def hybrid_axes(p, q, centre_p, centre_q):
 
 @kernel
 def closest_axes(p, q):
-    """
-    Decide by the line through the closest points, found as equations 3 and 4 say, by brute force.
-
-    The distances from every vertex to every edge of the other polygon are compared. The paper
-    calls that undesirable (section 3.1); it is complete but for rounding, and takes n m distances.
-    """
+    """Decide by the line through the closest points, by brute force as equations 3 and 4 say."""
     least = math.inf
     x = y = 0.0
     for body, other in ((p, q), (q, p)):

@@ -21,11 +21,22 @@ In the scenes of predictions a rectangle of 0.8 m by 0.5 m drives at 1 to 10 m/s
 1 rad/s for 3 s, between segments of 0.1 to 1 m.
 """
 
+import functools
+
+from _shared import medians
 import numpy as np
 from published import load
 from sat_collision import intersects_pairs, Polygon, PolygonSet, separation
-import stages
+from sat_collision.geometry.intersection import bodies_meet
+from sat_collision.geometry.jit import kernel
+from sat_collision.geometry.layout import convex_part, Packed
+from sat_collision.geometry.separating_axis import (
+    boxes_apart, find_separating_axis, SEPARATE, UNCERTAIN)
 
+# Testing bounding boxes counts as trying two axes.
+BOX_AXES = 2
+# Fewer pairs than this are not timed.
+_FEWEST_TIMED = 100
 # How a recording of test/data is called on the page.
 NAMES = {'autoware_ego_trajectory_boxes': 'a vehicle among boxes (Autoware)',
          'commonroad_USA_Lanker-1_1_ego1247': 'vehicles on a road (CommonROAD, NGSIM)',
@@ -68,10 +79,10 @@ def stamped(name):
 
 def docking(angle):
     """
-    Return a robot that drives straight into a dock at 0.1 m/s, 20 frames a second, and stays.
+    Return a robot that drives straight into a dock at 0.1 m/s, 20 frames a second.
 
-    The dock is a U that the robot's front fits, its sides 0.1 m off; a wall and boxes stand about.
-    The robot stays as long as it drove, its front against the ground of the dock.
+    The dock is a U, its sides 0.1 m off; a wall and boxes stand about. The robot stays as long as
+    it drove, its front against the ground of the dock.
     """
     place = _Place(angle, (12.0, 7.0))
     about = [_box(x, y, 0.6, 0.6) for x in (-2.0, -1.0, 0.2) for y in (-3.0, -1.8, 1.8, 3.0)]
@@ -126,16 +137,76 @@ def _exact_stage(frames):
     pairs = [(made[id(footprint)], made[id(obstacle)])
              for footprint, obstacles in frames for obstacle in obstacles]
     a, b = [p for p, _ in pairs], [q for _, q in pairs]
-    axes, exact = stages.tried(a, b)
+    axes, exact = tried(a, b)
     row = {'frames': len(frames), 'pairs': len(pairs),
            'contacts': int(intersects_pairs(PolygonSet(a), PolygonSet(b)).sum()),
-           'boxes': int((axes == stages.BOX_AXES).sum()), 'exact': int(exact.sum())}
-    whole = stages.seconds(a, b, REPEATS)
+           'boxes': int((axes == BOX_AXES).sum()), 'exact': int(exact.sum())}
+    whole = seconds(a, b, REPEATS)
     unsure = np.flatnonzero(exact)
-    there = stages.seconds([a[i] for i in unsure], [b[i] for i in unsure], REPEATS)
+    there = seconds([a[i] for i in unsure], [b[i] for i in unsure], REPEATS)
     row['ns'] = whole and round(whole / len(pairs) * 1e9, 1)
     row['exact_time'] = 0.0 if not len(unsure) else there and round(there / whole, 4)
     return row
+
+
+def tried(a, b):
+    """
+    Return how many axes each pair of two lists of `Polygon` takes, and which are decided exactly.
+
+    Axes are tried in plain doubles, the boxes counted as two.
+    """
+    axes, exact = np.empty(len(a), np.int64), np.empty(len(a), np.bool_)
+    _count(*_packed(a), *_packed(b), axes, exact)
+    return axes, exact
+
+
+def seconds(a, b, repeats=7):
+    """Return the median seconds of deciding pairs in one compiled call; None of few pairs."""
+    if len(a) < _FEWEST_TIMED:
+        return None
+    task = functools.partial(_decide, *_packed(a), *_packed(b), np.empty(len(a), np.bool_))
+    task()
+    return medians({'whole': task}, repeats)['whole']
+
+
+def _packed(polygons):
+    bodies = [np.asarray(polygon.packed[0]) for polygon in polygons]
+    starts = np.cumsum([0] + [len(body) for body in bodies[:-1]])
+    return np.concatenate(bodies), starts, np.array([polygon.packed[1] for polygon in polygons])
+
+
+@kernel
+def _count(a, a_starts, a_counts, b, b_starts, b_counts, axes, exact):
+    for row in range(len(axes)):
+        axes[row], exact[row] = _axes_and_doubt(Packed(a, a_starts[row], a_counts[row]),
+                                                Packed(b, b_starts[row], b_counts[row]))
+
+
+@kernel
+def _decide(a, a_starts, a_counts, b, b_starts, b_counts, answers):
+    for row in range(len(answers)):
+        answers[row] = bodies_meet(Packed(a, a_starts[row], a_counts[row]),
+                                   Packed(b, b_starts[row], b_counts[row]))
+
+
+@kernel
+def _axes_and_doubt(p, q):
+    """Return how many axes two bodies take, and whether the search was not sure."""
+    axes = BOX_AXES
+    if boxes_apart(p, q):
+        return axes, False
+    for i in range(max(1, -p.n)):
+        a = convex_part(p, i)
+        for j in range(max(1, -q.n)):
+            b = convex_part(q, j)
+            if p.n < 0 or q.n < 0:
+                axes += BOX_AXES
+            if not boxes_apart(a, b):
+                verdict, _, _, queries = find_separating_axis(a, b)
+                axes += queries
+                if verdict != SEPARATE:
+                    return axes, verdict == UNCERTAIN
+    return axes, False
 
 
 def ages():
@@ -145,10 +216,9 @@ def ages():
 
 def _age_of(frames):
     """
-    Return what is wrong with separations, in m, if the footprint is not that of the same stamp.
+    Return how wrong separations are, in m, if the footprint is not that of the same stamp.
 
-    Once it is the one of a frame before, once the one half way between the frames before and
-    after, each vertex on a straight line.
+    It is the one of the frame before, or the one half way between the frames before and after.
     """
     before, between, speeds, gaps = [], [], [], []
     for (t0, p0, _), (t1, p1, obstacles), (t2, p2, _) in zip(frames, frames[1:], frames[2:]):
@@ -175,9 +245,8 @@ def stepping(rng, count):
     """
     Return for the continuous time (step 0) and for steps what they miss and take, in s and ns.
 
-    What any of them finds counts as a contact, but for what the rectangle touches at the start.
-    How late it is found is measured from the earliest. Times are those of a scene's first
-    contact, asked from Python, an obstacle.
+    What any of them finds counts as a contact, but for what the rectangle touches at the start;
+    it is late by the time since the earliest. ns are those until a scene's first, an obstacle.
     """
     scenes = [(_segments(rng), (rng.uniform(1.0, 10.0), 0.0, rng.uniform(-1.0, 1.0)))
               for _ in range(count)]
@@ -190,7 +259,7 @@ def stepping(rng, count):
         tasks[step] = lambda step=step: [
             next((time for time, rows in _steps(*scene, step) if len(rows)), np.inf)
             for scene in sets]
-    seconds = stages.medians(tasks, _STEP_REPEATS)
+    seconds_of = medians(tasks, _STEP_REPEATS)
     earliest = np.min([*found.values()], axis=0)
     contacts = (earliest > 0.0) & (earliest < np.inf)
     rows = []
@@ -200,7 +269,7 @@ def stepping(rng, count):
         rows.append({'step': step, 'contacts': int(contacts.sum()),
                      'missed': int((contacts & ~seen).sum()),
                      'mean': float(late.mean()), 'worst': float(late.max()),
-                     'ns': round(seconds[step] / count / OBSTACLES * 1e9, 1)})
+                     'ns': round(seconds_of[step] / count / OBSTACLES * 1e9, 1)})
     return rows
 
 

@@ -12,13 +12,23 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Wrong answers by family, distance from the origin, float32 and step of the paper's method."""
+"""
+Wrong answers by family, condition, distance from the origin, float32, step of the paper's method.
+
+A pair's signed separation g is exact but for its last rounding. With D the largest magnitude of a
+coordinate and u = 2^-53 the condition number is u D / |g|, infinite where bodies touch; figures
+are by its reciprocal, the gap in units of u D. A wrong answer about a gap g is right for bodies
+moved by |g| / 2 each: |g| / 2 in units of u D is its backward error c.
+"""
+
+import math
 
 import families
 from libraries import shapely_shape
-from methods import applicable, counts, Pairs, run
+from methods import applicable, Pairs, run
 import numpy as np
 import oracle
+import rationals
 import samples
 from sat_collision import closest_points, intersects, PolygonError, separation
 import sat_methods
@@ -27,15 +37,20 @@ import shapes
 
 SIDES = 3, 4, 8, 16, 64
 OFFSETS = 0, *(10**k for k in range(9))
-OFFSET_SIDES = 8
+# Of pairs at a distance, and of those drawn.
+SHOWN_SIDES = 8
 DISTANCES = 10, 100, 1e3, 5e3, 1e4, 2e4, 1e5, 1e6, 5e6
 GROWING = 'traditional', 'traditional_float32', 'gjk', 'improved', 'shapely'
-DRAWN_SIDES = 8
 PUBLISHED = 'published_a', 'published_b'
 # The last axis of each step.
 STEPS = {'published_a': {'centre line': 1, 'edge normals at B and C': 5,
                          'lines to the nearest points': 9},
          'published_b': {'centre line, four vertices': 1, 'normals of the crossed edges': 3}}
+FEW_SIDES = 3, 4, 8, 16
+# Bins of half a decade of |g| / (u D); below the first all, and bodies that touch, in bins of
+# their own.
+STEP = 0.5
+FIRST, LAST = -3.0, 16.0
 
 
 def by_family(rng, count=2000):
@@ -50,25 +65,30 @@ def by_family(rng, count=2000):
                 'shapely': shapely.intersects(*(np.array([shapely_shape(pair[k])
                                                           for pair in pairs]) for k in (0, 1)))}
         else:
-            prepared = Pairs(pairs)
-            with np.errstate(all='ignore'):
-                answers = {method: run(method, prepared)[0] for method in applicable()}
-        rows += [{'family': name, 'method': method, **counts(answer, meet)}
+            answers = _answers(pairs)
+        rows += [{'family': name, 'method': method, **samples.counts(answer, meet)}
                  for method, answer in answers.items()]
     return rows
+
+
+def _answers(pairs):
+    """Return the answers of all methods, by name."""
+    prepared = Pairs(pairs)
+    with np.errstate(all='ignore'):
+        return {method: run(method, prepared)[0] for method in applicable()}
 
 
 def by_offset(rng, count=2000):
     """Return wrong answers and the widest gap or overlap misjudged, by distance from 0."""
     return [{'offset': offset, **row} for offset in OFFSETS
-            for row in _misjudged(rng, OFFSET_SIDES, offset, count)]
+            for row in _misjudged(rng, SHOWN_SIDES, offset, count)]
 
 
 def by_float32(rng, count=2000):
     """Return how often rounding bodies to float32, as a message does, changes the exact answer."""
     rows = []
     for distance in DISTANCES:
-        pairs, gaps = hair_pairs(rng, OFFSET_SIDES, distance, count, -5, 0)
+        pairs, gaps = hair_pairs(rng, SHOWN_SIDES, distance, count, -5, 0)
         changed, refused = [], 0
         for (a, b), gap in zip(pairs, gaps):
             try:
@@ -94,9 +114,9 @@ def hair_pairs(rng, n, offset, count, least, most):
     gap = rng.choice([-1, 1], count) * 10.0 ** rng.uniform(least, most, count)
     move = offset * shapes.directions(rng, count)
     pairs = []
-    size = min(max(5_000_000 // n**2, 4), 10_000)
-    for start in range(0, count, size):
-        pairs += _moved_pairs(rng, n, gap[start:start + size], move[start:start + size])
+    for part in samples.chunks(count, n):
+        rows = slice(len(pairs), len(pairs) + part)
+        pairs += _moved_pairs(rng, n, gap[rows], move[rows])
     back = [a[0] if offset > 1 else 0.0 for a, _ in pairs]
     return pairs, np.array([separation(a - to, b - to) for (a, b), to in zip(pairs, back)])
 
@@ -106,12 +126,10 @@ def _misjudged(rng, n, offset, count):
     meet, _ = oracle.intersects_pairs(pairs)
     prepared = Pairs(pairs)
     rows = []
-    for method in applicable():
-        if method in GROWING:
-            answers, _ = run(method, prepared)
-            misjudged = np.abs(gaps[answers != meet])
-            rows.append({'method': method, **counts(answers, meet),
-                         'widest': float(misjudged.max(initial=0.0))})
+    for method in filter(GROWING.__contains__, applicable()):
+        answers, _ = run(method, prepared)
+        rows.append({'method': method, **samples.counts(answers, meet), 'widest': float(
+            np.abs(gaps[answers != meet]).max(initial=0.0))})
     return rows
 
 
@@ -146,7 +164,7 @@ def by_step(rng, count=4000):
 
 def examples(rng, count=4000):
     """Return the near pair furthest apart of those A calls colliding, and B's deepest miss."""
-    pairs, meet = samples.sample(rng, DRAWN_SIDES, 'near', count)
+    pairs, meet = samples.sample(rng, SHOWN_SIDES, 'near', count)
     prepared = Pairs(pairs)
     found = {}
     for method, wrong in (('published_a', ~meet), ('published_b', meet)):
@@ -159,3 +177,56 @@ def examples(rng, count=4000):
             'closest_points': [point.tolist() for point in closest_points(a, b)],
             'centres': [list(map(float, sat_methods.centre_of_gravity(body))) for body in (a, b)]}
     return found
+
+
+def by_condition(rng, count):
+    """
+    Return wrong answers by method and bin, of one also by family, and backward errors.
+
+    The families are those of convex bodies with few vertices, count pairs of each. A bin is a list
+    of its number, false collisions, pairs apart, false clears, and pairs that meet.
+    """
+    pooled, of_families, worst, total = {}, {}, {}, 0
+    for name, family in families.CONVEX.items():
+        if name in samples.MANY:
+            continue
+        pairs = samples.of_family(rng, family, count, FEW_SIDES)
+        total += len(pairs)
+        meet, _ = oracle.intersects_pairs(pairs)
+        units = np.array([gap_in_units(a, b, met) for (a, b), met in zip(pairs, meet.tolist())])
+        bins = np.array([bin_of(value) for value in units])
+        for method, answer in _answers(pairs).items():
+            wrong = answer != meet
+            worst[method] = max(worst.get(method, 0.0), float(units[wrong].max(initial=0.0)) / 2)
+            for k in np.unique(bins).tolist():
+                here = bins == k
+                found = np.array([(of & here).sum() for of in (
+                    wrong & ~meet, ~meet, wrong & meet, meet)])
+                of_method = pooled.setdefault(method, {})
+                of_method[k] = of_method.get(k, 0) + found
+                if method == 'traditional':
+                    of_families.setdefault(name, []).append([k, *found.tolist()])
+    return {'bins': {method: [[k, *of[k].tolist()] for k in sorted(of)]
+                     for method, of in pooled.items()},
+            'families': dict(sorted(of_families.items())), 'backward': worst, 'pairs': total}
+
+
+def gap_in_units(a, b, meet):
+    """Return the exact distance, or the depth of bodies that meet, as a multiple of u D."""
+    p, q = oracle.integers(a, b)
+    largest = max(abs(x) for body in (p, q) for point in body for x in point)
+    gap = rationals.exact_depth(p, q) if meet else rationals.exact_distance(p, q)
+    return float(gap * 2**53 / largest) if gap else 0.0
+
+
+def bin_of(units):
+    """Return the number of the bin for a gap in units of u D: -1 for no gap at all."""
+    if units == 0.0:
+        return -1
+    place = min(max(math.log10(units), FIRST), LAST - STEP)
+    return int((place - FIRST) / STEP)
+
+
+def centre_of_bin(k):
+    """Return the gap in units of u D in the middle of a bin."""
+    return 10 ** (FIRST + STEP * (k + 0.5))

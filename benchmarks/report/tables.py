@@ -14,68 +14,113 @@
 
 """The tables of the report; the sentences around them are written by hand."""
 
-from libraries import LABELS as LIBRARY_LABELS
-import lookup
-from methods import LABELS, METHODS
-from samples import FEWEST_TIMED
-from words import distance, duration, durations, length, power, rate, share, table
+import math
 
+from libraries import LABELS as LIBRARIES
+from methods import LABELS
+from samples import FEWEST_TIMED
+from words import distance, duration, durations, length, power, rate, share, table, table_of
+
+MIX = 'clear', 'near', 'deep'
 SHOWN = 4, 16, 64
 RATED = 16
 READINGS = 'published_a', 'published_b', 'hybrid', 'closest', 'literal'
 # Of the long tables: one small and one large n that the page does not show.
 _KIND_SIDES = 8, 256
-_KINDS = 'clear', 'near', 'deep', 'hard'
+_KINDS = *MIX, 'hard'
+
+
+def distinct(rows, key):
+    """Return what rows have for a key, each once, in order."""
+    return list(dict.fromkeys(row[key] for row in rows if key in row))
+
+
+def speed_row(figures, n, kind, method):
+    """Return the row of one measurement of speed, or None."""
+    return next((row for row in figures['speed'] if row['n'] == n and row['kind'] == kind
+                 and row['method'] == method), None)
+
+
+def parts(row, what='wrong'):
+    """Return false collisions and the pairs apart, or false clears and the others, or both."""
+    if what == 'wrong':
+        return row['false_collisions'] + row['false_clears'], row['pairs']
+    return row[what], row['apart'] if what == 'false_collisions' else row['pairs'] - row['apart']
+
+
+def count_wrong(rows):
+    """Return the number of wrong answers in rows."""
+    return sum(parts(row)[0] for row in rows)
+
+
+def _rate(row):
+    """Return the share of wrong answers in words, with its interval."""
+    return rate(*parts(row))
+
+
+def _both_errors(row):
+    return ' / '.join(share(*parts(row, what)) for what in ('false_collisions', 'false_clears'))
+
+
+def _time(figures, n, method, kinds=MIX):
+    """Return the median time a pair in words, the mean over kinds of pairs."""
+    rows = [speed_row(figures, n, kind, method) for kind in kinds]
+    return duration(math.fsum(row['ns'][0] for row in rows) / len(rows))
+
+
+def _timed(figures):
+    """Return by name how the methods that were timed are called, improved in bold."""
+    timed = distinct([row for row in figures['speed'] if 'ns' in row], 'method')
+    return {name: f'**{LABELS[name]}**' if name == 'improved' else LABELS[name] for name in timed}
+
+
+def _sides(figures):
+    return distinct(figures['speed'], 'n')
+
+
+def _by_sides(sides, labels, cell):
+    """Return a table with a row for each label and a column for each number of vertices."""
+    return table(['', *(f'n = {n}' for n in sides)],
+                 [[label, *(cell(n, name) for n in sides)] for name, label in labels.items()])
 
 
 def _speed(figures):
     lines = []
-    for method in lookup.timed(figures):
+    for method, label in _timed(figures).items():
         worst = figures['condition']['backward'].get(method, 0.0)
-        lines.append([_name(method), *(
-            duration(lookup.ns(figures, n, method, kinds=('near',))) for n in SHOWN), *(
-            lookup.rate_of(lookup.row(figures, RATED, kind, method)) for kind in ('near', 'hard')),
+        lines.append([label, *(_time(figures, n, method, ('near',)) for n in SHOWN), *(
+            _rate(speed_row(figures, RATED, kind, method)) for kind in ('near', 'hard')),
             power(worst) if worst else '–'])
     return table(['', *(f'n = {n}, near' for n in SHOWN), 'wrong, near', 'wrong, hard', 'c'],
                  lines)
 
 
 def _once(figures):
-    times = {(row['method'], row['n']): row['ns'] for row in figures['once']}
-    return table(['', *(f'n = {n}' for n in SHOWN)], [
-        [_name(m), *(duration(times[m, n]) for n in SHOWN)] for m in lookup.timed(figures)])
-
-
-def _name(method):
-    return f'**{LABELS[method]}**' if method == 'improved' else LABELS[method]
+    times = {(row['n'], row['method']): row['ns'] for row in figures['once']}
+    return _by_sides(SHOWN, _timed(figures), lambda *key: duration(times[key]))
 
 
 def _asked(figures):
-    rows = figures['decisions']
     lines = []
-    for name in _libraries(rows):
-        timed = {row['n']: row for row in rows if row['library'] == name and 'n' in row}
-        wrong = {row['kind']: row for row in rows if row['library'] == name and 'kind' in row}
-        lines.append([LIBRARY_LABELS[name], *(
-            f'{duration(timed[n]["make"])}, {duration(timed[n]["ask"])}' if n in timed else '–'
-            for n in SHOWN), *(lookup.rate_of(wrong[kind]) if kind in wrong else 'crashes'
+    for name in distinct(figures['decisions'], 'library'):
+        rows = [row for row in figures['decisions'] if row['library'] == name]
+        times = {row['n']: row for row in rows if 'n' in row}
+        wrong = {row['kind']: row for row in rows if 'kind' in row}
+        lines.append([LIBRARIES[name], *(
+            f'{duration(times[n]["make"])}, {duration(times[n]["ask"])}' if n in times else '–'
+            for n in SHOWN), *(_rate(wrong[kind]) if kind in wrong else 'crashes'
                                for kind in ('near', 'hard'))])
     return table(['make, ask', *(f'n = {n}' for n in SHOWN), 'wrong, near', 'wrong, hard'], lines)
 
 
-def _libraries(rows):
-    return list(dict.fromkeys(row['library'] for row in rows))
-
-
 def _separation(figures):
-    rows = figures['separations']
     lines = []
-    for name in _libraries(rows):
-        of = [row for row in rows if row['library'] == name]
-        timed = {row['n']: row['ask'] for row in of if 'n' in row}
-        near = [row for row in of if row.get('family') == 'near']
-        others = [row for row in of if row.get('family', 'near') != 'near']
-        lines.append([LIBRARY_LABELS[name], *(duration(timed.get(n)) for n in SHOWN),
+    for name in distinct(figures['separations'], 'library'):
+        rows = [row for row in figures['separations'] if row['library'] == name]
+        times = {row['n']: row['ask'] for row in rows if 'n' in row}
+        near = [row for row in rows if row.get('family') == 'near']
+        others = [row for row in rows if row.get('family', 'near') != 'near']
+        lines.append([LIBRARIES[name], *(duration(times.get(n)) for n in SHOWN),
                       *_errors(near), *(_errors(others) if others else ('crashes', '–'))])
     return table(['', *(f'n = {n}' for n in SHOWN), 'near: error', 'wrong sign', 'hard: error',
                   'wrong sign or none'], lines)
@@ -88,168 +133,163 @@ def _errors(rows):
 
 
 def _separation_families(figures):
-    rows = [row for row in figures['separations'] if 'family' in row]
-    names = [name for name in _libraries(rows) if name != 'box2d']
-    lines = []
-    for family in dict.fromkeys(row['family'] for row in rows):
-        of = {row['library']: row for row in rows if row['family'] == family}
-        lines.append([family.replace('_', ' '), *(
-            f'{power(of[name]["worst_ulp"])} ulp, {of[name]["wrong_signs"]} and '
-            f'{of[name]["unusable"]} of {of[name]["pairs"]}' if of[name]['pairs'] else '–'
-            for name in names)])
-    return table(['family', *(LIBRARY_LABELS[name] for name in names)], lines)
+    rows = {(row['family'], row['library']): row for row in figures['separations']
+            if 'family' in row and row['library'] != 'box2d'}
+    names = distinct(rows.values(), 'library')
+    return table(['family', *(LIBRARIES[name] for name in names)], [
+        [family.replace('_', ' '), *(
+            f'{power(of["worst_ulp"])} ulp, {of["wrong_signs"]} and {of["unusable"]} of '
+            f'{of["pairs"]}' if of['pairs'] else '–'
+            for of in (rows[family, name] for name in names))]
+        for family in distinct(rows.values(), 'family')])
 
 
 def _time_of_contact(figures):
-    return table(['', 'n', 'time', 'missed', 'invented', 'median error', 'greatest error'], [
-        [LIBRARY_LABELS[row['library']], row['n'], duration(row['ask']),
-         f'{row["missed"]} of {row["contacts"]}',
-         f'{row["invented"]} of {row["pairs"] - row["contacts"]}', length(row['median']),
-         length(row['worst'])] for row in figures['contact_times']])
+    return table_of(figures['contact_times'], {
+        '': lambda row: LIBRARIES[row['library']], 'n': '{n}',
+        'time': lambda row: duration(row['ask']), 'missed': '{missed} of {contacts}',
+        'invented': lambda row: f'{row["invented"]} of {row["pairs"] - row["contacts"]}',
+        'median error': lambda row: length(row['median']),
+        'greatest error': lambda row: length(row['worst'])})
 
 
 def _stepping(figures):
-    return table(['', 'missed', 'late, mean', 'late, at most', 'an obstacle'], [
-        [f'steps of {row["step"]:g} s' if row['step'] else '**continuous**',
-         f'{row["missed"]:,} of {row["contacts"]:,}',
-         *(duration(1e9 * row[what]) if row['step'] else '0' for what in ('mean', 'worst')),
-         duration(row['ns'])] for row in figures['stepping']])
+    return table_of(figures['stepping'], {
+        '': lambda row: f'steps of {row["step"]:g} s' if row['step'] else '**continuous**',
+        'missed': '{missed:,} of {contacts:,}',
+        'late, mean': lambda row: duration(1e9 * row['mean']) if row['step'] else '0',
+        'late, at most': lambda row: duration(1e9 * row['worst']) if row['step'] else '0',
+        'an obstacle': lambda row: duration(row['ns'])})
 
 
 def _non_convex(figures):
     rows = figures['non_convex']
-    sides = list(dict.fromkeys(row['n'] for row in rows))
+    sides = distinct(rows, 'n')
     lines = []
     for what in ('make', 'ask'):
-        for name in _libraries(rows):
-            of = {row['n']: row for row in rows if row['library'] == name}
-            lines.append([f'{what}: {LIBRARY_LABELS[name]}',
-                          *(duration(of[n][what]) for n in sides),
-                          sum(row['wrong'] for row in of.values()) if what == 'ask' else ''])
+        for name in distinct(rows, 'library'):
+            of = [row for row in rows if row['library'] == name]
+            lines.append([f'{what}: {LIBRARIES[name]}', *(duration(row[what]) for row in of),
+                          sum(row['wrong'] for row in of) if what == 'ask' else ''])
     return table(['', *(f'n = {n}' for n in sides), 'wrong'], lines)
 
 
 def _readings(figures):
-    sides = lookup.sides(figures)
-    return table(['', *(f'n = {n}' for n in sides)], [[LABELS[method], *(
-        _both_errors(lookup.row(figures, n, 'near', method)) for n in sides)]
-        for method in READINGS])
-
-
-def _both_errors(row):
-    return ' / '.join(share(*lookup.parts(row, what))
-                      for what in ('false_collisions', 'false_clears'))
+    return _by_sides(_sides(figures), {method: LABELS[method] for method in READINGS},
+                     lambda n, method: _both_errors(speed_row(figures, n, 'near', method)))
 
 
 def _scenes(figures):
-    return table(['scene', 'pairs', 'in contact', 'boxes or discs decide', 'exact stage',
-                  'of the time', 'a pair'], [
-        [row['scene'], f'{row["pairs"]:,}', f'{row["contacts"]:,}',
-         share(row['boxes'], row['pairs']), share(row['exact'], row['pairs']),
-         share(row['exact_time']), duration(row['ns'])] for row in figures['cost']])
+    return table_of(figures['cost'], {
+        'scene': '{scene}', 'pairs': '{pairs:,}', 'in contact': '{contacts:,}',
+        'boxes or discs decide': lambda row: share(row['boxes'], row['pairs']),
+        'exact stage': lambda row: share(row['exact'], row['pairs']),
+        'of the time': lambda row: share(row['exact_time']),
+        'a pair': lambda row: duration(row['ns'])})
 
 
 def _ages(figures):
-    return table(['scene', 'a frame every', 'fastest', 'a frame before', 'between two frames',
-                  'float32'], [
-        [row['scene'], f'{1e3 * row["spacing"]:.0f} ms', f'{row["speed"]:.2g} m/s',
-         *(' to '.join(map(length, row[what])) for what in ('before', 'between')),
-         length(row['coordinates'])] for row in figures['ages'] if row['speed']])
+    return table_of([row for row in figures['ages'] if row['speed']], {
+        'scene': '{scene}', 'sample interval': lambda row: f'{1e3 * row["spacing"]:.0f} ms',
+        'fastest': '{speed:.2g} m/s',
+        'one sample older': lambda row: ' to '.join(map(length, row['before'])),
+        'between two samples': lambda row: ' to '.join(map(length, row['between'])),
+        'float32': lambda row: length(row['coordinates'])})
 
 
 def _measured_on(figures):
     facts = figures['machine']
     versions = ', '.join(f'{name} {facts[name]}' for name in facts
                          if name not in ('processor', 'cores', 'system', 'kernel'))
-    counts = [lookup.row(figures, n, 'near', 'improved')['pairs'] for n in lookup.sides(figures)]
+    counts = [speed_row(figures, n, 'near', 'improved')['pairs'] for n in _sides(figures)]
     return table(['machine', 'versions', 'pairs for each n and kind', 'minutes'], [[
         f'{facts["processor"]}, {facts["cores"]} cores, {facts["system"]}', versions,
         f'{min(counts):,} to {max(counts):,}', f'{figures["seconds"] / 60:.0f}']])
 
 
 def _times(figures):
-    sides = lookup.sides(figures)
-    return table(['', *(f'n = {n}' for n in sides)], [
-        [LABELS[m], *(duration(lookup.ns(figures, n, m)) for n in sides)]
-        for m in lookup.timed(figures)])
+    return _by_sides(_sides(figures), {name: LABELS[name] for name in _timed(figures)},
+                     lambda n, method: _time(figures, n, method))
 
 
 def _times_by_kind(figures):
     columns = [(n, kind) for n in _KIND_SIDES for kind in _KINDS]
     return table(['', *(f'n = {n}, {kind}' for n, kind in columns)], [
-        [LABELS[m], *(durations(*lookup.row(figures, n, kind, m)['ns'][:3])
-                      for n, kind in columns)] for m in lookup.timed(figures)])
+        [LABELS[m], *(durations(*speed_row(figures, n, kind, m)['ns'][:3])
+                      for n, kind in columns)] for m in _timed(figures)])
 
 
 def _wrong_on_hard(figures):
-    sides = lookup.sides(figures)
-    rows = {m: [lookup.row(figures, n, 'hard', m) for n in sides]
-            for m in lookup.methods(figures)}
-    return table(['', *(f'n = {n}' for n in sides)], [
-        [LABELS[m], *map(_both_errors, of)] for m, of in rows.items() if lookup.wrong(of)])
+    hard = [row for row in figures['speed'] if row['kind'] == 'hard']
+    labels = {m: LABELS[m] for m in distinct(hard, 'method')
+              if count_wrong(row for row in hard if row['method'] == m)}
+    return _by_sides(_sides(figures), labels, lambda n, method: _both_errors(
+        speed_row(figures, n, 'hard', method)))
 
 
 def _steps(figures):
-    lines = []
-    sides = list(dict.fromkeys(row['n'] for row in figures['steps']))
-    for method in ('published_a', 'published_b'):
-        rows = [row for row in figures['steps'] if row['method'] == method]
-        for k, step in enumerate(rows[0]['steps']):
-            lines.append([f'{LABELS[method]}: {step["step"]}', *(
-                f'{share(row["steps"][k]["clears"], row["apart"])} / '
-                f'{share(row["steps"][k]["false_clears"], row["meet"])}' for row in rows)])
-    return table(['', *(f'n = {n}' for n in sides)], lines)
+    rows = {(row['n'], row['method']): row for row in figures['steps']}
+    sides = distinct(figures['steps'], 'n')
+    labels = {(method, k): f'{LABELS[method]}: {step["step"]}'
+              for method in ('published_a', 'published_b')
+              for k, step in enumerate(rows[sides[0], method]['steps'])}
+
+    def cell(n, step):
+        row = rows[n, step[0]]
+        found = row['steps'][step[1]]
+        return (f'{share(found["clears"], row["apart"])} / '
+                f'{share(found["false_clears"], row["meet"])}')
+    return _by_sides(sides, labels, cell)
 
 
 def _families(figures):
-    rows = figures['families']
-    methods = [m for m in METHODS if any(row['method'] == m for row in rows)]
-    wrong = [m for m in methods if lookup.wrong([row for row in rows if row['method'] == m])]
-    lines = []
-    for name in dict.fromkeys(row['family'] for row in rows):
-        of = {row['method']: row for row in rows if row['family'] == name}
-        lines.append([name.replace('_', ' '), f'{of["improved"]["pairs"]:,}', *(
-            f'{of[m]["false_collisions"]:,} / {of[m]["false_clears"]:,}' if m in of
-            and lookup.wrong([of[m]]) else '0' if m in of else '' for m in wrong)])
-    return table(['family', 'pairs', *(LABELS[m] for m in wrong)], lines)
+    rows = {(row['family'], row['method']): row for row in figures['families']}
+    wrong = [method for method in LABELS if count_wrong(
+        row for row in rows.values() if row['method'] == method)]
+
+    def cell(row):
+        return '' if row is None else '0' if not count_wrong([row]) else (
+            f'{row["false_collisions"]:,} / {row["false_clears"]:,}')
+    return table(['family', 'pairs', *(LABELS[m] for m in wrong)], [
+        [name.replace('_', ' '), f'{rows[name, "improved"]["pairs"]:,}',
+         *(cell(rows.get((name, m))) for m in wrong)] for name in distinct(rows.values(),
+                                                                           'family')])
 
 
 def _offsets(figures):
     rows = figures['by_offset']
-    methods = list(dict.fromkeys(row['method'] for row in rows))
-    return table(['', *(LABELS[m] for m in methods)], [
-        [distance(offset), *(lookup.rate_of(row) for row in rows if row['offset'] == offset)]
-        for offset in sorted({row['offset'] for row in rows})])
+    return table(['', *(LABELS[m] for m in distinct(rows, 'method'))], [
+        [distance(offset), *(_rate(row) for row in rows if row['offset'] == offset)]
+        for offset in sorted(distinct(rows, 'offset'))])
 
 
 def _float32(figures):
-    head = 'distance from the origin', 'step', 'pairs', 'answer changed', 'widest', 'refused'
-    return table(head, [
-        [distance(row['distance']), length(row['step']), f'{row["pairs"]:,}',
-         f'{row["changed"]:,}', length(row['widest']) if row['widest'] else '–',
-         f'{row["refused"]:,}'] for row in figures['float32']])
+    return table_of(figures['float32'], {
+        'distance from the origin': lambda row: distance(row['distance']),
+        'step': lambda row: length(row['step']), 'pairs': '{pairs:,}',
+        'answer changed': '{changed:,}',
+        'widest': lambda row: length(row['widest']) if row['widest'] else '–',
+        'refused': '{refused:,}'})
 
 
-def _long_run(figures):
-    head = 'family', 'pairs', 'in contact', 'wrong', 'exact stage', 'without it', 'with it'
-    return table(head, [
-        [name.replace('_', ' '), f'{of["pairs"]:,}', share(of['meet'], of['pairs']), of['wrong'],
-         share(of['exact'], of['pairs']), _each(of['seconds'], of['pairs'] - of['exact']),
-         _each(of['exact_seconds'], of['exact'])]
-        for name, of in figures['accuracy']['families'].items()])
-
-
-def _each(seconds, pairs):
-    """Return the time a pair, unless there are too few to tell."""
-    return duration(seconds * 1e9 / pairs) if pairs >= FEWEST_TIMED else '–'
+def long_run(families):
+    """Return the table of the accuracy run; no time where there are too few pairs to tell."""
+    def each(seconds, pairs):
+        return duration(seconds * 1e9 / pairs) if pairs >= FEWEST_TIMED else '–'
+    return table_of([{'family': name.replace('_', ' '), **of} for name, of in families.items()], {
+        'family': '{family}', 'pairs': '{pairs:,}',
+        'in contact': lambda of: share(of['meet'], of['pairs']), 'wrong': '{wrong}',
+        'exact stage': lambda of: share(of['exact'], of['pairs']),
+        'without it': lambda of: each(of['seconds'], of['pairs'] - of['exact']),
+        'with it': lambda of: each(of['exact_seconds'], of['exact'])})
 
 
 TABLES = {
     'speed against error': _speed, 'bodies used once': _once, 'asked from Python': _asked,
     'separation': _separation, 'time of contact': _time_of_contact, 'stepping': _stepping,
     'non convex': _non_convex, 'readings of the paper': _readings, 'scenes': _scenes,
-    'ages': _ages,
-    'measured on': _measured_on, 'times': _times, 'times by kind': _times_by_kind,
-    'wrong on hard pairs': _wrong_on_hard, 'steps': _steps,
-    'families': _families, 'distance from the origin': _offsets, 'float32': _float32,
-    'separation by family': _separation_families, 'long run': _long_run}
+    'ages': _ages, 'measured on': _measured_on, 'times': _times, 'times by kind': _times_by_kind,
+    'wrong on hard pairs': _wrong_on_hard, 'steps': _steps, 'families': _families,
+    'distance from the origin': _offsets, 'float32': _float32,
+    'separation by family': _separation_families,
+    'long run': lambda figures: long_run(figures['accuracy']['families'])}

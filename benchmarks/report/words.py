@@ -42,6 +42,12 @@ def table(head, rows):
     return '\n'.join('| ' + ' | '.join(map(str, line)) + ' |' for line in lines)
 
 
+def table_of(rows, columns):
+    """Return a table of dicts: for each title a format of what they have, or a function."""
+    return table([*columns], [[form.format(**row) if isinstance(form, str) else form(row)
+                               for form in columns.values()] for row in rows])
+
+
 def duration(ns):
     """Return a time given in ns with three figures and its unit; a dash for None."""
     if ns is None:

@@ -26,9 +26,8 @@ from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import (
     decode_odometry, decode_twist, TransformListener)
 from sat_collision.scene.frames import Mapped, NoTransform
-from sat_collision.scene.outlines import Outline, outline_of
-from sat_collision.scene.settings import FootprintSettings, Settings
-from sat_collision.scene.times import NEVER
+from sat_collision.scene.parameters import Outline, outline_of
+from sat_collision.scene.settings import FootprintSettings, NEVER, Settings
 from sat_collision.scene.velocity import COMMAND, ODOMETRY, pose_of, TRANSFORMS, Velocity
 
 # How often an outline in a static frame is placed again within its timeout.

@@ -23,8 +23,8 @@ from sat_collision.scene import frame_tree, frames
 from sat_collision.scene.frame_tree import in_quotes
 from sat_collision.scene.obstacle_store import OTHER_FRAME, TOO_MANY
 from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
+from sat_collision.scene.settings import BY_ANOTHER_CLOCK, FAR
 from sat_collision.scene.sources import TOO_OLD
-from sat_collision.scene.times import BY_ANOTHER_CLOCK, FAR
 
 BAD_COMMAND = 'no velocity of a robot'
 COMMAND_FRAME = 'command in another frame'

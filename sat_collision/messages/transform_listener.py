@@ -31,8 +31,7 @@ from sat_collision.scene.frame_tree import in_quotes, in_words, LONGEST_FRAME_ID
 from sat_collision.scene.frames import Frames, Mapped, NoTransform
 from sat_collision.scene.rotations import Transform
 from sat_collision.scene.scene import FROM_FUTURE
-from sat_collision.scene.settings import Settings, TF
-from sat_collision.scene.times import NEVER
+from sat_collision.scene.settings import NEVER, Settings, TF
 from sat_collision.scene.velocity import Twist
 
 TF_STATIC = '/tf_static'

@@ -37,8 +37,7 @@ from sat_collision.node.parameters import Parameters
 from sat_collision.node.subscriptions import (
     CommandSubscriptions, subscribe_transforms, Subscriptions, transform_type)
 from sat_collision.node.watchdog import ClockWatch, Every, Systemd, Watchdog
-from sat_collision.scene.settings import Settings
-from sat_collision.scene.times import NEVER
+from sat_collision.scene.settings import NEVER, Settings
 
 NAME = 'footprint_monitor'
 

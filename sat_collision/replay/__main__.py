@@ -16,26 +16,32 @@
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+import contextlib
+import signal
 import sys
 import traceback
+from types import FrameType
+from typing import Any
 
 from sat_collision.extras import missing
-from sat_collision.replay.cli.terminal import insistent_interrupts
 
 _STATUS_OF_INTERRUPTED = 2
 _STATUS_OF_BAD_INPUT = 3
+_AGAIN = 0.3
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the command and return the exit status."""
     try:
-        with insistent_interrupts():
+        with _insistent_interrupts():
             # Not before: it takes so long to import that an interrupt may come meanwhile.
             from sat_collision.replay.cli.arguments import parse
             options = parse(args)
-            _prepare_kernels(options)
+            from sat_collision.replay.kernels import choose, prepare
+            # A cluster has kernels of its own.
+            if not options.dask and choose(options.bags, options.limits):
+                prepare(lambda words: print(f'replay_check: {words}', file=sys.stderr))
             from sat_collision.replay.cli.command import run
             return run(options)
     except KeyboardInterrupt:
@@ -54,13 +60,43 @@ def main(args: Sequence[str] | None = None) -> int:
         return _STATUS_OF_BAD_INPUT
 
 
-def _prepare_kernels(options: argparse.Namespace) -> None:
-    """Have the kernels compiled, and say so, where it pays; a cluster has kernels of its own."""
-    from sat_collision.replay.bag.storage import Limits
-    from sat_collision.replay.kernels import choose, prepare
-    limits = Limits(options.max_memory, options.max_disk)
-    if not options.dask and choose(options.bags, limits):
-        prepare(lambda words: print(f'replay_check: {words}', file=sys.stderr))
+@contextlib.contextmanager
+def _insistent_interrupts() -> Iterator[None]:
+    """
+    Have an interrupt raised again and again until it has ended what is under way.
+
+    Nothing is printed of those that are swallowed, nor, from the first one on until the process
+    has ended, of objects that it left half made. A process that ignores interrupts, as one in the
+    background does, goes on to do so.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        yield
+        return
+
+    is_interrupted = False
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        nonlocal is_interrupted
+        is_interrupted = True
+        signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+        raise KeyboardInterrupt
+
+    def report(unraisable: Any) -> None:
+        if not is_interrupted:
+            report_before(unraisable)
+
+    report_before = sys.unraisablehook
+    handlers = {number: signal.signal(number, interrupt)
+                for number in (signal.SIGINT, signal.SIGALRM)}
+    sys.unraisablehook = report
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        if not is_interrupted:
+            sys.unraisablehook = report_before
 
 
 if __name__ == '__main__':

@@ -119,11 +119,9 @@ class _WarmUp:
     path = Path('warm-up')
     start, end = _SECOND, 2 * _SECOND
     latched: frozenset[str] = frozenset()
-
-    def __init__(self) -> None:
-        self.problems: list[str] = []
-        self.topics = {'/footprint': _TYPES[0], '/obstacles': _TYPES[0]}
-        self.counts: Counter[str] = Counter()
+    problems: tuple[str, ...] = ()
+    topics = {'/footprint': _TYPES[0], '/obstacles': _TYPES[0]}
+    counts: Counter[str] = Counter()
 
     def messages(self, *_: object) -> Iterator[Message]:
         for tick in range(21):
@@ -136,7 +134,7 @@ class _WarmUp:
 
 def _warm_up() -> None:
     """Answer both questions once, exactly and with a margin."""
-    from sat_collision.replay.model.options import Options
+    from sat_collision.replay.model.result import Options
     from sat_collision.replay.run import check_recording
     for as_live in (False, True):
         for margin in (0.0, 0.1):
@@ -149,9 +147,9 @@ def _message(time: int, ring: tuple[tuple[float, float], ...], x: float) -> byte
     """Return a PolygonStamped in CDR."""
     seconds, nanoseconds = divmod(time, _SECOND)
     points = array('f', [value for a, b in ring for value in (a + x, b, 0.0)])
-    encapsulation = b'\0\1\0\0' if struct.pack('=H', 1) == b'\1\0' else b'\0\0\0\0'
-    return encapsulation + struct.pack('=iII4sI', seconds, nanoseconds, 4, b'map\0',
-                                       len(ring)) + points.tobytes()
+    encapsulation = 0, sys.byteorder == 'little', 0, 0
+    return struct.pack('=4BiII4sI', *encapsulation, seconds, nanoseconds, 4, b'map\0',
+                       len(ring)) + points.tobytes()
 
 
 if __name__ == '__main__':

@@ -29,21 +29,19 @@ from sat_collision.messages.transform_listener import stamped, TF_STATIC, TRANSF
 from sat_collision.monitor import Monitor
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.bag.storage import Message
-from sat_collision.replay.bag.writer import OutputError
 from sat_collision.replay.live import Rows, SceneTape, Timeline
 from sat_collision.replay.model.configuration import (
     all_sources, is_subscribed, missing_topics, settings_for, TRANSFORM_TYPE, TWIST_TYPE,
     wrong_types)
-from sat_collision.replay.model.options import HEADER, Options, RECEIVE
-from sat_collision.replay.model.result import FootprintResult, moments_of, Result, SourceResult
+from sat_collision.replay.model.result import (
+    FootprintResult, HEADER, moments_of, Options, RECEIVE, Result, SourceResult)
 from sat_collision.replay.motion.order import StampOrder, Timed, WINDOW
 from sat_collision.replay.motion.prediction import HORIZON
 from sat_collision.replay.motion.tape import MotionTape
 from sat_collision.replay.motion.walk import Motion, MotionTimeline
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.scene import OVERTAKEN
-from sat_collision.scene.settings import Settings
-from sat_collision.scene.times import NEVER
+from sat_collision.scene.settings import NEVER, Settings
 
 if TYPE_CHECKING:
     from sat_collision.replay.output.bag import BagOutputs
@@ -88,13 +86,12 @@ def check_recording(recording: Recording, options: Options,
                     progress: OnProgress | None = None) -> Result:
     """Check what is open, as `check` does."""
     path = recording.path
-    result = Result(str(path), options.clock, options.max_unknown, options.as_live,
-                    max_undetermined=options.max_undetermined, min_ttc=options.min_ttc)
+    result = Result(str(path), options)
     try:
         settings = settings_for(recording.topics, options.parameters, options.footprints,
                                 options.obstacles, options.node)
         _Run(recording, settings, options, result).run(progress)
-    except (ParameterError, OutputError, OSError) as error:
+    except (ParameterError, OSError) as error:
         result.problems.append(f'{path}: {error}')
     result.problems[:0] = recording.problems
     return result

@@ -38,25 +38,14 @@ Course: TypeAlias = tuple[Polygon, Vertices]
 
 class Contacts:
     """
-    The placed footprints and obstacles, and which of them share a point.
+    The placed footprints and obstacles, and which of them meet: bodies within the margin (m).
 
     Placing a body decides it against the bodies of the other kind alone: everything else stays as
     it was decided before.
-
-    Parameters
-    ----------
-    margin : float
-        Metres up to which bodies apart count as meeting.
-
-    Attributes
-    ----------
-    changed : set of Footprint
-        Footprints that have gained or lost a contact; the reader empties it.
-    margin : float
-
     """
 
     def __init__(self, margin: float = 0.0) -> None:
+        # Footprints that have gained or lost a contact; the reader empties it.
         self.changed: set[Footprint] = set()
         self.margin = margin
         self._footprints: _Placed[Footprint] = _Placed()
@@ -133,19 +122,10 @@ class Contacts:
     def nearest(self, footprint: Footprint, skipped: Iterable[Obstacle] = ()
                 ) -> tuple[Obstacle, float, Point, Point] | None:
         """
-        Return what is nearest to a footprint of all that concerns it, None if there is no such.
+        Return what is nearest to a footprint of all that concerns it, None if there is nothing.
 
-        Parameters
-        ----------
-        footprint : Footprint
-        skipped : iterable of Obstacle, optional
-            Obstacles to leave out.
-
-        Returns
-        -------
-        Obstacle, float, (x, y), (x, y)
-            The obstacle, its separation and the closest points, see `PolygonSet.nearest`.
-
+        That is an obstacle, its separation and the closest points, see `PolygonSet.nearest`;
+        `skipped` obstacles are left out.
         """
         if footprint.polygon is None:
             return None
@@ -157,9 +137,9 @@ class Contacts:
     def first_contact(self, footprint: Footprint, velocity: Velocity, seconds: float,
                       moving: Mapping[Obstacle, Course] = {}) -> tuple[Obstacle, float] | None:
         """
-        Return what a footprint meets first in so long, and after how many s; None if none.
+        Return the obstacle that a footprint meets first within a time, and after how many s.
 
-        Obstacles stand, but for those that move: where they are at first, and vx and vy in m/s.
+        Obstacles stand still but for those in `moving`. None if it meets none.
         """
         if footprint.polygon is None:
             return None

@@ -21,9 +21,8 @@ import enum
 from typing import NamedTuple, TypeAlias
 
 from sat_collision.scene.obstacles import Body, Obstacle, ObstacleId
-from sat_collision.scene.settings import FootprintSettings
+from sat_collision.scene.settings import BY_ANOTHER_CLOCK, FAR, FootprintSettings, NEVER
 from sat_collision.scene.streams import Stream
-from sat_collision.scene.times import BY_ANOTHER_CLOCK, FAR, NEVER
 from sat_collision.scene.velocity import Command, MotionTracker
 
 
@@ -37,27 +36,15 @@ class Status(enum.Enum):
 
 
 class State(NamedTuple):
-    """
-    The state of a footprint.
-
-    Attributes
-    ----------
-    status : Status
-    contacts : tuple of ObstacleId
-        The obstacles that share a point with it, sorted; empty unless in collision.
-    reasons : tuple of str
-        Sentences: why the status is unknown or imminent, or what else is unknown beside a
-        collision. They hold no running figures, so that a state does not change only because time
-        passes.
-    age : float or None
-        Seconds since the footprint's stamp; None if there is no good footprint.
-
-    """
+    """The state of a footprint."""
 
     status: Status
+    # The obstacles that share a point with it, sorted; empty unless in collision.
     contacts: tuple[ObstacleId, ...]
+    # Sentences: why the status is unknown or imminent, or what else is unknown beside a collision.
+    # They hold no running figures, so that a state does not change only because time passes.
     reasons: tuple[str, ...]
-    age: float | None
+    age: float | None  # seconds since the footprint's stamp; None if there is no good footprint
 
 
 # The frame in which a footprint was sent, and the time in ns of the transform that moved it from
@@ -68,68 +55,35 @@ Evaluation: TypeAlias = tuple[Status, tuple[str, ...]]
 
 
 class Footprint(Body[Obstacle]):
-    """
-    One footprint: where it is, since when, and the status reported for it. Times are in ns.
+    """One footprint: where it is, since when, and the status reported for it. Times are in ns."""
 
-    Parameters
-    ----------
-    settings : FootprintSettings
-
-    Attributes
-    ----------
-    stream : Stream
-        Its messages by their numbers.
-    time : int or None
-        Stamp of the good footprint, None if there is none; not in the future.
-    frame_id : str
-        The frame of the message that came last.
-    origin : Origin or None
-        Where the good footprint came from, None if it came in the frame of all.
-    received : int or None
-        When that came.
-    fault : str
-        Why there is no good footprint; empty if there is one, be it stale.
-    stale : bool
-        Whether the good footprint is past its timeout.
-    motion : MotionTracker
-        What its velocity is known from, if that is tracked.
-    command : Command or None
-        What it was told last, if it has commands.
-    is_imminent : bool
-        Whether it is about to collide, as its min_time_to_collision has it.
-    status : Status
-        The status reported: CLEAR only after the release delay.
-    evaluation : Evaluation
-        What was found when it was evaluated last.
-    gained_or_lost : set of ObstacleId
-        The contacts by name that are other than they were when the reader emptied it last.
-    unknown_reasons : tuple of str
-        Why it was not known then what the footprint touches, whatever it is known to touch.
-
-    """
-
-    __slots__ = ('settings', 'stream', 'timeout', 'time', 'frame_id', 'origin', 'received',
-                 'fault', 'stale', 'status', 'evaluation', 'unknown_reasons', 'gained_or_lost',
-                 'motion', 'command', 'is_imminent', '_clear_since', '_release', '_held', '_names',
-                 '_stream_faults')
-
-    evaluation: Evaluation
+    evaluation: Evaluation  # what was found when it was evaluated last
 
     def __init__(self, settings: FootprintSettings) -> None:
         super().__init__()
+        # Its messages by their numbers, and what is wrong with their publishers.
         self.stream = Stream()
         self._stream_faults: tuple[str, ...] = ()
+        # The good footprint: its stamp, not in the future, None if there is none; where it came
+        # from, None if it came in the frame of all; whether it is past its timeout.
         self.time: int | None = None
-        self.frame_id = ''
         self.origin: Origin | None = None
-        self.received: int | None = None
-        self.fault = ''
         self.stale = False
+        # Why there is none; empty if there is one, be it stale.
+        self.fault = ''
+        # The frame of the message that came last, and when that came.
+        self.frame_id = ''
+        self.received: int | None = None
+        # What its velocity is known from, if that is tracked, and what it was told to do last.
         self.motion = MotionTracker()
         self.command: Command | None = None
+        # Whether it is about to collide, as its min_time_to_collision has it.
         self.is_imminent = False
+        # What is reported: CLEAR only after the release delay.
         self.status = Status.UNKNOWN
+        # Why it is not known what the footprint touches, whatever it is known to touch.
         self.unknown_reasons: tuple[str, ...] = ()
+        # The contacts by name that changed since the reader emptied this.
         self.gained_or_lost: set[ObstacleId] = set()
         # How many contacts have a name: that of a set and that of the next may have the same.
         self._held: dict[ObstacleId, int] = {}
@@ -198,15 +152,8 @@ class Footprint(Body[Obstacle]):
         """
         Work out what to report: a release after the delay, anything else at once.
 
-        Parameters
-        ----------
-        now : int
-        monitor_fault : str
-            Why no footprint can be known; empty if they can.
-        source_faults : tuple of str
-            Why there may be obstacles that were not received.
-        release_delay : int
-
+        `monitor_fault` says why no footprint can be known, `source_faults` why there may be
+        obstacles that were not received; they are empty if nothing is wrong.
         """
         if self.stream.mixed_until < now:
             self.find_stream_faults(now)

@@ -15,7 +15,7 @@
 """
 The tree of frames: names, recent transforms, and the path from a frame to its ancestors.
 
-It means what tf2's buffer means. That is not used because pip has no tf2, and because recordings
+It does what tf2's buffer does, which is not used because pip has no tf2, and because recordings
 are checked without ROS.
 """
 
@@ -28,7 +28,7 @@ from typing import TypeAlias
 
 from sat_collision.scene.rotations import (
     accepted, composed, fixed, FixedTransform, IDENTITY, interpolated, Transform)
-from sat_collision.scene.times import NEVER
+from sat_collision.scene.settings import NEVER
 
 BAD_NAMES = 'bad frame names'
 BAD_TRANSFORM = 'not finite or no rotation'
@@ -51,32 +51,19 @@ _MOST_SHOWN = 64
 
 class FrameTree:
     """
-    Every frame in its parent, in the last seconds.
+    Every frame in its parent, in the last seconds: `history` before its newest transform.
 
     The last transform of a child at a stamp counts, whoever sent it, and so does its parent. A
     static frame is where it is at all times. Times are ints in ns.
-
-    Parameters
-    ----------
-    history : int
-        How much older than the newest transform of a frame others may be to be kept, in ns.
-
-    Attributes
-    ----------
-    static : dict
-        The parent of each static frame, and the transform to it, by its name.
-    moving : dict
-        The Track of each other frame that has a parent by its name.
-    rewritten : bool
-        Set where a transform has changed what was known before, not only added a newer one.
-
     """
 
     def __init__(self, history: int) -> None:
         self._history = history
+        # By the name of the frame: its parent with the transform to it, or a track of these.
         self.static: dict[str, tuple[str, FixedTransform]] = {}
         self.moving: dict[str, Track] = {}
         self._parents: set[str] = set()
+        # Set where a transform has changed what was known before, not only added a newer one.
         self.rewritten = False
 
     def __contains__(self, frame: str) -> bool:
@@ -93,35 +80,27 @@ class FrameTree:
         """
         Insert the transform from a child frame to its parent.
 
-        A slash before a name is dropped, as tf2 does.
-
-        Returns
-        -------
-        str or None
-            Why it was not taken, if so: BAD_NAMES, BAD_TRANSFORM, OLD_TRANSFORM or
-            TOO_MANY_FRAMES.
-
+        A slash before a name is dropped, as tf2 does. Return why it was not taken, if it was not:
+        BAD_NAMES, BAD_TRANSFORM, OLD_TRANSFORM or TOO_MANY_FRAMES.
         """
+        taken = accepted(transform)
         track = self.moving.get(child)
-        if track is not None and not static and track.links[-1][0] == parent:
-            # The usual case: names that were checked before, and a newer transform.
-            taken = accepted(transform)
-            if taken is None:
-                return BAD_TRANSFORM
-            if track.extend(stamp, (parent, taken), self._history):
-                return None
+        # The usual case: names that were checked before, and a newer transform.
+        if track is not None and not static and taken and track.links[-1][0] == parent \
+                and track.extend(stamp, (parent, taken), self._history):
+            return None
         if parent[:1] == '/' or child[:1] == '/':
             parent, child = parent.removeprefix('/'), child.removeprefix('/')
         if parent == child or not parent or not child:
             return BAD_NAMES
-        taken = accepted(transform)
         if taken is None:
             return BAD_TRANSFORM
+        if len(self.static) + len(self.moving) >= _MOST_FRAMES and not (
+                child in self.static or child in self.moving):
+            return TOO_MANY_FRAMES
         if static:
             pose = parent, fixed(taken)
             if self.static.get(child) != pose:
-                if self._is_full(child):
-                    return TOO_MANY_FRAMES
                 self.moving.pop(child, None)
                 self.static[child] = pose
                 self.rewritten = True
@@ -129,8 +108,6 @@ class FrameTree:
             link = parent, taken
             track = self.moving.get(child)
             if track is None:
-                if self._is_full(child):
-                    return TOO_MANY_FRAMES
                 self.static.pop(child, None)
                 self.moving[child] = Track(stamp, link)
                 self.rewritten = True
@@ -141,33 +118,13 @@ class FrameTree:
         self._parents.add(parent)
         return None
 
-    def _is_full(self, child: str) -> bool:
-        """Return whether there is no room for a frame."""
-        return len(self.static) + len(self.moving) >= _MOST_FRAMES and child not in self.static \
-            and child not in self.moving
-
     def climb(self, frame: str, stamp: int, max_gap: float,
               ends: Container[str] = ()) -> tuple[Steps, str]:
         """
-        Collect the transforms from a frame to its ancestors, up to one of the ends.
+        Collect the transforms at a time from a frame to its ancestors, up to one of the ends.
 
-        Parameters
-        ----------
-        frame : str
-        stamp : int
-            The time they are for.
-        max_gap : float
-            As for `Track.at`.
-        ends : container of str, optional
-            The frames at which to stop.
-
-        Returns
-        -------
-        Steps
-            As far as the transforms are known at that time.
-        str
-            The last frame; empty if the frames form a circle.
-
+        Return the steps, as far as `Track.at` knows them, and the last frame; that is empty if the
+        frames form a circle.
         """
         steps = {frame: IDENTITY}
         static, moving = self.static, self.moving
@@ -191,13 +148,7 @@ class FrameTree:
         """
         Collect the ancestors of a frame as `climb` does, by the newest transforms.
 
-        Returns
-        -------
-        dict
-            The least stamp up to each frame, by its name; NEVER if all there are static.
-        str
-            As `climb`.
-
+        Return the least stamp up to each, NEVER if all there are static, and the last frame.
         """
         least = NEVER
         passed = {frame: least}
@@ -232,38 +183,20 @@ class Track:
 
     Where several have one stamp the last one counts, from then on; what lies before leads to the
     first one. Times are ints in ns.
-
-    Attributes
-    ----------
-    stamps : list of int
-        Ascending, never empty; none more than twice.
-    links : list of Link
-        One for each stamp.
-
     """
 
     __slots__ = ('stamps', 'links')
 
     def __init__(self, stamp: int, link: Link) -> None:
+        # Ascending, none more than twice, and a link for each.
         self.stamps = [stamp]
         self.links = [link]
 
     def extend(self, stamp: int, link: Link, history: int) -> bool:
         """
-        Add a transform newer than all others.
+        Add a transform newer than all others; return False if it is not newer.
 
-        Parameters
-        ----------
-        stamp : int
-        link : Link
-        history : int
-            What was older than this before the newest one until now is forgotten, as in tf2.
-
-        Returns
-        -------
-        bool
-            False if it is not newer, and nothing was done.
-
+        What was older than the history before the newest one until now is forgotten, as in tf2.
         """
         stamps = self.stamps
         if stamp <= stamps[-1]:
@@ -274,15 +207,7 @@ class Track:
         return True
 
     def insert(self, stamp: int, link: Link, history: int) -> bool:
-        """
-        Add a transform that is not newer than all others, forgetting as `extend` does.
-
-        Returns
-        -------
-        bool
-            False if it is too old to be taken.
-
-        """
+        """Add one that is not, forgetting as `extend` does; return False if it is too old."""
         stamps, links = self.stamps, self.links
         self._prune(history)
         if stamp < stamps[-1] - history:
@@ -307,22 +232,10 @@ class Track:
 
     def at(self, stamp: int, max_gap: float) -> tuple[str, FixedTransform] | None:
         """
-        Return the parent and the transform at a time.
+        Return the parent and the transform at a time; None outside the history, and in a gap.
 
-        Between two stamps it is interpolated; where the parent changed between them it is the
-        older one, as in tf2.
-
-        Parameters
-        ----------
-        stamp : int
-        max_gap : float
-            How far apart the two stamps may be.
-
-        Returns
-        -------
-        str, FixedTransform or None
-            None outside the history, and in a gap.
-
+        Between two stamps no further apart than `max_gap` it is interpolated; where the parent
+        changed between them it is the older one, as in tf2.
         """
         stamps = self.stamps
         place = bisect_right(stamps, stamp)

@@ -26,7 +26,7 @@ from sat_collision.geometry.polygon import PlaneMap
 from sat_collision.scene.frame_tree import FrameTree, in_quotes, in_words, transform_to
 from sat_collision.scene.rotations import (
     FixedTransform, IDENTITY, plane_map, relative, rounded, tilt, Transform)
-from sat_collision.scene.times import NEVER
+from sat_collision.scene.settings import NEVER
 
 BAD_FRAME_ID = 'bad frame_id'
 GAP = 'gap between transforms'
@@ -42,91 +42,57 @@ _MOST_LISTED = 10
 
 
 class Located(NamedTuple):
-    """
-    Where a frame is in another.
+    """Where a frame is in another."""
 
-    Attributes
-    ----------
-    pose : FixedTransform
-        From the one to the other.
-    at : int or None
-        The time that it holds for in ns, None for all times.
-    transform : Transform
-        The pose, rounded to doubles.
-
-    """
-
-    pose: FixedTransform
-    at: int | None
+    pose: FixedTransform  # from the one to the other
+    at: int | None  # the time that it holds for in ns, None for all times
 
     @property
     def transform(self) -> Transform:
+        """The pose, rounded to doubles."""
         return rounded(self.pose)
 
 
 class Mapped(NamedTuple):
-    """
-    What takes points of the plane of a frame to that of another.
-
-    Attributes
-    ----------
-    plane : PlaneMap
-    at : int or None
-        As in `Located`.
-
-    """
+    """What takes points of the plane of a frame to that of another."""
 
     plane: PlaneMap
-    at: int | None
+    at: int | None  # as in `Located`
 
 
 class NoTransform(NamedTuple):
-    """
-    Why it is not known where a frame is in another.
+    """Why it is not known where a frame is in another."""
 
-    Attributes
-    ----------
-    reason : str
-        A few words without names and figures, to count by.
-    detail : str
-        What is wrong, for users.
-    may_come : bool
-        Whether later transforms may yet give an answer.
-
-    """
-
-    reason: str
-    detail: str
-    may_come: bool
+    reason: str  # a few words without names and figures, to count by
+    detail: str  # what is wrong, for users
+    may_come: bool  # whether later transforms may yet give an answer
 
 
 class Frames:
     """
     The transforms of the last seconds, and look-ups in them.
 
-    With tf2's meaning: between two stamps the translation is interpolated linearly and the
-    rotation evenly, and static frames are where they are at all times. But where a frame was is
-    not known before its first stamp, after its last, and between two that are further apart than
-    `max_gap`.
+    As in tf2, between two stamps the translation is interpolated linearly and the rotation evenly,
+    and static frames are where they are at all times. But where a frame was is unknown before its
+    first stamp, after its last, and between two that are further apart than `max_gap`.
 
     Times are ints in ns.
 
     Parameters
     ----------
     history : int
-        How much older than the newest transform of a frame others may be to be kept, in ns.
+        How much older than the newest transform of a frame others may be to be kept.
     max_gap : float, optional
-        How far apart two stamps may be to know what is between them, in ns; NEVER for any.
+        NEVER for any.
     max_tilt : float, optional
         By how much a frame may be tilted to be projected onto the plane, in rad.
 
     """
 
     def __init__(self, history: int, max_gap: float = NEVER, max_tilt: float = math.pi) -> None:
-        self._max_gap = max_gap
-        self._max_tilt = max_tilt
         self._tree = FrameTree(history)
         self._maps: dict[tuple[str, str, int], Mapped] = {}
+        self.configure(max_gap, max_tilt)
 
     def clear(self) -> None:
         """Forget all moving frames, as tf2 does; static ones are published only once."""
@@ -135,8 +101,7 @@ class Frames:
 
     def configure(self, max_gap: float, max_tilt: float) -> None:
         """Apply other limits."""
-        self._max_gap = max_gap
-        self._max_tilt = max_tilt
+        self._max_gap, self._max_tilt = max_gap, max_tilt
         self._maps.clear()
 
     def insert(self, parent: str, child: str, stamp: int, transform: Transform,
@@ -170,40 +135,25 @@ class Frames:
         """
         Return where the source frame is in the target frame, at the newest time that all know.
 
-        Parameters
-        ----------
-        target, source : str
-        oldest : float, optional
-            What is older than this time is no answer.
-        now : float, optional
-            What is newer than this time is an answer only where there is none but that: one
-            transform that is ahead of the clock must not shut out those after it.
-
-        Returns
-        -------
-        Located or NoTransform
-
+        What is older than `oldest` is no answer. What is newer than `now` is one only where there
+        is nothing else: a transform ahead of the clock must not shut out those after it.
         """
         below, top = self._tree.climb_newest(source, (target,))
-        time = below.get(target)
-        above: dict[str, float] = {}
-        common = target
-        if time is None:
-            above, common = self._tree.climb_newest(target, below)
-            if not top or common not in below:
-                return self._explain(target, source, None)
-            time = min(above[common], below[common])
+        above, common = self._tree.climb_newest(target, below)
+        if not top or common not in below:
+            return self._explain(target, source, None)
+        time = min(above[common], below[common])
         if time == NEVER:
             found = self.lookup(target, source, 0)
             return found._replace(at=None) if isinstance(found, Located) else found
         if time > now:
-            way = chain(takewhile(common.__ne__, below), takewhile(common.__ne__, above))
+            path = chain(takewhile(common.__ne__, below), takewhile(common.__ne__, above))
             time = min(stamps[max(bisect_right(stamps, now) - 1, 0)] for stamps in (
-                self._tree.moving[frame].stamps for frame in way if frame in self._tree.moving))
+                self._tree.moving[frame].stamps for frame in path if frame in self._tree.moving))
         if time < oldest:
             return NoTransform(
-                OLD_LATEST, f'{_between(source, target)}: the newest is past the timeout by '
-                f'{_seconds(oldest - time)}', True)
+                OLD_LATEST, f'no transform from {in_words(source)} to {in_words(target)}: the '
+                f'newest is past the timeout by {_seconds(oldest - time)}', True)
         return self.lookup(target, source, int(time))
 
     def plane(self, target: str, source: str, stamp: int) -> Mapped | NoTransform:
@@ -243,15 +193,16 @@ class Frames:
         return Mapped(plane_map(found.pose), found.at)
 
     def _explain(self, target: str, source: str, stamp: int | None) -> NoTransform:
-        """Put into words why there is no answer for a time, or for the newest."""
-        tree, way = self._tree, _between(source, target)
+        """Say why there is no answer for a time, or for the newest."""
+        tree = self._tree
+        prefix = f'no transform from {in_words(source)} to {in_words(target)}'
         for name in (source, target):
             if not name or name[0] == '/':
                 return NoTransform(BAD_FRAME_ID, f'{in_quotes(name)} is not a valid frame: a '
                                    'name is not empty and does not begin with a slash', False)
         for name in (source, target):
             if name not in tree:
-                return NoTransform(UNKNOWN_FRAME, f'{way}: no good transform has named '
+                return NoTransform(UNKNOWN_FRAME, f'{prefix}: no good transform has named '
                                    f'{in_words(name)} yet', True)
         faults = []
         for name in (source, target):
@@ -261,37 +212,29 @@ class Frames:
             else:
                 passed, top = tree.climb(name, stamp, self._max_gap)
                 if top in tree.moving:
-                    faults.append(self._fault(top, stamp, way))
+                    faults.append(self._fault(top, stamp, f'{prefix} at its stamp'))
             if not top:
-                return NoTransform(LOOP, f'{way}: the parents of {in_words(name)} lead in a '
-                                   f'circle: {_listed(passed)}', True)
+                shown = [in_words(one) for one in passed]
+                if len(shown) > _MOST_LISTED:
+                    shown[_MOST_LISTED:] = [f'and {len(shown) - _MOST_LISTED} more']
+                return NoTransform(LOOP, f'{prefix}: the parents of {in_words(name)} lead in a '
+                                   f'circle: {", ".join(shown)}', True)
         if not faults:
-            return NoTransform(NOT_CONNECTED, f'{way}: no transforms connect them', True)
+            return NoTransform(NOT_CONNECTED, f'{prefix}: no transforms connect them', True)
         return faults[0]._replace(may_come=any(fault.may_come for fault in faults))
 
-    def _fault(self, frame: str, stamp: int, way: str) -> NoTransform:
-        """Put into words why it is not known where a frame was at a time."""
+    def _fault(self, frame: str, stamp: int, prefix: str) -> NoTransform:
+        """Say why it is not known where a frame was at a time."""
         track, name = self._tree.moving[frame], in_words(frame)
         if stamp > track.stamps[-1]:
-            return NoTransform(NO_TRANSFORM, f'{way} at its stamp: the newest of {name} is '
+            return NoTransform(NO_TRANSFORM, f'{prefix}: the newest of {name} is '
                                f'{_seconds(stamp - track.stamps[-1])} older', True)
         if stamp < track.stamps[0]:
-            return NoTransform(NO_TRANSFORM, f'{way} at its stamp: the oldest of {name} is '
+            return NoTransform(NO_TRANSFORM, f'{prefix}: the oldest of {name} is '
                                f'{_seconds(track.stamps[0] - stamp)} newer', False)
-        return NoTransform(GAP, f'{way} at its stamp: the transforms of {name} around it are '
+        return NoTransform(GAP, f'{prefix}: the transforms of {name} around it are '
                            f'{_seconds(track.gap(stamp))} apart, more than '
                            f'{_seconds(self._max_gap)}', False)
-
-
-def _between(source: str, target: str) -> str:
-    return f'no transform from {in_words(source)} to {in_words(target)}'
-
-
-def _listed(names: Iterable[str]) -> str:
-    """Return the first names of some."""
-    shown = [in_words(name) for name in names]
-    more = [f'and {len(shown) - _MOST_LISTED} more'] if len(shown) > _MOST_LISTED else []
-    return ', '.join(shown[:_MOST_LISTED] + more)
 
 
 def _seconds(nanoseconds: float) -> str:

@@ -18,9 +18,8 @@ Whether all obstacles that a source sends are known.
 Every clear rests on this: `Sets`, `Keys` and `Maps` are three ways to list all that a publisher
 sees, and know when such a listing is whole. They know stamps and what `streams` makes of numbers,
 but never look at a body: these are in the groups of obstacles that a listing fills, drops or ages.
-All three take news, stamp, time and now of a message, or of several at once
-that have them in common: its stamp, the time that it counts from and the present. docs/knowing.md
-has the promise, the assumptions and why the rules here keep it. Times are in ns.
+All three take what the number of a message means, its stamp, the time that it counts from and the
+present, in ns. docs/knowing.md has the promise, the assumptions and why the rules here keep it.
 """
 
 from __future__ import annotations
@@ -28,9 +27,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from sat_collision.scene.obstacle_store import KeyedGroup, ObstacleStore, SetGroup
-from sat_collision.scene.settings import ObstacleSettings
+from sat_collision.scene.settings import NEVER, ObstacleSettings
 from sat_collision.scene.streams import BEGUN, CONTINUES, LOST, MET, News
-from sat_collision.scene.times import NEVER
 
 LOSS = 'messages were lost'
 
@@ -39,25 +37,7 @@ _MOST_SETS = 20
 
 
 class _Listing:
-    """
-    What all listings have in common.
-
-    Parameters
-    ----------
-    store : ObstacleStore
-        Has the groups for the obstacles.
-
-    Attributes
-    ----------
-    timeout, window, settle_time : int or float
-    max_count : int
-        The settings of the source; timeout is NEVER where there is none.
-    is_known : bool
-        Whether all that the publisher sees is known.
-    wants_history : bool
-        Whether what was sent before must be asked for again.
-
-    """
+    """What all listings have in common; the store has the groups for the obstacles."""
 
     timeout: float = NEVER
     window: float = 0
@@ -66,7 +46,8 @@ class _Listing:
 
     def __init__(self, store: ObstacleStore) -> None:
         self._store = store
-        self.is_known = self.wants_history = False
+        self.is_known = False  # whether all that the publisher sees is known
+        self.wants_history = False  # whether what was sent before must be asked for again
 
     def configure(self, settings: ObstacleSettings) -> None:
         """Apply the settings of the source."""
@@ -84,35 +65,19 @@ class _Listing:
 
 
 class _Set:
-    """
-    One set of obstacles.
-
-    Attributes
-    ----------
-    group : SetGroup
-        Its obstacles.
-    start, last : int
-        Stamp of its first message, and of the last one so far.
-    time : int
-        The earliest time that its messages count from.
-    count : int
-        How many messages of it came.
-    is_begun : bool
-        Whether nothing was missed since its beginning.
-    is_ended, is_whole : bool
-        Whether an empty polygon has ended it, and whether it is proved whole.
-
-    """
+    """One set of obstacles."""
 
     __slots__ = ('group', 'start', 'last', 'time', 'count', 'is_begun', 'is_ended', 'is_whole')
 
     def __init__(self, group: SetGroup, stamp: int, time: int, is_begun: bool) -> None:
         self.group = group
-        self.start = self.last = stamp
-        self.time = time
-        self.count = 0
-        self.is_begun = is_begun
-        self.is_ended = self.is_whole = False
+        self.start = stamp  # of its first message
+        self.last = stamp  # of the last one so far
+        self.time = time  # the earliest that its messages count from
+        self.count = 0  # of its messages so far
+        self.is_begun = is_begun  # whether nothing was missed since its beginning
+        self.is_ended = False  # whether an empty polygon has ended it
+        self.is_whole = False  # whether it is proved whole
 
 
 class Sets(_Listing):
@@ -121,29 +86,21 @@ class Sets(_Listing):
 
     The beginning of a set is proved by number 1, or by the end of the set before it; its end by a
     message of a later set, by an empty polygon with its stamp, or by `max_count` messages, unless
-    the set before had more. Held is the last whole set and all that is newer: only a whole set
-    replaces it. It is known while the last whole set is younger than the timeout.
-
-    Attributes
-    ----------
-    current : _Set or None
-        The set of the message before.
-
+    the set before had more. The last whole set is held, and all that is newer: only a whole set
+    replaces it. The listing is known while the last whole set is younger than the timeout.
     """
 
     def __init__(self, store: ObstacleStore) -> None:
         super().__init__(store)
-        self.current: _Set | None = None
+        self.current: _Set | None = None  # that of the message before
         # In the order in which they came. Only the first one may be whole.
         self._sets: list[_Set] = []
-        self._is_cut = self._is_too_large = False
-        self._is_spoiled = False
+        self._is_cut = self._is_too_large = self._is_spoiled = False
         self._period = 0
         self._missed = ''
 
     @property
     def groups(self) -> Sequence[SetGroup]:
-        """All that is held."""
         return [one.group for one in self._sets]
 
     def receive(self, news: News, stamp: int, time: int, now: int) -> SetGroup:
@@ -302,7 +259,6 @@ class _Keyed(_Listing):
 
     @property
     def groups(self) -> Sequence[KeyedGroup]:
-        """All that is held."""
         return [self.group]
 
 
@@ -376,9 +332,9 @@ class Maps(_Keyed):
     """
     Listings that never grow old: all obstacles up to an empty polygon.
 
-    Known is a listing that began with number 1 or right after an empty polygon, once an empty
-    polygon ends it; and the first one of a stream, too, when nothing new has come for
-    `settle_time`, which drops nothing.
+    A listing that began with number 1 or right after an empty polygon is known once an empty
+    polygon ends it; the first one of a stream also when nothing new has come for `settle_time`,
+    which drops nothing.
     """
 
     def __init__(self, store: ObstacleStore) -> None:

@@ -26,35 +26,21 @@ from sat_collision.geometry.polygon import PackedBody
 from sat_collision.geometry.run import Run
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.obstacles import Key, Obstacle
-from sat_collision.scene.times import NEVER
+from sat_collision.scene.settings import NEVER
 
 OTHER_FRAME = 'other frame'
 TOO_MANY = 'too many obstacles'
 
 
 class ObstacleStore:
-    """
-    The groups of obstacles of one source.
-
-    Parameters
-    ----------
-    source : str
-        Name of the source.
-    contacts : Contacts
-
-    Attributes
-    ----------
-    max_count : int
-        How many obstacles a group has room for.
-    refusals : Counter
-        How many obstacles stand for a message that was refused, by reason.
-
-    """
+    """The groups of obstacles of the source with this name."""
 
     def __init__(self, source: str, contacts: Contacts) -> None:
         self.source = source
         self.contacts = contacts
+        # How many obstacles a group has room for.
         self.max_count = 0
+        # How many obstacles stand for a message that was refused, by reason.
         self.refusals: Counter[str] = Counter()
         self.groups: list[ObstacleGroup] = []
         self._spare: list[SetGroup] = []
@@ -144,16 +130,11 @@ class SetGroup(ObstacleGroup):
     The obstacles of one set: the k-th message is the k-th obstacle.
 
     One that is cleared keeps its rows, hidden, for another set.
-
-    Attributes
-    ----------
-    oldest : int or float
-        The earliest time of its obstacles; NEVER if there are none.
-
     """
 
     def __init__(self, store: ObstacleStore) -> None:
         super().__init__(store)
+        # The earliest time of its obstacles; NEVER if there are none.
         self.oldest: float = NEVER
         self._places: list[Obstacle] = []
         # Of each place, -1 where nothing is placed.
@@ -161,7 +142,6 @@ class SetGroup(ObstacleGroup):
         self._taken = 0
 
     def __iter__(self) -> Iterator[Obstacle]:
-        """Go through all obstacles, those that stand for a refused message included."""
         return (one for one in self._places[:self._taken] if one.row is not None or one.refused)
 
     def take_run(self, run: Run, limit: int, frame_id: str, time: int) -> int:
@@ -189,7 +169,7 @@ class SetGroup(ObstacleGroup):
         """Take a message, whose body is None where it is refused; return a refusal or None."""
         place = self._taken
         if place >= self._store.max_count:
-            # All that is too much shares a place.
+            # All obstacles beyond the limit share a place.
             place = self._store.max_count
             refusal = refusal or TOO_MANY
         self._taken = place + 1
@@ -245,7 +225,6 @@ class KeyedGroup(ObstacleGroup):
         self._listing = 0
 
     def __iter__(self) -> Iterator[Obstacle]:
-        """Go through all obstacles, those that stand for a refused message included."""
         return iter(self._held.values())
 
     @property

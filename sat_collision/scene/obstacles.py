@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Obstacles, their names, and what they have in common with footprints: a place and contacts."""
+"""Obstacles, their names, and what they share with footprints: a place and contacts."""
 
 from __future__ import annotations
 
@@ -30,26 +30,16 @@ Key: TypeAlias = 'int | bytes'
 
 
 class Body(Generic[_Other]):
-    """
-    What can be placed: a footprint or an obstacle.
-
-    Attributes
-    ----------
-    row : int or None
-        Its row among the placed bodies of its kind, None while it is nowhere.
-    contacts : set of Body
-        The bodies of the other kind that share a point with it.
-    placed : PackedSet or None
-        The placed bodies of its kind.
-
-    """
+    """What can be placed: a footprint or an obstacle."""
 
     __slots__ = ('row', 'contacts', 'placed', '_polygon')
 
     def __init__(self) -> None:
+        # Its row among the placed bodies of its kind, None while it is nowhere; and those bodies.
         self.row: int | None = None
-        self.contacts: set[_Other] = set()
         self.placed: PackedSet | None = None
+        # The bodies of the other kind that share a point with it.
+        self.contacts: set[_Other] = set()
         self._polygon: Polygon | None = None
 
     @property
@@ -69,20 +59,11 @@ class Body(Generic[_Other]):
 
 
 class ObstacleId(NamedTuple):
-    """
-    The name of an obstacle.
+    """The name of an obstacle."""
 
-    Attributes
-    ----------
-    source : str
-        Name of the source.
-    key : int
-        Its place in the source's sets, or its id. Obstacles known by their shape alone (stamp 0,
-        accumulate) have neither and are numbered -1, -2, ...
-
-    """
-
-    source: str
+    source: str  # name of the source
+    # Its place in the source's sets, or its id. Obstacles known by their shape alone (stamp 0,
+    # accumulate) have neither and are numbered -1, -2, ...
     key: int
 
     def __str__(self) -> str:
@@ -93,23 +74,7 @@ class Obstacle(Body[Body[Any]]):
     """
     An obstacle of a source; or, if `refused` says why, the place of one that was refused.
 
-    Attributes
-    ----------
-    group : object
-        The group that holds it.
-    key : Key
-        What it is known by there.
-    name : ObstacleId
-    time : int or float
-        Time in ns that it counts from.
-    listing : int
-        Number of the listing of a map that had it last.
-    frame_id : str
-    refused : str or None
-        Why the message that it stands for was refused.
-    motion : MotionTracker or None
-        What its velocity is known from, if its source has obstacles that move.
-
+    It is known by its key in the group that holds it.
     """
 
     __slots__ = ('group', 'key', 'name', 'time', 'listing', 'frame_id', 'refused', 'motion')
@@ -119,8 +84,9 @@ class Obstacle(Body[Body[Any]]):
         self.group = group
         self.key = key
         self.name = ObstacleId(source, number)
-        self.time: float = 0
-        self.listing = 0
+        self.time: float = 0  # that it counts from, in ns
+        self.listing = 0  # number of the listing of a map that had it last
         self.frame_id = ''
         self.refused: str | None = None
+        # What its velocity is known from, if its source has obstacles that move.
         self.motion: MotionTracker | None = None

@@ -16,13 +16,16 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
+import math
 import re
-from typing import Any
+from typing import Any, TypeAlias
 
-from sat_collision.scene.outlines import check, OutlineError
+import numpy as np
+from sat_collision.geometry.polygon import Polygon, PolygonError
 from sat_collision.scene.settings import (
     DEFAULT_FOOTPRINT, DEFAULT_SOURCE, DEFAULT_SOURCE_TOPIC, FootprintSettings, ObstacleSettings,
     POLYGON_INSTANCE, Settings, Spec, specs, TF)
@@ -37,6 +40,11 @@ _TYPES = {bool: 'true or false', int: 'a whole number', float: 'a double', str: 
           list: 'a list of texts'}
 _RESERVED = frozenset((*specs(Settings), *_OF_EVERY_NODE))
 
+# The vertices of a footprint, as float32 numbers: those that a message would carry.
+Outline: TypeAlias = tuple[tuple[float, float], ...]
+# More than rounding to float32 may take from a disc.
+_ROUNDED = 1.0 + 1e-6
+
 
 class ParameterError(ValueError):
     """Parameters are invalid; the message is for the user, in one line."""
@@ -48,23 +56,10 @@ class ParameterError(ValueError):
 def declare_parameters(
         declare: Callable[[str, Any, Spec], Any]) -> tuple[list[str], list[str]]:
     """
-    Declare every parameter of the settings.
+    Declare every parameter; return the names of the footprints and of the sources of obstacles.
 
-    Parameters
-    ----------
-    declare : callable
-        Takes name, default and Spec of a parameter and returns the value that it was given.
-
-    Returns
-    -------
-    list of str, list of str
-        The names of the footprints and of the sources of obstacles.
-
-    Raises
-    ------
-    ParameterError
-        If a source cannot have the name that it was given.
-
+    `declare` takes name, default and Spec of a parameter and returns the value that it was given.
+    A name that cannot be used raises a ParameterError.
     """
     monitor = specs(Settings)
     footprints, obstacles = (
@@ -81,20 +76,10 @@ def declare_parameters(
 
 def check_names_given(given: Iterable[str], known: Collection[str]) -> None:
     """
-    Reject unknown parameters: a mistyped one would silently keep its default.
+    Raise a ParameterError for an unknown name, which mistyped would silently keep its default.
 
-    Parameters
-    ----------
-    given : iterable of str
-        The names that files and the command line have for the node.
-    known : collection of str
-        The names that were declared.
-
-    Raises
-    ------
-    ParameterError
-        If a name is neither known nor one that every node has.
-
+    `given` are the names that files and the command line have for the node, `known` those that
+    were declared.
     """
     for name in given:
         if name not in known and name.partition('.')[0] not in _OF_EVERY_NODE:
@@ -153,15 +138,10 @@ def read_settings(footprints: Iterable[str], obstacles: Iterable[str],
     resolve : callable
         Takes the name of a topic and returns it in full.
 
-    Returns
-    -------
-    Settings
-
     Raises
     ------
     ParameterError
-        If a topic cannot have the name that it was given, an outline makes no sense, or a
-        footprint has sources that there are not.
+        If a topic or an outline is invalid, or a footprint names an unknown source.
 
     """
     def resolved(name: str, topic: str) -> str:
@@ -198,11 +178,70 @@ def read_settings(footprints: Iterable[str], obstacles: Iterable[str],
         if source.moving and source.type != POLYGON_INSTANCE:
             raise ParameterError(f'{source.name}.moving: only ids tell which obstacle has moved: '
                                  f'set {source.name}.type to {POLYGON_INSTANCE}')
-    try:
-        check(settings)
-    except OutlineError as error:
-        raise ParameterError(error) from error
+    check_outlines(settings)
     return settings
+
+
+def outline_of(settings: FootprintSettings, max_vertices: int) -> Outline:
+    """Return the outline of a footprint that has one; ParameterError if it is invalid."""
+    name = settings.name
+    if settings.points and settings.radius:
+        raise ParameterError(f'{name}.points and {name}.radius are both given: choose one')
+    pairs = _pairs(settings) if settings.points else _disc(settings)
+    with np.errstate(over='ignore'):  # it is not finite then, which is reported
+        vertices = np.array(pairs, np.float32).astype(np.float64)
+    try:
+        Polygon(vertices, max_vertices)
+    except PolygonError as error:
+        raise ParameterError(f'{name}.points are not a simple polygon: {error}') from error
+    return tuple((x, y) for x, y in vertices.tolist())
+
+
+def check_outlines(settings: Settings) -> None:
+    """Raise a ParameterError where what the settings say of outlines is invalid."""
+    for one in settings.footprints:
+        name = one.name
+        if one.has_outline:
+            if not one.frame_id or one.frame_id[0] == '/':
+                raise ParameterError(f'{name}.frame_id: an outline needs the frame that it moves '
+                                     'with, such as base_link, without a slash before it')
+            if not settings.frame_id:
+                raise ParameterError(f'frame_id: the outline of {name} needs the fixed frame that '
+                                     'it moves in, such as odom')
+            outline_of(one, settings.max_vertices)
+        elif one.cmd_vel:
+            raise ParameterError(f'{name}.cmd_vel: a command is in the frame of the robot, and a '
+                                 f'footprint that is published does not say where that is: give '
+                                 f'{name}.points or {name}.radius, and {name}.frame_id, instead')
+        elif one.frame_id or one.odometry:
+            given = 'frame_id' if one.frame_id else 'odometry'
+            raise ParameterError(f'{name}.{given} is for an outline: give {name}.points or '
+                                 f'{name}.radius, too')
+
+
+def _pairs(settings: FootprintSettings) -> list[tuple[float, float]]:
+    """Return the points as they were given."""
+    points, name = settings.points, settings.name
+    if not isinstance(points, str):
+        if len(points) % 2:
+            raise ParameterError(f'{name}.points has {len(points)} numbers, but each point has '
+                                 'two')
+        return list(zip(points[::2], points[1::2]))
+    try:
+        pairs = [(float(x), float(y)) for x, y in ast.literal_eval(points.strip())]
+    # Whatever the parser of Python raises for anything else than a list of pairs.
+    except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError) as error:
+        raise ParameterError(f'{name}.points: a string must have the form '
+                             "'[[x1, y1], [x2, y2], ...]'") from error
+    return pairs
+
+
+def _disc(settings: FootprintSettings) -> list[tuple[float, float]]:
+    """Return a regular polygon whose edges touch the disc from outside."""
+    count = settings.radius_vertices
+    reach = _ROUNDED * settings.radius / math.cos(math.pi / count)
+    return [(reach * math.cos(angle), reach * math.sin(angle))
+            for angle in (math.tau * k / count for k in range(count))]
 
 
 def _numbers(name: str, given: Any) -> str | tuple[float, ...]:

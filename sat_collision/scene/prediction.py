@@ -37,29 +37,15 @@ _ROUNDING = 1e-9
 
 
 class Prediction(NamedTuple):
-    """
-    When a footprint is in contact, moving on as it does while obstacles stand or move on.
+    """When a footprint is in contact, moving on as it does while obstacles stand or move on."""
 
-    Attributes
-    ----------
-    seconds : float
-        From now; 0 in contact, infinity if there is none within the horizon.
-    obstacle : ObstacleId or None
-        What it is in contact with then, None if there is no contact.
-    velocity : Velocity or None
-        From the stamp of the footprint on. None only while in contact, where none is needed.
-    way : float
-        From the stamp until the contact, in s.
-    unknown : tuple of ObstacleId
-        Obstacles of which it is not known how they move, sorted: they are taken to stand, so the
-        contact may be sooner. Empty where that cannot be.
-
-    """
-
-    seconds: float
-    obstacle: ObstacleId | None
+    seconds: float  # from now; 0 in contact, infinity if there is none within the horizon
+    obstacle: ObstacleId | None  # what it is in contact with then
+    # From the stamp of the footprint on; None only while in contact, where none is needed.
     velocity: Velocity | None
-    way: float
+    way: float  # from the stamp until the contact, in s
+    # Obstacles whose motion is unknown, sorted: they are taken to stand, so the contact may be
+    # sooner. Empty where that cannot be.
     unknown: tuple[ObstacleId, ...] = ()
 
     @property
@@ -90,17 +76,7 @@ def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source],
     """
     Return when a footprint is in contact, None while its state or its velocity is unknown.
 
-    Parameters
-    ----------
-    footprint : Footprint
-    contacts : Contacts
-    sources : iterable of Source
-        All that there are.
-    now : int
-        Present time in ns.
-    horizon : float
-        How far to look ahead, in s.
-
+    The sources are all that there are; the horizon is in s.
     """
     if footprint.status is Status.UNKNOWN or footprint.time is None:
         return None

@@ -161,11 +161,7 @@ def plane_map(transform: FixedTransform) -> PlaneMap:
 
 
 def tilt(transform: FixedTransform) -> float:
-    """
-    Return by what angle (rad) a transform tilts the plane z = 0.
-
-    That of the z axes as lines: what is mounted upside down is not tilted.
-    """
+    """Return the angle (rad) between the z axes as lines: upside down is not tilted."""
     _, _, _, a, b, c, d = transform
     # Sine of half the angle between the axes, and its cosine.
     half = math.atan2(math.hypot(a, b), math.hypot(c, d))

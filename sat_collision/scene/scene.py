@@ -31,17 +31,16 @@ from sat_collision.scene.frame_tree import in_quotes
 from sat_collision.scene.obstacle_store import OTHER_FRAME
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.prediction import predict, Prediction, velocity_of
-from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from sat_collision.scene.settings import FootprintSettings, NEVER, ObstacleSettings, Settings
 from sat_collision.scene.sources import Source
 from sat_collision.scene.streams import CONTINUES, Endpoint
-from sat_collision.scene.times import NEVER
 from sat_collision.scene.velocity import Command, Velocity, Vertices
 
 FROM_FUTURE = 'from the future'
 OVERTAKEN = 'older than the last'
 
 _AGREEMENT = 10**9
-# So much further than it must `look_ahead` looks, in s, to know when to look again. It is called
+# How much further than needed `look_ahead` looks, in s, to know when to look again; it is called
 # more often than that.
 _AHEAD = 0.5
 _DISABLED = 'checking is disabled'
@@ -77,35 +76,22 @@ class Scene:
 
     Every method that takes `now` first lets time pass until then, as `pass_time` does. Times are
     ints in ns by one clock. A header stamp of 0 means now, and no stamp counts from the future.
-    A body is a packed polygon, whose array may be used again once the method has returned.
-
-    Parameters
-    ----------
-    settings : Settings
-
-    Attributes
-    ----------
-    settings : Settings
-    frame_id : str
-        The frame of all bodies: that of the settings, else the one that the footprints received
-        in the last second agree on; empty until there is one.
-    deadline : int or float
-        The time in ns until which, at least, nothing changes by itself; NEVER if at no time.
-    waiting : container of str
-        Names of those of which messages wait to be taken: maps of theirs do not settle.
-    tracks_motion : bool
-        Whether what velocities are worked out from is kept of every footprint.
-    decides_contacts : bool
-        Whether footprints are placed among the obstacles; else it is only found what is known.
-
+    A body is a packed polygon, whose array may be used again once the method has returned. The
+    number of a message says which one of its publisher's it is, where that is known.
     """
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
+        # The frame of all bodies: that of the settings, else the one that the footprints received
+        # in the last second agree on; empty until there is one.
         self.frame_id = settings.frame_id
+        # The time until which, at least, nothing changes by itself.
         self.deadline: float = NEVER
+        # Names of those of which messages wait to be taken: maps of theirs do not settle.
         self.waiting: Container[str] = ()
+        # Whether the motion of every footprint is tracked, be it asked for or not.
         self.tracks_motion = False
+        # Whether footprints are placed among the obstacles; else it is found only what is known.
         self.decides_contacts = True
         self._now = 0
         self._clock_stands = False
@@ -162,26 +148,10 @@ class Scene:
     def footprint(self, name: str, body: PackedBody, frame_id: str, stamp: int, now: int,
                   origin: Origin | None = None, number: int | None = None) -> str | None:
         """
-        Take a footprint.
+        Take a footprint, and its origin if it was moved to the frame.
 
-        Parameters
-        ----------
-        name : str
-        body : PackedBody
-        frame_id : str
-        stamp, now : int
-            Header stamp and present time in ns.
-        origin : Origin, optional
-            Where it came from, if it was moved to the frame.
-        number : int, optional
-            Which one of its publisher's messages it is, where that is known.
-
-        Returns
-        -------
-        str or None
-            Why it was refused, if it was: FROM_FUTURE, OTHER_FRAME or OVERTAKEN; the last leaves
-            the footprint as it is.
-
+        Return why it was refused, if it was: FROM_FUTURE, OTHER_FRAME or OVERTAKEN; the last
+        leaves the footprint as it is.
         """
         if now != self._now:
             self.pass_time(now)
@@ -220,7 +190,7 @@ class Scene:
         return None
 
     def is_tracked(self, name: str) -> bool:
-        """Tell whether the motion of a footprint is to be tracked: nobody may ask for it."""
+        """Tell whether anything needs the motion of a footprint."""
         return self.tracks_motion or name in self._looks_ahead
 
     def track(self, name: str, vertices: Vertices, given: Velocity | None = None) -> None:
@@ -254,7 +224,7 @@ class Scene:
                        horizon) if horizon else None
 
     def look_ahead(self) -> None:
-        """Find out which footprints are about to collide, as their settings have it."""
+        """Find out which footprints are in contact within their min_time_to_collision."""
         for name, threshold in self._looks_ahead.items():
             footprint = self._footprints[name]
             found = predict(footprint, self._contacts, self._sources.values(), self._now,
@@ -271,20 +241,10 @@ class Scene:
     def obstacle(self, name: str, body: PackedBody | None, frame_id: str, stamp: int, now: int,
                  instance: int | None = None, number: int | None = None) -> str | None:
         """
-        Take a message of a source of obstacles; as `footprint`, but for what follows.
+        Take a message of a source of obstacles, with the obstacle's id if the source gives ids.
 
-        Parameters
-        ----------
-        body : PackedBody or None
-            None for an empty polygon, which ends a set or a map.
-        instance : int, optional
-            The obstacle's id, of a source that gives ids.
-
-        Returns
-        -------
-        str or None
-            Why it was refused, if it was: FROM_FUTURE, OTHER_FRAME, TOO_MANY or TOO_OLD.
-
+        There is no body of an empty polygon, which ends a set or a map. Return why the message was
+        refused, if it was: FROM_FUTURE, OTHER_FRAME, TOO_MANY or TOO_OLD.
         """
         if now != self._now:
             self.pass_time(now)
@@ -465,9 +425,9 @@ class Scene:
 
     def brief_contacts(self) -> list[str]:
         """
-        Return the names of footprints that were in collision for a moment only.
+        Return the names of footprints that were in collision only for a moment.
 
-        That is, since the last call of `changes`, and not when it was called.
+        That is, since the last call of `changes`, but neither then nor now.
         """
         return [name for name in self._collided
                 if self._footprints[name].status is not Status.COLLISION
@@ -548,7 +508,7 @@ class Scene:
         return stamp > self._now + self._future_tolerance and self._now > 0
 
     def _choose_frame(self) -> None:
-        """Let the frame be the one that the footprints received of late agree on, if they do."""
+        """Use the frame that the footprints received recently agree on, if they do."""
         frames = {footprint.frame_id for footprint in self._footprints.values()
                   if footprint.received is not None
                   and footprint.received >= self._now - _AGREEMENT}

@@ -26,6 +26,13 @@ from sat_collision.scene.velocity import VELOCITY_LASTS
 POLYGON = 'polygon'
 POLYGON_INSTANCE = 'polygon_instance'
 
+# Times are ints in ns; this one never comes.
+NEVER = float('inf')
+# Stamps so far from the present are by another clock.
+FAR = 3600 * 10**9
+BY_ANOTHER_CLOCK = ('more than an hour from the clock of this node: set use_sim_time: true where '
+                    'a recording or a simulation publishes /clock')
+
 # Where the frame of an outline is published, unless it has a topic for that.
 TF = '/tf'
 
@@ -41,32 +48,15 @@ _SPEC = 'spec'
 
 
 class Spec(NamedTuple):
-    """
-    What a setting means and may be.
+    """What a setting means and may be."""
 
-    Attributes
-    ----------
-    description : str
-        The meaning, for users; begins with the unit where there is one.
-    live : bool
-        Whether it can be changed while the node runs.
-    limits : (float, float) or (int, int), optional
-        The least and the greatest value.
-    choices : tuple of str
-        The values it may have; empty for any.
-    safety : bool
-        Whether it decides what is called clear, so that `lock_parameters` fixes it.
-    is_any_type : bool
-        Whether its value need not have the type of the default.
-
-    """
-
-    description: str
-    live: bool = False
-    limits: tuple[float, float] | None = None
-    choices: tuple[str, ...] = ()
+    description: str  # for users; begins with the unit where there is one
+    live: bool = False  # whether it can be changed while the node runs
+    limits: tuple[float, float] | None = None  # the least and the greatest value
+    choices: tuple[str, ...] = ()  # the values it may have; empty for any
+    # Whether it decides what is called clear, so that `lock_parameters` fixes it.
     safety: bool = False
-    is_any_type: bool = False
+    is_any_type: bool = False  # whether its value need not have the type of the default
 
 
 def _setting(description: str, **more: Any) -> Mapping[str, Spec]:

@@ -26,9 +26,9 @@ from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.knowledge import Keys, LOSS, Maps, Sets
 from sat_collision.scene.obstacle_store import KeyedGroup, ObstacleStore, SetGroup, TOO_MANY
 from sat_collision.scene.obstacles import Key
-from sat_collision.scene.settings import ObstacleSettings, POLYGON_INSTANCE
+from sat_collision.scene.settings import (
+    BY_ANOTHER_CLOCK, FAR, NEVER, ObstacleSettings, POLYGON_INSTANCE)
 from sat_collision.scene.streams import BEGUN, CONTINUES, Endpoint, MET, News, Stream
-from sat_collision.scene.times import BY_ANOTHER_CLOCK, FAR, NEVER
 from sat_collision.scene.velocity import MotionTracker, Vertices
 
 TOO_OLD = 'too old'
@@ -51,37 +51,22 @@ class Source:
 
     Times are in ns. A message counts from its stamp, from now if that is 0 or in the future. One
     past its timeout is refused as TOO_OLD.
-
-    Parameters
-    ----------
-    settings : ObstacleSettings
-    contacts : Contacts
-
-    Attributes
-    ----------
-    store : ObstacleStore
-    stream : Stream
-    listing : Sets, Keys or Maps
-        What its publisher lists now. Another object where that begins anew.
-    faults : tuple of str
-        Why the source cannot be trusted, in words; empty if it can. The same object as long as
-        nothing about it changes.
-    timeout : int or float
-        NEVER where there is none.
-
     """
 
     def __init__(self, settings: ObstacleSettings, contacts: Contacts) -> None:
         self.settings = settings
         self.store = ObstacleStore(settings.name, contacts)
         self.stream = Stream()
+        # Why the source cannot be trusted, in words; empty if it can. The same object as long as
+        # nothing about it changes.
         self.faults: tuple[str, ...] = ()
+        # What its publisher lists now: another object where that begins anew.
+        self.listing: _Listing = Sets(self.store)
         # Groups of listings that were interrupted.
         self._former: list[_Group] = []
         self._is_far = False
         self._was_known = False
         self.timeout: float = NEVER
-        self.listing: _Listing = Sets(self.store)
         self.configure(settings, now=0)
 
     def configure(self, settings: ObstacleSettings, now: int) -> None:
@@ -150,25 +135,10 @@ class Source:
                 instance: int | None, number: int | None,
                 refusal: str | None = None) -> str | None:
         """
-        Take a message.
+        Take a message; return why it was refused, if it was: by the caller, or here.
 
-        Parameters
-        ----------
-        body : PackedBody or None
-            None for an empty polygon, and for a message that is refused.
-        frame_id : str
-        stamp : int or None
-            None where it could not be read, or is not to be trusted.
-        now : int
-        instance, number : int or None
-        refusal : str, optional
-            Why it is refused.
-
-        Returns
-        -------
-        str or None
-            Why it was refused, if it was.
-
+        There is no body of an empty polygon and of a message that the caller refuses, and no stamp
+        where it could not be read, or is not to be trusted.
         """
         news = self.stream.receive(number, now)
         is_end = body is None and not refusal
@@ -194,10 +164,9 @@ class Source:
                     listing.spoil(LOSS, now)
             if not is_old:
                 taken = group.take(key, body, frame_id, time, refusal)
-                if taken:
-                    refusal = refusal or taken
-                    if taken is TOO_MANY and not isinstance(listing, Sets):
-                        listing.spoil(f'there were {TOO_MANY}', now)
+                if taken is TOO_MANY and not isinstance(listing, Sets):
+                    listing.spoil(f'there were {TOO_MANY}', now)
+                refusal = refusal or taken
         if is_old:
             refusal = TOO_OLD
         if listing.is_known is not self._was_known or news is not CONTINUES or (

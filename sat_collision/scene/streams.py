@@ -24,7 +24,7 @@ from collections.abc import Sequence
 import enum
 from typing import NamedTuple
 
-from sat_collision.scene.times import NEVER
+from sat_collision.scene.settings import NEVER
 
 
 class News(enum.Enum):
@@ -43,27 +43,12 @@ _LONGEST_MIXED = 10 * 10**9
 
 
 class Endpoint(NamedTuple):
-    """
-    A publisher on a topic, as the middleware knows it.
+    """A publisher on a topic, as the middleware knows it."""
 
-    Attributes
-    ----------
-    gid : str
-        Identifies it.
-    node : str
-        Full name of its node; empty while that is not known.
-    problem : str
-        Why nothing of it can be received and what to do, as the end of a sentence; empty if all
-        can.
-    hint : str
-        What may be missing of what it has sent, likewise.
-
-    """
-
-    gid: str
-    node: str = ''
-    problem: str = ''
-    hint: str = ''
+    gid: str  # identifies it
+    node: str = ''  # full name of its node; empty while that is not known
+    problem: str = ''  # why nothing of it can be received, and what to do: ends a sentence
+    hint: str = ''  # what may be missing of what it has sent, likewise
 
 
 class Stream:
@@ -76,23 +61,15 @@ class Stream:
     A process that was killed stays among the publishers until its lease is over. One of the same
     node name as the publisher of the stream, which is newer, does not count while nothing comes
     of it.
-
-    Attributes
-    ----------
-    next : int or None
-        The number that continues the stream; None where no number does.
-    lost : int
-        How many messages were lost so far.
-    timeout : int or float
-        For how long numbers that only two publishers can have sent are a fault.
-    mixed_until : int or float
-        Until when they are one now; NEVER if they are none.
-
     """
 
     def __init__(self) -> None:
+        # The number that continues the stream; None where no number does.
         self.next: int | None = None
+        # How many messages were lost so far.
         self.lost = 0
+        # For how long numbers that only two publishers can have sent are a fault, and until when
+        # they are one now; NEVER if they are none.
         self.timeout: float = NEVER
         self.mixed_until: float = NEVER
         # The number of the message before, where `next` does not have it.
@@ -127,26 +104,15 @@ class Stream:
         return len(self._endpoints or ()) <= 1
 
     def receive(self, number: int | None, now: int) -> News:
-        """
-        Take the number of a message.
-
-        Parameters
-        ----------
-        number : int or None
-            None where the middleware gives none: then no loss shows.
-        now : int
-
-        """
+        """Take the number of a message; where the middleware gives none, no loss shows."""
         expected = self.next
         if number is None:
             number = 2 if expected is None else expected
         self.next = number + 1
-        if number == expected:
-            if self._awaits_endpoint:
-                # Only number 1 comes before the news, so its publisher was known before.
-                self._awaits_endpoint = False
-            return CONTINUES
+        # Only number 1 comes before the news of its publisher, so this one was known before.
         self._awaits_endpoint = False
+        if number == expected:
+            return CONTINUES
         last = self._last if expected is None else expected - 1
         if number == 1 or number <= last:
             self._last_before = last

@@ -58,21 +58,11 @@ _MOST_CHANGE = 0.1
 
 
 class Velocity(NamedTuple):
-    """
-    How a body moves: by a constant twist.
-
-    Attributes
-    ----------
-    twist : Twist
-    pose : Pose
-    origin : str
-        Where the twist comes from: COMMAND, ODOMETRY, TRANSFORMS or FOOTPRINTS.
-
-    """
+    """How a body moves: by a constant twist."""
 
     twist: Twist
     pose: Pose
-    origin: str
+    origin: str  # where the twist comes from: COMMAND, ODOMETRY, TRANSFORMS or FOOTPRINTS
 
     def fastest(self, bounds: tuple[float, float, float, float]) -> float:
         """Return a bound of the speed, m/s, of what is within min x, min y, max x and max y."""
@@ -94,17 +84,7 @@ class Velocity(NamedTuple):
 
 
 class Translation(NamedTuple):
-    """
-    How a body moves that does not turn.
-
-    Attributes
-    ----------
-    vx, vy : float
-        m/s.
-    x, y, radius : float
-        A circle round it at the stamp of its last place, m.
-
-    """
+    """How a body moves that does not turn, and a circle round it where it was last, m and m/s."""
 
     vx: float
     vy: float
@@ -119,23 +99,11 @@ class Translation(NamedTuple):
 
 
 class Command(NamedTuple):
-    """
-    The last message in which a footprint was told how to move.
+    """The last message in which a footprint was told how to move."""
 
-    Attributes
-    ----------
-    time : int
-        Its stamp in ns, not in the future.
-    twist : Twist
-        In the frame of the outline.
-    refusal : str
-        Why it was refused; empty if it was not.
-
-    """
-
-    time: int
-    twist: Twist = (0.0, 0.0, 0.0)
-    refusal: str = ''
+    time: int  # its stamp in ns, not in the future
+    twist: Twist = (0.0, 0.0, 0.0)  # in the frame of the outline
+    refusal: str = ''  # why it was refused; empty if it was not
 
     def holds(self, now: int, timeout: float) -> bool:
         """Return whether it is what a footprint does at a time in ns, given for how many s."""
@@ -157,17 +125,9 @@ class MotionTracker:
 
     def place(self, time: int, vertices: Vertices, given: Velocity | None = None) -> None:
         """
-        Take where the footprint is.
+        Take where the footprint is at a stamp in ns, and its velocity then if that is known.
 
-        Parameters
-        ----------
-        time : int
-            Stamp in ns.
-        vertices : (n, 2) ndarray
-            In metres in the fixed frame, as sent: in the same order every time.
-        given : Velocity, optional
-            What is known of its velocity then.
-
+        The vertices are in metres in the fixed frame, as sent: in the same order every time.
         """
         if self._places and time < self._places[-1][0]:
             self.clear()
@@ -181,20 +141,10 @@ class MotionTracker:
 
     def velocity(self, time: int, origin: str) -> Velocity | None:
         """
-        Return the velocity at a time.
+        Return the velocity at the stamp of the last place: the given one, else a fitted one.
 
-        Parameters
-        ----------
-        time : int
-            Stamp in ns of the footprint; unknown where it is not that of the last place.
-        origin : str
-            Where that places came from, for a velocity that has to be fitted.
-
-        Returns
-        -------
-        Velocity or None
-            What was given, else what was fitted; None while unknown.
-
+        None while unknown, and at any other time. Where places come from is the origin of a
+        velocity that is fitted to them.
         """
         if not self._places or self._places[-1][0] != time:
             return None
@@ -222,7 +172,7 @@ class MotionTracker:
 
 
 def translated(before: Vertices, after: Vertices, seconds: float) -> Translation | None:
-    """Return how vertices have moved that are now elsewhere, None where not all as one."""
+    """Return how vertices have moved, None where not all moved alike."""
     velocities = (after - before) / seconds
     mean, centre = velocities.mean(0), after.mean(0)
     # What overflows is not a number, and no velocity.

@@ -21,7 +21,7 @@ from collections.abc import Callable
 import enum
 from typing import Generic, TypeVar
 
-from sat_collision.scene.times import NEVER
+from sat_collision.scene.settings import NEVER
 
 _Item = TypeVar('_Item')
 _Outcome = TypeVar('_Outcome')
@@ -40,24 +40,15 @@ class Waiting(Generic[_Item, _Outcome]):
     """
     Queues of waiting items by name, each in order of arrival.
 
-    Parameters
-    ----------
-    take : callable
-        Takes name, what waits first, present time in ns and whether it may wait on; returns WAIT
-        for that, else what came of it.
-
-    Attributes
-    ----------
-    queues : dict
-        What waits, by name; none is empty.
-    earliest : float
-        Time in ns at which one of them may wait no longer; NEVER if nothing waits.
-
+    `take` is called with a name, what waits first, the present time in ns and whether it may wait
+    on; it returns WAIT for that, else what came of it.
     """
 
     def __init__(self, take: Callable[[str, _Item, int, bool], _Outcome | Wait | None]) -> None:
         self._take = take
+        # What waits and until when, by name; none is empty.
         self.queues: dict[str, deque[tuple[_Item, int]]] = {}
+        # When the first of them may wait no longer.
         self.earliest = NEVER
 
     def __contains__(self, name: object) -> bool:
@@ -70,18 +61,9 @@ class Waiting(Generic[_Item, _Outcome]):
 
     def add(self, name: str, item: _Item, now: int, timeout: int, limit: int) -> list[_Outcome]:
         """
-        Append an item to the queue of its name.
+        Append an item to the queue of its name, where it may wait until the timeout.
 
-        Parameters
-        ----------
-        name : str
-        item : object
-        now, timeout : int
-            Present time, and how long it may wait, in ns.
-        limit : int
-            How many may wait; where there are more, those that came first wait no longer, and
-            what came of those is returned.
-
+        Of more than `limit` those that came first wait no longer; return what came of those.
         """
         queue = self.queues.setdefault(name, deque())
         queue.append((item, now + timeout))

@@ -24,10 +24,9 @@ import pytest
 ROOT = Path(__file__).parents[2]
 STORED = ROOT / 'docs' / 'report'
 PAGES = 'README.md', 'appendix.md'
-sys.path += [str(ROOT / 'benchmarks' / 'report'), str(ROOT / 'docs')]
+sys.path += [str(ROOT / 'benchmarks'), str(ROOT / 'benchmarks' / 'report')]
 
-import condition  # noqa: E402, I100
-import lookup  # noqa: E402
+import stability  # noqa: E402, I100
 import tables  # noqa: E402
 import words  # noqa: E402
 
@@ -50,6 +49,15 @@ def test_stored_tables_are_those_of_their_figures(figures, name):
     assert words.with_tables(text_of(name), tables.TABLES, figures) == text_of(name)
 
 
+def test_stored_benchmarks_are_those_of_their_figures():
+    """Likewise."""
+    pytest.importorskip('rclpy')
+    import bench
+    page = ROOT / 'docs' / 'benchmarks' / 'README.md'
+    figures = json.loads(page.with_name('figures.json').read_text())
+    assert words.with_tables(page.read_text(), bench.TABLES, figures) == page.read_text()
+
+
 def test_each_table_is_on_a_page_once():
     text = ''.join(map(text_of, PAGES))
     names = re.findall('<!-- (.*?) -->', text)
@@ -62,23 +70,15 @@ def test_stored_plots_are_all_on_the_page():
     assert shown == {path.name for path in STORED.glob('*.png')}
 
 
-def test_links_between_the_pages_lead_to_headings():
-    anchors = {name: {re.sub('[^a-z0-9 -]', '', line.lstrip('# ').lower()).replace(' ', '-')
-                      for line in text_of(name).splitlines() if line.startswith('#')}
-               for name in PAGES}
-    for name in PAGES:
-        for target, anchor in re.findall(r'\]\(([\w.]*)#([\w-]+)\)', text_of(name)):
-            assert anchor in anchors[target or name], anchor
-
-
 def test_what_the_text_says_holds_in_the_figures(figures):
     """Where a later measurement says otherwise, the text has to be written anew."""
-    wrong = {method: sum(lookup.wrong(lookup.rows(figures, method, kind))
-                         for kind in ('clear', 'near', 'deep', 'hard'))
-             for method in lookup.methods(figures)}
+    rows = figures['speed']
+    wrong = {method: tables.count_wrong(row for row in rows if row['method'] == method)
+             for method in tables.distinct(rows, 'method')}
     assert {method for method, count in wrong.items() if not count} == {
         'improved', 'filtered', 'interval', 'shapely'}
-    assert not lookup.wrong(lookup.rows(figures, 'traditional', 'near'))
+    assert not tables.count_wrong(row for row in rows if row['kind'] == 'near'
+                                  and row['method'] == 'traditional')
     total = figures['accuracy']['families']['all']
     assert total['wrong'] == 0 and total['pairs'] == 20_000_000
     backward = figures['condition']['backward']
@@ -131,6 +131,6 @@ def test_rates_of_none_have_an_upper_end():
 
 @pytest.mark.parametrize('units', [1e-9, 0.3, 3.0, 1e9, 1e40])
 def test_bins_hold_what_is_put_into_them(units):
-    middle = condition.centre_of_bin(condition.bin_of(units))
-    inside = 10 ** condition.FIRST < units < 10 ** condition.LAST
+    middle = stability.centre_of_bin(stability.bin_of(units))
+    inside = 10 ** stability.FIRST < units < 10 ** stability.LAST
     assert 10 ** -0.26 < units / middle < 10 ** 0.26 or not inside

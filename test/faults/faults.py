@@ -75,23 +75,13 @@ sys.exit(main(sys.argv[2:]))
 
 
 class Outcome(NamedTuple):
-    """
-    How a fault went.
+    """How a fault went."""
 
-    Attributes
-    ----------
-    detected : float
-        Seconds from the fault until a subscriber that follows the README's rule took the flag for
-        raised.
-    recovered : float
-        Seconds from the end of the fault until the flag fell again.
-    wrong_clears : int
-        Flags that said clear, while the fault lasted, later than 1 s after it began.
-
-    """
-
+    # Seconds from the fault until a subscriber that follows the README's rule took the flag for
+    # raised, and from the end of the fault until the flag fell again.
     detected: float
     recovered: float
+    # Flags that said clear, while the fault lasted, later than 1 s after it began.
     wrong_clears: int
 
 
@@ -248,12 +238,9 @@ def _stalled(rig: Rig) -> Outcome:
     return outcome(rig, rig.hanging.touch, rig.hanging.unlink)
 
 
-def _silent(name: str) -> Callable[[Rig], Outcome]:
-    return lambda rig: outcome(rig, lambda: rig.silent.add(name), rig.silent.clear)
-
-
-def _damaged(name: str) -> Callable[[Rig], Outcome]:
-    return lambda rig: outcome(rig, lambda: rig.damaged.add(name), rig.damaged.clear)
+def _bad(kind: str, name: str) -> Callable[[Rig], Outcome]:
+    """Have a topic be among those that are silent or damaged."""
+    return lambda rig: outcome(rig, lambda: getattr(rig, kind).add(name), getattr(rig, kind).clear)
 
 
 def _clock_stepped(seconds: float) -> Callable[[Rig], Outcome]:
@@ -267,9 +254,7 @@ def _clock_stepped(seconds: float) -> Callable[[Rig], Outcome]:
 
 
 def _contact(rig: Rig) -> Outcome:
-    def move(x: float) -> None:
-        rig.x['footprint'] = x
-    return outcome(rig, lambda: move(5.0), lambda: move(0.0))
+    return outcome(rig, lambda: rig.x.update(footprint=5.0), lambda: rig.x.update(footprint=0.0))
 
 
 def _contact_in_flood(rig: Rig) -> Outcome:
@@ -305,10 +290,10 @@ FAULTS: dict[str, Callable[[Rig], Outcome]] = {
     'the monitor is killed and started again': _killed,
     'the monitor is stopped and goes on (SIGSTOP, SIGCONT)': _stopped,
     'the loop of the monitor hangs': _stalled,
-    'the footprint is silent (timeout 0.5 s)': _silent('footprint'),
-    'the obstacles are silent (timeout 0.5 s)': _silent('obstacles'),
-    'footprints come damaged': _damaged('footprint'),
-    'obstacles come damaged': _damaged('obstacles'),
+    'the footprint is silent (timeout 0.5 s)': _bad('silent', 'footprint'),
+    'the obstacles are silent (timeout 0.5 s)': _bad('silent', 'obstacles'),
+    'footprints come damaged': _bad('damaged', 'footprint'),
+    'obstacles come damaged': _bad('damaged', 'obstacles'),
     'the robot touches while 10,000 messages/s of no use come': _contact_in_flood,
     **({f'the clock of the monitor is stepped by {step:+g} s, and back': _clock_stepped(step)
         for step in (_STEP, -_STEP)} if _FAKETIME else {}),

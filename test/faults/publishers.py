@@ -63,21 +63,12 @@ def profile(qos: dict[str, Any]) -> QoSProfile:
 
 
 class World:
-    """
-    What all processes see.
-
-    Attributes
-    ----------
-    touching : ctypes.c_bool
-        Whether the robot and the obstacle are in contact in truth.
-    offset : ctypes.c_int64
-        By how many ns the simulated clock is ahead of the machine's.
-
-    """
+    """What all processes see, without locks: a process may be killed while it holds one."""
 
     def __init__(self) -> None:
-        # Without locks: a process may be killed while it holds one.
+        # Whether the robot and the obstacle are in contact in truth.
         self.touching = _PROCESSES.RawValue('b', 1)
+        # By how many ns the simulated clock is ahead of the machine's.
         self.offset = _PROCESSES.RawValue('q', 0)
 
 
@@ -157,21 +148,8 @@ class Publisher:
     """
     A process that publishes until it is ended, in one way or another.
 
-    Parameters
-    ----------
-    world : World
-    domain : int
-    script : callable
-        One of the functions below.
-    topic, node : str
-        Their names.
-    kind : type
-        Of the messages.
-    qos : dict
-        As QoSProfile has it.
-    options
-        For the function.
-
+    The script is one of the functions below, and takes the options; `kind` is the type of the
+    messages, and `qos` is as QoSProfile has it.
     """
 
     def __init__(self, world: World, domain: int, script: Callable[..., None], topic: str,
@@ -270,21 +248,11 @@ def clock(topic: Topic) -> None:
 def sets(topic: Topic, count: int = 200, period: float = 0.1, spread: float = 0.0,
          late: float = 0.0, sees: bool = True, cut: int | None = None) -> None:
     """
-    Publish sets of many, the last of which is the obstacle that comes and goes.
+    Publish sets of so many, the last of which is the obstacle that comes and goes, if seen.
 
-    Parameters
-    ----------
-    count : int
-        Obstacles a set.
-    period, spread : float
-        Seconds from set to set, and from the first to the last of one.
-    late : float
-        Seconds that the last one comes after the others.
-    sees : bool
-        Whether it sees the contact.
-    cut : int, optional
-        The signal that the process sends itself in the middle of the tenth set.
-
+    In seconds are the period of sets, the spread from the first to the last of one, and how late
+    the last one comes after the others. In the middle of the tenth set the process sends itself
+    the signal `cut`.
     """
     topic.until_subscribed()
     for number, stamp in enumerate(topic.every(period)):
@@ -335,14 +303,8 @@ def tracks(topic: Topic, obstacles: dict[int, tuple[float, float]], awake: float
     """
     Publish ids, of which 0 is the obstacle that comes and goes.
 
-    Parameters
-    ----------
-    obstacles : dict
-        The period in seconds by id, and when the first message comes.
-    awake, killed : float
-        Seconds from the first message until it is silent for 3 s, and until the process kills
-        itself.
-
+    Each has a period, and a time of its first message. After some seconds awake it is silent for
+    3 s; after some more the process kills itself.
     """
     topic.until_subscribed()
     for seconds in (awake, math.inf):

@@ -75,34 +75,18 @@ sys.exit(main(sys.argv[1:]))
 
 
 class Outcome(NamedTuple):
-    """
-    How a situation went.
+    """How a situation went, in seconds."""
 
-    Attributes
-    ----------
-    drivable : float
-        Seconds for which the robot might drive later than 0.3 s after it came into contact.
-    recovered : float
-        Seconds from the end of fault and contact until the flag fell; infinity if it did not.
-
-    """
-
-    drivable: float
-    recovered: float
+    drivable: float  # for how long the robot might drive later than 0.3 s after contact began
+    recovered: float  # from the end of fault and contact until the flag fell; infinity if never
 
 
 class Stage:
     """
     A monitor's process, the publishers it hears, and who listens to its flag.
 
-    Parameters
-    ----------
-    parameters : dict
-        Of the monitor.
-    domain : int
-    length : float
-        How often or how long a fault is done, 1 for the short form.
-
+    Parameters are those of the monitor; a fault is done `length` times as often or as long as in
+    the short form.
     """
 
     def __init__(self, parameters: dict[str, Any], domain: int, length: float = 1.0) -> None:
@@ -292,29 +276,14 @@ def drivable(flags: Sequence[tuple[float, bool]], begun: float, ended: float) ->
 
 
 class Situation(NamedTuple):
-    """
-    A fault, and what must follow from it.
+    """A fault, and what must follow from it."""
 
-    Attributes
-    ----------
-    act : callable
-        Takes a stage with a monitor, and makes the contact and the fault.
-    promise : float
-        Seconds after it in which the source is known again: three periods, or the timeout.
-    parameters : dict
-        Of the monitor.
-    footprint : bool
-        Whether a robot publishes its footprint all the time.
-    is_short : bool
-        Whether `make test` does it, too.
-
-    """
-
-    act: Callable[[Stage], None]
+    act: Callable[[Stage], None]  # makes the contact and the fault
+    # Seconds after it in which the source is known again: three periods, or the timeout.
     promise: float = 0.3
-    parameters: dict[str, Any] = {}
-    footprint: bool = True
-    is_short: bool = False
+    parameters: dict[str, Any] = {}  # of the monitor
+    footprint: bool = True  # whether a robot publishes its footprint all the time
+    is_short: bool = False  # whether `make test` does it, too
 
 
 def _lasting(seconds: float, script: Callable[..., None], topic: str = '/obstacles',

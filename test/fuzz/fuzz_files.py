@@ -36,8 +36,7 @@ from recordings import box, write
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.bag.storage import Limits
 from sat_collision.replay.model.configuration import parameters_of_file, settings_of
-from sat_collision.replay.output.baseline import Baseline, BaselineError
-from sat_collision.replay.output.formats import write_json
+from sat_collision.replay.output.formats import Baseline, BaselineError, write_json
 from sat_collision.replay.run import check
 from sat_collision.scene.parameters import ParameterError
 from storages import write_mcap

@@ -23,7 +23,7 @@ import pytest
 from recordings import box, nanoseconds, SOURCE, write
 from sat_collision.messages.interfaces import deserialize, DiagnosticArray, Float64
 from sat_collision.replay.bag.recording import Recording
-from sat_collision.replay.model.options import Limits, Options
+from sat_collision.replay.model.result import Limits, Options
 from sat_collision.replay.run import check
 
 STAMPED = 'geometry_msgs/msg/TwistStamped'

@@ -19,8 +19,7 @@ import math
 from builders import SECOND, serialised, transforms
 import pytest
 from recordings import box, nanoseconds, SOURCE, write
-from sat_collision.replay.model.options import HEADER, Options
-from sat_collision.replay.model.result import Verdict
+from sat_collision.replay.model.result import HEADER, Options, Verdict
 from sat_collision.replay.run import check
 
 TYPES = dict.fromkeys(('/tf', '/tf_static'), 'tf2_msgs/msg/TFMessage')

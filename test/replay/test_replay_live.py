@@ -23,7 +23,7 @@ from recordings import NAMES, published
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 from sat_collision.messages.cdr import decode
-from sat_collision.replay.model.options import Options
+from sat_collision.replay.model.result import Options
 from sat_collision.replay.run import check
 
 SECOND = 10**9

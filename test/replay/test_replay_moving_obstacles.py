@@ -22,7 +22,7 @@ import pytest
 from recordings import box, INSTANCE, nanoseconds, write
 from sat_collision.messages.interfaces import deserialize, DiagnosticArray, Float64
 from sat_collision.replay.bag.recording import Recording
-from sat_collision.replay.model.options import Limits, Options
+from sat_collision.replay.model.result import Limits, Options
 from sat_collision.replay.run import check
 
 # A robot of 1 m at 1/2 m/s, 7 m before a person at 2 m/s, who would be met after 2.8 s; one who

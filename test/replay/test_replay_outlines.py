@@ -21,8 +21,7 @@ from builders import odometry, serialised, transforms
 import pytest
 from recordings import nanoseconds, SOURCE, write
 from sat_collision.replay.model.configuration import settings_of
-from sat_collision.replay.model.options import Options
-from sat_collision.replay.model.result import Verdict
+from sat_collision.replay.model.result import Options, Verdict
 from sat_collision.replay.run import check
 from sat_collision.scene.parameters import ParameterError
 

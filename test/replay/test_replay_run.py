@@ -21,8 +21,7 @@ from recordings import box, drive, INSTANCE, NAMES, published, SOURCE, START, wr
 from sat_collision.messages.cdr import decode
 from sat_collision.replay import run as replay
 from sat_collision.replay.bag.recording import Recording
-from sat_collision.replay.model.options import HEADER, Options
-from sat_collision.replay.model.result import Verdict
+from sat_collision.replay.model.result import HEADER, Options, Verdict
 from sat_collision.replay.run import check
 
 

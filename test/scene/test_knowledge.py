@@ -18,8 +18,8 @@ import re
 
 import pytest
 from sat_collision.scene.knowledge import Keys, Maps, Sets
+from sat_collision.scene.settings import NEVER
 from sat_collision.scene.streams import BEGUN, CONTINUES, Endpoint, LOST, MET, Stream
-from sat_collision.scene.times import NEVER
 
 NEWS = {'': CONTINUES, '^': BEGUN, '~': MET, '!': LOST}
 

@@ -17,7 +17,7 @@
 from dataclasses import replace
 import random
 
-from sat_collision.scene.times import NEVER
+from sat_collision.scene.settings import NEVER
 from sat_collision.scene.waiting import WAIT, Waiting
 from stage import ACCUMULATED, CART, clear_stage, EVERY_KIND, ROBOT, Stage
 

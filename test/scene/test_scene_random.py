@@ -23,22 +23,25 @@ from dataclasses import replace
 import math
 from operator import attrgetter
 
-from builders import SECOND
+from builders import box, SECOND, serialised
 import hypothesis
 from hypothesis import strategies as st
 from hypothesis.stateful import (
     initialize, invariant, rule, RuleBasedStateMachine, run_state_machine_as_test)
+import numpy as np
 import pytest
+from sat_collision.geometry.polygon import Polygon
 from sat_collision.messages.rejections import UNDECODABLE
+from sat_collision.monitor import Monitor
 from sat_collision.scene.footprints import Status
 from sat_collision.scene.obstacle_store import OTHER_FRAME, TOO_MANY
-from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
-from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN, Scene
+from sat_collision.scene.settings import (
+    FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
 from sat_collision.scene.sources import TOO_OLD
 
 pytest.importorskip('shapely')
 
-from scene_ingest import BAD_POINTS, ByMessages, ByPolygons  # noqa: E402
 from scene_model import SceneModel, with_one  # noqa: E402
 from source_model import nanoseconds  # noqa: E402
 
@@ -66,6 +69,9 @@ BODIES = {f'{shape} {column} {row}': tuple((x / 2 + 1.5 * column, y / 2 + 1.5 * 
           for row in range(3) for column in range(4) for shape, corners in SHAPES.items()}
 RING_OF = {frozenset(ring): ring for ring in BODIES.values()}
 
+BAD_POINTS = {'not finite': ((0, 0), (1, math.nan), (1, 1)),
+              'self-intersecting': ((5, 5), (6, 6), (6, 5), (5, 6))}
+
 HORIZON = 3.0
 # What rounding makes of a time in s, and of a place in m.
 GRAZE = 1e-6
@@ -79,6 +85,62 @@ flaws = st.sampled_from((OTHER_FRAME, UNDECODABLE, *BAD_POINTS))
 footprints = st.sampled_from([footprint.name for footprint in FOOTPRINTS])
 instances = st.integers(0, 4)
 sources = st.runner().flatmap(lambda machine: st.sampled_from(machine.sources))
+
+
+class ByPolygons:
+    """
+    A scene that receives polygons.
+
+    A message returns why the scene refuses it, None if it does not, or does not say.
+    """
+
+    def __init__(self, settings):
+        self.scene = Scene(settings)
+        self._sources = {source.name: source for source in settings.obstacles}
+
+    def place(self, name, ring, stamp, now, instance, number, frame_id='map'):
+        body = Polygon(ring).packed if ring else None
+        if name not in self._sources:
+            refusal = self.scene.footprint(name, body, frame_id, stamp, now, number=number)
+            if refusal is None and self.scene.is_tracked(name):
+                self.scene.track(name, np.array(ring))
+            return refusal
+        refusal = self.scene.obstacle(name, body, frame_id, stamp, now, instance, number)
+        if refusal is None and ring and self._sources[name].moving:
+            self.scene.track_obstacle(name, instance, np.array(ring), stamp, now)
+        return refusal
+
+    def refuse(self, name, reason, stamp, now, instance, number):
+        if reason == OTHER_FRAME:
+            return self.place(name, box(0), stamp, now, instance, number, 'cam')
+        if reason == UNDECODABLE:
+            stamp = instance = None
+        self.scene.refuse(name, reason, now, stamp, instance, number)
+        return None
+
+
+class ByMessages:
+    """A monitor that receives the same as serialised messages."""
+
+    def __init__(self, settings):
+        self._monitor = Monitor(settings)
+        self._with_ids = {source.name for source in settings.obstacles
+                          if source.type == POLYGON_INSTANCE}
+        self.scene = self._monitor.scene
+
+    def place(self, name, ring, stamp, now, instance, number):
+        if not ring and name in self._with_ids:
+            instance = 0
+        return self._receive(name, serialised(ring, stamp, 'map', instance), now, number)
+
+    def refuse(self, name, reason, stamp, now, instance, number):
+        data = serialised(BAD_POINTS.get(reason, box(0)), stamp,
+                          'cam' if reason == OTHER_FRAME else 'map', instance)
+        return self._receive(name, data[:9] if reason == UNDECODABLE else data, now, number)
+
+    def _receive(self, name, data, now, number):
+        rejection = self._monitor.receive(name, data, now, number)
+        return rejection and rejection.reason
 
 
 class SceneMachine(RuleBasedStateMachine):

@@ -17,8 +17,8 @@
 from dataclasses import FrozenInstanceError, MISSING
 
 import pytest
-from sat_collision.scene.outlines import outline_of
-from sat_collision.scene.parameters import declare_parameters, ParameterError, read_settings
+from sat_collision.scene.parameters import (
+    declare_parameters, outline_of, ParameterError, read_settings)
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, specs
 from stage import LIDAR, ROBOT
 

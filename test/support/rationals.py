@@ -42,24 +42,27 @@ def exact_depth(a, b):
             if ex == ey == 0:
                 continue
             reach = max(ex * (v[1] - start[1]) - ey * (v[0] - start[0]) for v, _ in _edges(q))
-            reaches.append(reach * abs(reach) / (ex * ex + ey * ey))
+            reaches.append(Fraction(reach * abs(reach), ex * ex + ey * ey))
     least = min(reaches, default=Fraction(0))
     return square_root(least) if least >= 0 else -square_root(-least)
 
 
 def _edges(polygon):
-    """Return the edges of a Polygon, or of a ring of any numbers."""
+    """Return the edges of a Polygon, or of a ring of any numbers; integers stay integers."""
     ring = polygon if isinstance(polygon, list) else polygon.vertices.tolist()
-    vertices = [(Fraction(x), Fraction(y)) for x, y in ring]
+    vertices = [[x if isinstance(x, int) else Fraction(x) for x in point] for point in ring]
     return list(zip(vertices, vertices[1:] + vertices[:1]))
 
 
 def _square_to_edge(vertex, start, end):
     ex, ey = end[0] - start[0], end[1] - start[1]
     wx, wy = vertex[0] - start[0], vertex[1] - start[1]
-    length = ex * ex + ey * ey
-    share = min(max((wx * ex + wy * ey) / length, 0), 1) if length else 0
-    return (wx - share * ex) ** 2 + (wy - share * ey) ** 2
+    along, length = wx * ex + wy * ey, ex * ex + ey * ey
+    if along <= 0:
+        return Fraction(wx * wx + wy * wy)
+    if along >= length:
+        return Fraction((vertex[0] - end[0]) ** 2 + (vertex[1] - end[1]) ** 2)
+    return Fraction((ex * wy - ey * wx) ** 2, length)
 
 
 def square_root(square):

@@ -15,6 +15,8 @@
 """Recordings made for a test: polygons by topic and time, written by rosbags."""
 
 from pathlib import Path
+import subprocess
+import sys
 import tempfile
 
 from builders import serialised
@@ -91,6 +93,18 @@ def published(name, storage='mcap'):
                 writer.write(topics[k > 0], stamp + k * recording['apart'],
                              serialised(points, stamp, recording['frame_id']))
     return path
+
+
+def run_without(modules, *arguments):
+    """Run the command in a process of its own that cannot import some modules."""
+    program = f"""
+import sys
+sys.modules.update(dict.fromkeys({modules!r}))
+from sat_collision.replay.__main__ import main
+sys.exit(main(sys.argv[1:]))
+"""
+    return subprocess.run([sys.executable, '-c', program, *arguments], capture_output=True,
+                          text=True)
 
 
 def drive(duration=10.0, rate=10.0, contact=(4.0, 5.0)):

@@ -19,11 +19,12 @@ import sqlite3
 import struct
 
 from builders import serialised
-from mcap.writer import CompressionType, Writer
+import pytest
 from recordings import nanoseconds, POLYGON
 
 MAGIC = b'\x89MCAP0\r\n'
-HEADER, CHANNEL, MESSAGE, CHUNK, CHUNK_INDEX, STATISTICS, DATA_END = 1, 4, 5, 6, 8, 11, 15
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = range(1, 7)
+CHUNK_INDEX, STATISTICS, DATA_END = 8, 11, 15
 _TABLES = """
 CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL,
   serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL);
@@ -33,11 +34,18 @@ CREATE INDEX timestamp_idx ON messages (timestamp ASC);
 """
 
 
+def storage_file(bag):
+    """Return the one storage file of a bag."""
+    file, = (path for path in bag.iterdir() if path.name != 'metadata.yaml')
+    return file
+
+
 def write_mcap(path, messages, chunk_size=2000, compression='', **options):
     """Write (topic, seconds, points) to an MCAP file with checksums and indexes; return it."""
+    mcap = pytest.importorskip('mcap.writer')
     with path.open('wb') as file:
-        writer = Writer(file, chunk_size, CompressionType[compression.upper() or 'NONE'],
-                        **options)
+        writer = mcap.Writer(file, chunk_size,
+                             mcap.CompressionType[compression.upper() or 'NONE'], **options)
         writer.start('ros2')
         schema = writer.register_schema(POLYGON, 'ros2msg', b'')
         channels = {}
@@ -67,6 +75,29 @@ def record(kind, content):
 def text(string):
     """Return a text as MCAP has it."""
     return struct.pack('<I', len(string)) + string
+
+
+def schema(key=1, kind=POLYGON):
+    """Return the record of a type."""
+    return record(SCHEMA, struct.pack('<H', key) + text(kind.encode()) + text(b'') + text(b''))
+
+
+def channel(key, topic, schema=1):
+    """Return the record of a topic."""
+    return record(CHANNEL, struct.pack('<HH', key, schema) + text(topic) + text(b'cdr')
+                  + text(b''))
+
+
+def message(key, points, time):
+    """Return the record of a message of a channel."""
+    stamp = nanoseconds(time)
+    return record(MESSAGE, struct.pack('<HIQQ', key, 0, stamp, stamp) + serialised(points, stamp))
+
+
+def mcap_of(*parts):
+    """Return an MCAP file of records, without an index."""
+    return b''.join([MAGIC, record(HEADER, text(b'ros2') + text(b'')), *parts,
+                     record(DATA_END, bytes(4)), record(FOOTER, bytes(20)), MAGIC])
 
 
 def create_db3(path, messages, pragmas=''):

@@ -18,9 +18,8 @@ Recordings: what is read of a bag, whole or damaged, and bags written.
 recording    a bag, of one or more storage files, opened once
 mcap         MCAP storage
 sqlite       SQLite storage (.db3)
-rosbag2      what only the library of ROS unpacks here
+libraries    what is left to those of ROS and pip: to unpack what nothing else does, to write
 storage      what the readers have in common: faults, limits, decompression
-writer       new bags
 
 The readers are our own because those of others stop at damage: of files with random damage, in
 which a footprint touched something, these find 63 % of the contacts, the libraries mcap and

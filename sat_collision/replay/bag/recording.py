@@ -17,22 +17,20 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 import hashlib
 from pathlib import Path
 import re
-from types import TracebackType
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 import zlib
 
+from sat_collision.replay.bag.libraries import Rosbag2Storage
 from sat_collision.replay.bag.mcap import McapFile
-from sat_collision.replay.bag.rosbag2 import is_there, Rosbag2Storage
 from sat_collision.replay.bag.sqlite import SqliteFile
 from sat_collision.replay.bag.storage import (
-    Damage, Faults, in_words, Limits, Message, Scratch, unpacked, why_not_unpacked, ZSTD_MAGIC)
+    Damage, Faults, in_words, is_installed, Limits, Message, Scratch, Storage, unpacked,
+    why_not_unpacked, ZSTD_MAGIC)
 import yaml
-
-_Storage: TypeAlias = McapFile | SqliteFile | Rosbag2Storage
 
 _STORAGE = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 _ROS_1 = b'#ROSBAG V'
@@ -41,63 +39,44 @@ _LOW = 2**32 - 1
 _LATCHED = 'transient_local', 1
 
 
-class Recording:
+class Recording(Storage):
     """
     A rosbag2 recording: a directory with metadata.yaml, or one storage file.
 
     A damaged recording is read as far as possible, and every fault of a file is recorded. What
     metadata.yaml announces is compared with what is there. To be used as a context manager.
-
-    Parameters
-    ----------
-    path : str or Path
-    limits : Limits
-
-    Attributes
-    ----------
-    topics, counts : dict
-        Type and number of messages of each topic.
-    latched : set of str
-        Topics whose publishers were transient local.
-    start, end : int
-        Times of the first and the last message in ns, None if there is none.
-
+    `latched` has the topics whose publishers were transient local.
     """
 
     def __init__(self, path: str | Path, limits: Limits = Limits()) -> None:
         self.path = Path(path)
-        self.topics: dict[str, str] = {}
-        self.counts: Counter[str] = Counter()
+        super().__init__(Faults(self.path))
         self.latched: set[str] = set()
-        self.start: int | None = None
-        self.end: int | None = None
         self._limits = limits
         self._scratch = Scratch(limits.disk)
-        self._faults: list[Faults] = []
-        self._own = self._faults_of(self.path)
+        self._all_faults: list[Faults] = [self._faults]
         self._metadata: Metadata | None = None
-        self._parts: list[_Storage] = []
+        self._parts: list[Storage] = []
         self._sums: Counter[str] = Counter()
         self._compressions: set[str] = set()
 
     def __enter__(self) -> Recording:
         try:
             if not self.path.exists():
-                self._own.damaged('no such file or directory')
-            files = self._files()
-            known = list(self._faults)
+                self._faults.damaged('no such file or directory')
+            files = self._find()
+            known = list(self._all_faults)
             for file in files:
                 self._open(file)
             if missing := why_not_unpacked(self._compressions):
-                self._faults[:] = known
+                self._all_faults[:] = known
                 self._open_by_rosbag2(missing)
         except OSError as error:
-            self._own.damaged(in_words(error))
+            self._faults.damaged(in_words(error))
         self._compare(self.counts)
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 traceback: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         for part in self._parts:
             part.close()
         self._scratch.close()
@@ -105,7 +84,7 @@ class Recording:
     @property
     def problems(self) -> list[str]:
         """The faults found so far, in one line for each file."""
-        return [str(faults) for faults in self._faults if faults]
+        return [str(faults) for faults in self._all_faults if faults]
 
     @property
     def content(self) -> str | None:
@@ -116,7 +95,6 @@ class Recording:
 
     def messages(self, topics: Collection[str], start: int | None = None,
                  stop: int | None = None) -> Iterator[Message]:
-        """Yield (topic, time in ns, data) of some topics, from start on and before stop (ns)."""
         sums, crc32 = self._sums, zlib.crc32
         read: Counter[str] = Counter()
         unfit = 0
@@ -135,15 +113,15 @@ class Recording:
                 sums[topic] += crc32(data, (time ^ time >> 32) & _LOW)
                 yield message
         if unfit:
-            self._own.differs('unfit', f'{unfit} messages are compressed and damaged')
+            self._faults.differs('unfit', f'{unfit} messages are compressed and damaged')
         if start is None and stop is None:
-            self._compare(Counter({**self.counts, **{topic: read[topic] for topic in topics}}))
+            self._compare({**self.counts, **{topic: read[topic] for topic in topics}})
 
     def _faults_of(self, file: Path) -> Faults:
-        self._faults.append(Faults(file))
-        return self._faults[-1]
+        self._all_faults.append(Faults(file))
+        return self._all_faults[-1]
 
-    def _files(self) -> list[Path]:
+    def _find(self) -> list[Path]:
         """Return the storage files, in the order in which they were written."""
         if not self.path.is_dir():
             return [self.path] if self.path.exists() else []
@@ -154,7 +132,7 @@ class Recording:
         metadata = self.path / 'metadata.yaml'
         faults = self._faults_of(metadata)
         if not present and (bags := self._bags_within()):
-            self._own.damaged(f'a folder of recordings; name each of them, such as {bags[0]}')
+            self._faults.damaged(f'a folder of recordings; name each of them, such as {bags[0]}')
             return []
         try:
             self._metadata = read_metadata(metadata, self._limits.memory // 100)
@@ -164,7 +142,7 @@ class Recording:
             faults.damaged(in_words(error))
         if not self._metadata:
             if not present:
-                self._own.damaged('no .mcap or .db3 file in this directory')
+                self._faults.damaged('no .mcap or .db3 file in this directory')
             return present
         self.latched = self._metadata.latched
         if self._metadata.packed:
@@ -176,10 +154,10 @@ class Recording:
         listed = [self.path / name for name in self._metadata.files]
         missing = [file.name for file in listed if not file.exists()]
         if missing:
-            self._own.differs('missing', f'{", ".join(missing)} is missing')
+            self._faults.differs('missing', f'{", ".join(missing)} is missing')
         more = [file.name for file in present if file not in listed]
         if more:
-            self._own.differs('more', f'metadata.yaml does not list {", ".join(more)}')
+            self._faults.differs('more', f'metadata.yaml does not list {", ".join(more)}')
         return [file for file in listed if file.exists()]
 
     def _bags_within(self) -> list[Path]:
@@ -223,52 +201,32 @@ class Recording:
         self._parts.clear()
         self.topics, self.counts, self.start, self.end = {}, Counter(), None, None
         by_one = bool(self._metadata and self._metadata.packed)
-        if not is_there():
-            self._own.damaged(missing)
+        if is_installed('rosbag2_py'):
+            self._add(Rosbag2Storage(self.path, self._faults, by_one, self._scratch))
+        else:
+            self._faults.damaged(missing)
             self._metadata = None
-            return
-        self._add(Rosbag2Storage(self.path, self._own, by_one, self._scratch))
 
-    def _add(self, part: _Storage) -> None:
+    def _add(self, part: Storage) -> None:
         self._parts.append(part)
         for topic, kind in part.topics.items():
-            if self.topics.setdefault(topic, kind) != kind:
-                self._own.differs(('type', topic),
-                                  f'{topic} has the types {self.topics[topic]} and {kind}')
+            self._add_topic(topic, kind)
         self.counts.update(part.counts)
-        times = [time for time in (self.start, self.end, part.start, part.end) if time is not None]
-        if times:
-            self.start, self.end = min(times), max(times)
+        self._extend(part.start, part.end)
 
-    def _compare(self, found: Counter[str]) -> None:
+    def _compare(self, found: Mapping[str, int]) -> None:
         """Compare numbers of messages with what metadata.yaml announces."""
-        if not self._metadata:
-            return
-        announced = self._metadata.counts
-        for topic in sorted(found.keys() | announced.keys()):
-            if found[topic] != announced.get(topic, 0):
-                self._own.differs(('count', topic), (
-                    f'metadata.yaml announces {announced.get(topic, 0)} messages of {topic}, '
-                    f'but {found[topic]} are there'))
+        if self._metadata:
+            self._faults.compare(found, self._metadata.counts, 'metadata.yaml announces {2} '
+                                 'messages of {0}, but {1} are there')
 
 
 class Metadata(NamedTuple):
     """
-    What is announced.
+    What metadata.yaml announces.
 
-    Attributes
-    ----------
-    files : list of str
-        Names of the storage files, in their order.
-    counts : dict
-        Numbers of messages by topic.
-    total : int
-        Number of messages in all.
-    latched : set of str
-        Topics whose publishers were transient local.
-    packed : bool
-        Files or messages are compressed one by one.
-
+    The names of the storage files in their order; how many messages there are of each topic and in
+    all; which topics have transient local publishers; whether files or messages are compressed.
     """
 
     files: list[str]
@@ -279,24 +237,15 @@ class Metadata(NamedTuple):
 
 
 def read_metadata(path: Path, most: int) -> Metadata:
-    """
-    Read metadata.yaml, which may have at most so many bytes.
-
-    Raises
-    ------
-    Damage
-        If it is not what a recorder writes.
-
-    """
+    """Read metadata.yaml of at most so many bytes; raise Damage if no recorder writes such."""
     if path.stat().st_size > most:
         raise Damage(f'more than {most} bytes')
     try:
-        content = yaml.load(path.read_text(encoding='utf-8'), yaml.SafeLoader)
+        content = yaml.safe_load(path.read_text(encoding='utf-8'))
     except Exception as error:  # whatever the constructors of YAML's types raise
         raise Damage(f'is not YAML: {in_words(error)}') from error
     information = _entry(content, 'rosbag2_bagfile_information', dict)
-    files = [Path(_checked(name, str, 'relative_file_paths')).name
-             for name in _entry(information, 'relative_file_paths', list)]
+    files = [Path(str(name)).name for name in _entry(information, 'relative_file_paths', list)]
     counts: dict[str, int] = {}
     latched = set()
     for topic in _entry(information, 'topics_with_message_count', list):
@@ -313,7 +262,7 @@ def _is_latched(profiles: Any) -> bool:
     """Return whether one of the profiles, a list or the YAML text of one, has it."""
     if isinstance(profiles, str):
         try:
-            profiles = yaml.load(profiles, yaml.SafeLoader)
+            profiles = yaml.safe_load(profiles)
         except Exception:  # as in read_metadata
             return False
     return isinstance(profiles, list) and any(
@@ -322,12 +271,7 @@ def _is_latched(profiles: Any) -> bool:
 
 
 def _entry(content: Any, key: str, kind: type) -> Any:
-    if not isinstance(content, dict) or key not in content:
-        raise Damage(f"has no '{key}' where it belongs")
-    return _checked(content[key], kind, key)
-
-
-def _checked(value: Any, kind: type, key: str) -> Any:
+    value = content.get(key) if isinstance(content, dict) else None
     if type(value) is not kind:
-        raise Damage(f"'{key}' is not of the right type")
+        raise Damage(f"has no '{key}' of the right type where it belongs")
     return value

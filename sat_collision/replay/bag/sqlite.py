@@ -22,7 +22,8 @@ import os
 from pathlib import Path
 import sqlite3
 
-from sat_collision.replay.bag.storage import Damage, Faults, in_words, Limits, Message, Scratch
+from sat_collision.replay.bag.storage import (
+    Damage, Faults, in_words, Limits, Message, Scratch, Storage)
 
 _LOGS = ('-wal', '-journal')
 _COLUMNS = {'topics': {'id', 'name', 'type'},
@@ -37,36 +38,22 @@ _GUARDED = "CASE WHEN typeof(data) = 'blob' AND length(data) <= {} THEN data END
 _STEPS = 100_000
 
 
-class SqliteFile:
+class SqliteFile(Storage):
     """
-    A .db3 file, read through SQLite in the order of time.
+    A .db3 file, read through SQLite in the order of time; a copy where it cannot be in its place.
 
     Where SQLite finds the file damaged it is read in the order of writing, up to the damage. Rows
     with a value of another type are counted: data of another type is yielded as b'', which cannot
     be decoded and so is refused; a row without a time is left out.
-
-    Parameters
-    ----------
-    path : Path
-    faults : Faults
-        Takes what is wrong with it.
-    scratch : Scratch
-        Takes copies, where the file cannot be read in its place.
-    limits : Limits
-
     """
 
     def __init__(self, path: Path, faults: Faults, scratch: Scratch, limits: Limits) -> None:
+        super().__init__(faults)
         size = sum(_size(Path(f'{path}{end}')) for end in ('', *_LOGS))
         self._most = min(size, limits.chunk)
-        self._faults = faults
         self._whole = self._plain = False
         self._names: dict[object, str] = {}
         self._connection: sqlite3.Connection | None = None
-        self.topics: dict[str, str] = {}
-        self.counts: Counter[str] = Counter()
-        self.start: int | None = None
-        self.end: int | None = None
         try:
             self._connection = _connected(path, scratch)
             self._read_topics(self._connection)
@@ -78,9 +65,8 @@ class SqliteFile:
         if self._connection:
             self._connection.close()
 
-    def messages(self, topics: Collection[str], start: int | None,
-                 stop: int | None) -> Iterator[Message]:
-        """Yield (topic, time in ns, data) of some topics, from start on and before stop."""
+    def messages(self, topics: Collection[str], start: int | None = None,
+                 stop: int | None = None) -> Iterator[Message]:
         if not self._connection:
             return
         read: Counter[str] = Counter()
@@ -104,10 +90,8 @@ class SqliteFile:
             self._faults.damaged(f'damaged after {read.total()} messages: {_message_of(error)}')
         if untimed or unfit:
             self._faults.differs('types', f'{untimed + unfit} messages have values of wrong types')
-        for topic, count in read.items():
-            if count != self.counts[topic]:
-                self._faults.differs(topic, f'{count} messages of {topic} can be read, but it '
-                                            f'has {self.counts[topic]}')
+        self._faults.compare(read, {topic: self.counts[topic] for topic in read},
+                             '{1} messages of {0} can be read, but it has {2}')
 
     def _read_topics(self, connection: sqlite3.Connection) -> None:
         for table, columns in _COLUMNS.items():
@@ -123,9 +107,7 @@ class SqliteFile:
                 self._faults.damaged('a topic whose name or type is not text')
                 continue
             self._names[key] = name
-            if self.topics.setdefault(name, kind) != kind:
-                self._faults.differs(('type', name),
-                                     f'{name} has the types {self.topics[name]} and {kind}')
+            self._add_topic(name, kind)
 
     def _survey(self, connection: sqlite3.Connection, size: int) -> None:
         """Count the messages, and find the first and the last time."""
@@ -148,13 +130,10 @@ class SqliteFile:
             self._whole = True
         finally:
             if start <= end:
-                self.start, self.end = start, end
+                self._extend(start, end)
             for key, name in self._names.items():
                 self.counts[name] += counts.pop(key)
-            if counts:
-                listed = ', '.join(str(key)[:20] for key in sorted(counts, key=str)[:3])
-                self._faults.differs('unknown', f'{sum(counts.values())} messages of unknown '
-                                                f'topics ({listed})')
+            self._faults.unknown('topics', counts)
         self._plain = shortest >= 0 and longest <= self._most
         # Pages that many rows share would make much of a small file.
         if announced > size:

@@ -12,11 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the readers have in common: faults, and decompression within limits of memory and disk."""
+"""What the readers have in common: faults, and unpacking within limits of memory and disk."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -28,7 +29,7 @@ Message: TypeAlias = tuple[str, int, bytes]  # topic, time in ns, data
 
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 _PIECE = 2**20
-_MISSING = 'it is compressed: unpacking {0} needs {1} (pip install {1}) or rosbag2_py of ROS'
+_LIBRARIES = {'zstd': 'backports.zstd', 'lz4': 'lz4'}
 # How many differences are named for a file, and the length of the text about all its faults.
 _MOST = 3
 _LONGEST = 1000
@@ -44,15 +45,7 @@ def is_installed(library: str) -> bool:
 
 
 class Faults:
-    """
-    The faults of one file: places that are damaged, and numbers that differ.
-
-    Parameters
-    ----------
-    file : Path
-        What to call the file.
-
-    """
+    """The faults of one file: places that are damaged, and numbers that differ."""
 
     def __init__(self, file: Path) -> None:
         self._file = file
@@ -68,8 +61,23 @@ class Faults:
             self._first = where
 
     def differs(self, about: object, words: str) -> None:
-        """Record that two numbers differ, once for each subject."""
+        """Record that two things differ, once for each subject."""
         self._differences.setdefault(about, words)
+
+    def compare(self, found: Mapping[Any, int], announced: Mapping[Any, int], words: str,
+                names: Mapping[Any, str] = {}) -> None:
+        """Record which numbers differ; the words have places for a name and for both numbers."""
+        for key in sorted(found.keys() | announced.keys()):
+            numbers = found.get(key, 0), announced.get(key, 0)
+            if numbers[0] != numbers[1]:
+                self.differs(('count', key), words.format(names.get(key, key), *numbers))
+
+    def unknown(self, what: str, counts: Mapping[Any, int]) -> None:
+        """Record the numbers of messages that belong to nothing that is announced, if any."""
+        if counts:
+            listed = ', '.join(str(key)[:20] for key in sorted(counts, key=str)[:3])
+            self.differs('unknown', f'{sum(counts.values())} messages of unknown {what} '
+                                    f'({listed})')
 
     def __bool__(self) -> bool:
         return bool(self._first or self._differences)
@@ -92,21 +100,53 @@ class Damage(Exception):
     """Something cannot be read; the message says what is wrong."""
 
 
-@dataclass(frozen=True)
-class Limits:
+class Storage:
     """
-    How much memory and disk a recording may take, in bytes.
+    What a recording, or one file of it, holds; times in ns.
 
     Attributes
     ----------
-    memory : int
-        For what is unpacked and indexed. Python itself comes on top of it.
-    disk : int
-        For temporary files: storage files unpacked, and copies to be mended.
+    topics, counts : dict
+        Type and number of messages of each topic.
+    start, end : int or None
+        Times of the first and the last message.
 
     """
 
+    def __init__(self, faults: Faults) -> None:
+        self.topics: dict[str, str] = {}
+        self.counts: Counter[str] = Counter()
+        self.start: int | None = None
+        self.end: int | None = None
+        self._faults = faults
+
+    def messages(self, topics: Collection[str], start: int | None = None,
+                 stop: int | None = None) -> Iterator[Message]:
+        """Yield (topic, time in ns, data) of some topics, from start on and before stop (ns)."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Close what is open."""
+
+    def _add_topic(self, topic: str, kind: str) -> None:
+        if self.topics.setdefault(topic, kind) != kind:
+            self._faults.differs(('type', topic),
+                                 f'{topic} has the types {self.topics[topic]} and {kind}')
+
+    def _extend(self, *times: int | None) -> None:
+        """Have start and end include some times."""
+        known = [time for time in (self.start, self.end, *times) if time is not None]
+        if known:
+            self.start, self.end = min(known), max(known)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How much memory and disk a recording may take, in bytes."""
+
+    # For what is unpacked and indexed. Python itself comes on top of it.
     memory: int = 2 * 10**9
+    # For temporary files: storage files unpacked, and copies to be mended.
     disk: int = 4 * 10**9
 
     @property
@@ -131,15 +171,12 @@ def unpacked(packed: bytes, compression: str, most: int) -> bytes:
     """
     if not compression:
         return packed
-    if compression not in ('zstd', 'lz4'):
+    if compression not in _LIBRARIES:
         raise Damage(f"unknown compression '{compression}'")
-    errors: tuple[type[Exception], ...] = RuntimeError, EOFError
-    if compression == 'zstd':
-        zstd = _zstd()
-        decompressor = zstd.ZstdDecompressor()
-        errors += zstd.ZstdError,
-    else:
-        decompressor = _lz4().LZ4FrameDecompressor()
+    library = _library(compression)
+    errors = RuntimeError, EOFError, getattr(library, 'ZstdError', RuntimeError)
+    decompressor = (library.ZstdDecompressor if compression == 'zstd'
+                    else library.LZ4FrameDecompressor)()
     try:
         content: bytes = decompressor.decompress(packed, max_length=most + 1)
     except errors as error:
@@ -151,50 +188,35 @@ def unpacked(packed: bytes, compression: str, most: int) -> bytes:
     return content
 
 
-def why_not_unpacked(compressions: Iterable[str]) -> str | None:
+def why_not_unpacked(compressions: set[str]) -> str | None:
     """Return what is missing here to unpack what is compressed so, None if nothing is."""
-    for compression in compressions:
+    for compression in compressions & _LIBRARIES.keys():  # others are reported when read
         try:
-            _LIBRARIES[compression]()
-        except KeyError:
-            pass  # reported when it is read
+            _library(compression)
         except Damage as damage:
             return str(damage)
     return None
 
 
-def _zstd() -> Any:
+def _library(compression: str) -> Any:
+    """Return the module that unpacks; raise Damage if it is not installed."""
     try:
+        if compression == 'lz4':
+            from lz4 import frame
+            return frame
         if sys.version_info >= (3, 14):
             from compression import zstd
         else:
             from backports import zstd
     except ImportError as error:
-        raise Damage(_MISSING.format('zstd', 'backports.zstd')) from error
+        name = _LIBRARIES[compression]
+        raise Damage(f'it is compressed: unpacking {compression} needs {name} '
+                     f'(pip install {name}) or rosbag2_py of ROS') from error
     return zstd
 
 
-def _lz4() -> Any:
-    try:
-        from lz4 import frame
-    except ImportError as error:
-        raise Damage(_MISSING.format('lz4', 'lz4')) from error
-    return frame
-
-
-_LIBRARIES = {'zstd': _zstd, 'lz4': _lz4}
-
-
 class Scratch:
-    """
-    A folder for temporary files, which take no more of the disk than is allowed.
-
-    Parameters
-    ----------
-    most : int
-        Bytes in all.
-
-    """
+    """A folder for temporary files of at most so many bytes in all."""
 
     def __init__(self, most: int) -> None:
         self._most = self._left = most
@@ -206,39 +228,21 @@ class Scratch:
             self._folder.cleanup()
 
     def copy(self, file: Path) -> Path:
-        """
-        Copy a file, keeping its name, and return the copy.
-
-        Raises
-        ------
-        Damage
-            If it is too large.
-
-        """
+        """Copy a file, keeping its name; raise Damage if it is too large."""
         plain = self._place(file.name)
         with file.open('rb') as source, plain.open('wb') as target:
             self._write(source.read, target)
         return plain
 
     def unpack(self, packed: Path) -> tuple[Path, Damage | None]:
-        """
-        Return a file with what a zstd-compressed one holds, and why that is not all.
-
-        Raises
-        ------
-        Damage
-            If there is no library for it.
-
-        """
+        """Return a file with what a zstd-compressed one holds, and why that is not all."""
         plain = self._place(packed.stem)
-        zstd = _zstd()
+        zstd = _library('zstd')
         try:
             with zstd.open(packed, 'rb') as source, plain.open('wb') as target:
                 self._write(source.read, target)
-        except (EOFError, zstd.ZstdError) as error:
+        except (EOFError, zstd.ZstdError, Damage) as error:
             return plain, Damage(in_words(error))
-        except Damage as damage:
-            return plain, damage
         return plain, None
 
     def _place(self, name: str) -> Path:

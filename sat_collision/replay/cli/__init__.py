@@ -18,5 +18,4 @@ The command replay_check.
 command     what is done
 arguments   what the command line means
 parallel    many recordings at a time
-terminal    colours, progress and interrupts
 """

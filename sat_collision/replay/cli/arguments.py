@@ -23,14 +23,14 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from difflib import get_close_matches
+from functools import partial
 import os
 import sys
 from typing import NoReturn
 
 from sat_collision import __version__
 from sat_collision.replay.bag.storage import Limits
-from sat_collision.replay.model.options import HEADER, NODE, RECEIVE
-from sat_collision.replay.model.result import Verdict
+from sat_collision.replay.model.result import HEADER, NODE, RECEIVE, Verdict
 
 _UNRECOGNIZED = 'unrecognized arguments: '
 _DESCRIPTION = """\
@@ -54,6 +54,7 @@ def parse(args: Sequence[str] | None = None) -> argparse.Namespace:
         import argcomplete
         argcomplete.autocomplete(parser)
     options = parser.parse_args(args)
+    options.limits = Limits(int(1e9 * options.max_memory), int(1e9 * options.max_disk))
     if not (options.bags or options.write_example):
         parser.error('name at least one recording (BAG)')
     if options.write_bag and not options.as_live:
@@ -86,14 +87,13 @@ def _parser() -> argparse.ArgumentParser:
     add = parser.add_argument
     add('--version', action='version', version=f'sat_collision {__version__}')
     add('bags', nargs='*', metavar='BAG', help='rosbag2 directory or storage file')
-    scene = parser.add_argument_group('what to check')
-    add = scene.add_argument
+    add = parser.add_argument_group('what to check').add_argument
     add('--params-file', action='append', default=[], metavar='FILE',
         help="the node's ROS 2 parameter file; later files override earlier ones")
     add('-p', '--param', action='append', default=[], metavar='NAME:=VALUE',
         help='one parameter of the node; overrides the files')
     add('--footprint', type=_topic, action='append', default=[], metavar='[NAME:=]TOPIC',
-        help='a footprint and its topic')
+        dest='footprints', help='a footprint and its topic')
     add('--obstacles', type=_topic, action='append', default=[], metavar='[NAME:=]TOPIC',
         help='a source of obstacles and its topic')
     add('--node', type=_node, default=NODE,
@@ -107,8 +107,7 @@ def _parser() -> argparse.ArgumentParser:
     add('--duration', type=_seconds, metavar='S', help='check S seconds of it')
     add('--sample', type=_period, default=0.1, metavar='S',
         help='with --as-live, measure separations every S seconds (%(default)s)')
-    verdict = parser.add_argument_group('verdict')
-    add = verdict.add_argument
+    add = parser.add_argument_group('verdict').add_argument
     add('--max-unknown', type=_seconds, default=1.0, metavar='S',
         help='how many seconds in all a footprint may be unknown (%(default)s)')
     add('--max-undetermined', type=_seconds, metavar='S',
@@ -116,8 +115,7 @@ def _parser() -> argparse.ArgumentParser:
     add('--min-ttc', type=_seconds, metavar='S',
         help='measure times to collision, and fail on one of less than S seconds; 0 fails on none')
     add('--expect', metavar='FILE', help='compare with a result that --json wrote before')
-    output = parser.add_argument_group('output')
-    add = output.add_argument
+    add = parser.add_argument_group('output').add_argument
     add('--json', metavar='FILE', help='write the result; docs/replay_json.md has the schema')
     add('--csv', metavar='FILE', help='write a row for each contact and each unknown interval')
     add('--junit', metavar='FILE', help='write a test suite for each recording')
@@ -129,16 +127,14 @@ def _parser() -> argparse.ArgumentParser:
         'directory of bags')
     add('--write-example', metavar='DIR',
         help='only write an example recording, of the demo scene')
-    many = parser.add_argument_group('many recordings')
-    add = many.add_argument
+    add = parser.add_argument_group('many recordings').add_argument
     add('--jobs', type=_count, default=1, metavar='N', help='check N recordings at a time')
     add('--dask', metavar='ADDRESS', help='check on the Dask cluster with this scheduler')
-    limits = parser.add_argument_group('limits, for each recording')
-    add = limits.add_argument
-    add('--max-memory', type=_bytes, default=Limits.memory, metavar='GB',
-        help=f'memory for what is unpacked ({Limits.memory / 1e9:g})')
-    add('--max-disk', type=_bytes, default=Limits.disk, metavar='GB',
-        help=f'disk for temporary files ({Limits.disk / 1e9:g})')
+    add = parser.add_argument_group('limits, for each recording').add_argument
+    add('--max-memory', type=_gigabytes, default=Limits.memory / 1e9, metavar='GB',
+        help='memory for what is unpacked (%(default)g)')
+    add('--max-disk', type=_gigabytes, default=Limits.disk / 1e9, metavar='GB',
+        help='disk for temporary files (%(default)g)')
     add('--debug', action='store_true', help='show where an unexpected error is raised')
     return parser
 
@@ -154,26 +150,7 @@ def _topic(text: str) -> str:
     return text
 
 
-def _seconds(text: str) -> float:
-    return _number(text, 0.0, sys.float_info.max, 'a number of seconds, 0 or more')
-
-
-def _period(text: str) -> float:
-    return _number(text, 1e-3, 1e6, 'a number of seconds between 0.001 and 1000000')
-
-
-def _count(text: str) -> int:
-    value = _number(text, 1, 1000, 'a whole number from 1 to 1000')
-    if value != int(value):
-        raise argparse.ArgumentTypeError(f'{text} is not a whole number')
-    return int(value)
-
-
-def _bytes(text: str) -> int:
-    return int(1e9 * _number(text, 1e-3, 1e6, 'a number of GB between 0.001 and 1000000'))
-
-
-def _number(text: str, least: float, most: float, words: str) -> float:
+def _number(words: str, least: float, most: float, text: str) -> float:
     try:
         value = float(text)
     except ValueError:
@@ -181,3 +158,14 @@ def _number(text: str, least: float, most: float, words: str) -> float:
     if not least <= value <= most:
         raise argparse.ArgumentTypeError(f"'{text}' is not {words}")
     return value
+
+
+_seconds = partial(_number, 'a number of seconds, 0 or more', 0.0, sys.float_info.max)
+_period = partial(_number, 'a number of seconds between 0.001 and 1000000', 1e-3, 1e6)
+_gigabytes = partial(_number, 'a number of GB between 0.001 and 1000000', 1e-3, 1e6)
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= 1000:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 1 to 1000")
+    return int(text)

@@ -11,35 +11,36 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
 """The command replay_check."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import fields
 import os
 from pathlib import Path
 import sys
 import traceback
 
 from sat_collision.extras import missing
-from sat_collision.replay.bag.storage import in_words, Limits
-from sat_collision.replay.bag.writer import check_bag_writer, OutputError
+from sat_collision.replay.bag.libraries import check_bag_writer
+from sat_collision.replay.bag.storage import in_words
 from sat_collision.replay.cli.arguments import parse
 from sat_collision.replay.cli.parallel import (
     check_here, check_on_cluster, check_one, failed, unexpected)
-from sat_collision.replay.cli.terminal import Progress, with_colour
 from sat_collision.replay.model.configuration import (
     parameter_of_text, parameters_of_file, settings_of)
-from sat_collision.replay.model.options import Options
-from sat_collision.replay.model.result import overall, Result, Verdict
-from sat_collision.replay.output import files
-from sat_collision.replay.output.baseline import Baseline, BaselineError
+from sat_collision.replay.model.result import Options, overall, Result, Verdict
 from sat_collision.replay.output.formats import (
-    write_csv, write_json, write_junit, write_junit_of_differences)
-from sat_collision.replay.output.text import report, report_all
+    Baseline, BaselineError, write_csv, write_json, write_junit, write_junit_of_differences)
+from sat_collision.replay.output.text import Progress, report, report_all, with_colour
 from sat_collision.replay.run import check
 from sat_collision.scene.parameters import ParameterError
+
+_OF_RECORDING = ('.mcap', '.db3', '.zstd', '.db3-wal', '.db3-shm', '.db3-journal')
+_PICTURES = ('.png', '.svg', '.pdf')
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -51,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Do what the command line says, and return the exit status."""
     try:
         return _run(arguments)
-    except (ParameterError, BaselineError, OutputError, OSError) as error:
+    except (ParameterError, BaselineError, OSError) as error:
         print(f'replay_check: {in_words(error)}', file=sys.stderr)
     except ModuleNotFoundError as error:
         print(f'replay_check: {missing(error)}', file=sys.stderr)
@@ -66,7 +67,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.write_example:
         return _write_example(arguments.write_example)
     options = _options(arguments)
-    _check_destinations(arguments)
+    _check_outputs(arguments)
     baseline = Baseline(arguments.expect) if arguments.expect else None
     results = _check_all(arguments, options)
     differences = baseline.differences(results) if baseline else []
@@ -86,20 +87,87 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _write_example(path: str) -> int:
     check_bag_writer()
-    from sat_collision.replay.cli.example import write_example
+    from sat_collision.replay.output.bag import write_example
     write_example(path)
     print(f'wrote {path}; check it with\n  replay_check {path} --params-file {path}/params.yaml')
     return int(Verdict.CLEAR)
+
+
+def _options(arguments: argparse.Namespace) -> Options:
+    """Return what the command line says as Options; parameters that are wrong are found here."""
+    parameters = {}
+    for path in arguments.params_file:
+        parameters.update(parameters_of_file(path, arguments.node))
+    parameters.update(parameter_of_text(text) for text in arguments.param)
+    settings_of(parameters, arguments.node, False)
+    given = {name: getattr(arguments, name)
+             for name in vars(arguments).keys() & {field.name for field in fields(Options)}}
+    return Options(parameters=parameters, keyframes=bool(arguments.plot), **given)
+
+
+def _check_outputs(arguments: argparse.Namespace) -> None:
+    """Raise OSError where a path is an input or another output, or cannot be written."""
+    several, plot, write_bag = len(arguments.bags) > 1, arguments.plot, arguments.write_bag
+    if write_bag:
+        if not several and Path(write_bag).exists():
+            raise OSError(f'--write-bag: {write_bag} already exists')
+        check_bag_writer()
+    in_folder = several and plot and not _is_page(plot)
+    if plot and not _is_page(plot):
+        if not in_folder and Path(plot).suffix.lower() not in _PICTURES:
+            raise OSError(f'--plot: {plot} should end in .html for a page, or in .png, .svg or '
+                          '.pdf for a picture')
+        try:
+            import matplotlib  # noqa: F401
+        except ModuleNotFoundError as error:
+            raise OSError(f'--plot: {missing(error)}') from None
+    inputs = [file for path in (*arguments.bags, *arguments.params_file, arguments.expect) if path
+              for file in _files_of(Path(path))]
+    taken: dict[Path, str] = {}
+    for option, text in (('--json', arguments.json), ('--csv', arguments.csv),
+                         ('--junit', arguments.junit), ('--plot', None if in_folder else plot)):
+        if text is None:
+            continue
+        path = Path(text)
+        if path.exists() and any(path.samefile(file) for file in inputs):
+            raise OSError(f'{option}: {text} is an input, which is not overwritten')
+        if path.is_dir():
+            raise OSError(f'{option}: {text} is a directory')
+        if not path.parent.is_dir():
+            raise OSError(f'{option}: there is no directory {path.parent}')
+        if not os.access(path if path.exists() else path.parent, os.W_OK):
+            raise OSError(f'{option}: {text} cannot be written')
+        other = taken.setdefault(path.resolve(), option)
+        if other != option and path != Path(os.devnull):
+            raise OSError(f'{other} and {option} name the same file, {text}')
+    for option, text in (('--write-bag', write_bag), ('--plot', plot if in_folder else None)):
+        if text is None:
+            continue
+        there = next(path for path in (Path(text), *Path(text).absolute().parents)
+                     if path.exists())
+        if not there.is_dir():
+            raise OSError(f'{option}: {there} is not a directory')
+        if not os.access(there, os.W_OK):
+            raise OSError(f'{option}: {there} cannot be written to')
+
+
+def _files_of(path: Path) -> Iterator[Path]:
+    """Yield the files that an input consists of."""
+    if path.is_dir():
+        yield from (file for file in path.iterdir()
+                    if file.name == 'metadata.yaml' or file.name.endswith(_OF_RECORDING))
+    elif path.exists():
+        yield path
 
 
 def _check_all(arguments: argparse.Namespace, options: Options) -> list[Result]:
     """Check, report and draw each recording; return the results in the order of the command."""
     several, plot = len(arguments.bags) > 1, arguments.plot
     strays = [bag for bag in arguments.bags if not Path(bag).exists()]
-    if strays and (arguments.footprint or arguments.obstacles):
+    if strays and (arguments.footprints or arguments.obstacles):
         print(f'replay_check: {strays[0]} is taken for a recording; each topic needs an option '
               'of its own, --obstacles A --obstacles B', file=sys.stderr)
-    one_page = several and plot and files.is_page(plot)
+    one_page = several and plot and _is_page(plot)
     results: list[Result] = []
     for result in _results(arguments, options):
         if plot and not one_page:
@@ -116,28 +184,21 @@ def _check_all(arguments: argparse.Namespace, options: Options) -> list[Result]:
 
 
 def _results(arguments: argparse.Namespace, options: Options) -> Iterator[Result]:
-    """Yield results as they come."""
-    bags = arguments.bags
-    if arguments.dask:
-        print(f'replay_check: connecting to {arguments.dask}', file=sys.stderr)
-        return _counted(check_on_cluster(bags, options, arguments.dask), len(bags))
-    if len(bags) > 1 and arguments.jobs > 1:
-        return _counted(check_here(bags, options, arguments.jobs), len(bags))
-    return _one_by_one(bags, options)
-
-
-def _counted(results: Iterator[Result], total: int) -> Iterator[Result]:
-    """Yield results, and show meanwhile how many there are."""
-    progress = Progress(f'{total} recordings')
-    for count, result in enumerate(results, 1):
-        progress.clear()
-        yield result
-        if count < total:
-            progress.show(count / total)
-
-
-def _one_by_one(bags: Sequence[str], options: Options) -> Iterator[Result]:
-    several = len(bags) > 1
+    """Yield results as they come, and show meanwhile how far they are."""
+    bags, several = arguments.bags, len(arguments.bags) > 1
+    if arguments.dask or several and arguments.jobs > 1:
+        if arguments.dask:
+            print(f'replay_check: connecting to {arguments.dask}', file=sys.stderr)
+            results = check_on_cluster(bags, options, arguments.dask)
+        else:
+            results = check_here(bags, options, arguments.jobs)
+        progress = Progress(f'{len(bags)} recordings')
+        for count, result in enumerate(results, 1):
+            progress.clear()
+            yield result
+            if count < len(bags):
+                progress.show(count / len(bags))
+        return
     for number, bag in enumerate(bags, 1):
         progress = Progress(f'{number} of {len(bags)}: {Path(bag).name}' if several else '')
         try:
@@ -149,39 +210,6 @@ def _one_by_one(bags: Sequence[str], options: Options) -> Iterator[Result]:
         yield result
 
 
-def _options(arguments: argparse.Namespace) -> Options:
-    """Return what the command line says as Options; parameters that are wrong are found here."""
-    parameters = {}
-    for path in arguments.params_file:
-        parameters.update(parameters_of_file(path, arguments.node))
-    parameters.update(parameter_of_text(text) for text in arguments.param)
-    settings_of(parameters, arguments.node, False)
-    return Options(
-        parameters=parameters, footprints=tuple(arguments.footprint),
-        obstacles=tuple(arguments.obstacles), node=arguments.node, as_live=arguments.as_live,
-        clock=arguments.clock, start=arguments.start, duration=arguments.duration,
-        max_unknown=arguments.max_unknown, max_undetermined=arguments.max_undetermined,
-        min_ttc=arguments.min_ttc, sample=arguments.sample, keyframes=bool(arguments.plot),
-        write_bag=arguments.write_bag,
-        limits=Limits(arguments.max_memory, arguments.max_disk), debug=arguments.debug)
-
-
-def _check_destinations(arguments: argparse.Namespace) -> None:
-    several, plot = len(arguments.bags) > 1, arguments.plot
-    if arguments.write_bag:
-        if not several and Path(arguments.write_bag).exists():
-            raise OutputError(f'--write-bag: {arguments.write_bag} already exists')
-        check_bag_writer()
-    in_folder = several and plot and not files.is_page(plot)
-    if plot:
-        files.check_picture('a.png' if in_folder else plot)
-    outputs = {'--json': arguments.json, '--csv': arguments.csv, '--junit': arguments.junit,
-               '--plot': None if in_folder else plot}
-    folders = {'--write-bag': arguments.write_bag, '--plot': plot if in_folder else None}
-    files.check_outputs(outputs, folders, [
-        *arguments.bags, *arguments.params_file, *filter(None, [arguments.expect])])
-
-
 def _say(lines: Iterable[str]) -> None:
     """Print lines; ignore a reader that has gone, such as `head`."""
     try:
@@ -191,13 +219,22 @@ def _say(lines: Iterable[str]) -> None:
 
 
 def _draw(results: list[Result], path: str, debug: bool) -> None:
-    """Draw; a failure is a problem of its recording only."""
+    """Draw a page of all, or a picture of one; a failure is a problem of its recording only."""
     try:
-        files.draw(results, path)
+        if _is_page(path):
+            from sat_collision.replay.output.page import write_page
+            write_page(results, path)
+        else:
+            from sat_collision.replay.output.figure import draw_picture
+            draw_picture(results[0]).savefig(path)
     except Exception as error:
         if debug:
             traceback.print_exc()
         results[0].problems.append(f'{results[0].bag}: no picture: {unexpected(error)}')
+
+
+def _is_page(path: str) -> bool:
+    return Path(path).suffix.lower() == '.html'
 
 
 def _of_bag(folder: str, bag: str) -> str:

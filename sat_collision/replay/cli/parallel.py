@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from concurrent.futures import as_completed, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 import multiprocessing
 from pathlib import Path
@@ -26,8 +25,7 @@ import signal
 import traceback
 
 from sat_collision.replay.bag.storage import in_words
-from sat_collision.replay.model.options import Options
-from sat_collision.replay.model.result import Result
+from sat_collision.replay.model.result import Options, Result
 from sat_collision.replay.run import check, OnProgress
 
 _ATTEMPTS = 3
@@ -58,35 +56,27 @@ def check_here(paths: Iterable[str], options: Options, jobs: int) -> Iterator[Re
             else:
                 yield future.result()
     except BaseException:
-        _abandon(pool)
+        # End running checks, and cancel pending ones.
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in multiprocessing.active_children():
+            process.terminate()
         raise
     pool.shutdown()
     # When a process dies, all running checks fail: run them again one by one.
-    pool = _pool(1)
     for path in again:
         for _ in range(_ATTEMPTS - 1):
-            future = pool.submit(check_one, path, options)
+            with _pool(1) as pool:
+                future = pool.submit(check_one, path, options)
             error = future.exception()
             if not error:
                 break
-            if isinstance(error, BrokenProcessPool):
-                pool.shutdown()
-                pool = _pool(1)
         yield failed(path, options, error, _ATTEMPTS) if error else future.result()
-    pool.shutdown()
 
 
 def _pool(jobs: int) -> ProcessPoolExecutor:
     # A process that is interrupted at the terminal ends silently.
     return ProcessPoolExecutor(jobs, multiprocessing.get_context('spawn'),
                                signal.signal, (signal.SIGINT, signal.SIG_DFL))
-
-
-def _abandon(pool: ProcessPoolExecutor) -> None:
-    """End running checks, and cancel pending ones."""
-    pool.shutdown(wait=False, cancel_futures=True)
-    for process in multiprocessing.active_children():
-        process.terminate()
 
 
 def check_on_cluster(paths: Iterable[str], options: Options, address: str) -> Iterator[Result]:
@@ -121,11 +111,9 @@ def failed(path: str, options: Options, error: BaseException, attempts: int = 1)
     """Return the Result of a recording that could not be checked."""
     if options.debug:
         traceback.print_exception(type(error), error, error.__traceback__)
-    result = Result(str(path), options.clock, options.max_unknown, options.as_live,
-                    max_undetermined=options.max_undetermined, min_ttc=options.min_ttc)
     tried = f', {attempts} attempts failed' if attempts > 1 else ''
-    result.problems.append(f'{path}: not checked{tried}: {unexpected(error)}')
-    return result
+    return Result(str(path), options,
+                  problems=[f'{path}: not checked{tried}: {unexpected(error)}'])
 
 
 def unexpected(error: BaseException) -> str:

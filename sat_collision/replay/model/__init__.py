@@ -15,8 +15,7 @@
 """
 What is asked and what is answered.
 
-options         what to check, and how
+result          what to check and how; what was found, and the verdict
 configuration   the node's parameters, and which topics are footprints and which are obstacles
-result          what was found, and the verdict
 keyframes       where all bodies were at moments worth drawing
 """

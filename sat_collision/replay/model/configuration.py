@@ -26,7 +26,7 @@ import re
 from typing import Any, TypeAlias
 
 from sat_collision.replay.bag.storage import in_words
-from sat_collision.replay.model.options import NODE
+from sat_collision.replay.model.result import NODE
 from sat_collision.scene.parameters import (
     check_names_given, declare_parameters, is_name_of, ParameterError, parameters_by_node,
     read_settings, type_problem)
@@ -172,23 +172,13 @@ def settings_for(types: Mapping[str, str], parameters: Mapping[str, object],
                  footprints: Iterable[str] = (), obstacles: Iterable[str] = (),
                  node: str = NODE) -> Settings:
     """
-    Return the Settings to check a recording with.
+    Return the Settings to check a recording with, whose topics have these types.
 
-    What neither the parameters nor the names say is found by type and name, where only one
-    reading is possible: the topics that the node has by default; else the one footprint topic,
-    which must be alone in its type or in having 'footprint' in its name, and the one other topic.
-    A kind that has no topic keeps the default, and receives nothing.
-
-    Parameters
-    ----------
-    types : dict
-        Types of the recording's topics.
-    parameters : dict
-        Parameters of the node by dotted name.
-    footprints, obstacles : iterable of str
-        Topics, or NAME:=TOPIC.
-    node : str
-        Full name of the node.
+    What neither the parameters, by dotted name, nor footprints and obstacles, as TOPIC or
+    NAME:=TOPIC, say is found by type and name, where only one reading is possible: the topics that
+    the node has by default; else the one footprint topic, which must be alone in its type or in
+    having 'footprint' in its name, and the one other topic. A kind that has no topic keeps the
+    default, and receives nothing.
 
     Raises
     ------
@@ -211,7 +201,7 @@ def settings_for(types: Mapping[str, str], parameters: Mapping[str, object],
     polygons = {topic: _KINDS[kind] for topic, kind in types.items() if kind in _KINDS}
     said = [kind for kind, source in defaults.items()
             if kind in values or f'{source.name}.topic' in values or source.topic in polygons
-            or isinstance(source, FootprintSettings) and _has_outline(source.name, values)]
+            or values.keys() & {f'{source.name}.points', f'{source.name}.radius'}]
     settings = settings_so_far()
     taken = {source.topic for kind in said for source in getattr(settings, kind)}
     free = {topic: kind for topic, kind in polygons.items() if topic not in taken}
@@ -268,10 +258,6 @@ def _types_of(source: Source) -> tuple[str, ...]:
     if source.has_outline:
         return _ODOMETRY if source.odometry else TRANSFORM_TYPE,
     return _TYPES[POLYGON],
-
-
-def _has_outline(name: str, values: Mapping[str, object]) -> bool:
-    return f'{name}.points' in values or f'{name}.radius' in values
 
 
 def _named(kind: str, topics: Iterable[str], default: str) -> dict[str, object]:

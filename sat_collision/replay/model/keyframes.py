@@ -71,20 +71,7 @@ class ShownBody:
 
 
 class Keyframes:
-    """
-    The bodies of a recording at chosen moments.
-
-    Parameters
-    ----------
-    moments : sequence of int
-        In ns, in their order.
-
-    Attributes
-    ----------
-    moments : list of int
-    bodies : list of ShownBody
-
-    """
+    """The bodies of a recording at chosen moments, in ns and in their order."""
 
     def __init__(self, moments: Sequence[int]) -> None:
         self.moments = list(moments)
@@ -127,16 +114,7 @@ class Tape:
     """
     A temporary file of where bodies were, until the moments of keyframes are known.
 
-    Parameters
-    ----------
-    most : int
-        How many bytes it may have.
-
-    Attributes
-    ----------
-    is_full : bool
-        Whether there was more than that: then nothing is kept.
-
+    It may have so many bytes; of more than that nothing is kept, and it `is_full`.
     """
 
     def __init__(self, most: int) -> None:

@@ -12,19 +12,54 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a check of a recording finds, and the verdict on it. All times are ints in ns."""
+"""What a check of a recording is asked and what it finds. Times of findings are ints in ns."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 import enum
 from heapq import merge
 from typing import TYPE_CHECKING, TypeAlias
 
+from sat_collision.replay.bag.storage import Limits
+
 if TYPE_CHECKING:
     from sat_collision.geometry.polygon import Polygon
     from sat_collision.replay.model.keyframes import Keyframes, ShownBody
+
+
+NODE = '/footprint_monitor'
+RECEIVE = 'receive'
+HEADER = 'header'
+_SECOND = 10**9
+# How many moments there are in all, around a contact, and of how many contacts, the deepest.
+_MOMENTS = 400
+_AROUND = 40
+_MOST_AROUND = 20
+MOST_CONTACTS = 200
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to check recordings; times in s."""
+
+    parameters: Mapping[str, object] = field(default_factory=dict)  # of the node, by dotted name
+    footprints: Sequence[str] = ()  # topics, or NAME:=TOPIC
+    obstacles: Sequence[str] = ()
+    node: str = NODE  # its full name
+    as_live: bool = False  # answer what the monitor would have said, not what touched
+    clock: str = RECEIVE  # the time of a message is when it was received, or its HEADER stamp
+    start: float = 0.0  # what part to check, from the recording's beginning
+    duration: float | None = None
+    max_unknown: float = 1.0  # for how long in all a footprint may be unknown
+    max_undetermined: float | None = None  # for how long a motion may be; None for any time
+    min_ttc: float | None = None  # the least that is allowed, 0 for any; None to predict none
+    sample: float = 0.1  # as live, how often to measure separations
+    keyframes: bool = False  # keep where the bodies were, to be drawn
+    write_bag: str | None = None  # as live, where to write what the node would have published
+    limits: Limits = Limits()
+    debug: bool = False  # show where an unexpected error is raised
 
 
 class Verdict(enum.IntEnum):
@@ -44,14 +79,6 @@ class Verdict(enum.IntEnum):
 AT_A_SAMPLE = 'at a sample'
 BETWEEN_SAMPLES = 'between samples'
 AT_A_MESSAGE = 'at a message'
-
-
-_SECOND = 10**9
-# How many moments there are in all, around a contact, and of how many contacts, the deepest.
-_MOMENTS = 400
-_AROUND = 40
-_MOST_AROUND = 20
-MOST_CONTACTS = 200
 
 # From the least to the most serious verdict.
 GRAVITY = (Verdict.CLEAR, Verdict.UNKNOWN, Verdict.BAD_INPUT, Verdict.COLLISION)
@@ -91,19 +118,7 @@ class Contact:
         self.deepest_as = self.deepest_as or self.obstacle
 
     def deepen(self, depth: float, time: int, own: Polygon, other: Polygon) -> bool:
-        """
-        Update the deepest moment; return whether this is it.
-
-        Parameters
-        ----------
-        depth : float
-            Metres.
-        time : int
-            In ns.
-        own, other : Polygon
-            Footprint and obstacle at that time.
-
-        """
+        """Take a depth (m) of footprint and obstacle; return whether it is the deepest so far."""
         if self.deepest and depth <= self.depth:
             return False
         # Not above: the command line needs results, and importing geometry takes long.
@@ -203,19 +218,14 @@ class Result:
     """
     What was found in one recording.
 
-    `as_live` says which question is answered: what the monitor would have said, or what touched.
     `origin` is when the recording begins, `start` what part of it was checked. `problems` say
     what is wrong with the recording, `notes` what else a reader should know.
     `keyframes` has the bodies at moments worth drawing, if asked for. `content` is what the
-    messages are known by, wherever they lie. `max_undetermined` is for how long (s) the motion of
-    each footprint and source may be undetermined, None for any time. `min_ttc` is the least time
-    to collision (s) that is allowed, None if none was asked for.
+    messages are known by, wherever they lie.
     """
 
     bag: str
-    clock: str
-    max_unknown: float
-    as_live: bool = False
+    options: Options = field(default=Options(), compare=False)
     origin: int | None = None
     start: int | None = None
     end: int | None = None
@@ -227,8 +237,6 @@ class Result:
     problems: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     keyframes: Keyframes | None = None
-    max_undetermined: float | None = None
-    min_ttc: float | None = None
 
     @property
     def duration(self) -> float:
@@ -251,24 +259,26 @@ class Result:
         return sum(source.received for source in self.sources)
 
     @property
-    def least(self) -> Least | None:
-        """The least separation of any footprint, None if none was found."""
-        found = [footprint.least for footprint in self.footprints if footprint.least]
-        return min(found, key=lambda least: least.separation, default=None)
+    def nearest(self) -> tuple[str, Least] | None:
+        """The footprint of the least separation, and that; None if none was found."""
+        found = [(footprint.name, footprint.least) for footprint in self.footprints
+                 if footprint.least]
+        return min(found, key=lambda one: one[1].separation, default=None)
 
     @property
     def too_undetermined(self) -> list[SourceResult]:
         """The sources whose motion was undetermined for too long."""
-        if self.max_undetermined is None:
-            return []
-        most = 1e9 * self.max_undetermined
-        return [source for source in self.sources if source.undetermined > most]
+        most = self.options.max_undetermined
+        return [] if most is None else [
+            source for source in self.sources if source.undetermined > 1e9 * most]
 
     @property
     def too_soon(self) -> list[FootprintResult]:
         """The footprints whose least time to collision is less than allowed."""
-        return [footprint for footprint in self.footprints if self.min_ttc is not None
-                and footprint.soonest and footprint.soonest.time_to_collision < self.min_ttc]
+        least = self.options.min_ttc
+        return [] if least is None else [
+            footprint for footprint in self.footprints
+            if footprint.soonest and footprint.soonest.time_to_collision < least]
 
     @property
     def verdict(self) -> Verdict:
@@ -279,7 +289,7 @@ class Result:
             return Verdict.BAD_INPUT
         watched = [footprint for footprint in self.footprints if footprint.enabled]
         if not watched or not all(footprint.ever_known for footprint in watched) or any(
-                footprint.unknown > 1e9 * self.max_unknown for footprint in watched) or (
+                footprint.unknown > 1e9 * self.options.max_unknown for footprint in watched) or (
                     self.too_undetermined) or any(source.refused for source in self.sources):
             return Verdict.UNKNOWN
         return Verdict.CLEAR
@@ -298,15 +308,9 @@ _MOST_SAMPLES = 4096
 
 class Series:
     """
-    Separations (time in ns, metres or None) in a list that never grows beyond a fixed length.
+    Adds separations (time in ns, metres or None) to a list, which is empty first.
 
-    Where it would, neighbours are merged to their least.
-
-    Parameters
-    ----------
-    samples : list
-        An empty one, to be filled.
-
+    It never grows beyond a fixed length: where it would, neighbours are merged to their least.
     """
 
     def __init__(self, samples: list[Sample]) -> None:
@@ -315,14 +319,13 @@ class Series:
         self._pending = 0
 
     def add(self, time: int, value: float | None) -> None:
-        """Add a sample."""
         samples = self.samples
         if self._pending:
             last, least = samples[-1]
-            samples[-1] = last, _least(least, value)
+            samples[-1] = last, least_of_all((least, value))
         else:
             if len(samples) == _MOST_SAMPLES:
-                samples[:] = [(time_a, _least(a, b)) for (time_a, a), (_, b)
+                samples[:] = [(time_a, least_of_all((a, b))) for (time_a, a), (_, b)
                               in zip(samples[::2], samples[1::2])]
                 self._merged *= 2
             samples.append((time, value))
@@ -339,28 +342,18 @@ def least_of(series: Iterable[list[Sample]]) -> Iterable[Sample]:
         latest[number] = value
         if before is not None and time > before[0]:
             yield before
-        found = None
-        for one in latest.values():
-            found = _least(found, one)
-        before = time, found
+        before = time, least_of_all(latest.values())
     if before is not None:
         yield before
 
 
-def _least(a: float | None, b: float | None) -> float | None:
-    return min((value for value in (a, b) if value is not None), default=None)
+def least_of_all(values: Iterable[float | None]) -> float | None:
+    """Return the least of the values that are not None."""
+    return min((value for value in values if value is not None), default=None)
 
 
 class Unknowns:
-    """
-    Joins the unknown times of footprints to intervals.
-
-    Attributes
-    ----------
-    intervals : list of Unknown
-        In the order of their beginning.
-
-    """
+    """Joins the unknown times of footprints to intervals, in the order of their beginning."""
 
     def __init__(self) -> None:
         self.intervals: list[Unknown] = []

@@ -37,7 +37,7 @@ from sat_collision.replay.model.result import FootprintResult, Sample, Series, S
 from sat_collision.replay.motion.bodies import Floats, LinearMotion
 from sat_collision.replay.motion.tracker import Step
 from sat_collision.replay.motion.trajectories import Trajectory
-from sat_collision.scene.outlines import outline_of
+from sat_collision.scene.parameters import outline_of
 from sat_collision.scene.settings import FootprintSettings
 from sat_collision.scene.velocity import (
     COMMAND, Command, fitted, FOOTPRINTS, pose_between, Velocity, VELOCITY_LASTS)

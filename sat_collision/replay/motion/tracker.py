@@ -35,8 +35,7 @@ from sat_collision.replay.motion.bodies import (
     Block, Bodies, Integers, LinearMotion, motion_between, motion_in_block, stay)
 from sat_collision.replay.motion.kernels import COUNT, MOVED, mutual_nearest, ROWS
 from sat_collision.scene.obstacles import ObstacleId
-from sat_collision.scene.settings import ObstacleSettings, POLYGON_INSTANCE
-from sat_collision.scene.times import NEVER
+from sat_collision.scene.settings import NEVER, ObstacleSettings, POLYGON_INSTANCE
 
 # No motion is made up over more than this, whatever the timeout, ns.
 LONGEST = 10 * 10**9

@@ -30,7 +30,7 @@ from sat_collision.replay.motion.bodies import (
     Block, Bodies, Floats, LinearMotion, motion_between)
 from sat_collision.replay.motion.kernels import around, COUNT, pack_ring
 from sat_collision.scene.frames import NoTransform
-from sat_collision.scene.times import NEVER
+from sat_collision.scene.settings import NEVER
 
 NUMBERS = 3  # a point's, in a message
 _ONE = np.zeros(1, np.int64)

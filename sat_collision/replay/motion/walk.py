@@ -38,8 +38,7 @@ from sat_collision.replay.motion.trajectories import Poses, Trajectory
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
-    FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
-from sat_collision.scene.times import NEVER
+    FootprintSettings, NEVER, ObstacleSettings, POLYGON_INSTANCE, Settings)
 from sat_collision.scene.velocity import Command
 
 

@@ -15,12 +15,10 @@
 """
 Results for people, machines and other nodes.
 
-text       tables on a terminal
-formats    JSON, CSV and JUnit XML
-baseline   what differs from a result stored before
+text       tables, colours and progress on a terminal
+formats    JSON, CSV and JUnit XML; what differs from a result stored before
 figure     a picture
 page       a page for a browser
-bag        a bag of what the node would have published
-files      where results may be written
 drawing    colours, words and rows of a Gantt chart, for pictures and pages
+bag        a bag of what the node would have published, and of the example
 """

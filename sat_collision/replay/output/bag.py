@@ -12,62 +12,66 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A bag of what the node would have published: its own outputs, given a stand-in for the node."""
+"""Bags: what the node would have published, by its own outputs, and the demo scene."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
-from sat_collision.messages.interfaces import serialize, Time, type_name
+import numpy as np
+from numpy.typing import NDArray
+from sat_collision.demo import warehouse
+from sat_collision.messages.interfaces import (
+    Point32, PolygonStamped, serialize, Time, type_name)
 from sat_collision.messages.outputs import Outputs
-from sat_collision.replay.bag.writer import BagWriter, new_bag
+from sat_collision.replay.bag.libraries import new_bag
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import Settings
 
 _SECOND = 10**9
+# Of the example: when it begins, how often bodies are sent (s), and when they are received (ns).
+_START = 1_700_000_000 * _SECOND
+_PERIOD = 0.05
+_STATIC_EVERY = 10
+_DELAY = 2_000_000
+_PARAMETERS = """\
+# The warehouse scene: three robots, what does not move, and a person.
+/**:
+  ros__parameters:
+    footprints: [{footprints}]
+    obstacles: [warehouse, people]
+    frame_id: {frame}
+    warehouse.timeout: 3.0
+    people.timeout: 1.0
+"""
 
 
 class BagOutputs:
-    """
-    Writes flags, separations, states and markers to a new bag.
-
-    Parameters
-    ----------
-    path : str
-        Directory of the bag, which must not exist.
-    node : str
-        Full name of the node.
-    settings : Settings
-    scene : Scene
-
-    Raises
-    ------
-    OutputError
-        If the directory exists, or cannot be made.
-
-    """
+    """Writes flags, separations, states and markers to a new bag, as a stand-in for the node."""
 
     def __init__(self, path: str, node: str, settings: Settings, scene: Scene) -> None:
+        self._node = node
+        self._time = 0
         self._writer = new_bag(Path(path))
-        self._clock = _Clock()
-        self._outputs = Outputs(_Node(node, self._writer, self._clock), settings, scene)
+        self._outputs = Outputs(self, settings, scene)
 
     def change(self, names: Iterable[str], now: int) -> None:
         """Write what the node publishes at once when states change."""
-        self._clock.time = now
+        self._time = now
         self._outputs.update(names)
         self._outputs.publish(names)
 
     def publish(self, now: int) -> None:
         """Write what the node publishes now and then: flags and states."""
-        self._clock.time = now
+        self._time = now
         self._outputs.publish()
 
     def publish_markers(self, now: int) -> None:
         """Write the markers."""
-        self._clock.time = now
+        self._time = now
         self._outputs.markers_current = False
         self._outputs.publish_markers()
 
@@ -75,50 +79,61 @@ class BagOutputs:
         """Finish the bag."""
         self._writer.close()
 
+    # What Outputs asks of a node and of its clock.
 
-class _Clock:
-    """The recording's time."""
+    def get_fully_qualified_name(self) -> str:
+        return self._node
 
-    time = 0
+    def get_clock(self) -> BagOutputs:
+        return self
 
-    def now(self) -> _Clock:
+    def now(self) -> BagOutputs:
         return self
 
     def to_msg(self) -> Any:
-        return Time(sec=self.time // _SECOND, nanosec=self.time % _SECOND)
+        return Time(sec=self._time // _SECOND, nanosec=self._time % _SECOND)
+
+    def create_publisher(self, kind: type, topic: str, _depth: int) -> Any:
+        name = topic.replace('~', self._node, 1)
+        self._writer.add_topic(name, type_name(kind))
+        return SimpleNamespace(get_subscription_count=lambda: 1, publish=lambda message: (
+            self._writer.write(name, self._time, message if isinstance(message, bytes)
+                               else serialize(message))))
 
 
-class _Node:
-    """What Outputs asks of a node: a name, a clock, and publishers."""
+def write_example(path: str | Path) -> None:
+    """
+    Write the demo scene as a bag of 16 s, with the parameters to check it in params.yaml.
 
-    def __init__(self, name: str, writer: BagWriter, clock: _Clock) -> None:
-        self._name = name
-        self._writer = writer
-        self._clock = clock
+    Raises
+    ------
+    OSError
+        If the path exists, or nothing is there that writes bags.
 
-    def get_fully_qualified_name(self) -> str:
-        return self._name
+    """
+    path = Path(path)
+    writer = new_bag(path)
+    for name in (*warehouse.FOOTPRINTS, 'warehouse', 'people'):
+        writer.add_topic(f'/{name}', type_name(PolygonStamped))
+    for tick in range(round(warehouse.DURATION / _PERIOD) + 1):
+        elapsed = tick * _PERIOD
+        stamp = _START + round(elapsed * 1e9)
+        outlines = [(name, warehouse.footprint(name, elapsed)) for name in warehouse.FOOTPRINTS]
+        outlines += [('people', warehouse.person(elapsed)), ('people', warehouse.NOTHING)]
+        if tick % _STATIC_EVERY == 0:
+            outlines += [('warehouse', outline)
+                         for outline in (*warehouse.STATIC, warehouse.NOTHING)]
+        for name, outline in outlines:
+            writer.write(f'/{name}', stamp + _DELAY, _message(outline, stamp))
+    writer.close()
+    parameters = _PARAMETERS.format(footprints=', '.join(warehouse.FOOTPRINTS),
+                                    frame=warehouse.FRAME)
+    (path / 'params.yaml').write_text(parameters)
 
-    def get_clock(self) -> _Clock:
-        return self._clock
 
-    def create_publisher(self, kind: type, topic: str, _depth: int) -> _Topic:
-        return _Topic(self._writer, topic.replace('~', self._name, 1), type_name(kind),
-                      self._clock)
-
-
-class _Topic:
-    """A topic of the bag, used as a publisher."""
-
-    def __init__(self, writer: BagWriter, name: str, kind: str, clock: _Clock) -> None:
-        self._writer = writer
-        self._name = name
-        writer.add_topic(name, kind)
-        self._clock = clock
-
-    def get_subscription_count(self) -> int:
-        return 1
-
-    def publish(self, message: Any) -> None:
-        data = message if isinstance(message, bytes) else serialize(message)
-        self._writer.write(self._name, self._clock.time, data)
+def _message(outline: NDArray[np.float64], stamp: int) -> bytes:
+    message = PolygonStamped()
+    message.header.frame_id = warehouse.FRAME
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, _SECOND)
+    message.polygon.points = [Point32(x=x, y=y) for x, y in outline.astype(np.float32).tolist()]
+    return bytes(serialize(message))

@@ -69,21 +69,9 @@ def touching(result: Result, keyframes: Keyframes, time: int) -> set[ShownBody]:
 
 
 class Bar(NamedTuple):
-    """
-    A contact, or a time in which a footprint is unknown.
+    """A contact, or a time (s since the recording begins) in which a footprint is unknown."""
 
-    Attributes
-    ----------
-    row : int
-        From above, counted over all footprints.
-    first, last : float
-        In s since the recording begins.
-    text : str
-    contact : Contact or None
-
-    """
-
-    row: int
+    row: int  # from above, counted over all footprints
     first: float
     last: float
     text: str

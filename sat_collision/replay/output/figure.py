@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from itertools import product
 from typing import NamedTuple, TYPE_CHECKING
 
@@ -26,7 +26,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Rectangle
 from matplotlib.transforms import Bbox
 import numpy as np
-from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody, Span
+from sat_collision.replay.model.keyframes import Keyframes, Span
 from sat_collision.replay.model.result import deepest_contacts, Result
 from sat_collision.replay.output.drawing import (
     Bar, colours, CONTACT, distance, INK, joined, name_of, OBSTACLE, Rows, rows_of, touching,
@@ -67,32 +67,23 @@ def draw_picture(result: Result) -> Figure:
     """Return a result as a figure; of a check with `keyframes`."""
     rows, views = rows_of(result), _views(result)
     below = _ROW * _height(rows)
-    lines = -(-len(views) // _COLUMNS) if len(views) > 1 else 0
+    columns = min(len(views), _COLUMNS)
+    lines = -(-len(views) // columns)
     figure = Figure(figsize=(12, 5.2 + below + 4.0 * lines), dpi=_DPI,
                     layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.1))
     FigureCanvasAgg(figure)
-    if lines:
-        grid = figure.add_gridspec(2 + lines, _COLUMNS,
-                                   height_ratios=(4.2, below, *[4.0] * lines))
-        curves, row_axes = figure.add_subplot(grid[0, :]), figure.add_subplot(grid[1, :])
-        scenes = [figure.add_subplot(grid[2 + k // _COLUMNS, k % _COLUMNS])
-                  for k in range(len(views))]
-    else:
-        grid = figure.add_gridspec(2, 2, width_ratios=(1.4, 1), height_ratios=(4.2, below))
-        curves, row_axes = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
-        scenes = [figure.add_subplot(grid[:, 1])]
+    grid = figure.add_gridspec(2 + lines, columns, height_ratios=(4.2, below, *[4.0] * lines))
+    curves, row_axes = figure.add_subplot(grid[0, :]), figure.add_subplot(grid[1, :])
+    scenes = [figure.add_subplot(grid[2 + k // columns, k % columns]) for k in range(len(views))]
     row_axes.sharex(curves)
     _draw_curves(result, rows, curves)
-    curves.tick_params(labelbottom=False)
-    curves.set_title('Separation from the nearest obstacle; below, contacts over time',
-                     fontsize=10)
     _draw_rows(result, rows, row_axes)
     title = figure.suptitle(f'{name_of(result)}: {result.verdict.words}', fontsize=14,
                             fontweight='bold', color=INK)
     _fit(title, 0.96 * figure.bbox.width)
-    words = [axes.set_title(text, fontsize=10) for axes, text in zip(
-        scenes, [_words(view, result) for view in views] or ['no separation could be measured'])]
-    for axes, text in zip(scenes, words):
+    titles = [axes.set_title(_words(view, result), fontsize=10)
+              for axes, view in zip(scenes, views)]
+    for axes, text in zip(scenes, titles):
         axes.set(xlabel='x [m]', ylabel='y [m]')
         text.set_in_layout(False)
     keyframes = result.keyframes or Keyframes([result.start or 0])
@@ -100,39 +91,38 @@ def draw_picture(result: Result) -> Figure:
     for _ in range(2):
         figure.draw_without_rendering()
         for axes, view in zip(scenes, views):
-            _look_at_view(axes, view, keyframes.footprint(view.footprint))
-        if not views:
-            _look_at_all(scenes[0], keyframes)
+            _look_at(axes, view, keyframes)
     figure.set_layout_engine('none')
-    for axes, text in zip(scenes, words):
-        _fit(text, axes.bbox.width)
     _label_rows(result, rows, row_axes)
-    for axes, view in zip(scenes, views):
-        _draw_scene(result, keyframes, keyframes.number(view.time), axes, [view.obstacle])
-    if not views:
-        _draw_scene(result, keyframes, 0, scenes[0])
+    for axes, view, text in zip(scenes, views, titles):
+        _fit(text, axes.bbox.width)
+        _draw_scene(result, keyframes, axes, view)
     return figure
 
 
-def _views(result: Result) -> list[_View]:
-    """Return the scenes to show: of each contact, or where the separation is least."""
+def _views(result: Result) -> Sequence[_View | None]:
+    """Return the scenes to show: of each contact, or where the separation is least, or of all."""
     found = sorted(deepest_contacts(result)[:_MOST_SCENES], key=lambda contact: contact.deepest)
     if found:
         return [_View(one.footprint, one.obstacle, one.deepest, 0.0 - one.depth, one.x, one.y)
                 for one in found]
-    least = result.least
-    return [_View(one.name, least.obstacle, least.time, least.separation, least.x, least.y)
-            for one in result.footprints if least and one.least is least]
+    if not result.nearest:
+        return [None]
+    name, least = result.nearest
+    return [_View(name, least.obstacle, least.time, least.separation, least.x, least.y)]
 
 
-def _words(view: _View, result: Result) -> str:
-    return (f'{result.since(view.time):.3f} s: {view.footprint} and {view.obstacle}, '
-            f'{distance(view.separation)}')
+def _words(view: _View | None, result: Result) -> str:
+    return 'no separation could be measured' if view is None else (
+        f'{result.since(view.time):.3f} s: {view.footprint} and {view.obstacle}, '
+        f'{distance(view.separation)}')
 
 
 def _draw_curves(result: Result, rows: list[Rows], axes: Axes) -> None:
     """Draw separations over time, with contacts and unknown times shaded."""
     axes.set_ylabel('separation [m]')
+    axes.set_title('Separation from the nearest obstacle; below, contacts over time', fontsize=10)
+    axes.tick_params(labelbottom=False)
     bars = [bar for row in rows for bar in row.bars]
     for is_contact, colour in ((False, UNKNOWN), (True, CONTACT)):
         for first, last in joined(_bounds(bar, result) for bar in bars
@@ -145,14 +135,15 @@ def _draw_curves(result: Result, rows: list[Rows], axes: Axes) -> None:
             # Sampled values last until the next one; those of moments are joined.
             axes.plot([result.since(time) for time in times],
                       [np.nan if value is None else value for value in values],
-                      drawstyle='steps-post' if result.as_live else 'default',
+                      drawstyle='steps-post' if result.options.as_live else 'default',
                       color=of_footprint[footprint.name], linewidth=1.4)
     for contact in result.contacts:
         axes.plot(result.since(contact.deepest), -contact.depth, 'o', color=CONTACT,
                   markersize=4)
     axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.grid(alpha=0.25)
-    _use_times(result, axes)
+    first = result.since(result.start or 0)
+    axes.set_xlim(first, first + max(result.duration, 1e-9))
 
 
 def _draw_rows(result: Result, rows: list[Rows], axes: Axes) -> None:
@@ -174,21 +165,19 @@ def _draw_rows(result: Result, rows: list[Rows], axes: Axes) -> None:
             axes.add_patch(Rectangle(
                 (first, bar.row - _HEIGHT / 2), last - first, _HEIGHT, linewidth=0,
                 color=CONTACT if bar.contact else UNKNOWN))
-    _use_times(result, axes)
 
 
 def _label_rows(result: Result, rows: list[Rows], axes: Axes) -> None:
     """Write what each bar is; the deepest contacts come first where room is short."""
     for row in rows:
-        labels = _Labels(axes)
         boxes = []
         for bar in row.bars:
             first, last = _bounds(bar, result)
             boxes.append(Bbox(axes.transData.transform([
                 (first, bar.row + _HEIGHT / 2), (last, bar.row - _HEIGHT / 2)])))
-            labels.avoid(boxes[-1])
+        taken = list(boxes)
         for bar, box in zip(row.bars, boxes):
-            labels.place(bar.text, box, INK, sides=((0, 0), (1, 0), (-1, 0)))
+            _label(axes, bar.text, box, INK, taken, sides=((0, 0), (1, 0), (-1, 0)))
 
 
 def _height(rows: list[Rows]) -> int:
@@ -202,21 +191,37 @@ def _bounds(bar: Bar, result: Result) -> tuple[float, float]:
     return bar.first - missing, bar.last + missing
 
 
-def _use_times(result: Result, axes: Axes) -> None:
-    first = result.since(result.start or 0)
-    axes.set_xlim(first, first + max(result.duration, 1e-9))
+def _look_at(axes: Axes, view: _View | None, keyframes: Keyframes) -> None:
+    """Set the limits to show a view, or without one all places of the footprints, and more."""
+    if view:
+        middle = np.array([view.x, view.y])
+        footprint = keyframes.footprint(view.footprint)
+        size = float(np.max(np.ptp(footprint.spans[0].ring, axis=0))) if footprint else 0.0
+        reach = np.full(2, max(max(view.separation, 0.0) + 1.5 * size, 1.0))
+    else:
+        points = np.concatenate([np.zeros((0, 2)), *(
+            span.ring for body in keyframes.bodies if body.is_footprint for span in body.spans)])
+        low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else np.zeros((2, 2))
+        middle, reach = (low + high) / 2, (high - low) / 2
+        reach = reach + max(0.08 * float(np.max(reach)), 1.0)
+    # As many metres a pixel along both axes.
+    pixels = np.array(axes.bbox.size)
+    reach = pixels * np.max(reach / pixels)
+    (left, right), (bottom, top) = np.transpose([middle - reach, middle + reach])
+    axes.set(xlim=(left, right), ylim=(bottom, top))
 
 
-def _draw_scene(result: Result, keyframes: Keyframes, number: int, axes: Axes,
-                named: Collection[str] = ()) -> None:
+def _draw_scene(result: Result, keyframes: Keyframes, axes: Axes, view: _View | None) -> None:
     """
-    Draw bodies at a moment into axes with final limits, with dotted outlines where not known.
+    Draw bodies into axes with final limits, with dotted outlines where not known.
 
-    Footprints, what is in contact and the obstacles `named` get labels.
+    Footprints, what is in contact and what the view is of get labels.
     """
+    number = keyframes.number(view.time) if view else 0
     of_footprint = colours(result)
     in_contact = touching(result, keyframes, keyframes.moments[number])
-    labels = _Labels(axes)
+    taken: list[Bbox] = []
+    spared: list[Bbox] = []
     texts = []
     for body, span in keyframes.at(number):
         colour = of_footprint[span.name] if body.is_footprint else OBSTACLE
@@ -227,36 +232,13 @@ def _draw_scene(result: Result, keyframes: Keyframes, number: int, axes: Axes,
         seen = Bbox.intersection(box, axes.bbox)
         if seen is None:
             continue
-        if body.is_footprint or body in in_contact or span.name in named:
-            labels.avoid(seen)
+        if body.is_footprint or body in in_contact or view and span.name == view.obstacle:
+            taken.append(seen)
             texts.append((span.name, seen, colour if body.is_footprint else INK))
         else:
-            labels.spare(seen)
+            spared.append(seen)
     for name, box, colour in texts:
-        labels.place(name, box, colour)
-
-
-def _look_at_view(axes: Axes, view: _View, footprint: ShownBody | None) -> None:
-    """Set the limits to show where a footprint is nearest to an obstacle, and around it."""
-    size = float(np.max(np.ptp(footprint.spans[0].ring, axis=0))) if footprint else 0.0
-    reach = max(view.separation + 1.5 * size, 1.5 * size, 1.0)
-    _look_at(axes, np.array([view.x, view.y]), np.array([reach, reach]))
-
-
-def _look_at_all(axes: Axes, keyframes: Keyframes) -> None:
-    """Set the limits to show all places of the footprints, and some space around them."""
-    rings = [span.ring for body in keyframes.bodies if body.is_footprint for span in body.spans]
-    points = np.concatenate(rings or [np.zeros((1, 2))])
-    low, high = points.min(axis=0), points.max(axis=0)
-    reach = (high - low) / 2
-    _look_at(axes, (low + high) / 2, reach + max(0.08 * float(np.max(reach)), 1.0))
-
-
-def _look_at(axes: Axes, middle: Floats, reach: Floats) -> None:
-    """Set the limits to reach this far from a point, and farther along the longer axis."""
-    scale = max(reach[0] / axes.bbox.width, reach[1] / axes.bbox.height)
-    axes.set_xlim(middle[0] - scale * axes.bbox.width, middle[0] + scale * axes.bbox.width)
-    axes.set_ylim(middle[1] - scale * axes.bbox.height, middle[1] + scale * axes.bbox.height)
+        _label(axes, name, box, colour, taken, spared)
 
 
 def _draw_body(axes: Axes, span: Span, edge: str, face: str) -> None:
@@ -267,66 +249,31 @@ def _draw_body(axes: Axes, span: Span, edge: str, face: str) -> None:
               marker='o' if len(span.ring) == 1 else None, markersize=4)
 
 
-class _Labels:
+def _label(axes: Axes, text: str, box: Bbox, colour: str, taken: list[Bbox],
+           spared: Sequence[Bbox] = (), sides: Sequence[tuple[int, int]] = _SIDES) -> None:
     """
-    Places texts in axes whose limits are final.
+    Write a text beside a box of pixels, if there is room in axes whose limits are final.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-
+    It covers nothing that is taken, to which it is added, and what is spared only where there is
+    no better place. Of the sides to try -1 is left or below, 1 right or above; (0, 0) is inside,
+    in white.
     """
-
-    def __init__(self, axes: Axes) -> None:
-        self._axes = axes
-        self._taken: list[Bbox] = []
-        self._spared: list[Bbox] = []
-
-    def avoid(self, bounds: Bbox) -> None:
-        """Let no text be placed over a part of the axes, given in pixels."""
-        self._taken.append(bounds)
-
-    def spare(self, bounds: Bbox) -> None:
-        """Let a text be placed over a part of the axes only where there is no better place."""
-        self._spared.append(bounds)
-
-    def place(self, text: str, bounds: Bbox, colour: str,
-              sides: Sequence[tuple[int, int]] = _SIDES) -> bool:
-        """
-        Write a text beside a body or a bar, where it fits.
-
-        Parameters
-        ----------
-        text : str
-        bounds : Bbox
-            Of the body or bar, in pixels.
-        colour : str
-        sides : sequence of tuple, optional
-            Where to try: -1 is left or below, 1 right or above; (0, 0) is inside, in white.
-
-        Returns
-        -------
-        bool
-            Whether it fits somewhere.
-
-        """
-        inverse = self._axes.transData.inverted()
-        for taken, (x, y) in product(([*self._taken, *self._spared], [*self._taken]), sides):
-            place = ((bounds.x0 + bounds.x1 + x * (bounds.width + 2 * _GAP)) / 2,
-                     (bounds.y0 + bounds.y1 + y * (bounds.height + 2 * _GAP)) / 2)
-            is_inside = x == y == 0
-            spot_x, spot_y = inverse.transform(place)
-            found = self._axes.text(
-                spot_x, spot_y, text, fontsize=8, zorder=5,
-                color='white' if is_inside else colour, ha=_ALIGNED[x][0], va=_ALIGNED[y][1])
-            covered = found.get_window_extent()
-            others = [other for other in taken if not (is_inside and other is bounds)]
-            room = bounds if is_inside else self._axes.bbox
-            if _holds(room, covered) and not any(covered.overlaps(one) for one in others):
-                self._taken.append(covered)
-                return True
-            found.remove()
-        return False
+    inverse = axes.transData.inverted()
+    for avoided, (x, y) in product(([*taken, *spared], [*taken]), sides):
+        place = ((box.x0 + box.x1 + x * (box.width + 2 * _GAP)) / 2,
+                 (box.y0 + box.y1 + y * (box.height + 2 * _GAP)) / 2)
+        spot_x, spot_y = inverse.transform(place)
+        is_inside = x == y == 0
+        found = axes.text(spot_x, spot_y, text, fontsize=8, zorder=5, ha=_ALIGNED[x][0],
+                          va=_ALIGNED[y][1], color='white' if is_inside else colour)
+        covered = found.get_window_extent()
+        room = box if is_inside else axes.bbox
+        fits = np.all(room.min <= covered.min) and np.all(covered.max <= room.max)
+        if fits and not any(covered.overlaps(other) for other in avoided
+                            if not (is_inside and other is box)):
+            taken.append(covered)
+            return
+        found.remove()
 
 
 def _fit(text: Text, width: float) -> None:
@@ -341,8 +288,3 @@ def _fit(text: Text, width: float) -> None:
             text.set_text(f'{words[:half]}…{words[-half:]}')
         else:
             break
-
-
-def _holds(bounds: Bbox, other: Bbox) -> bool:
-    return bool(bounds.x0 <= other.x0 and other.x1 <= bounds.x1
-                and bounds.y0 <= other.y0 and other.y1 <= bounds.y1)

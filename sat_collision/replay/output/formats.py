@@ -12,19 +12,26 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Results for machines: JSON, CSV and JUnit XML; docs/replay_json.md has the JSON schema."""
+"""
+Results for machines: JSON, CSV and JUnit XML; and what differs from JSON written before.
+
+docs/replay_json.md has the schema.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 import csv
 import dataclasses
 from itertools import chain
 import json
-from typing import Any
+import math
+from pathlib import PurePath
+from typing import Any, TypeAlias
 from xml.etree import ElementTree
 
-from sat_collision.replay.model.result import FootprintResult, overall, Result
+from sat_collision.replay.model.result import FootprintResult, Options, overall, Result
 from sat_collision.replay.output.text import (
     how_found, how_soon, how_undetermined, report, summary, when)
 
@@ -32,6 +39,18 @@ SCHEMA = 'sat_collision.replay/3'
 _COLUMNS = ('bag', 'kind', 'footprint', 'obstacle', 'first_ns', 'last_ns', 'duration_s', 'depth_m',
             'deepest_ns', 'x_m', 'y_m', 'reason', 'found', 'normal_x', 'normal_y', 'point_x_m',
             'point_y_m', 'second_point_x_m', 'second_point_y_m', 'time_to_collision_s')
+# Recording and subject of a test case, how it would fail (error or failure), and what is wrong.
+_Case: TypeAlias = tuple[str, str, str, list[str]]
+_Values: TypeAlias = dict[str, Any]
+
+# Separations are rounded: another processor or NumPy may round otherwise.
+_TOLERANCE = 1e-9
+_PLACES = {'x', 'y', 'depth', 'separation', 'time_to_collision'}
+# Where two normals are equally good, rounding decides which.
+_MANIFOLD = {'normal', 'points'}
+_CURVES = {'separation', 'time_to_collision'}
+_LEFT_OUT = {'bag', 'content', 'problems', 'notes', 'max_unknown', 'max_undetermined',
+             'min_ttc'}
 
 
 def as_dict(results: list[Result]) -> dict[str, Any]:
@@ -76,59 +95,47 @@ def _rows(result: Result) -> Iterator[tuple[Any, ...]]:
 
 def write_junit(results: list[Result], path: str) -> None:
     """Write a test suite for each recording: one case for it and one for each footprint."""
-    suites = ElementTree.Element('testsuites', name='replay_check')
+    suites = []
     for result in results:
-        suite = ElementTree.SubElement(suites, 'testsuite', name=result.bag,
-                                       time=f'{result.duration:.3f}')
-        outcomes = [_case(suite, result.bag, 'recording', 'error', result.problems)]
-        if not result.problems and not result.footprints:
-            outcomes = [_case(suite, result.bag, 'recording', 'error', ['nothing to check'])]
-        for source in result.too_undetermined:
-            outcomes.append(_case(suite, result.bag, f'motion of {source.name}', 'failure',
-                                  [how_undetermined(source)]))
-        for source in result.sources:
-            if source.refused:
-                outcomes.append(_case(suite, result.bag, f'messages of {source.name}', 'failure',
-                                      list(source.examples.values())))
-        for footprint in result.footprints:
-            if footprint.enabled:
-                outcomes.append(_case(suite, result.bag, footprint.name, 'failure',
-                                      list(_failures(footprint, result))))
+        cases: list[_Case] = [(result.bag, 'recording', 'error', result.problems or (
+            [] if result.footprints else ['nothing to check']))]
+        cases += [(result.bag, f'motion of {source.name}', 'failure', [how_undetermined(source)])
+                  for source in result.too_undetermined]
+        cases += [(result.bag, f'messages of {source.name}', 'failure',
+                   [*source.examples.values()]) for source in result.sources if source.refused]
+        cases += [(result.bag, footprint.name, 'failure', [*_failures(footprint, result)])
+                  for footprint in result.footprints if footprint.enabled]
+        suite = _suite(result.bag, cases)
+        suite.set('time', f'{result.duration:.3f}')
         ElementTree.SubElement(suite, 'system-out').text = '\n'.join(report(result))
-        _count(suite, outcomes)
-    _write_xml(suites, path)
+        suites.append(suite)
+    _write_suites(suites, path)
 
 
 def write_junit_of_differences(differences: list[tuple[str, list[str]]], baseline: str,
                                path: str) -> None:
     """Write a test case for each recording that was compared with a baseline."""
-    suites = ElementTree.Element('testsuites', name='replay_check')
-    suite = ElementTree.SubElement(suites, 'testsuite', name=f'as expected by {baseline}')
-    outcomes = [_case(suite, name, 'as expected', 'failure', lines)
-                for name, lines in differences]
-    _count(suite, outcomes)
-    _write_xml(suites, path)
+    cases = [(name, 'as expected', 'failure', lines) for name, lines in differences]
+    _write_suites([_suite(f'as expected by {baseline}', cases)], path)
 
 
-def _write_xml(root: ElementTree.Element, path: str) -> None:
+def _suite(name: str, cases: list[_Case]) -> ElementTree.Element:
+    suite = ElementTree.Element('testsuite', name=name, tests=str(len(cases)))
+    for kind in ('error', 'failure'):
+        count = sum(bool(faults) for _, _, of_kind, faults in cases if of_kind == kind)
+        suite.set(f'{kind}s', str(count))
+    for bag, about, kind, faults in cases:
+        case = ElementTree.SubElement(suite, 'testcase', classname=bag, name=about)
+        if faults:
+            ElementTree.SubElement(case, kind, message=faults[0]).text = '\n'.join(faults)
+    return suite
+
+
+def _write_suites(suites: list[ElementTree.Element], path: str) -> None:
+    root = ElementTree.Element('testsuites', name='replay_check')
+    root.extend(suites)
     ElementTree.indent(root)
     ElementTree.ElementTree(root).write(path, encoding='utf-8', xml_declaration=True)
-
-
-def _count(suite: ElementTree.Element, outcomes: list[str | None]) -> None:
-    suite.set('tests', str(len(outcomes)))
-    suite.set('errors', str(outcomes.count('error')))
-    suite.set('failures', str(outcomes.count('failure')))
-
-
-def _case(suite: ElementTree.Element, bag: str, name: str, kind: str,
-          faults: list[str]) -> str | None:
-    """Add a test case and return how it failed, None if it did not."""
-    case = ElementTree.SubElement(suite, 'testcase', classname=bag, name=name)
-    if not faults:
-        return None
-    ElementTree.SubElement(case, kind, message=faults[0]).text = '\n'.join(faults)
-    return kind
 
 
 def _failures(footprint: FootprintResult, result: Result) -> Iterator[str]:
@@ -138,21 +145,128 @@ def _failures(footprint: FootprintResult, result: Result) -> Iterator[str]:
                    f'{contact.depth:.4f} m deep, found {how_found(contact, result)}')
     if footprint in result.too_soon:
         yield how_soon(footprint, result)
-    if footprint.unknown > 1e9 * result.max_unknown or not footprint.ever_known:
+    if footprint.unknown > 1e9 * result.options.max_unknown or not footprint.ever_known:
         yield f'unknown for {footprint.unknown / 1e9:.3f} s'
 
 
 def _bag(result: Result) -> dict[str, Any]:
+    options = result.options
     bag: dict[str, Any] = {
-        'bag': result.bag, 'question': 'as live' if result.as_live else 'recorded motion',
+        'bag': result.bag, 'question': 'as live' if options.as_live else 'recorded motion',
         'verdict': result.verdict.words, 'duration': result.duration,
-        'messages': result.messages,
-        **dataclasses.asdict(dataclasses.replace(result, keyframes=None))}
-    del bag['keyframes'], bag['as_live']
+        'messages': result.messages, 'clock': options.clock, 'max_unknown': options.max_unknown,
+        'max_undetermined': options.max_undetermined, 'min_ttc': options.min_ttc,
+        **dataclasses.asdict(dataclasses.replace(result, keyframes=None, options=Options()))}
+    del bag['keyframes'], bag['options']
     for contact in bag['contacts']:
         del contact['deepest_as']
     for footprint, values in zip(result.footprints, bag['footprints']):
         values['coverage'] = footprint.coverage
-        if result.min_ttc is None:
+        if options.min_ttc is None:
             del values['soonest'], values['time_to_collision']
     return bag
+
+
+class BaselineError(ValueError):
+    """The file is not a result that --json wrote."""
+
+
+class Baseline:
+    """A result that --json wrote before; raises BaselineError if the file is anything else."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        try:
+            with open(path, encoding='utf-8') as file:
+                stored = json.load(file)
+            schema = stored['schema']
+            self._bags = [] if schema != SCHEMA else [
+                (_name(bag), bag, _comparable(bag)) for bag in stored['bags']]
+        except OSError as error:
+            raise BaselineError(f'cannot read {path}: {error.strerror}') from error
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise BaselineError(f'{path} is not a result that --json wrote') from error
+        if schema != SCHEMA:
+            raise BaselineError(f'{path} has the schema {schema}, this version needs {SCHEMA}')
+
+    def differences(self, results: list[Result]) -> list[tuple[str, list[str]]]:
+        """
+        Return each recording's name, with lines that say what differs.
+
+        Recordings are matched by their content, wherever and however they are stored; others
+        by the last part of their path. Contacts and unknown intervals are matched by footprint and
+        obstacle, in order. The words of problems and notes, normals and points of contact are not
+        compared.
+        """
+        checked: list[_Values] = as_dict(results)['bags']
+        left = list(self._bags)
+        partners: dict[int, _Values] = {}
+        for key in (lambda bag: (_content(bag), _name(bag)), _content, _name):
+            for place, bag in enumerate(checked):
+                found = [number for number, (_, other, _) in enumerate(left)
+                         if key(other) == key(bag)]
+                if found and place not in partners:
+                    partners[place] = left.pop(found[0])[2]
+        differences = [(name, ['expected, but not checked']) for name, _, _ in left]
+        for place, bag in enumerate(checked):
+            lines = [*_compared('', partners[place], _comparable(bag))] if place in partners else [
+                'checked, but not expected']
+            differences.append((_name(bag), lines))
+        return differences
+
+
+def _content(bag: _Values) -> object:
+    """Return what a recording is known by; where there is nothing it is like no other."""
+    return bag.get('content') or id(bag)
+
+
+def _name(bag: _Values) -> str:
+    return PurePath(bag['bag']).name
+
+
+def _comparable(bag: _Values) -> _Values:
+    """Return what is to be compared of a recording."""
+    return {
+        **_without(bag, _LEFT_OUT),
+        'footprints': {one['name']: _without(one, _CURVES) for one in bag['footprints']},
+        'sources': {one['name']: _without(one, {'examples'}) for one in bag['sources']},
+        'contacts': _numbered([_without(one, _MANIFOLD) for one in bag['contacts']],
+                              'footprint', 'obstacle'),
+        'unknown': _numbered(bag['unknown'], 'footprint')}
+
+
+def _without(values: dict[str, Any], keys: set[str]) -> dict[str, Any]:
+    return {key: value for key, value in values.items() if key not in keys}
+
+
+def _numbered(intervals: Iterable[dict[str, Any]], *keys: str) -> dict[str, Any]:
+    """Return intervals by what they are about and how often that has been before."""
+    named: dict[str, Any] = {}
+    counts: Counter[str] = Counter()
+    for interval in intervals:
+        about = ' - '.join(interval[key] for key in keys)
+        counts[about] += 1
+        named[f'{about} #{counts[about]}'] = interval
+    return named
+
+
+def _compared(where: str, expected: Any, found: Any) -> Iterator[str]:
+    """Yield a line for each difference below a place in the result."""
+    if isinstance(expected, dict) and isinstance(found, dict):
+        for key in [*expected, *(key for key in found if key not in expected)]:
+            below = f'{where}.{key}' if where else key
+            if key not in found:
+                yield f'{below} is missing, expected {json.dumps(expected[key])}'
+            elif key not in expected:
+                yield f'{below} is new: {json.dumps(found[key])}'
+            else:
+                yield from _compared(below, expected[key], found[key])
+    elif not _same(where, expected, found):
+        yield f'{where} is {json.dumps(found)}, expected {json.dumps(expected)}'
+
+
+def _same(where: str, expected: Any, found: Any) -> bool:
+    if where.rpartition('.')[2] in _PLACES and isinstance(expected, float) and (
+            isinstance(found, (int, float))):
+        return math.isclose(expected, found, rel_tol=_TOLERANCE, abs_tol=_TOLERANCE)
+    return bool(expected == found)

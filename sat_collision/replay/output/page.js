@@ -67,11 +67,12 @@ function showTables() {
   for (const one of recording.tables) {
     if (!one.rows.length) continue;
     const heading = element('h2', one.title);
-    heading.append(element('small', [one.jumps ? 'choose one to see where it is deepest' : '',
+    const jumps = one.title === 'Contacts';
+    heading.append(element('small', [jumps ? 'choose one to see where it is deepest' : '',
       one.note].filter(Boolean).join('; ')));
     const wide = element('div', '', 'wide');
     wide.id = one.title.toLowerCase();
-    wide.append(table(one, one.jumps ? jump : null));
+    wide.append(table(one, jumps ? jump : null));
     parts.push(heading, wide);
   }
   at('tables').replaceChildren(...parts);

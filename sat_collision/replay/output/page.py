@@ -20,16 +20,18 @@ from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
 import json
+from math import inf
 from typing import Any
 
 import numpy as np
 from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
 from sat_collision.replay.model.result import (
-    Contact, deepest_contacts, FootprintResult, GRAVITY, MOST_CONTACTS, overall, Result, Sample)
+    Contact, deepest_contacts, GRAVITY, least_of_all, MOST_CONTACTS, overall, Result, Sample)
 from sat_collision.replay.output.drawing import (
     colours, distance, joined_unknown, name_of, rows_of)
 from sat_collision.replay.output.text import (
-    CLOCKS, contact_row, CONTACTS, lasting, SOONEST, soonest_rows)
+    CLOCKS, contact_row, CONTACTS, footprint_row, FOOTPRINTS, SOONEST, soonest_rows, UNKNOWN,
+    unknown_row)
 
 _SCRIPTS = ('page.js', 'timeline.js', 'scene.js')
 # How large the data of a page may be, in characters; the rest of it is small.
@@ -46,17 +48,10 @@ _LEAST_OF_VERTEX = 6
 
 def write_page(results: list[Result], path: str) -> None:
     """
-    Write a page of results, the worst first, of at most 8 MB.
+    Write a page of results of checks with `keyframes`, the worst first, of at most 8 MB.
 
     Where the bodies would take more, they are shown at fewer moments; if that is not enough, only
     those that come nearest to a footprint are shown.
-
-    Parameters
-    ----------
-    results : list of Result
-        Of checks with `keyframes`.
-    path : str
-
     """
     ordered = _worst_first(results)
     title = name_of(ordered[0]) if len(ordered) == 1 else (
@@ -88,7 +83,10 @@ def _fitted(result: Result, most: int) -> str:
     numbers = list(range(len(keyframes.moments)))
     bodies = keyframes.bodies
     while True:
-        if _estimate(bodies, len(numbers)) <= most or not bodies:
+        # About how much they take at least; with what is surely too large no time is lost.
+        least = sum(_LEAST_OF_VERTEX * len(body.spans[0].ring) * min(len(body.spans), len(numbers))
+                    for body in bodies)
+        if least <= most or not bodies:
             text = _as_json(_recording(result, keyframes, numbers, bodies))
             if len(text) <= most or not bodies:
                 return text
@@ -97,12 +95,6 @@ def _fitted(result: Result, most: int) -> str:
             numbers = kept if len(kept) < 0.8 * len(numbers) else numbers[::2]
         else:
             bodies = _nearest_half(bodies)
-
-
-def _estimate(bodies: list[ShownBody], moments: int) -> int:
-    """Return about how many characters bodies take at least."""
-    return sum(_LEAST_OF_VERTEX * len(body.spans[0].ring) * min(len(body.spans), moments)
-               for body in bodies)
 
 
 def _nearest_half(bodies: list[ShownBody]) -> list[ShownBody]:
@@ -126,11 +118,11 @@ def _recording(result: Result, keyframes: Keyframes, numbers: list[int],
     names = {footprint.name: k for k, footprint in enumerate(result.footprints)}
     contacts = sorted(deepest_contacts(result), key=lambda contact: contact.first)
     places = {id(contact): k for k, contact in enumerate(contacts)}
-    least = result.least
+    name, least = result.nearest or ('', None)
     moments = [keyframes.moments[k] for k in numbers]
     count = max(_MOST_SAMPLES // max(len(names), 1), 16)
     return {
-        'name': name_of(result), 'verdict': result.verdict.words, 'asLive': result.as_live,
+        'name': name_of(result), 'verdict': result.verdict.words, 'asLive': result.options.as_live,
         'problems': result.problems[:_MOST_ROWS], 'notes': result.notes[:_MOST_ROWS],
         'facts': _facts_of(result, moments, len(keyframes.bodies) - len(bodies)),
         'tables': _tables_of(result, contacts),
@@ -144,16 +136,14 @@ def _recording(result: Result, keyframes: Keyframes, numbers: list[int],
              'unknown': _unknown_of(result, footprint.name)}
             for footprint, colour in zip(result.footprints, colours(result).values())
             for samples in [_thinned(footprint.separation, count)]],
-        'rows': [{'name': row.name, 'first': row.first, 'end': row.end, 'bars': [
-            {'row': bar.row, 'first': bar.first, 'last': bar.last, 'text': bar.text,
-             'contact': places.get(id(bar.contact))} for bar in row.bars]}
+        'rows': [{**row._asdict(), 'bars': [
+            {**bar._asdict(), 'contact': places.get(id(bar.contact))} for bar in row.bars]}
             for row in rows_of(result)],
         'contacts': [_contact(contact, result, rows, names) for contact in contacts],
         'times': [round(result.since(time), 6) for time in moments], 'unit': _UNIT,
         'bodies': [_body(body, names, numbers) for body in bodies],
         'begin': result.since(least.time if least else result.start or 0),
-        'beginAt': next(([names[one.name], least.x, least.y] for one in result.footprints
-                         if least and one.least is least), None)}
+        'beginAt': [names[name], least.x, least.y] if least else None}
 
 
 def _thinned(samples: list[Sample], most: int) -> list[Sample]:
@@ -162,8 +152,7 @@ def _thinned(samples: list[Sample], most: int) -> list[Sample]:
     if step <= 1:
         return samples
     runs = [samples[k:k + step] for k in range(0, len(samples), step)]
-    return [(run[0][0], min((value for _, value in run if value is not None), default=None))
-            for run in runs]
+    return [(run[0][0], least_of_all(value for _, value in run)) for run in runs]
 
 
 def _unknown_of(result: Result, name: str) -> list[tuple[float, float, str]]:
@@ -223,10 +212,8 @@ def _ring(ring: Floats) -> Any:
 
 def _worst_first(results: list[Result]) -> list[Result]:
     """Return results by seriousness of the verdict, then by least separation."""
-    def badness(result: Result) -> tuple[int, float]:
-        return (-GRAVITY.index(result.verdict),
-                result.least.separation if result.least else float('inf'))
-    return sorted(results, key=badness)
+    return sorted(results, key=lambda result: (
+        -GRAVITY.index(result.verdict), result.nearest[1].separation if result.nearest else inf))
 
 
 def _index_of(results: list[Result]) -> dict[str, Any]:
@@ -243,8 +230,9 @@ def _facts_of(result: Result, moments: list[int], left_out: int) -> list[str]:
     """Return what was checked, and how, in short phrases."""
     if result.start is None:
         return [result.bag]
-    facts = ['what the monitor would have said' if result.as_live else 'recorded motion',
-             f'{result.duration:.3f} s by {CLOCKS[result.clock]}', f'{result.messages} messages']
+    facts = ['what the monitor would have said' if result.options.as_live else 'recorded motion',
+             f'{result.duration:.3f} s by {CLOCKS[result.options.clock]}',
+             f'{result.messages} messages']
     if moments:
         most = max(later - time for time, later in zip(moments, [*moments[1:], moments[-1]]))
         facts.append(f'drawn at {len(moments)} moments, at least every {most / 1e9:.2g} s, and '
@@ -259,49 +247,27 @@ def _tables_of(result: Result, contacts: list[Contact]) -> list[dict[str, Any]]:
     more = len(result.contacts) - len(contacts)
     deepest = f'the {MOST_CONTACTS} deepest; {more} more are in what --csv and --json write'
     longest = sorted(result.unknown, key=lambda one: one.first - one.last)[:_MOST_ROWS]
-    return [{
-        'title': 'Contacts', 'jumps': True, 'note': deepest if more else '',
-        'head': list(CONTACTS), 'rows': [contact_row(contact, result) for contact in contacts],
-    }, {
-        'title': 'Unknown', 'note': f'the {_MOST_ROWS} longest of {len(result.unknown)}'
-        if len(longest) < len(result.unknown) else '',
-        'head': ['footprint', 'first [s]', 'duration [s]', 'reason'],
-        'rows': [[one.footprint, f'{result.since(one.first):.3f}', lasting(one.last - one.first),
-                  reason] for one in sorted(longest, key=lambda one: one.first)
-                 for reason in one.reasons],
-    }, {
-        'title': 'Footprints', 'note': '',
-        'head': ['footprint', 'topic', 'known', 'clear [s]', 'collision [s]', 'unknown [s]',
-                 'least separation'],
-        'rows': [_footprint(footprint, result) for footprint in result.footprints],
-    }, {
-        'title': 'Least time to collision', 'note': '',
-        'head': list(SOONEST), 'rows': soonest_rows(result),
-    }, {
-        'title': 'Messages', 'note': '',
-        'head': ['source', 'topic', 'received', 'motion undetermined [s]'],
-        'rows': [[source.name, source.topic, str(source.received),
-                  f'{source.undetermined / 1e9:.3f}'] for source in result.sources],
-    }, {
-        'title': 'Rejections', 'note': '',
-        'head': ['source', 'messages', 'reason', 'the first one'],
-        'rows': [[source.name, str(count), reason, source.examples.get(reason, '')]
-                 for source in result.sources for reason, count in source.rejected.items()],
-    }]
-
-
-def _footprint(footprint: FootprintResult, result: Result) -> list[str]:
-    coverage, least = footprint.coverage, footprint.least
-    return [footprint.name, footprint.topic, '-' if coverage is None else f'{coverage:.2%}',
-            *(f'{time / 1e9:.3f}'
-              for time in (footprint.clear, footprint.collision, footprint.unknown)),
-            f'{distance(least.separation)}, {least.obstacle}, at {result.since(least.time):.3f} s'
-            if least else '-']
+    hidden = f'the {_MOST_ROWS} longest of {len(result.unknown)}'
+    tables: list[tuple[str, str, tuple[str, ...], Sequence[Sequence[str]]]] = [
+        ('Contacts', deepest if more else '', CONTACTS,
+         [contact_row(contact, result) for contact in contacts]),
+        ('Unknown', hidden if len(longest) < len(result.unknown) else '', UNKNOWN,
+         [unknown_row(one, reason, result)
+          for one in sorted(longest, key=lambda one: one.first) for reason in one.reasons]),
+        ('Footprints', '', (*FOOTPRINTS, 'topic'),
+         [(*footprint_row(one, result), one.topic) for one in result.footprints]),
+        ('Least time to collision', '', SOONEST, soonest_rows(result)),
+        ('Messages', '', ('source', 'topic', 'received', 'motion undetermined [s]'),
+         [(source.name, source.topic, str(source.received), f'{source.undetermined / 1e9:.3f}')
+          for source in result.sources]),
+        ('Rejections', '', ('source', 'messages', 'reason', 'the first one'),
+         [(source.name, str(count), reason, source.examples.get(reason, ''))
+          for source in result.sources for reason, count in source.rejected.items()])]
+    return [dict(zip(('title', 'note', 'head', 'rows'), table)) for table in tables]
 
 
 def _least(result: Result) -> str:
-    least = result.least
-    if least is None:
+    if not result.nearest:
         return '-'
-    whose = next(one.name for one in result.footprints if one.least is least)
-    return f'{distance(least.separation)}: {whose} and {least.obstacle}'
+    name, least = result.nearest
+    return f'{distance(least.separation)}: {name} and {least.obstacle}'

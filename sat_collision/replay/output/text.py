@@ -12,22 +12,77 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Results for people: tables on a terminal."""
+"""Results for people: tables on a terminal, verdicts in colour, and progress."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+import os
+import sys
+import time
+from typing import Any, TextIO
 
 from sat_collision.replay.model.result import (
-    BETWEEN_SAMPLES, Contact, FootprintResult, overall, Result, SourceResult, Verdict)
+    BETWEEN_SAMPLES, Contact, FootprintResult, overall, Result, SourceResult, Unknown, Verdict)
 
 _MOST_ROWS = 20
 _MOMENT = 500_000
+FOOTPRINTS = ('footprint', 'known', 'clear [s]', 'collision [s]', 'unknown [s]',
+              'least separation')
 CONTACTS = ('footprint', 'obstacle', 'first [s]', 'duration [s]', 'depth [m]', 'x [m]', 'y [m]',
             'found')
+UNKNOWN = 'footprint', 'first [s]', 'duration [s]', 'reason'
 SOONEST = 'footprint', 'obstacle', 'at [s]', 'time to collision [s]'
+# Green, red, yellow and magenta.
+_COLOURS = {Verdict.CLEAR: 32, Verdict.COLLISION: 31, Verdict.UNKNOWN: 33, Verdict.BAD_INPUT: 35}
+# Of the bar of progress: a longer line would wrap, and could not be removed.
+_LONGEST = 25
+_BAR = 30
+_DELAY = 1.0
+_REDRAW = 0.1
 CLOCKS = {'receive': 'receive time', 'header': 'header stamps'}
+
+
+class Progress:
+    """A bar on a terminal that appears when a run takes long, and vanishes after it."""
+
+    def __init__(self, what: str = '', stream: TextIO = sys.stderr) -> None:
+        self._what = f'{what[:_LONGEST]} ' if what else ''
+        self._stream = stream
+        self._begun = time.monotonic()
+        self._next = self._begun + _DELAY if stream.isatty() else float('inf')
+        self._shown = False
+
+    def show(self, share: float) -> None:
+        """Show that a share of the work is done."""
+        now = time.monotonic()
+        if now < self._next:
+            return
+        self._next = now + _REDRAW
+        self._shown = True
+        bar = f'{self._what}[{"#" * round(_BAR * share):{_BAR}}] {share:4.0%}'
+        if share:
+            bar += f'  {(now - self._begun) * (1.0 / share - 1.0):.0f} s left'
+        self._stream.write(f'\r\033[K{bar}')
+        self._stream.flush()
+
+    def clear(self) -> None:
+        """Remove the bar."""
+        if self._shown:
+            self._stream.write('\r\033[K')
+            self._stream.flush()
+            self._shown = False
+
+
+def with_colour(lines: list[str], verdict: Verdict, stream: TextIO) -> list[str]:
+    """Return lines whose verdict, at the end of one, is coloured if the stream should have it."""
+    # https://no-color.org: whatever it is set to, unless it is empty.
+    if os.environ.get('NO_COLOR') or os.environ.get('TERM') == 'dumb' or not stream.isatty():
+        return lines
+    word = verdict.words.upper()
+    coloured = f'\033[1;{_COLOURS[verdict]}m{word}\033[0m'
+    return [line.removesuffix(word) + coloured if line.endswith(f' {word}') else line
+            for line in lines]
 
 
 def report(result: Result) -> list[str]:
@@ -37,25 +92,22 @@ def report(result: Result) -> list[str]:
     lines += [f'  note: {note}' for note in result.notes]
     if result.start is None:
         return lines
-    question = 'as live' if result.as_live else 'recorded motion'
-    lines.append(f'  {question}, {result.duration:.3f} s by {CLOCKS[result.clock]}, '
+    question = 'as live' if result.options.as_live else 'recorded motion'
+    lines.append(f'  {question}, {result.duration:.3f} s by {CLOCKS[result.options.clock]}, '
                  f'{_counts(result)}')
     lines += _rejections(result)
     lines += [f'  {source.name}: {how_undetermined(source)}' for source in result.sources
               if source.undetermined]
     lines += [f'  {footprint.name}: {how_soon(footprint, result)}'
               for footprint in result.too_soon]
-    lines += _table(
-        ('footprint', 'known', 'clear [s]', 'collision [s]', 'unknown [s]', 'least separation'),
-        [_footprint_row(footprint, result) for footprint in result.footprints], 'footprints')
+    lines += _table(FOOTPRINTS, [footprint_row(footprint, result)
+                                 for footprint in result.footprints], 'footprints')
     lines += _table(SOONEST, soonest_rows(result), 'least time to collision')
     lines += _table(CONTACTS, [contact_row(contact, result) for contact in result.contacts],
                     'contacts')
     lines += _table(
-        ('footprint', 'first [s]', 'duration [s]', 'reason'),
-        [(unknown.footprint, f'{result.since(unknown.first):.3f}',
-          f'{(unknown.last - unknown.first) / 1e9:.3f}', '; '.join(unknown.reasons))
-         for unknown in result.unknown if unknown.last - unknown.first >= _MOMENT], 'unknown')
+        UNKNOWN, [unknown_row(one, '; '.join(one.reasons), result) for one in result.unknown
+                  if one.last - one.first >= _MOMENT], 'unknown')
     return lines
 
 
@@ -70,7 +122,18 @@ def how_soon(footprint: FootprintResult, result: Result) -> str:
     least = footprint.soonest
     return '' if least is None else (
         f'a collision with {least.obstacle} was {least.time_to_collision:.3f} s ahead at '
-        f'{result.since(least.time):.3f} s, --min-ttc is {result.min_ttc:g} s')
+        f'{result.since(least.time):.3f} s, --min-ttc is {result.options.min_ttc:g} s')
+
+
+def footprint_row(footprint: FootprintResult, result: Result) -> tuple[str, ...]:
+    """Return a footprint as a row of FOOTPRINTS."""
+    seconds = [f'{getattr(footprint, state) / 1e9:.3f}'
+               for state in ('clear', 'collision', 'unknown')]
+    share = '' if footprint.coverage is None else f'{100 * footprint.coverage:.2f} %'
+    least = footprint.least
+    nearest = 'none known' if least is None else (
+        f'{least.separation:.4g} m from {least.obstacle} at {result.since(least.time):.3f} s')
+    return footprint.name + ('' if footprint.enabled else ' (disabled)'), share, *seconds, nearest
 
 
 def contact_row(contact: Contact, result: Result) -> tuple[str, ...]:
@@ -79,6 +142,12 @@ def contact_row(contact: Contact, result: Result) -> tuple[str, ...]:
             lasting(contact.last - contact.first) + ('+' if contact.at_end else ''),
             f'{contact.depth:.4g}', f'{contact.x:.3f}', f'{contact.y:.3f}',
             how_found(contact, result))
+
+
+def unknown_row(unknown: Unknown, reason: str, result: Result) -> tuple[str, ...]:
+    """Return an unknown time as a row of UNKNOWN."""
+    return (unknown.footprint, f'{result.since(unknown.first):.3f}',
+            lasting(unknown.last - unknown.first), reason)
 
 
 def soonest_rows(result: Result) -> list[tuple[str, ...]]:
@@ -151,16 +220,6 @@ def _rejections(result: Result) -> Iterator[str]:
         for reason, count in source.rejected.items():
             yield f'  {source.name}: {count} messages rejected: {reason}'
             yield f'    the first one: {source.examples[reason]}'
-
-
-def _footprint_row(footprint: FootprintResult, result: Result) -> tuple[str, ...]:
-    seconds = [f'{getattr(footprint, state) / 1e9:.3f}'
-               for state in ('clear', 'collision', 'unknown')]
-    share = '' if footprint.coverage is None else f'{100 * footprint.coverage:.2f} %'
-    least = footprint.least
-    nearest = 'none known' if least is None else (
-        f'{least.separation:.4g} m from {least.obstacle} at {result.since(least.time):.3f} s')
-    return footprint.name + ('' if footprint.enabled else ' (disabled)'), share, *seconds, nearest
 
 
 def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]], title: str) -> list[str]:

@@ -28,32 +28,23 @@ import threading
 import time
 from xml.etree import ElementTree
 
-from builders import serialised
 import pytest
-from recordings import box, drive, POLYGON, SOURCE, START, write
+from recordings import box, drive, SOURCE, START, write
 from sat_collision.replay.__main__ import main
+from sat_collision.replay.bag.libraries import check_bag_writer
 from sat_collision.replay.bag.sqlite import SqliteFile
 from sat_collision.replay.bag.storage import Faults, Limits, Scratch
-from sat_collision.replay.bag.writer import check_bag_writer, OutputError
-from sat_collision.replay.model.options import Options
-from sat_collision.replay.model.result import Verdict
+from sat_collision.replay.model.result import Options, Verdict
 from sat_collision.replay.run import check
 
-pytest.importorskip('mcap')
-
-from storages import (  # noqa: E402
-    CHANNEL, CHUNK, CHUNK_INDEX, create_db3, DATA_END, HEADER, killed_recorder, MAGIC, MESSAGE,
-    record, records, run_sql, text, write_mcap)
+from storages import (
+    channel, CHUNK, CHUNK_INDEX, create_db3, HEADER, killed_recorder, MAGIC, mcap_of, message,
+    record, records, run_sql, schema, storage_file, text, write_mcap)
 
 ALL = 3 * 101
 CLEAR = drive(contact=(0, 0))
 MB = 10**6
 SECOND = 10**9
-
-
-def storage_file(bag):
-    file, = (path for path in bag.iterdir() if path.name != 'metadata.yaml')
-    return file
 
 
 def places(data, kind):
@@ -168,39 +159,25 @@ def test_messages_of_unknown_topics_are_said(tmp_path):
     assert result.verdict is Verdict.BAD_INPUT
     assert any('102' in problem for problem in result.problems)
     file = tmp_path / 'a.mcap'
-    file.write_bytes(MAGIC + record(HEADER, text(b'ros2') + text(b'')) + b''.join([
-        record(3, struct.pack('<H', 1) + text(POLYGON.encode()) + text(b'') + text(b'')),
-        channel(1, b'/footprint'), channel(2, b'/obstacles'),
-        *(message(2 + k % 5 // 4, k) for k in range(30)),
-        *(message(1, k) for k in range(30))]) + record(DATA_END, bytes(4))
-        + record(2, bytes(20)) + MAGIC)
+    file.write_bytes(mcap_of(
+        schema(), channel(1, b'/footprint'), channel(2, b'/obstacles'),
+        *messages_of(2 + k % 5 // 4 for k in range(30)), *messages_of([1] * 30)))
     result = check(file)
     assert result.verdict is Verdict.BAD_INPUT
     assert any('6 ' in problem for problem in result.problems)
 
 
-def channel(key, topic, schema=1):
-    return record(CHANNEL, struct.pack('<HH', key, schema) + text(topic) + text(b'cdr')
-                  + text(b''))
-
-
-def message(key, tick):
-    stamp = START + tick * 10**8
-    return record(MESSAGE, struct.pack('<HIQQ', key, 0, stamp, stamp)
-                  + serialised(box(3.0 * key), stamp))
+def messages_of(keys):
+    """Return the records of messages of channels, each of a box elsewhere."""
+    return [message(key, box(3.0 * key), k / 10) for k, key in enumerate(keys)]
 
 
 def test_channel_that_changes_is_said(tmp_path):
     """Its second half would be taken for another topic's."""
     file = tmp_path / 'a.mcap'
-    body = [record(3, struct.pack('<H', 1) + text(POLYGON.encode()) + text(b'') + text(b'')),
-            channel(1, b'/footprint'), channel(2, b'/obstacles')]
-    for k in range(30):
-        body += [message(1, k), message(2, k)]
-        if k == 15:
-            body.append(channel(2, b'/elsewhere'))
-    file.write_bytes(MAGIC + record(HEADER, text(b'ros2') + text(b'')) + b''.join(body)
-                     + record(DATA_END, bytes(4)) + record(2, bytes(20)) + MAGIC)
+    messages = messages_of([1, 2] * 30)
+    file.write_bytes(mcap_of(schema(), channel(1, b'/footprint'), channel(2, b'/obstacles'),
+                             *messages[:32], channel(2, b'/elsewhere'), *messages[32:]))
     result = check(file)
     assert result.verdict is Verdict.BAD_INPUT
     assert any('/elsewhere' in problem for problem in result.problems)
@@ -213,12 +190,9 @@ def test_topic_of_two_types_is_said(tmp_path):
             "FROM topics WHERE name = '/obstacles'",
             'UPDATE messages SET topic_id = 9 WHERE topic_id = 2 AND id > 100')
     chunks = tmp_path / 'a.mcap'
-    chunks.write_bytes(MAGIC + record(HEADER, text(b'ros2') + text(b'')) + b''.join([
-        record(3, struct.pack('<H', 1) + text(POLYGON.encode()) + text(b'') + text(b'')),
-        record(3, struct.pack('<H', 2) + text(b'std_msgs/msg/Bool') + text(b'') + text(b'')),
-        channel(1, b'/footprint'), channel(2, b'/obstacles'), channel(3, b'/obstacles', 2),
-        *(message(1 + k % 3, k) for k in range(30))]) + record(DATA_END, bytes(4))
-        + record(2, bytes(20)) + MAGIC)
+    chunks.write_bytes(mcap_of(
+        schema(), schema(2, 'std_msgs/msg/Bool'), channel(1, b'/footprint'),
+        channel(2, b'/obstacles'), channel(3, b'/obstacles', 2), *messages_of([1, 2, 3] * 10)))
     for file in (rows, chunks):
         result = check(file)
         assert result.verdict is Verdict.BAD_INPUT
@@ -228,9 +202,7 @@ def test_topic_of_two_types_is_said(tmp_path):
 def test_name_of_a_topic_forges_no_line(tmp_path):
     """A line end in it is not printed."""
     file = tmp_path / 'a.mcap'
-    file.write_bytes(MAGIC + record(HEADER, text(b'ros2') + text(b'')) + b''.join([
-        record(3, struct.pack('<H', 1) + text(POLYGON.encode()) + text(b'') + text(b'')),
-        channel(1, b'/a'), channel(1, b'/b\nall: CLEAR')]))
+    file.write_bytes(mcap_of(schema(), channel(1, b'/a'), channel(1, b'/b\nall: CLEAR')))
     problem, = check(file).problems
     assert problem.endswith('channel 1 is /a and /b?all: CLEAR')
 
@@ -274,7 +246,8 @@ def test_yaml_that_has_no_end_is_bad_input(tmp_path, capsys, content):
 @pytest.mark.parametrize('content', [
     'rosbag2_bagfile_information: &a\n  topics_with_message_count: [*a]\n',
     'rosbag2_bagfile_information: &a [*a]\n', '[' * 5000, 'rosbag2_bagfile_information: 7',
-    'rosbag2_bagfile_information:\n  relative_file_paths: 7\n', '{}', '? [a]\n: 2001-99-99'])
+    'rosbag2_bagfile_information:\n  relative_file_paths: 7\n', '{}', '{:',
+    '? [a]\n: 2001-99-99'])
 def test_metadata_that_makes_no_sense_is_bad_input(tmp_path, content):
     """What the storage files have is read all the same."""
     bag = write(tmp_path / 'bag', drive())
@@ -315,8 +288,7 @@ def bomb(path, compression, size, claim=None):
             size // MB)), compressor.flush()])
     chunk = record(CHUNK, struct.pack('<QQQI', START, START, claim or size, 0)
                    + text(compression.encode()) + struct.pack('<Q', len(packed)) + packed)
-    path.write_bytes(MAGIC + record(HEADER, text(b'ros2') + text(b'')) + chunk
-                     + record(DATA_END, bytes(4)) + record(2, bytes(20)) + MAGIC)
+    path.write_bytes(mcap_of(chunk))
     return path
 
 
@@ -506,5 +478,5 @@ def test_folder_called_like_a_library_is_none(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, 'path', [str(tmp_path)])
     for name in [name for name in sys.modules if name.partition('.')[0] == 'rosbags']:
         monkeypatch.delitem(sys.modules, name)
-    with pytest.raises(OutputError, match='pip install rosbags'):
+    with pytest.raises(OSError, match='pip install rosbags'):
         check_bag_writer()

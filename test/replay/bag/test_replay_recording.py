@@ -19,27 +19,21 @@ import json
 from pathlib import Path
 import shutil
 import struct
-import subprocess
 import sys
 from types import ModuleType, SimpleNamespace
 import zlib
 
-from builders import serialised
 import pytest
-from recordings import box, drive, POLYGON, START, write
+from recordings import box, drive, POLYGON, run_without, write
 from rosbags.highlevel import AnyReader
 from sat_collision.replay.bag import storage as storages
 from sat_collision.replay.cli.command import main
-from sat_collision.replay.model.options import Options
-from sat_collision.replay.model.result import Verdict
+from sat_collision.replay.model.result import Options, Verdict
 from sat_collision.replay.run import check
+from storages import (
+    channel, CHUNK, mcap_of, MESSAGE, message, record, schema, storage_file, text)
 
 ALL = 3 * 101
-
-
-def storage_file(bag):
-    file, = (path for path in bag.iterdir() if path.name != 'metadata.yaml')
-    return file
 
 
 def cut(path, share):
@@ -179,15 +173,6 @@ def test_recording_without_messages_cannot_tell(tmp_path, storage):
     assert any('/footprint' in note for note in result.notes)
 
 
-def test_metadata_that_is_no_yaml_is_said(tmp_path):
-    """And what the storage file has is read."""
-    bag = write(tmp_path / 'bag', drive())
-    (bag / 'metadata.yaml').write_text('{:')
-    result = check(bag)
-    assert result.messages == ALL
-    assert 'metadata.yaml' in result.problems[0]
-
-
 def test_topic_of_another_type_is_said(tmp_path):
     """The footprint's topic carries flags: they never reach the scene, which stays unknown."""
     messages = [('/footprint', k / 10, b'\0\1\0\0\1') for k in range(50)]
@@ -199,41 +184,18 @@ def test_topic_of_another_type_is_said(tmp_path):
                for problem in result.problems)
 
 
-def record(kind, content):
-    """Return an MCAP record; of a message kind is 5, of a chunk 6."""
-    return struct.pack('<BQ', kind, len(content)) + content
-
-
-def text(string):
-    return struct.pack('<I', len(string)) + string
-
-
-def channel(key, topic):
-    return record(4, struct.pack('<HH', key, 1) + text(topic) + text(b'cdr') + text(b''))
-
-
 def chunk(*records, compression=b''):
     """Return a chunk with its checksum."""
     content = b''.join(records)
-    return record(6, struct.pack('<QQQI', 0, 2**63, len(content), zlib.crc32(content))
+    return record(CHUNK, struct.pack('<QQQI', 0, 2**63, len(content), zlib.crc32(content))
                   + text(compression) + struct.pack('<Q', len(content)) + content)
-
-
-def mcap(*parts):
-    """Return a file without an index: ten chunks of a drive."""
-    head = record(3, struct.pack('<H', 1) + text(POLYGON.encode()) + text(b'') + text(b''))
-    return b'\x89MCAP0\r\n' + head + b''.join(parts) + record(15, bytes(4)) + record(
-        2, bytes(20)) + b'\x89MCAP0\r\n'
 
 
 def chunks_of_a_drive():
     """Return ten chunks of ten messages each on two topics."""
     topics = {'/footprint': 1, '/obstacles': 2}
-    messages = []
-    for topic, time, points in drive(contact=(0, 0))[:100]:
-        stamp = START + round(time * 1e9)
-        messages.append(record(5, struct.pack('<HIQQ', topics[topic], 0, stamp, stamp)
-                               + serialised(points, stamp)))
+    messages = [message(topics[topic], points, time)
+                for topic, time, points in drive(contact=(0, 0))[:100]]
     return [chunk(*messages[k:k + 10]) for k in range(0, 100, 10)]
 
 
@@ -247,8 +209,9 @@ FLIPPED = DRIVE[3][:-20] + bytes([DRIVE[3][-20] ^ 64]) + DRIVE[3][-19:]
     ((*CHANNELS, *DRIVE[:3], FLIPPED, *DRIVE[4:]), 90, 'checksum'),
     ((*CHANNELS, *DRIVE[:3], chunk(b'junk', compression=b'zstd'), *DRIVE[3:]), 100, 'frame'),
     ((*CHANNELS, *DRIVE[:3], chunk(b'', compression=b'bzip2'), *DRIVE[3:]), 100, "'bzip2'"),
-    ((*CHANNELS, *DRIVE[:3], record(5, b'abc'), *DRIVE[3:]), 100, 'invalid message'),
-    ((*CHANNELS, *DRIVE[:3], record(5, bytes(30)), *DRIVE[3:]), 100, '1 messages of unknown'),
+    ((*CHANNELS, *DRIVE[:3], record(MESSAGE, b'abc'), *DRIVE[3:]), 100, 'invalid message'),
+    ((*CHANNELS, *DRIVE[:3], record(MESSAGE, bytes(30)), *DRIVE[3:]), 100,
+     '1 messages of unknown'),
     ((CHANNELS[0], channel(2, b'/\xffbstacles'), *DRIVE), 34, 'invalid channel'),
     ((CHANNELS[0], CHANNELS[1][:-14] + b'\xff' * 14, *DRIVE), 34, '66 messages of unknown'),
     ((*CHANNELS, *DRIVE[:3], struct.pack('<BQ', 5, 2**63), *DRIVE[3:]), 30, 'announced'),
@@ -258,7 +221,7 @@ FLIPPED = DRIVE[3][:-20] + bytes([DRIVE[3][-20] ^ 64]) + DRIVE[3][-19:]
 def test_damaged_part_of_a_file_is_left_out_and_said(tmp_path, parts, count, words):
     """No message is made up of damaged bytes, nothing is raised, and the rest is read."""
     file = tmp_path / 'a.mcap'
-    file.write_bytes(mcap(*parts))
+    file.write_bytes(mcap_of(schema(), *parts))
     result = check(file)
     assert result.messages == count
     assert result.contacts == [] and not any(source.rejected for source in result.sources)
@@ -271,20 +234,9 @@ def test_damaged_part_of_a_file_is_left_out_and_said(tmp_path, parts, count, wor
 
 HIDDEN = ('rosbags', 'lz4', 'backports', 'compression')
 # The command where none of these can be imported.
-WITHOUT = """
-import sys
-sys.modules.update(dict.fromkeys({names!r}))
-from sat_collision.replay.__main__ import main
-sys.exit(main(sys.argv[1:]))
-"""
 TOUCHING = drive(2.0, contact=(1.0, 1.5))
 PACKED = [('sqlite3', 'file'), ('sqlite3', 'message'), ('mcap', 'file'), ('mcap', 'message'),
           ('mcap', 'storage')]
-
-
-def run_without(names, *arguments):
-    return subprocess.run([sys.executable, '-c', WITHOUT.format(names=names), *arguments],
-                          capture_output=True, text=True)
 
 
 def results_of(path):
@@ -370,11 +322,10 @@ def rosbag2_py(request, monkeypatch):
         stand_in.ConverterOptions = lambda *formats: formats
         monkeypatch.setitem(sys.modules, 'rosbag2_py', stand_in)
 
-    def missing():
+    def missing(compression):
         raise storages.Damage('it is hidden')
 
-    monkeypatch.setattr(storages, '_zstd', missing)
-    monkeypatch.setitem(storages._LIBRARIES, 'zstd', missing)
+    monkeypatch.setattr(storages, '_library', missing)
 
 
 @pytest.mark.parametrize('storage, compression', PACKED)

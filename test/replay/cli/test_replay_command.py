@@ -26,14 +26,13 @@ import sys
 from xml.etree import ElementTree
 
 import pytest
-from recordings import box, drive, SOURCE, START, write
+from recordings import box, drive, run_without, SOURCE, START, write
 from rosbags.rosbag2 import Reader
 from sat_collision.demo import warehouse
-from sat_collision.replay.cli import parallel
 from sat_collision.replay.cli.command import main
-from sat_collision.replay.cli.terminal import Progress
+from sat_collision.replay.output.text import Progress
 
-DOCS = Path(__file__).resolve().parents[3] / 'docs'
+ROOT = Path(__file__).resolve().parents[3]
 
 
 @pytest.fixture
@@ -62,17 +61,13 @@ def test_exit_status_is_the_verdict(bags, capsys, given, status):
     (['--params-file', 'nowhere.yaml'], 'nowhere.yaml'),
     (['-p', 'footprint.timeout:=-1.0'], 'footprint.timeout'),
     (['-p', 'footprint.timeout'], 'NAME:=VALUE'),
-    (['--expect', 'nowhere.json'], 'nowhere.json'),
-    (['--json', 'nowhere/result.json'], 'nowhere'),
-    (['--dask', 'tcp://127.0.0.1:1'], '127.0.0.1')])
-def test_bad_options_end_in_one_line(bags, capsys, monkeypatch, arguments, words):
+    (['--expect', 'nowhere.json'], 'nowhere.json')])
+def test_bad_options_end_in_one_line_before_the_run(bags, capsys, arguments, words):
     """No traceback, exit status 3, and what is wrong."""
-    if '--dask' in arguments:
-        pytest.importorskip('distributed')
-        monkeypatch.setattr(parallel, '_TIMEOUT', 0.1)
     assert main([bags['clear'], *arguments]) == 3
-    error = capsys.readouterr().err
+    out, error = capsys.readouterr()
     assert words in error and error.startswith('replay_check: ')
+    assert out == '' and error.count('\n') == 1
 
 
 @pytest.mark.parametrize('arguments', [
@@ -123,7 +118,7 @@ def test_json_has_the_documented_schema(bags, tmp_path):
                        'normal': [-1.0, 0.0], 'points': [[1.0, 1.0], [1.0, 0.0]],
                        'found': 'at a sample', 'between': [START + 39 * 10**8, START + 5 * 10**9]}
     assert {bag['question'] for bag in content['bags']} == {'recorded motion'}
-    documented = (DOCS / 'replay_json.md').read_text()
+    documented = (ROOT / 'docs' / 'replay_json.md').read_text()
     for key in keys_of(content):
         assert f'`{key}`' in documented, key
 
@@ -244,8 +239,7 @@ def test_written_bag_needs_a_new_directory(bags, tmp_path, capsys):
 
 def test_module_runs_as_a_command(bags):
     """`python -m sat_collision.replay`, in a process of its own."""
-    result = subprocess.run([sys.executable, '-m', 'sat_collision.replay', bags['collision']],
-                            capture_output=True, text=True)
+    result = run(bags['collision'])
     assert (result.returncode, result.stderr) == (1, '')
 
 
@@ -271,40 +265,21 @@ def test_progress_is_shown_on_a_terminal_only(monkeypatch):
         Progress(stream=file).show(0.5)
 
 
-ROOT = Path(__file__).resolve().parents[3]
-# The command, in a process where a module cannot be imported.
-WITHOUT = """
-import sys
-for name in {names!r}:
-    sys.modules[name] = None
-from sat_collision.replay.__main__ import main
-sys.exit(main(sys.argv[1:]))
-"""
-
-
-@pytest.fixture
-def two_bags(tmp_path):
-    """Return a clear recording and one with a contact."""
-    return (str(write(tmp_path / 'clear', drive(2.0, contact=(0, 0)))),
-            str(write(tmp_path / 'touching', drive(2.0, contact=(1.0, 1.5)))))
-
-
-def run(*arguments, program=('-m', 'sat_collision.replay'), **environment):
+def run(*arguments, **environment):
     """Run the command in a process of its own."""
-    return subprocess.run([sys.executable, *program, *arguments], capture_output=True, text=True,
-                          env={**os.environ, **environment}, cwd=ROOT)
+    return subprocess.run([sys.executable, '-m', 'sat_collision.replay', *arguments],
+                          capture_output=True, text=True, env={**os.environ, **environment})
 
 
 @pytest.mark.parametrize('missing', ('yaml', 'numpy', 'sat_collision.replay.run'))
-def test_import_that_fails_is_bad_input(two_bags, missing):
+def test_import_that_fails_is_bad_input(bags, missing):
     """Exit status 3 and one line; 1 would say that something touched."""
-    program = '-c', WITHOUT.format(names=[missing])
-    result = run(two_bags[0], program=program)
+    result = run_without([missing], bags['clear'])
     assert (result.returncode, result.stdout) == (3, '')
     line, = result.stderr.splitlines()
     assert line.startswith(f'replay_check: cannot start: {missing} is not installed')
     assert ('pip install pyyaml rosbags' in line) is (missing == 'yaml')
-    result = run(two_bags[0], '--debug', program=program)
+    result = run_without([missing], bags['clear'], '--debug')
     assert result.returncode == 3 and 'Traceback' in result.stderr
 
 
@@ -315,8 +290,7 @@ def test_installed_command_starts_where_the_module_does():
 
 def test_help_and_completion_come_without_the_kernels():
     """They import neither NumPy nor numba."""
-    program = '-c', WITHOUT.format(names=['numba', 'numpy'])
-    assert 'BAG' in run('--help', program=program).stdout
+    assert 'BAG' in run_without(['numba', 'numpy'], '--help').stdout
 
 
 def test_shell_completes_options_and_their_values(tmp_path):
@@ -352,11 +326,12 @@ def on_terminal(*arguments, **environment):
     return shown.decode()
 
 
-def test_verdicts_have_colours_on_a_terminal_only(two_bags):
+def test_verdicts_have_colours_on_a_terminal_only(bags):
     """And never where NO_COLOR is set, or the terminal has none."""
-    shown = on_terminal(*two_bags, NO_COLOR='')
+    given = bags['clear'], bags['collision']
+    shown = on_terminal(*given, NO_COLOR='')
     assert re.search(r'clear: \033\[1;32mCLEAR\033\[0m', shown)
     assert shown.count('\033[1;31mCOLLISION\033[0m') == 2, 'of the recording and of both'
-    for plain in (on_terminal(*two_bags, NO_COLOR='1'), on_terminal(*two_bags, TERM='dumb'),
-                  run(*two_bags).stdout):
-        assert '\033' not in plain and 'touching: COLLISION' in plain
+    for plain in (on_terminal(*given, NO_COLOR='1'), on_terminal(*given, TERM='dumb'),
+                  run(*given).stdout):
+        assert '\033' not in plain and 'collision: COLLISION' in plain

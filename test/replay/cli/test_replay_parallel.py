@@ -23,8 +23,7 @@ import pytest
 from recordings import drive, NAMES, published, write
 from sat_collision.replay.cli import command, parallel
 from sat_collision.replay.cli.command import main
-from sat_collision.replay.model.options import Options
-from sat_collision.replay.model.result import Verdict
+from sat_collision.replay.model.result import Options, Verdict
 
 
 @pytest.fixture
@@ -39,21 +38,21 @@ def summed(results):
             for result in results}
 
 
-def dies(path, options, marks, forever):
-    """Check a recording; but end the process hard at the first attempt, or at every one."""
+def dies():
+    """End the process hard."""
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def fails():
+    raise OSError('the disk is away')
+
+
+def faulty(path, options, marks, fault, forever=False):
+    """Check a recording; but have a fault at the first attempt, or at every one."""
     mark = Path(marks, Path(path).name)
     if path.endswith('bag3') and (forever or not mark.exists()):
         mark.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return parallel.check(path, options)
-
-
-def fails(path, options, marks, forever):
-    """Check a recording; but raise at the first attempt, or at every one."""
-    mark = Path(marks, Path(path).name)
-    if path.endswith('bag3') and (forever or not mark.exists()):
-        mark.touch()
-        raise OSError('the disk is away')
+        fault()
     return parallel.check(path, options)
 
 
@@ -85,7 +84,7 @@ def test_progress_of_many_counts_recordings(bags, monkeypatch):
 def test_recording_of_a_lost_process_is_tried_again(bags, tmp_path, monkeypatch, fault):
     """A worker that is killed, or fails, at its first attempt: no result is lost or doubled."""
     monkeypatch.setattr(parallel, 'check_one', functools.partial(
-        fault, marks=str(tmp_path), forever=False))
+        faulty, marks=str(tmp_path), fault=fault))
     results = list(parallel.check_here(bags, Options(), 2))
     assert sorted(result.bag for result in results) == bags
     assert all(not result.problems for result in results)
@@ -94,7 +93,7 @@ def test_recording_of_a_lost_process_is_tried_again(bags, tmp_path, monkeypatch,
 def test_recording_that_kills_every_process_is_given_up(bags, tmp_path, monkeypatch):
     """It is bad input after three attempts; all others are checked."""
     monkeypatch.setattr(parallel, 'check_one', functools.partial(
-        dies, marks=str(tmp_path), forever=True))
+        faulty, marks=str(tmp_path), fault=dies, forever=True))
     results = {result.bag: result for result in parallel.check_here(bags, Options(), 2)}
     assert sorted(results) == bags
     assert [bag for bag in bags if results[bag].problems] == [bags[3]]
@@ -111,7 +110,7 @@ def test_cluster_gives_the_same_results(bags, cluster):
 def test_recording_of_a_lost_worker_is_tried_again(bags, tmp_path, monkeypatch, cluster, fault):
     """A worker process that is killed, and one that raises."""
     monkeypatch.setattr(parallel, 'check_one', functools.partial(
-        fault, marks=str(tmp_path), forever=False))
+        faulty, marks=str(tmp_path), fault=fault))
     results = list(parallel.check_on_cluster(bags, Options(), cluster))
     assert sorted(result.bag for result in results) == bags
     assert all(not result.problems for result in results)

@@ -20,7 +20,7 @@ from builders import box, serialised, transforms
 import numpy as np
 import pytest
 from recordings import INSTANCE, nanoseconds, SOURCE, write
-from sat_collision.replay.model.options import Options
+from sat_collision.replay.model.result import Options
 from sat_collision.replay.run import check
 
 KINDS = {'sets': {}, 'ids': {f'{SOURCE}.type': 'polygon_instance'}}

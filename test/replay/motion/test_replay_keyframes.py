@@ -21,8 +21,7 @@ from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.query import separation
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.bag.storage import Limits
-from sat_collision.replay.model.options import Options
-from sat_collision.replay.model.result import moments_of
+from sat_collision.replay.model.result import moments_of, Options
 from sat_collision.replay.run import check
 
 RECORDINGS = ('autoware_ego_trajectory_boxes', 'commonroad_BEL_Zaventem-1_2_T-1',

@@ -19,8 +19,7 @@ from published import load
 import pytest
 from recordings import box, INSTANCE, published, SOURCE, START, write
 from sat_collision.replay.cli.command import main
-from sat_collision.replay.model.options import Options
-from sat_collision.replay.model.result import AT_A_SAMPLE, BETWEEN_SAMPLES, Verdict
+from sat_collision.replay.model.result import AT_A_SAMPLE, BETWEEN_SAMPLES, Options, Verdict
 from sat_collision.replay.run import check
 
 NAMES = ('autoware_ego_trajectory_boxes', 'commonroad_BEL_Zaventem-1_2_T-1',
@@ -168,7 +167,7 @@ def test_other_number_of_vertices_is_another_body(tmp_path):
     assert result.verdict is Verdict.CLEAR
     assert [source.undetermined for source in result.sources] == [0, SECOND // 10]
     for most, verdict in ((0.1, Verdict.CLEAR), (0.099, Verdict.UNKNOWN)):
-        result.max_undetermined = most
+        result.options = Options(max_undetermined=most)
         assert result.verdict is verdict
 
 

@@ -21,7 +21,7 @@ pytest.importorskip('rosbags')
 from moving_scenes import FIXED, MovingScene, OUTLINE, WINDOW, WINDOWS  # noqa: E402, I100
 import oracle  # noqa: E402
 from recordings import INSTANCE, START, write  # noqa: E402
-from sat_collision.replay.model.options import Options  # noqa: E402
+from sat_collision.replay.model.result import Options  # noqa: E402
 from sat_collision.replay.run import check  # noqa: E402
 
 TF = 'tf2_msgs/msg/TFMessage'

@@ -27,8 +27,7 @@ from published import DATA
 import pytest
 from recordings import box, INSTANCE, nanoseconds, SOURCE, write
 from sat_collision.replay.cli.command import main
-from sat_collision.replay.model.options import Options
-from sat_collision.replay.model.result import Verdict
+from sat_collision.replay.model.result import Options, Verdict
 from sat_collision.replay.run import check
 import shapely
 from shapely.affinity import affine_transform

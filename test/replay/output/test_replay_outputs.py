@@ -27,9 +27,9 @@ import pytest
 from recordings import box, drive, published, SOURCE, START, write
 from rosbags.highlevel import AnyReader
 from sat_collision.replay.cli.command import main
-from sat_collision.replay.cli.example import write_example
 from sat_collision.replay.model.configuration import parameters_of_file
-from sat_collision.replay.model.options import Options
+from sat_collision.replay.model.result import Options
+from sat_collision.replay.output.bag import write_example
 from sat_collision.replay.run import check
 
 pytest.importorskip('matplotlib')
@@ -120,7 +120,7 @@ def test_written_bag_is_the_same_without_ros(tmp_path):
     bag = write(tmp_path / 'bag', drive(2.0, contact=(1.0, 1.5)))
     check(bag, Options(as_live=True, write_bag=str(tmp_path / 'ros')))
     out = run_without_ros("""
-        from sat_collision.replay.model.options import Options
+        from sat_collision.replay.model.result import Options
         from sat_collision.replay.run import check
         result = check(sys.argv[1], Options(as_live=True, write_bag=sys.argv[2]))
         print(result.problems, len(result.contacts), 'rclpy' in sys.modules)

@@ -22,9 +22,9 @@ import numpy as np
 import pytest
 from recordings import box, drive, write
 from sat_collision.replay.cli.command import main
-from sat_collision.replay.cli.example import write_example
 from sat_collision.replay.model.keyframes import Keyframes
 from sat_collision.replay.model.result import Contact, FootprintResult, Result, Unknown
+from sat_collision.replay.output.bag import write_example
 from sat_collision.replay.output.page import write_page
 
 webdriver = pytest.importorskip('selenium.webdriver')
@@ -411,7 +411,7 @@ def test_page_fits_a_desk_and_a_phone(page, of_crowd, width, height, scheme):
 def test_page_has_at_most_eight_megabytes(page, tmp_path, bodies, moments):
     """However many obstacles move, how long the curves are and how often all is unknown."""
     rng = np.random.default_rng(1)
-    result = Result('bag', 'receive', 1.0, origin=0, start=0, end=300 * 10**9)
+    result = Result('bag', origin=0, start=0, end=300 * 10**9)
     result.footprints = [FootprintResult(f'robot{k}', '/a', True) for k in range(40)]
     for footprint in result.footprints:
         footprint.separation = [(int(t), float(v)) for t, v in zip(

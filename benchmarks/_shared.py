@@ -12,14 +12,52 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What figures were measured on, to be stored with them."""
+"""What benchmarks share: where modules are found, timing, and what figures were measured on."""
 
+import gc
 from importlib import metadata
 import os
 from pathlib import Path
 import platform
+import sys
+import time
 
+import numpy as np
 from sat_collision import KERNEL
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path += [str(ROOT / place) for place in (
+    'benchmarks', 'benchmarks/report', 'docs', 'test/support')]
+# Plots need no screen.
+os.environ.setdefault('MPLBACKEND', 'Agg')
+# A task that takes longer than this is not repeated, in seconds.
+_LONG = 0.25
+
+
+def times(tasks, repeats):
+    """
+    Run functions without arguments as often as said, in turns; return the seconds of each run.
+
+    Each must have run before, so that nothing compiles now; what takes long runs once.
+    """
+    taken = {name: [] for name in tasks}
+    gc.collect()
+    gc.disable()
+    try:
+        for _ in range(repeats):
+            for name, task in tasks.items():
+                if not taken[name] or taken[name][0] < _LONG:
+                    start = time.perf_counter()
+                    task()
+                    taken[name].append(time.perf_counter() - start)
+    finally:
+        gc.enable()
+    return taken
+
+
+def medians(tasks, repeats):
+    """Do as `times`, and return the median seconds by name."""
+    return {name: float(np.median(taken)) for name, taken in times(tasks, repeats).items()}
 
 
 def describe(*packages):

@@ -20,6 +20,7 @@ trajectories  the trajectory of a footprint
 tracker       who is who from one message to the next
 contacts      where and when a footprint touches obstacles on the way
 kernels       rings by the thousand: bounds, neighbours, motions
+nearness      what of them is near to a footprint
 prediction    how soon a footprint would touch something as it moves
 walk          all of this over a recording
 tape          what is kept to draw it

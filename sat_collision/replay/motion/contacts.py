@@ -31,7 +31,7 @@ from sat_collision.geometry.sweep import time_of_contact
 from sat_collision.replay.model.result import (
     AT_A_SAMPLE, BETWEEN_SAMPLES, Contact, FootprintResult, Least, least_of, Series, Unknown)
 from sat_collision.replay.motion.bodies import Block, Bodies, Floats, Integers, LinearMotion
-from sat_collision.replay.motion.kernels import look, measure_near, rows_near, SLACK
+from sat_collision.replay.motion.nearness import look, measure_near, rows_near, SLACK
 from sat_collision.replay.motion.tracker import Step
 from sat_collision.replay.motion.trajectories import Box, Piece, Trajectory
 from sat_collision.scene.obstacles import ObstacleId

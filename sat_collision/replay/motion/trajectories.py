@@ -28,7 +28,8 @@ from sat_collision.messages.cdr import Points
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.motion.bodies import (
     Block, Bodies, Floats, LinearMotion, motion_between)
-from sat_collision.replay.motion.kernels import around, COUNT, pack_ring
+from sat_collision.replay.motion.kernels import COUNT, pack_ring
+from sat_collision.replay.motion.nearness import around
 from sat_collision.scene.frames import NoTransform
 from sat_collision.scene.settings import NEVER
 

@@ -36,14 +36,13 @@ def main() -> int:
 
 def prepare_library() -> int:
     """Prepare the kernels of the library."""
-    from sat_collision.geometry import warm_up
-    from sat_collision.geometry.preparation import Preparation
+    from sat_collision.geometry.preparation import prepare_pairs, Preparation
 
     def say(words: str) -> None:
         print(words, flush=True)
 
     preparation = Preparation(say, say)
-    warm_up.prepare_pairs()
+    prepare_pairs()
     preparation.complete()
     return 0
 

@@ -35,9 +35,12 @@ BELOW = {
     'demo': {'extras', 'geometry'},
     'prepare_kernels': {'extras', 'replay', 'geometry'},
 }
+# The modules that know numba.
+COMPILERS = tuple(f'sat_collision.geometry.{name}'
+                  for name in ('drafts', 'jit', 'kernel_cache'))
 # Parts of other projects that are for some modules only; a module is said by its full name.
 RESERVED = {
-    'numba': ('sat_collision.geometry.jit', 'sat_collision.geometry.kernel_cache'),
+    'numba': COMPILERS,
     'llvmlite': ('sat_collision.geometry.jit',),
     'rclpy': ('sat_collision.node', 'sat_collision.demo.show'),
     'rclpy.serialization': ('sat_collision.node', 'sat_collision.demo.show',
@@ -99,11 +102,10 @@ def test_libraries_are_imported_where_they_belong():
 
 def test_core_needs_numpy_only():
     """Geometry and scene run wherever NumPy does."""
-    compilers = 'sat_collision.geometry.jit', 'sat_collision.geometry.kernel_cache'
     for module, name in BY_MODULE:
         if part(module) in ('geometry', 'scene'):
             allowed = {*sys.stdlib_module_names, 'numpy', 'sat_collision',
-                       *(('numba', 'llvmlite') if module in compilers else ())}
+                       *(('numba', 'llvmlite') if module in COMPILERS else ())}
             assert name.partition('.')[0] in allowed, f'{module} imports {name}'
 
 

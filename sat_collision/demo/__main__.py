@@ -41,8 +41,8 @@ def compile_nothing() -> None:
 
     Flags come after a second then, and not after half a minute.
     """
-    from sat_collision.geometry import warm_up
-    if not warm_up.is_prepared():
+    from sat_collision.geometry.preparation import is_prepared
+    if not is_prepared():
         os.environ['NUMBA_DISABLE_JIT'] = '1'
 
 

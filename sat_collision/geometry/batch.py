@@ -28,10 +28,9 @@ from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.distance import measure
 from sat_collision.geometry.intersection import bodies_meet, meet_near
 from sat_collision.geometry.jit import (
-    borrowed, inlined, inner, kernel, prefetch, scratch, scratch_integers, unchecked_view)
+    elements, inlined, inner, kernel, prefetch, scratch, scratch_integers)
 from sat_collision.geometry.layout import (
-    HEADER, near_support, Packed, SCAN_LIMIT, table_place, table_sector)
-from sat_collision.geometry.rows import body_of, Rows, rows_of
+    body_of, HEADER, near_support, Packed, Rows, rows_of, SCAN_LIMIT, table_place, table_sector)
 from sat_collision.geometry.separating_axis import (
     boxes_apart, find_separating_axis, first_axis, hill_climb, MEET, MOST_QUERIES, OPEN, refine,
     Search, SEPARATE, UNCERTAIN)
@@ -44,27 +43,13 @@ _STATE = 8
 
 
 class Pairs(NamedTuple):
-    """
-    Two sets whose rows are paired, and what is known of each pair.
-
-    Attributes
-    ----------
-    rows, others : Rows
-        The two sets.
-    verdicts : (r,) array of int8
-        SEPARATE, MEET, UNCERTAIN, or OPEN.
-    searches : flat array of float64
-        The searches of a batch, one after another.
-    places : flat array of int64
-        Two for each pair of a batch: the sectors, then the support vertices.
-    pending : flat array of int64
-        The rows of a batch that are still open.
-
-    """
+    """Two sets whose rows are paired, and what is known of each pair."""
 
     rows: Rows
     others: Rows
+    # Of each row: SEPARATE, MEET, UNCERTAIN, or OPEN.
     verdicts: Any
+    # Of a batch: the searches; two places a pair, the sectors or the support vertices; open rows.
     searches: Any
     places: Any
     pending: Any
@@ -72,19 +57,9 @@ class Pairs(NamedTuple):
 
 @kernel
 def decide_rows(set_array, other_array, answers):
-    """
-    Decide for each row whether its body in one set meets that of the same row in the other; exact.
-
-    Parameters
-    ----------
-    set_array, other_array : flat arrays of float64
-        The arrays of both sets, see `rows`.
-    answers : (r,) array of int8
-        Receives MEET or SEPARATE.
-
-    """
+    """Write for each row whether its bodies in two sets MEET or are SEPARATE; exact."""
     require_nearest(len(answers))
-    pairs = Pairs(rows_of(borrowed(set_array)), rows_of(borrowed(other_array)), answers,
+    pairs = Pairs(rows_of(set_array), rows_of(other_array), answers,
                   scratch(_STATE * _BATCH), scratch_integers(2 * _BATCH), scratch_integers(_BATCH))
     # Batch by batch, so that what has to be decided exactly is still in the cache.
     for start in range(0, len(answers), _BATCH):
@@ -100,8 +75,8 @@ def decide_rows(set_array, other_array, answers):
 def measure_rows(set_array, other_array, values):
     """Write for each row the separation of its bodies in two sets, infinity where one is not."""
     require_nearest(len(values))
-    rows = rows_of(borrowed(set_array))
-    others = rows_of(borrowed(other_array))
+    rows = rows_of(set_array)
+    others = rows_of(other_array)
     for row in range(len(values)):
         values[row] = math.inf
         if rows.n[row] != 0 and others.n[row] != 0:
@@ -121,17 +96,16 @@ def _meet(pairs, row, slot):
 @inlined
 def _unchecked(pairs):
     """Return the same arrays for use inside a hot loop."""
-    return Pairs(pairs.rows, pairs.others, unchecked_view(pairs.verdicts),
-                 unchecked_view(pairs.searches), unchecked_view(pairs.places),
-                 unchecked_view(pairs.pending))
+    return Pairs(pairs.rows, pairs.others, elements(pairs.verdicts), elements(pairs.searches),
+                 elements(pairs.places), elements(pairs.pending))
 
 
 @inner
 def _begin(pairs, start, end, used):
     """Decide pairs with few vertices, begin with the others; list and count those still open."""
     rows, others, verdicts, searches, places, pending = _unchecked(pairs)
-    data = unchecked_view(rows.packed)
-    other_data = unchecked_view(others.packed)
+    data = rows.packed
+    other_data = others.packed
     count = 0
     for row in range(start, end):
         ahead = row + _AHEAD
@@ -164,8 +138,8 @@ def _begin(pairs, start, end, used):
 def _go_on(pairs, start, count):
     """Search on as `find_separating_axis` does, all pending pairs one axis further a round."""
     rows, others, verdicts, searches, places, pending = _unchecked(pairs)
-    data = unchecked_view(rows.packed)
-    other_data = unchecked_view(others.packed)
+    data = rows.packed
+    other_data = others.packed
     queries = 0
     while count > 0 and queries < MOST_QUERIES:
         queries += 1

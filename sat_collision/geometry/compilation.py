@@ -19,25 +19,22 @@ import logging
 
 _is_said = False
 _is_reported_elsewhere = False
-_under_way = 0
 _problems: list[str] = []
 
 
-def begin_compiling(name: str, kept_in: str) -> None:
+def say_compiling(name: str, kept_in: str) -> None:
     """
-    Say that kernels are being compiled, unless others are already, for which these are needed.
+    Say that a kernel is being compiled.
 
     Parameters
     ----------
     name : str
-        The kernel.
     kept_in : str
         The folder where it is kept.
 
     """
-    global _is_said, _under_way
-    _under_way += 1
-    if _under_way > 1 or _is_reported_elsewhere:
+    global _is_said
+    if _is_reported_elsewhere:
         return
     words = f'sat_collision: compiling kernels, for {name}'
     if not _is_said:
@@ -46,12 +43,6 @@ def begin_compiling(name: str, kept_in: str) -> None:
                   'NUMBA_DISABLE_JIT=1 all is done in plain Python')
     logging.getLogger(__name__).warning(words)
     _is_said = True
-
-
-def end_compiling() -> None:
-    """Record that the kernel that was begun last is compiled."""
-    global _under_way
-    _under_way -= 1
 
 
 def say_nothing() -> None:

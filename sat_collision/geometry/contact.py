@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.distance import goes_first, measure_with_normal
 from sat_collision.geometry.jit import inner, kernel, scratch
-from sat_collision.geometry.layout import convex_part, first_vertex, Packed
+from sat_collision.geometry.layout import convex_part, first_vertex, packed_polygon
 from sat_collision.geometry.nearest_features import reach_of
 from sat_collision.geometry.part_bounds import open_pairs
 from sat_collision.geometry.plane import unit
@@ -132,19 +132,12 @@ def contact_of_arrays(p, n, q, m):
     """
     Return the contact of two bodies that an array each holds, with counts n and m.
 
-    Returns
-    -------
-    separation, depth, nx, ny : float
-        As `Contact` has them.
-    count : int
-        1 or 2.
-    pairs : tuple of two tuples of float
-        So many points of contact, each as x, y on P and x, y on Q.
-
+    Returned are separation, depth and normal, as `Contact` has them, how many points of contact
+    there are, and these: two tuples of x, y on P and x, y on Q.
     """
     require_nearest(n)
-    p = Packed(p, 0, n)
-    q = Packed(q, 0, m)
+    p = packed_polygon(p, n)
+    q = packed_polygon(q, m)
     # Of what is equally good the same is taken, whichever body is named first.
     if not goes_first(q, p):
         return _contact(p, q)

@@ -24,8 +24,9 @@ docs/exactness.md, lemmas 15 to 20.
 
 from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.intersection import convex_meet, interiors_apart
-from sat_collision.geometry.jit import inner, kernel, scratch
-from sat_collision.geometry.layout import body_size, convex_part, Packed, packed_size
+from sat_collision.geometry.jit import elements, inner, kernel, scratch
+from sat_collision.geometry.layout import (
+    body_size, convex_part, Packed, packed_polygon, packed_size)
 from sat_collision.geometry.nearest_features import closest_of, nearest_features, reach_of
 from sat_collision.geometry.part_bounds import (
     is_beyond_edge, limit_of, may_be_less, nearest_boxes, open_pairs, overlap, reaches)
@@ -43,7 +44,7 @@ _STRIDE = 2 ** 61 - 1
 def measure_arrays(p, n, q, m):
     """Return the same as `measure` of bodies that an array each holds, with counts n and m."""
     require_nearest(n)
-    return measure(Packed(p, 0, n), Packed(q, 0, m))
+    return measure(packed_polygon(p, n), packed_polygon(q, m))
 
 
 @kernel
@@ -67,6 +68,8 @@ def measure_with_normal(p, q):
         Q leaves P: the way from the first point to the second is the value times it.
 
     """
+    p = Packed(elements(p.array), p.start, p.n)
+    q = Packed(elements(q.array), q.start, q.n)
     if goes_first(q, p):
         value, points = _measure_parts(q, p)
         bx, by, ax, ay, ux, uy = points
@@ -139,7 +142,8 @@ def _measure_pair(a, b):
     if scale == 1.0:
         value, points = _measure_usual(meet, a, b)
     else:
-        value, points = _measure_usual(meet, _scaled(a, scale), _scaled(b, scale))
+        value, points = _measure_scaled(meet, a, b, scale, scratch(packed_size(a.n)),
+                                        scratch(packed_size(b.n)))
         ax, ay = _within(a, points[0] / scale, points[1] / scale)
         bx, by = _within(b, points[2] / scale, points[3] / scale)
         points = ax, ay, bx, by, points[4], points[5]
@@ -163,9 +167,14 @@ def _measure_usual(meet, p, q):
 
 
 @inner
-def _scaled(p, scale):
+def _measure_scaled(meet, p, q, scale, array, other_array):
+    """Return the same of polygons times a power of two, which are written into arrays."""
+    return _measure_usual(meet, _scaled(p, scale, array), _scaled(q, scale, other_array))
+
+
+@inner
+def _scaled(p, scale, array):
     """Return a convex polygon times a power of two; what underflows is rounded."""
-    array = scratch(packed_size(p.n))
     for k in range(len(array)):
         array[k] = p.array[p.start + k]
     for k in range(2, 6):
@@ -175,7 +184,7 @@ def _scaled(p, scale):
     for k in range(2):
         array[k] *= scale
     array[6] *= scale
-    return Packed(array, 0, p.n)
+    return packed_polygon(array, p.n)
 
 
 @inner

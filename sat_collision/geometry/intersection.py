@@ -17,27 +17,19 @@
 from typing import Any, NamedTuple
 
 from sat_collision.geometry.arithmetic import require_nearest
-from sat_collision.geometry.jit import inlined, inner, kernel, unchecked_view
-from sat_collision.geometry.layout import convex_part, first_vertex, Packed
+from sat_collision.geometry.jit import elements, inlined, inner, kernel
+from sat_collision.geometry.layout import convex_part, first_vertex, Packed, packed_polygon
 from sat_collision.geometry.predicates import orient, segments_meet
 from sat_collision.geometry.separating_axis import (
     boxes_apart, find_separating_axis, MEET, SEPARATE, UNCERTAIN)
 
 
 class Ring(NamedTuple):
-    """
-    The vertices of a convex polygon.
+    """The vertices of a convex polygon."""
 
-    Attributes
-    ----------
-    array : flat array of float64
-        Holds them x, y, x, y, ..., counter-clockwise.
-    first, n : int
-        Where in the array they start, and how many there are.
-
-    """
-
+    # Flat array of float64: holds them x, y, x, y, ..., counter-clockwise.
     array: Any
+    # Where in the array they start, and how many there are.
     first: int
     n: int
 
@@ -46,7 +38,7 @@ class Ring(NamedTuple):
 def arrays_meet(p, n, q, m):
     """Return the same as `bodies_meet` of bodies that an array each holds, with counts n and m."""
     require_nearest(n)
-    return bodies_meet(Packed(p, 0, n), Packed(q, 0, m))
+    return bodies_meet(packed_polygon(p, n), packed_polygon(q, m))
 
 
 @kernel
@@ -71,8 +63,8 @@ def filtered_verdict(p, q):
 
     A count of 0 stands for no body. Bodies that are not convex and may meet are left UNCERTAIN.
     """
-    p = Packed(unchecked_view(p.array), p.start, p.n)
-    q = Packed(unchecked_view(q.array), q.start, q.n)
+    p = Packed(elements(p.array), p.start, p.n)
+    q = Packed(elements(q.array), q.start, q.n)
     if p.n == 0 or q.n == 0 or boxes_apart(p, q):
         return SEPARATE
     if p.n < 0 or q.n < 0:
@@ -84,8 +76,8 @@ def filtered_verdict(p, q):
 @kernel
 def convex_meet(p, q):
     """Decide exactly whether two convex polygons share a point."""
-    p = Packed(unchecked_view(p.array), p.start, p.n)
-    q = Packed(unchecked_view(q.array), q.start, q.n)
+    p = Packed(elements(p.array), p.start, p.n)
+    q = Packed(elements(q.array), q.start, q.n)
     if boxes_apart(p, q):
         return False
     verdict, i, j, _ = find_separating_axis(p, q)
@@ -128,7 +120,7 @@ def interiors_apart(p, q):
 
 @inlined
 def _ring(p):
-    return Ring(unchecked_view(p.array), first_vertex(p), p.n)
+    return Ring(elements(p.array), first_vertex(p), p.n)
 
 
 @inner

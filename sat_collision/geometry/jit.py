@@ -38,12 +38,21 @@ try:
     import numba
     import numba.extending
     from llvmlite import ir
+    from sat_collision.geometry.drafts import Draft, Whole
     from sat_collision.geometry.kernel_cache import keep_compiled
+
+    def _compiled(function: Callable[..., Any], pipeline: type, **options: Any) -> Any:
+        return numba.njit(error_model='numpy', no_cfunc_wrapper=True, pipeline_class=pipeline,
+                          **options)(function)
+
+    def _kept(function: Callable[..., Any]) -> Any:
+        compiled = _compiled(function, Whole)
+        keep_compiled(compiled)
+        return compiled
+
     if not numba.config.DISABLE_JIT:
         # A compiler that is broken may show it only when it compiles.
-        _compiled_trial = numba.njit(_trial)
-        keep_compiled(_compiled_trial)
-        _compiled_trial(1.0)
+        _kept(_trial)(1.0)
 except Exception as error:  # what is broken may raise anything
     numba = None
     if not (isinstance(error, ModuleNotFoundError) and error.name == 'numba'):
@@ -63,31 +72,34 @@ def kernel(function: Callable[..., Any]) -> Any:
     answers rest on. Division by zero gives infinity or NaN in compiled code and must be avoided
     by the caller, because plain Python raises.
     """
-    return _compiled(function) if COMPILED else function
+    if not COMPILED:
+        return function
+    compiled = _kept(function)
+    draft = inner(function)
+    compiled.get_call_template = draft.get_call_template
+    compiled.get_overload = draft.get_overload
+    return compiled
 
 
-def inner(function: Callable[..., Any]) -> Any:
+def inner(function: Callable[..., Any], **options: Any) -> Any:
     """
-    Compile like `kernel`, for other kernels to call, in less time.
+    Compile like `kernel`, for other kernels to take in, see `drafts`.
 
-    Python must not call it: there is no wrapper for that.
+    Python must not call it: there is no machine code of it alone.
     """
-    return _compiled(function, no_cpython_wrapper=True) if COMPILED else function
-
-
-def inlined(function: Callable[..., Any]) -> Any:
-    """Compile like `kernel`, and always inline: for the steps of a hot loop."""
-    return _compiled(function, forceinline=True) if COMPILED else function
-
-
-def _compiled(function: Callable[..., Any], **options: Any) -> Any:
-    compiled = numba.njit(error_model='numpy', no_cfunc_wrapper=True, **options)(function)
-    keep_compiled(compiled)
+    if not COMPILED:
+        return function
+    compiled = _compiled(function, Draft, no_cpython_wrapper=True, **options)
     # For numba a literal 0 and an integer are two types, and it would compile for either.
     template = compiled.get_call_template
     compiled.get_call_template = lambda types, named: template(
         tuple(map(numba.types.unliteral, types)), named)
     return compiled
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """Compile like `inner`, and always inline: for the steps of a hot loop."""
+    return inner(function, forceinline=True)
 
 
 def indexable(array: NDArray[Any]) -> Any:
@@ -117,12 +129,11 @@ if HAS_CONTROL_WORD:
 if COMPILED:
     @numba.extending.intrinsic
     def prefetch(typing_context, array, i):
-        """Ask the processor to bring element i of a flat array near, without waiting for it."""
+        """Ask the processor to bring element i of `elements` near, without waiting for it."""
         def generate(context, builder, signature, arguments):
             integer = ir.IntType(32)
             pointer_type = ir.IntType(8).as_pointer()
-            view = context.make_array(array)(context, builder, arguments[0])
-            pointer = builder.bitcast(builder.gep(view.data, [arguments[1]]), pointer_type)
+            pointer = builder.bitcast(builder.gep(arguments[0], [arguments[1]]), pointer_type)
             instruction = builder.module.declare_intrinsic(
                 'llvm.prefetch', [pointer_type],
                 ir.FunctionType(ir.VoidType(), [pointer_type, integer, integer, integer]))
@@ -147,21 +158,36 @@ if COMPILED:
         return array(array), generate
 
     @numba.extending.intrinsic
-    def unchecked_view(typing_context, array):
+    def elements(typing_context, array):
         """
-        Return a flat array without its reference count, see `borrowed`, and without its length.
+        Return the numbers of a flat array for use inside kernels, by their place alone.
 
-        Indices below zero count from the end, which has to be looked for at each element; where
-        the length is zero an index is an index. It must be right, and slices are empty.
+        Without its reference count and its length an array is one word to hand on instead of
+        seven, and an index is an index: it must be right, as those below zero do not count from
+        the end. The caller must hold the array itself for as long as they are in use.
         """
+        if isinstance(array, numba.types.CPointer):
+            return array(array), lambda context, builder, signature, arguments: arguments[0]
+
         def generate(context, builder, signature, arguments):
-            view = context.make_array(array)(context, builder, arguments[0])
-            view.meminfo = view.meminfo.type(None)
-            view.parent = view.parent.type(None)
-            if not numba.config.BOUNDSCHECK:
-                view.shape = ir.Constant(view.shape.type, [0])
-            return view._getvalue()
-        return array(array), generate
+            return context.make_array(array)(context, builder, arguments[0]).data
+        return numba.types.CPointer(array.dtype)(array), generate
+
+    @numba.extending.intrinsic
+    def beyond(typing_context, numbers, place):
+        """Return the numbers from a place on."""
+        def generate(context, builder, signature, arguments):
+            return builder.gep(arguments[0], [arguments[1]])
+        return numbers(numbers, place), generate
+
+    @numba.extending.intrinsic
+    def integers(typing_context, numbers):
+        """Return doubles taken as 64-bit integers, bit by bit."""
+        pointer = numba.types.CPointer(numba.types.int64)
+
+        def generate(context, builder, signature, arguments):
+            return builder.bitcast(arguments[0], context.get_value_type(pointer))
+        return pointer(numbers), generate
 
     @kernel
     def scratch(size):
@@ -183,11 +209,6 @@ if COMPILED:
         """Return bytes, but for the last few, as 32-bit words, and as this machine's float32."""
         whole = np.frombuffer(data, np.uint8)[:len(data) // 4 * 4]
         return whole.view(np.uint32), whole.view(np.float32)
-
-    @inlined
-    def integers(array):
-        """Return a flat array of doubles taken as 64-bit integers, bit by bit."""
-        return array.view(np.int64)
 else:
     def prefetch(array, i):
         """Do nothing; only compiled code waits for memory more than for itself."""
@@ -196,9 +217,17 @@ else:
         """Return the array; there is a reference count to spare in compiled code only."""
         return array
 
-    def unchecked_view(array):
+    def elements(array):
         """Return the array; plain Python looks at its length anyway."""
         return array
+
+    def beyond(numbers, place):
+        """Return the numbers from a place on."""
+        return numbers[place:]
+
+    def integers(numbers):
+        """Return doubles taken as 64-bit integers, bit by bit."""
+        return numbers.cast('B').cast(np.dtype(np.int64).char)
 
     def scratch(size):
         """Return an uninitialised flat array of doubles for use inside a kernel."""
@@ -216,7 +245,3 @@ else:
         """Return bytes, but for the last few, as 32-bit words, and as this machine's float32."""
         whole = memoryview(data)[:len(data) // 4 * 4]
         return whole.cast('I'), whole.cast('f')
-
-    def integers(array):
-        """Return a flat array of doubles taken as 64-bit integers, bit by bit."""
-        return memoryview(array).cast('B').cast(np.dtype(np.int64).char)

@@ -35,11 +35,10 @@ from numba import __version__, config
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.registry import cpu_target
 from numba.core.sigutils import normalize_signature
-from sat_collision.geometry.compilation import begin_compiling, end_compiling, report_problem
+from sat_collision.geometry.compilation import report_problem, say_compiling
 
 # What is compiled of these, whenever the package is imported, takes a fraction of a second.
-_QUICK = ('sat_collision.geometry.arithmetic', 'sat_collision.geometry.jit',
-          'sat_collision.geometry.rows')
+_QUICK = 'sat_collision.geometry.arithmetic', 'sat_collision.geometry.jit'
 _DIGEST_SIZE = hashlib.sha256().digest_size
 
 
@@ -123,13 +122,11 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
         if found is not None and found.signature.args == normalize_signature(sig)[0]:
             return found
         if not self._is_quick:
-            begin_compiling(self._name, self.cache_path)
+            say_compiling(self._name, self.cache_path)
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Save what was compiled for a signature, if possible."""
-        if not self._is_quick:
-            end_compiling()
         try:
             try:
                 super().save_overload(sig, data)

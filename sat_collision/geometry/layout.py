@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Memory layout of a packed polygon: a flat array of doubles that the kernels read.
+Memory layout of packed polygons, and of sets of them: flat arrays of doubles that kernels read.
 
 Every packed polygon begins with a header: two places whose meaning depends on the kind; the bounds
 (min x, min y, max x, max y); the radius of a disc inside the polygon; and a fingerprint, the same
@@ -31,11 +31,17 @@ ends the packed polygon.
 
 The table cuts the directions into sectors, four for each double: a double holds four integers of
 13 bits without loss. It only says where to start looking, so rounding in it decides nothing.
+
+A set is one array, because each that Python passes to a kernel costs 70 ns, a good part of the
+time of a message. It begins with the number of rows that there is room for and that are, or were,
+in use. Then follow the table of rows, column by column, and the packed bodies.
 """
 
 from typing import Any, NamedTuple
 
-from sat_collision.geometry.jit import inlined, kernel
+import numpy as np
+from numpy.typing import NDArray
+from sat_collision.geometry.jit import beyond, elements, inlined, integers, kernel
 
 HEADER = 8
 BOUNDS = slice(2, 6)
@@ -45,30 +51,25 @@ LARGEST_TABLE = 128
 ENTRY_BITS = 13
 ENTRY_MASK = (1 << ENTRY_BITS) - 1
 
+# Of a set: the numbers before its columns, and the columns.
+_HEAD = 2
+_COLUMNS = 8
+
 _INFINITY = float('inf')
 
 
 class Packed(NamedTuple):
-    """
-    A packed polygon, as kernels pass it to each other.
+    """A packed polygon, as kernels pass it to each other."""
 
-    Attributes
-    ----------
-    array : flat array of float64
-        Holds the polygon, and maybe others.
-    start : int
-        Where in the array it starts.
-    n : int
-        Its vertices if convex, else minus its convex parts.
-
-    """
-
+    # Flat array of float64, or its `elements`: holds the polygon, and maybe others.
     array: Any
+    # Where in the array it starts.
     start: int
+    # Its vertices if convex, else minus its convex parts.
     n: int
 
 
-@inlined
+@kernel
 def table_size(count):
     """Return how many doubles the table of a polygon with count vertices takes."""
     if count <= SCAN_LIMIT:
@@ -76,10 +77,16 @@ def table_size(count):
     return 32 if count <= 128 else LARGEST_TABLE
 
 
-@inlined
+@kernel
 def packed_size(count):
     """Return how many doubles a packed convex polygon with count vertices takes."""
     return HEADER + table_size(count) + 2 * count
+
+
+@inlined
+def packed_polygon(array, n):
+    """Return the packed polygon that an array begins with, for use inside kernels."""
+    return Packed(elements(array), 0, n)
 
 
 @inlined
@@ -137,3 +144,69 @@ def convex_part(p, i):
 def body_size(p):
     """Return how many doubles a packed polygon takes, convex or not."""
     return packed_size(p.n) if p.n > 0 else int(p.array[p.start + 1])
+
+
+class Rows(NamedTuple):
+    """The parts of the array of a set: its columns, and the packed bodies."""
+
+    # (r,) array of float64: bounds.
+    min_x: NDArray[np.float64]
+    min_y: NDArray[np.float64]
+    max_x: NDArray[np.float64]
+    max_y: NDArray[np.float64]
+    # (r,) array of int64: where the packed body starts, its count (0: no body), and how many
+    # doubles it may take.
+    start: NDArray[np.int64]
+    n: NDArray[np.int64]
+    space: NDArray[np.int64]
+    # (r,) array of int64: room for the rows that a scan finds.
+    found: NDArray[np.int64]
+    # Flat array of float64: the packed bodies.
+    packed: NDArray[np.float64]
+    # How many rows are, or were, in use.
+    used: int
+
+
+@inlined
+def rows_of(array):
+    """Name the parts of the array of a set."""
+    numbers = elements(array)
+    whole = integers(numbers)
+    room = int(numbers[0])
+    a = _HEAD
+    b = a + room
+    c = b + room
+    d = c + room
+    e = d + room
+    f = e + room
+    g = f + room
+    h = g + room
+    return Rows(beyond(numbers, a), beyond(numbers, b), beyond(numbers, c), beyond(numbers, d),
+                beyond(whole, e), beyond(whole, f), beyond(whole, g), beyond(whole, h),
+                beyond(numbers, h + room), int(numbers[1]))
+
+
+@inlined
+def body_of(rows, row):
+    """Return the packed body of a row."""
+    return Packed(rows.packed, rows.start[row], rows.n[row])
+
+
+def new_array(rows: int, doubles: int) -> NDArray[np.float64]:
+    """Return the array of an empty set with room for so many rows, and doubles of bodies."""
+    array = np.zeros(_HEAD + _COLUMNS * rows + doubles)
+    array[0] = rows
+    return array
+
+
+def views_of(array: NDArray[np.float64]) -> Rows:
+    """Return the parts of the array of a set as NumPy has them, for plain Python."""
+    room = int(array[0])
+    end = _HEAD + _COLUMNS * room
+    columns = array[_HEAD:end].reshape(_COLUMNS, room)
+    return Rows._make((*columns[:4], *columns[4:].view(np.int64), array[end:], int(array[1])))
+
+
+def use_rows(array: NDArray[np.float64], used: int) -> None:
+    """Set how many rows are in use."""
+    array[1] = used

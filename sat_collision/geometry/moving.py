@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from sat_collision.geometry.convex_parts import convex_parts
-from sat_collision.geometry.jit import indexable, inner, kernel, scratch
+from sat_collision.geometry.jit import elements, indexable, inner, kernel, scratch
 from sat_collision.geometry.plane import scale_to_one
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.predicates import orient
@@ -42,36 +42,21 @@ _LEAST_SCALE = 2.0 ** -1000
 
 
 class MovingBody(NamedTuple):
-    """
-    What the kernels of `sweep` read of a body that moves.
+    """What the kernels of `sweep` read of a body that moves."""
 
-    Attributes
-    ----------
-    array : flat array of float64
-        x, y at time 0 and x, y at time 1 of each vertex of the convex parts, part after part.
-    ends : (k,) array of int64
-        Where in the array each part ends.
-
-    """
-
+    # Flat array of float64: x, y at time 0 and x, y at time 1 of each vertex of the convex parts,
+    # part after part.
     array: Any
+    # (k,) array of int64: where in the array each part ends.
     ends: Any
 
 
 class Part(NamedTuple):
-    """
-    A convex part of a body that moves, see `MovingBody`.
+    """A convex part of a body that moves, see `MovingBody`."""
 
-    Attributes
-    ----------
-    array : flat array of float64
-        Holds its vertices, and maybe others.
-    first, end : int
-        Where in the array they start, and where they end.
-
-    """
-
+    # Flat array of float64, or its `elements`: holds its vertices, and maybe others.
     array: Any
+    # Where in the array they start, and where they end.
     first: int
     end: int
 
@@ -114,7 +99,8 @@ def moving_body(start: NDArray[np.float64], end: NDArray[np.float64],
 def _rows_of_parts(points: NDArray[np.float64],
                    polygon: Polygon) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return which points each convex part has, and where in these rows each part ends."""
-    outline = indexable(polygon.vertices.ravel())
+    # Of a copy, which may be written: for another kind of array all would be compiled again.
+    outline = indexable(polygon.vertices.flatten())
     corners, ends = convex_parts(outline)
     points = indexable(points.ravel())
     rows = [np.flatnonzero(on_boundary(outline, indexable(part), points))
@@ -124,23 +110,7 @@ def _rows_of_parts(points: NDArray[np.float64],
 
 @kernel
 def on_boundary(vertices, part, points):
-    """
-    Return of each point whether it lies on the boundary of a part; exact.
-
-    Parameters
-    ----------
-    vertices : flat array of float64
-        x, y of each vertex of the whole.
-    part : array of int64
-        Which of them the part has, in order.
-    points : flat array of float64
-        x, y of each point.
-
-    Returns
-    -------
-    array of bool
-
-    """
+    """Return of each point whether it lies on the boundary of a part of vertices; exact."""
     found = np.zeros(len(points) // 2, np.bool_)
     for k in range(len(part)):
         a = 2 * part[k - 1 if k > 0 else len(part) - 1]
@@ -171,6 +141,8 @@ def boxes_stay_apart(p, q, apart):
 
     It is wider than `apart`; exact if that is 0, where it is a line.
     """
+    p = Part(elements(p.array), p.first, p.end)
+    q = Part(elements(q.array), q.first, q.end)
     return (_is_below(p, q, 0, apart) or _is_below(q, p, 0, apart)
             or _is_below(p, q, 1, apart) or _is_below(q, p, 1, apart))
 

@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 
 from sat_collision.geometry.double_double import (
     cross, difference, dot, negative, plus, quotient, scaled, square_root, times)
-from sat_collision.geometry.jit import inner, kernel
+from sat_collision.geometry.jit import inlined, inner, kernel
 from sat_collision.geometry.layout import first_vertex
 from sat_collision.geometry.plane import nearest_of_segment, scale_to_one
 from sat_collision.geometry.separating_axis import support
@@ -48,24 +48,15 @@ SHORT = 2.0 ** -900
 
 
 class Features(NamedTuple):
-    """
-    Two segments between vertices, at least one of which is a single vertex, and their distance.
-
-    Attributes
-    ----------
-    distance : float
-    pa, pb, qa, qb : int
-        Where the ends of that of P stand in its array, and of that of Q.
-    nx, ny : pair of float
-        The way from P to Q: an axis of any length, in twice the precision.
-
-    """
+    """Two segments between vertices, one of which is a single one at least, and their distance."""
 
     distance: float
+    # Where the ends of that of P stand in its array, and of that of Q.
     pa: int
     pb: int
     qa: int
     qb: int
+    # The way from P to Q: an axis of any length, in twice the precision.
     nx: Any
     ny: Any
 
@@ -291,7 +282,7 @@ def furthest(p, i, nx, ny):
     return i
 
 
-@inner
+@inlined
 def along(v, i, k, nx, ny):
     """Return the component along n of the way from the vertex at i to that at k."""
     return dot(difference(v[k], v[i]), difference(v[k + 1], v[i + 1]), nx, ny)
@@ -303,7 +294,7 @@ def _rise(v, i, k, nx, ny):
     rise = along(v, i, k, nx, ny)[0]
     bound = (_HIDDEN * (abs((v[k] - v[i]) * nx[0]) + abs((v[k + 1] - v[i + 1]) * ny[0]))
              + _LOST)
-    return int(rise > bound) - int(-rise > bound)
+    return (rise > bound) - (-rise > bound)
 
 
 @inner

@@ -81,26 +81,9 @@ def pack(points, packed, most, most_notched):
 @kernel
 def pack_convex(data, start, received, packed, most, plane):
     """
-    Pack a polygon, given as bytes of a message, if it is convex.
+    Pack `moved_points`, if they make a convex polygon with that many vertices at most.
 
-    Parameters
-    ----------
-    data : bytes
-    start, received : int
-        Where in the data the points start, and how many there are, at least one: x, y and z of
-        each as float32 in this machine's byte order.
-    packed : flat array of float64
-        As for `pack`.
-    most : int
-        The most vertices accepted.
-    plane : PlaneMap
-        Takes the points to another frame.
-
-    Returns
-    -------
-    int
-        The number of vertices; 0 if the polygon is not convex or the points are refused.
-
+    Returned is how many it has, 0 where they make none.
     """
     verdict, count, _, _, _ = pack(moved_points(data, start, received, plane), packed, most, 0)
     return count if verdict == CONVEX else 0
@@ -115,8 +98,12 @@ def moved_points(data, start, received, plane):
 
     Parameters
     ----------
-    data, start, received, plane
-        As for `pack_convex`.
+    data : bytes
+    start, received : int
+        Where in the data the points start, and how many there are, at least one: x, y and z of
+        each as float32 in this machine's byte order.
+    plane : PlaneMap
+        Takes the points to another frame.
 
     Returns
     -------

@@ -39,15 +39,8 @@ def penetration(p, q):
     """
     Return how deep two convex polygons that meet overlap, and what realises it.
 
-    Returns
-    -------
-    depth : float
-        Rounded, and infinite if both are points, or like points by underflow.
-    ax, ay, bx, by : float
-        A point of P and one of Q: the move from the first to the second takes P out of Q.
-    ux, uy : float
-        The unit vector along which Q leaves P.
-
+    The depth is rounded, and infinite if both are points, or like points by underflow. With it a
+    point of P and one of Q, the move between which takes P out of Q, and its direction for Q.
     """
     slack = 2.0 * ROUNDING * reach_of(p, q)
     depth, edge, vertex = _least_reach(p, q, slack)

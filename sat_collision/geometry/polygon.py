@@ -138,7 +138,7 @@ class Polygon:
         except TypeError:
             raise TypeError(f'max_vertices has to be an integer, but is {max_vertices!r}; holes '
                             'cannot be given: a body is all that its outline encloses') from None
-        self._pack(points.vertices if isinstance(points, Polygon) else coordinates(points),
+        self._pack(points.vertices.copy() if isinstance(points, Polygon) else coordinates(points),
                    most, most)
 
     @classmethod
@@ -236,7 +236,7 @@ class Polygon:
     def centroid(self) -> NDArray[np.float64]:
         """Centre of gravity (x, y), (2,) array; of a segment its middle (paper section 2.2)."""
         vertices = self.vertices
-        return np.array(centroid(indexable(vertices.ravel()), len(vertices)))
+        return np.array(centroid(indexable(vertices.flatten()), len(vertices)))
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:

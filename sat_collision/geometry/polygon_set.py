@@ -24,13 +24,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry.batch import decide_rows, measure_rows
 from sat_collision.geometry.jit import indexable
+from sat_collision.geometry.layout import new_array, use_rows, views_of
 from sat_collision.geometry.polygon import as_polygon, BodyLike, PackedBody, Polygon, size_of
 from sat_collision.geometry.prediction import first_row_met, motion_of, velocities_of
-from sat_collision.geometry.rows import new_array, use_rows, views_of
 from sat_collision.geometry.run import Run, write_run
 from sat_collision.geometry.scan import (
     intersecting_rows, nearest_row, NO_ROOM, rows_within, UNCHANGED, write_and_intersect,
-    write_and_measure)
+    write_row)
 from sat_collision.geometry.separating_axis import MEET
 
 Point = tuple[float, float]
@@ -157,8 +157,9 @@ class PolygonSet:
             if margin == 0.0:
                 outcome = write_and_intersect(self._array, row, packed, count, others._array)
             else:
-                outcome = write_and_measure(self._array, row, packed, count, others._array,
-                                            margin)
+                outcome = write_row(self._array, row, packed, count)
+                if outcome == 0:
+                    outcome = rows_within(others._array, packed, count, margin)
             if outcome == NO_ROOM:
                 self._make_room(row, size_of(body))
             elif outcome == UNCHANGED:
@@ -313,10 +314,15 @@ class PolygonSet:
                    velocities: ArrayLike | None = None,
                    skipped: Iterable[int] = ()) -> tuple[int, float] | None:
         """Return the same for a `prediction.Motion`, but for rows to leave out."""
-        packed, count = as_polygon(footprint).packed
+        polygon = as_polygon(footprint)
+        moves = velocities_of(velocities, self._used_rows)
+        skipped = set(skipped)
+        for row in self.rows_within(polygon, motion[-1]).tolist():
+            if row not in skipped:
+                return row, 0.0
+        packed, count = polygon.packed
         row, time = first_row_met(self._array, packed, count, indexable(motion),
-                                  indexable(velocities_of(velocities, self._used_rows)),
-                                  _ascending(skipped))
+                                  indexable(moves), _ascending(skipped))
         return None if row < 0 else (row, time)
 
     def intersects(self, body: BodyLike) -> NDArray[np.bool_]:

@@ -55,21 +55,7 @@ _LIMBS = 184
 
 
 def orientation(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> int:
-    """
-    Return on which side of the directed line from a to b the point c lies.
-
-    Parameters
-    ----------
-    a, b, c : sequence of float
-        Points (x, y), in any unit; all finite.
-
-    Returns
-    -------
-    int
-        1 when a, b, c turn counter-clockwise (c left of the line), -1 when clockwise, 0 when
-        collinear. Exact for the doubles given.
-
-    """
+    """Return 1 where points a, b, c turn left, -1 where right, 0 where collinear; exact."""
     require_nearest(0)
     return int(orient(float(a[0]), float(a[1]), float(b[0]), float(b[1]),
                       float(c[0]), float(c[1])))

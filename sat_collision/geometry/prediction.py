@@ -36,13 +36,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.jit import (
-    borrowed, inlined, inner, kernel, scratch, scratch_integers)
-from sat_collision.geometry.layout import convex_part, first_vertex, Packed
+    elements, inlined, inner, kernel, scratch, scratch_integers)
+from sat_collision.geometry.layout import (
+    body_of, convex_part, first_vertex, packed_polygon, rows_of)
 from sat_collision.geometry.moving import STRIDE
 from sat_collision.geometry.plane import length, unit
 from sat_collision.geometry.predicates import UNDERFLOW_BOUND
-from sat_collision.geometry.rows import body_of, rows_of
-from sat_collision.geometry.scan import contains, intersecting_rows, rows_within
+from sat_collision.geometry.scan import contains
 from sat_collision.geometry.sweep import first_contact_of_moving
 
 # The most that a body turns in a piece, rad, unless that takes too many.
@@ -54,77 +54,49 @@ _LEAST = 5e-324
 
 
 class Motion(NamedTuple):
-    """
-    How a body moves, and what is asked of it.
+    """How a body moves, and what is asked of it."""
 
-    Attributes
-    ----------
-    x, y : float
-        The origin of the body's frame at time 0, m.
-    vx, vy, turn : float
-        Its velocity at time 0, m/s, and rad/s.
-    horizon : float
-        Seconds.
-    tolerance, margin : float
-        Metres.
-
-    """
-
+    # The origin of the body's frame at time 0, m.
     x: float
     y: float
+    # Its velocity at time 0, m/s, and rad/s.
     vx: float
     vy: float
     turn: float
+    # Seconds.
     horizon: float
+    # Metres.
     tolerance: float
     margin: float
 
 
 class Moving(NamedTuple):
-    """
-    The convex parts of a body that moves.
+    """The convex parts of a body that moves."""
 
-    Attributes
-    ----------
-    array : flat array of float64
-        x, y of each vertex at time 0, part after part, relative to the origin of the motion.
-    ends : (k,) array of int64
-        Where each part ends, in doubles of an array as `moving.MovingBody` has it.
-
-    """
-
+    # Flat array of float64: x, y of each vertex at time 0, part after part, relative to the origin
+    # of the motion.
     array: Any
+    # (k,) array of int64: where each part ends, in doubles of an array as `moving.MovingBody` has
+    # it.
     ends: Any
 
 
 class Way(NamedTuple):
-    """
-    The way of a body up to the horizon.
-
-    Attributes
-    ----------
-    motion : Motion
-    body : Moving
-    speed : float
-        The greatest of a vertex, m/s; 0 just if it stands.
-    reach : float
-        How far from the origin a vertex gets at most, or its way is long, m.
-    pieces : int
-        How many it is cut into.
-    boxes : flat array of float64
-        min x, min y, max x, max y of each piece, then of all; relative to the origin.
-    inner, outer : float
-        The least and the greatest distance of the body from the centre of its turn; of a straight
-        way from a line along it, negative on its right; m.
-
-    """
+    """The way of a body up to the horizon."""
 
     motion: Motion
     body: Moving
+    # The greatest of a vertex, m/s; 0 just if it stands.
     speed: float
+    # How far from the origin a vertex gets at most, or its way is long, m.
     reach: float
+    # How many it is cut into.
     pieces: int
+    # Flat array of float64: min x, min y, max x, max y of each piece, then of all; relative to the
+    # origin.
     boxes: Any
+    # The least and the greatest distance of the body from the centre of its turn; of a straight
+    # way from a line along it, negative on its right; m.
     inner: float
     outer: float
 
@@ -172,39 +144,15 @@ def _finite(values: ArrayLike, name: str, meaning: str) -> NDArray[np.float64]:
 @kernel
 def first_row_met(set_array, body, count, motion, velocities, skipped):
     """
-    Find which row of a set a moving body meets first.
+    Find which row of a set a moving body meets first, of those that it does not meet at time 0.
 
-    Parameters
-    ----------
-    set_array : flat array of float64
-        See `rows`.
-    body, count
-        A packed polygon.
-    motion : (8,) array of float64
-        A `Motion`.
-    velocities : flat array of float64
-        vx, vy of each row, m/s.
-    skipped : flat array of int64
-        Rows to leave out, ascending.
-
-    Returns
-    -------
-    row : int
-        Of several the first; -1 if there is none.
-    time : float
-        Seconds; 0 just where they are in contact, or within the margin, at time 0; infinity if
-        there is none.
-
+    Given a packed body, a `Motion` as an array, vx, vy of each row and, ascending, the rows to
+    leave out. Returned are the row, of several the first, and the time in seconds, more than 0; -1
+    and infinity if there is none.
     """
     require_nearest(count)
-    rows = rows_of(borrowed(set_array))
-    margin = motion[7]
-    met = (intersecting_rows(set_array, body, count) if margin == 0.0
-           else rows_within(set_array, body, count, margin))
-    for k in range(met):
-        if not contains(skipped, rows.found[k]):
-            return rows.found[k], 0.0
-    way = _way(Packed(body, 0, count), motion)
+    rows = rows_of(set_array)
+    way = _way(packed_polygon(body, count), motion)
     # Where it is at the end of the list of pieces is the whole way.
     candidates = 0
     for row in range(rows.used):
@@ -270,12 +218,13 @@ def _parts(p, motion):
 @inner
 def _distances(body, motion):
     """Return `inner` and `outer` of a `Way`, or the same of a body that stands beside it."""
-    v = body.array
+    v = elements(body.array)
+    size = len(body.array)
     least = math.inf
     most = -math.inf
     if motion.turn == 0.0:
         ux, uy = unit(motion.vx, motion.vy)
-        for k in range(0, len(v), 2):
+        for k in range(0, size, 2):
             height = ux * v[k + 1] - uy * v[k]
             least = min(least, height)
             most = max(most, height)
@@ -365,8 +314,9 @@ def _write_pose(way, time, chords, place):
     x = along * (c * motion.vx - s * motion.vy)
     y = along * (s * motion.vx + c * motion.vy)
     # Turned by 2 half: cosine 1 - 2 s^2, sine 2 s c.
-    v = way.body.array
-    for k in range(0, len(v), 2):
+    v = elements(way.body.array)
+    chords = elements(chords)
+    for k in range(0, len(way.body.array), 2):
         chords[2 * k + place] = v[k] - 2.0 * s * (s * v[k] + c * v[k + 1]) + x
         chords[2 * k + place + 1] = v[k + 1] + 2.0 * s * (c * v[k] - s * v[k + 1]) + y
 

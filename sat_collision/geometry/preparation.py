@@ -11,18 +11,51 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What is compiled, or loaded, when a node starts: said, and counted in seconds."""
+
+"""
+Kernels compiled, or loaded, before they are needed, so that no message has to wait for them.
+
+Compiling takes seconds where nothing is kept from an earlier process, see `kernel_cache`. Then
+other processes share the work: what one has compiled the others find on disk. One,
+``python -m sat_collision.geometry.preparation packing distances``, takes half of what decides and
+goes on with what measures; another one takes what looks ahead, once flags have a processor to
+spare. They end when they are done, or when their standard input does, which the node holds.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+import gc
+import os
 import subprocess
 import sys
+import threading
 import time
 
-from sat_collision.geometry import warm_up
+import numpy as np
 from sat_collision.geometry.compilation import kernel_problem, say_nothing
-from sat_collision.geometry.jit import KERNEL
+from sat_collision.geometry.contact import contact, contact_of_arrays
+from sat_collision.geometry.convex_parts import convex_parts
+from sat_collision.geometry.jit import COMPILED, indexable, KERNEL
+from sat_collision.geometry.layout import packed_size
+from sat_collision.geometry.packing import pack_convex
+from sat_collision.geometry.polygon import Polygon, UNMOVED
+from sat_collision.geometry.polygon_set import PackedSet, PolygonSet
+from sat_collision.geometry.prediction import first_row_met
+from sat_collision.geometry.query import (
+    closest_points, intersects, intersects_pairs, separations)
+from sat_collision.geometry.sweep import time_of_contact
+
+_TRIANGLE = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
+_NOTCHED = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (2.0, 1.0)]
+
+_others: list[subprocess.Popen[bytes]] = []
+
+
+def begin() -> None:
+    """Have another process begin, if this is a first start: early, before long imports."""
+    if not (_others or is_prepared() or kernel_problem()):
+        _others.append(_process('packing', 'distances'))
 
 
 class Preparation:
@@ -30,9 +63,7 @@ class Preparation:
     Compiles or loads the kernels of node and replay; says so, and warns of what is wrong.
 
     Once it is made all is ready that decides. What measures distances is ready then, too, unless
-    this is the first start after an installation, which compiles: a second process takes half of
-    what decides, then goes on with what measures. That is loaded from disk here once it is done.
-    The second process ends with this one, however this one ends.
+    this is the first start after an installation, which compiles.
 
     Parameters
     ----------
@@ -44,42 +75,132 @@ class Preparation:
     def __init__(self, say: Callable[[str], object], warn: Callable[[str], object]) -> None:
         self._say = say
         self._begun = time.monotonic()
-        self._other: subprocess.Popen[bytes] | None = None
         say_nothing()
-        if warm_up.is_prepared() or kernel_problem():
-            say(f'preparing kernels ({KERNEL})')
+        begin()
+        say(f'preparing kernels ({KERNEL})' + (
+            '; the first start after an installation compiles them' if _others else ''))
+        # A tenth of compiling would be looking for garbage, of which there is little.
+        gc.disable()
+        prepare_contacts()
+        prepare_parts()
+        for other in _others:
+            if other.stdout:
+                other.stdout.readline()
+        prepare_packing()
+        if _others:
+            _others.append(_process('motion'))
         else:
-            say(f'preparing kernels ({KERNEL}); the first start after an installation compiles '
-                'them')
-            self._other = subprocess.Popen(
-                [sys.executable, '-m', warm_up.__name__], stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
-        warm_up.prepare_contacts()
-        warm_up.prepare_parts()
-        if self._other and self._other.stdout:
-            self._other.stdout.readline()
-        warm_up.prepare_packing()
-        if not self._other:
-            warm_up.prepare_distances()
+            prepare_distances()
+            prepare_motion()
+        gc.enable()
         say(f'kernels ({KERNEL}) ready after {self._seconds()}'
-            + ('; distances are measured later' if self._other else ''))
+            + ('; distances are measured later' if _others else ''))
         if problem := kernel_problem():
             warn(problem)
 
     def is_complete(self) -> bool:
         """Return whether what measures distances is ready; to be called again and again."""
-        if self._other and self._other.poll() is not None:
+        if _others and all(other.poll() is not None for other in _others):
             self.complete()
-        return not self._other
+        return not _others
 
     def complete(self) -> None:
         """Have what measures distances ready, however long that takes."""
-        if self._other:
-            self._other.wait()
-            self._other.communicate()
-            self._other = None
-            warm_up.prepare_distances()
+        if _others:
+            for other in _others:
+                other.communicate()
+            _others.clear()
+            prepare_distances()
+            prepare_motion()
             self._say(f'distances are measured after {self._seconds()}')
 
     def _seconds(self) -> str:
         return f'{time.monotonic() - self._begun:.1f} s'
+
+
+def is_prepared() -> bool:
+    """Return whether an earlier process has left the kernels compiled; without numba they are."""
+    if not COMPILED:
+        return True
+    # It imports numba, which may not be there, or not work.
+    from sat_collision.geometry.kernel_cache import is_kept
+    return is_kept(contact_of_arrays) and is_kept(first_row_met)
+
+
+def prepare_packing() -> None:
+    """Have ready what makes polygons of messages."""
+    packed = indexable(np.empty(packed_size(len(_TRIANGLE))))
+    points = _TRIANGLE.tobytes(), 0, len(_TRIANGLE)
+    pack_convex(*points, packed, len(_TRIANGLE), UNMOVED)
+    Polygon(_TRIANGLE)
+    Polygon.from_float32(*points)
+    message = np.array((0, len(_TRIANGLE)), np.uint32).tobytes() + points[0]
+    ends = indexable(np.array((len(message),)))
+    bodies = PackedSet([_origin()])
+    bodies.place_run((2 * message, ends, 1, 4, UNMOVED, len(_TRIANGLE), packed),
+                     indexable(np.zeros(1, np.int64)), 0, 1, PackedSet(), 0.0)
+
+
+def prepare_parts() -> None:
+    """Have ready what cuts bodies into convex parts."""
+    # Not by a Polygon, whose packing may still be in the making.
+    convex_parts(indexable(np.array(_NOTCHED).ravel()))
+
+
+def prepare_contacts() -> None:
+    """Have ready what finds the bodies of a set that a body meets."""
+    point = _origin()
+    bodies = PackedSet()
+    bodies.place(bodies.new_row(), point.packed, bodies)
+
+
+def prepare_distances() -> None:
+    """Have ready what finds the nearest body of a set, those within a margin, and contacts."""
+    point = _origin()
+    bodies = PackedSet([point])
+    bodies.nearest(point)
+    bodies.place(0, point.packed, PolygonSet([point]), 1.0)
+    # Last: `is_prepared` asks for it.
+    contact(point, point)
+
+
+def prepare_motion() -> None:
+    """Have ready what looks ahead."""
+    point = _origin()
+    PackedSet([point]).first_contact(point, (1, 0, 1), 1.0)
+
+
+def prepare_pairs() -> None:
+    """Have ready what only the functions on two bodies, or two sets, need."""
+    body = Polygon(_TRIANGLE)
+    bodies = PolygonSet([body])
+    intersects(body, body)
+    intersects_pairs(bodies, bodies)
+    separations(bodies, bodies)
+    closest_points(body, body)
+    body.centroid
+    time_of_contact(_TRIANGLE, _TRIANGLE + 2, _TRIANGLE + 4, _TRIANGLE)
+
+
+def _origin() -> Polygon:
+    """Return a point packed by hand, because packing may still be in the making."""
+    return Polygon._of_packed(np.zeros(packed_size(1)), 1)
+
+
+def _process(*tasks: str) -> subprocess.Popen[bytes]:
+    return subprocess.Popen([sys.executable, '-m', __spec__.name, *tasks], stdin=subprocess.PIPE,
+                            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+
+
+def _end_with_input() -> None:
+    # Not by sys.stdin, whose lock would be held when the interpreter ends.
+    os.read(0, 1)
+    os._exit(0)
+
+
+if __name__ == '__main__':
+    threading.Thread(target=_end_with_input, daemon=True).start()
+    gc.disable()
+    for task in sys.argv[1:]:
+        globals()[f'prepare_{task}']()
+        print(task, flush=True)

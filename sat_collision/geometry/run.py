@@ -17,10 +17,10 @@
 from typing import Any, TypeAlias
 
 from sat_collision.geometry.arithmetic import require_nearest
-from sat_collision.geometry.jit import borrowed, inner, kernel, scratch, words_and_floats
+from sat_collision.geometry.jit import inner, kernel, scratch, words_and_floats
+from sat_collision.geometry.layout import rows_of
 from sat_collision.geometry.packing import pack
 from sat_collision.geometry.ring import CONVEX
-from sat_collision.geometry.rows import rows_of
 from sat_collision.geometry.scan import box_gap, NO_ROOM, write_row
 
 # Messages that differ in nothing but their points, see `write_run`. A plain tuple reaches a kernel
@@ -69,7 +69,7 @@ def write_run(run, set_array, rows, row, limit, others, margin):
     data, ends, first, count_at, plane, most, packed = run
     require_nearest(count_at)
     words, values = words_and_floats(data)
-    near = rows_of(borrowed(others))
+    near = rows_of(others)
     a, b, c, d, e, f = plane
     header = count_at // _WORD
     begin = ends[first - 1] if first else 0

@@ -15,7 +15,7 @@
 """
 One body against all rows of a set: which it meets, which are within a margin, what is nearest.
 
-A set is given as its array, see `rows`, and a body as a packed polygon and its count.
+A set is given as its array, see `layout`, and a body as a packed polygon and its count.
 """
 
 import math
@@ -24,9 +24,8 @@ import numpy as np
 from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.distance import measure
 from sat_collision.geometry.intersection import bodies_meet, filtered_verdict
-from sat_collision.geometry.jit import borrowed, COMPILED, inner, kernel
-from sat_collision.geometry.layout import body_size, Packed
-from sat_collision.geometry.rows import body_of, rows_of
+from sat_collision.geometry.jit import COMPILED, elements, inlined, inner, kernel
+from sat_collision.geometry.layout import body_of, body_size, Packed, rows_of
 from sat_collision.geometry.separating_axis import MEET, SEPARATE
 
 UNCHANGED = -1
@@ -38,17 +37,12 @@ def write_row(set_array, row, body, count):
     """
     Write a packed body into a row.
 
-    Returns
-    -------
-    int
-        UNCHANGED if the very same body is there already, NO_ROOM if the row has not the space for
-        it, else 0.
-
+    Returned is UNCHANGED if the very same body is there, NO_ROOM if there is no space, else 0.
     """
     require_nearest(row)
-    rows = rows_of(borrowed(set_array))
+    rows = rows_of(set_array)
     packed = rows.packed
-    body = borrowed(body)
+    body = elements(body)
     size = body_size(Packed(body, 0, count))
     start = rows.start[row]
     if size > rows.space[row]:
@@ -76,17 +70,11 @@ def write_and_intersect(set_array, row, body, count, others):
 
 
 @kernel
-def write_and_measure(set_array, row, body, count, others, margin):
-    """Write a body as `write_row` does; if that returns 0, find the `rows_within` a margin."""
-    outcome = write_row(set_array, row, body, count)
-    return rows_within(others, body, count, margin) if outcome == 0 else outcome
-
-
-@kernel
 def intersecting_rows(set_array, body, count):
     """Write the rows that share a point with a body into found, ascending; return how many."""
     require_nearest(count)
-    rows = rows_of(borrowed(set_array))
+    rows = rows_of(set_array)
+    body = elements(body)
     found = rows.found
     candidates = _candidates(rows, body, count)
     hits = 0
@@ -104,7 +92,6 @@ def intersecting_rows(set_array, body, count):
 @inner
 def _candidates(rows, body, count):
     """Write the rows that meet a body, and -1 - row where that has to be decided exactly."""
-    body = borrowed(body)
     found = rows.found
     near = _near_rows(rows, body)
     candidates = 0
@@ -147,7 +134,8 @@ else:
 def rows_within(set_array, body, count, margin):
     """Write the rows no further than margin from a body, ascending; return how many there are."""
     require_nearest(count)
-    rows = rows_of(borrowed(set_array))
+    rows = rows_of(set_array)
+    body = elements(body)
     hits = 0
     for row in range(rows.used):
         if (rows.n[row] != 0 and box_gap(rows, row, body) <= margin
@@ -162,16 +150,12 @@ def nearest_row(set_array, body, count, skipped):
     """
     Find what is nearest to a body, or deepest in it, among the rows that are not skipped.
 
-    Returns
-    -------
-    row : int
-        -1 if there is none.
-    separation, ax, ay, bx, by : float
-        As `distance.measure` has them: points of the row's body, and of the other.
-
+    Returned are the row, -1 if there is none, and what `distance.measure` has of the row's body
+    and the other.
     """
     require_nearest(count)
-    rows = rows_of(borrowed(set_array))
+    rows = rows_of(set_array)
+    body = elements(body)
     # The body with the nearest box goes first, so that its separation spares most others.
     best = -1
     gap = math.inf
@@ -196,7 +180,7 @@ def nearest_row(set_array, body, count, skipped):
     return best, found[0], found[1], found[2], found[3], found[4]
 
 
-@inner
+@inlined
 def contains(numbers, number):
     """Return whether a number is among others, which ascend."""
     begin, end = 0, len(numbers)
@@ -209,7 +193,7 @@ def contains(numbers, number):
     return begin < len(numbers) and numbers[begin] == number
 
 
-@inner
+@inlined
 def box_gap(rows, row, body):
     """Return how far along x or y bounds are apart, < 0 if not: never more than the separation."""
     return max(max(rows.min_x[row] - body[4], body[2] - rows.max_x[row]),

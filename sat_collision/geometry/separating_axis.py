@@ -52,26 +52,17 @@ MOST_QUERIES = 48
 
 
 class Search(NamedTuple):
-    """
-    What is known between two axes.
+    """What is known between two axes."""
 
-    Attributes
-    ----------
-    ax, ay, bx, by : float
-        The cone of axes still possible, {u: u . a > 0, u . b > 0}, a to b a left turn.
-    ux, uy : float
-        The axis to try next.
-    reach_x, reach_y : float
-        The greatest magnitudes of coordinates.
-
-    """
-
+    # The cone of axes still possible, {u: u . a > 0, u . b > 0}, a to b a left turn.
     ax: float
     ay: float
     bx: float
     by: float
+    # The axis to try next.
     ux: float
     uy: float
+    # The greatest magnitudes of coordinates.
     reach_x: float
     reach_y: float
 
@@ -91,20 +82,8 @@ def find_separating_axis(p, q):
     """
     Search for a separating axis or a common point of two convex polygons in plain doubles.
 
-    Parameters
-    ----------
-    p, q : Packed
-
-    Returns
-    -------
-    verdict : int
-        SEPARATE and MEET are proved. Otherwise UNCERTAIN.
-    i, j : int
-        Where the last support vertices of P and Q stand in their arrays; meaningless when
-        UNCERTAIN.
-    queries : int
-        How many axes were tried.
-
+    Returned are the verdict, SEPARATE or MEET where that is proved, else UNCERTAIN; where the last
+    support vertices of P and Q stand, in general; and how many axes were tried.
     """
     verdict, search = first_axis(p, q)
     i = j = 0
@@ -138,23 +117,10 @@ def first_axis(p, q):
 @inlined
 def refine(p, i, q, j, search):
     """
-    Judge an axis u by the support vertices along it, and choose the next one.
+    Judge an axis u by the support vertices along it, at i and j in their arrays.
 
-    Parameters
-    ----------
-    p, q : flat arrays of float64
-    i, j : int
-        Where in them the support vertices stand, see `support`.
-    search : Search
-        The axis, and what is known before.
-
-    Returns
-    -------
-    verdict : int
-        SEPARATE, MEET, UNCERTAIN, or OPEN: another axis has to be tried.
-    search : Search
-        What is known now, and the next axis; meaningless unless OPEN.
-
+    Returned are the verdict, SEPARATE, MEET, UNCERTAIN or OPEN, and, if this is OPEN, the Search
+    with the next axis.
     """
     ax, ay, bx, by, ux, uy, reach_x, reach_y = search
     verdict = UNCERTAIN
@@ -260,7 +226,7 @@ def _rise(v, i, k, ux, uy):
     along_y = (v[k + 1] - v[i + 1]) * uy
     rise = along_x + along_y
     bound = PRODUCT_BOUND * (abs(along_x) + abs(along_y)) + UNDERFLOW_BOUND
-    return int(rise > bound) - int(-rise > bound)
+    return (rise > bound) - (-rise > bound)
 
 
 @inlined
@@ -273,7 +239,7 @@ def _gap(wx, wy, search):
              + SUPPORT_BOUND * (abs(search.ux) * search.reach_x + abs(search.uy) * search.reach_y)
              + UNDERFLOW_BOUND)
     # Strict, so that overflow (infinity > infinity) and NaN prove nothing.
-    return int(gap > bound) - int(-gap > bound)
+    return (gap > bound) - (-gap > bound)
 
 
 @inlined
@@ -283,4 +249,4 @@ def _turn(ax, ay, bx, by):
     right = ay * bx
     cross = left - right
     bound = PRODUCT_BOUND * (abs(left) + abs(right)) + UNDERFLOW_BOUND
-    return int(cross > bound) - int(-cross > bound)
+    return (cross > bound) - (-cross > bound)

@@ -35,7 +35,7 @@ import math
 from numpy.typing import ArrayLike
 from sat_collision.geometry.distance import measure_arrays
 from sat_collision.geometry.intersection import arrays_meet
-from sat_collision.geometry.jit import inlined, inner, kernel
+from sat_collision.geometry.jit import elements, inlined, inner, kernel
 from sat_collision.geometry.moving import (
     boxes_stay_apart, moving_body, Part, relative, stays_apart, STRIDE)
 from sat_collision.geometry.plane import nearest_of_segment
@@ -118,18 +118,8 @@ def first_contact(a, a_ends, b, b_ends, tolerance, apart):
     """
     Return when two moving bodies that are further apart at time 0 come within a distance.
 
-    Parameters
-    ----------
-    a, a_ends, b, b_ends
-        As `moving.MovingBody` has them.
-    tolerance, apart : float
-        The distance, `apart`, may be exceeded by the tolerance.
-
-    Returns
-    -------
-    float
-        As `time_of_contact` has it, but never 0; infinity instead of None.
-
+    It may be exceeded by the tolerance. The time is as `time_of_contact` has it, but never 0, and
+    infinity instead of None.
     """
     if _stands(a) and _stands(b):
         return math.inf
@@ -172,6 +162,8 @@ def _stands(array):
 @inner
 def _first_contact_of_parts(p, q, tolerance, apart, before):
     """Return what `first_contact` does of two parts; infinity also if it is not before a time."""
+    p = Part(elements(p.array), p.first, p.end)
+    q = Part(elements(q.array), q.first, q.end)
     reach = max(_reach(p), _reach(q))
     margin = _MARGIN * (reach + apart) + UNDERFLOW_BOUND
     near = apart + max(tolerance / 2.0, 8.0 * margin)

@@ -49,6 +49,8 @@ def main(args: Sequence[str] | None = None) -> int:
     end_on_signals()
     # Not before: it takes so long to import that a signal may come meanwhile.
     try:
+        from sat_collision.geometry import preparation
+        preparation.begin()
         from sat_collision.node.process import run
     except ModuleNotFoundError as error:
         print(f'footprint_monitor: cannot start: {missing(error)}', file=sys.stderr)

@@ -66,12 +66,11 @@ def choose(bags: Iterable[str], limits: Limits) -> bool:
 
 def prepare(say: Callable[[str], object]) -> None:
     """Compile or load all kernels, of the node and of replay, and say so."""
-    from sat_collision.geometry import warm_up
-    from sat_collision.geometry.preparation import Preparation
+    from sat_collision.geometry.preparation import prepare_pairs, Preparation
     begun = time.monotonic()
     preparation = Preparation(say, say)
     say('preparing the kernels of replay and of the functions on two bodies')
-    warm_up.prepare_pairs()
+    prepare_pairs()
     preparation.complete()
     _warm_up()
     say(f'all kernels ready after {time.monotonic() - begun:.1f} s')

@@ -22,6 +22,7 @@ does it again in rationals.
 
 from fractions import Fraction
 
+from compiled import callable_here
 import numpy as np
 from rationals import square_root
 from sat_collision.geometry.jit import kernel
@@ -32,6 +33,7 @@ from sat_collision.geometry.ring import CONVEX
 from sat_collision.geometry.separating_axis import (
     _gap, _rise, _turn, hill_climb, PRODUCT_BOUND, Search, support, SUPPORT_BOUND)
 
+support_here, climb_here = callable_here(support, hill_climb)
 UNIT = 2.0 ** -53
 ORIENTATION, TURN, RISE, SCAN, GAP, CLIMB, DISC = range(7)
 NAMES = 'orientation', 'turn', 'rise', 'scan', 'gap', 'climb', 'disc'
@@ -291,9 +293,9 @@ def _exact_shortfall(which, x, v):
     heights = [v[k] * v[0] + v[k + 1] * v[1] for k in range(2, len(v), 2)]
     polygon = _packed(x, 2, len(x))
     if which == SCAN:
-        places = [support(polygon, x[0], x[1])]
+        places = [support_here(polygon, x[0], x[1])]
     else:
-        places = [hill_climb(polygon, HEADER + 2 * k, x[0], x[1]) for k in range(len(heights))]
+        places = [climb_here(polygon, HEADER + 2 * k, x[0], x[1]) for k in range(len(heights))]
     return max(heights) - min(heights[(place - HEADER) // 2] for place in places if place >= 0)
 
 

@@ -79,6 +79,13 @@ def test_a_change_in_a_called_kernel_is_noticed(package):
     assert run(package) == (14.0, 0, 'None')
 
 
+def test_what_kernels_call_is_compiled_with_them_alone(package):
+    """A change in it is a change in the caller, and no time is spent on it by itself."""
+    run(package)
+    kept = {path.name.split('-')[0] for path in package.rglob('*.nbc')}
+    assert 'caller.twice' in kept and not any(name.startswith('plane.') for name in kept)
+
+
 def altered(change):
     """Make a damage of a change to the bytes of a file."""
     return lambda path: path.write_bytes(change(path.read_bytes()))

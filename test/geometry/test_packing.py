@@ -16,15 +16,17 @@
 
 from fractions import Fraction
 
+from compiled import callable_here
 import families
 import numpy as np
 import oracle
 import pytest
 from rationals import twice_area
 from sat_collision import intersects, Polygon
+from sat_collision.geometry import layout
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.layout import (
-    BOUNDS, FINGERPRINT, HEADER, near_support, Packed, packed_size, table_sector)
+    BOUNDS, FINGERPRINT, HEADER, Packed, packed_size)
 from sat_collision.geometry.packing import moved_points, pack_convex
 from sat_collision.geometry.polygon_set import PackedSet
 import shapes
@@ -86,6 +88,7 @@ def test_the_table_points_near_the_support(count):
     """From where it points no more than a few of many vertices are left to climb."""
     polygon = Polygon(shapes.polygons(np.random.default_rng(2), 1, count)[0])
     vertices, packed = polygon.vertices, Packed(polygon.packed[0], 0, count)
+    near_support, table_sector = callable_here(layout.near_support, layout.table_sector)
     first = packed_size(count) - 2 * count
     for ux, uy in shapes.directions(np.random.default_rng(3), 300).tolist():
         near = (near_support(packed, table_sector(count, ux, uy)) - first) // 2

@@ -402,7 +402,8 @@ def test_rows_that_have_no_body():
     ({'footprint': []}, 'no points'),
 ])
 def test_what_is_refused_in_its_own_terms(change, words):
-    """Also where nothing is near."""
-    given = {'footprint': BOX, 'twist': (1, 0, 0), 'obstacles': [BOX + 9, BAR + 9], 'horizon': 1.0}
-    with pytest.raises(PolygonError if 'footprint' in change else ValueError, match=words):
-        time_to_contact(**{**given, **change})
+    """Also where nothing is near, or all is in contact at time 0."""
+    given = {'footprint': BOX, 'twist': (1, 0, 0), 'horizon': 1.0}
+    for obstacles in ([BOX + 9, BAR + 9], [BOX, BOX]):
+        with pytest.raises(PolygonError if 'footprint' in change else ValueError, match=words):
+            time_to_contact(**{**given, 'obstacles': obstacles, **change})

@@ -16,15 +16,18 @@
 
 from fractions import Fraction
 
+from compiled import callable_here
 import families
 import numpy as np
 import oracle
 import pytest
 from sat_collision import intersects, Polygon
+from sat_collision.geometry import separating_axis
 from sat_collision.geometry.layout import Packed
-from sat_collision.geometry.separating_axis import (
-    boxes_apart, find_separating_axis, MEET, SEPARATE, support, UNCERTAIN)
+from sat_collision.geometry.separating_axis import MEET, SEPARATE, UNCERTAIN
 
+boxes_apart, find_separating_axis, support = callable_here(
+    separating_axis.boxes_apart, separating_axis.find_separating_axis, separating_axis.support)
 CONVEX = {**families.CONVEX, **families.EXTREME}
 UNIT = Fraction(1, 2 ** 53)
 

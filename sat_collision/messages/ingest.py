@@ -26,7 +26,7 @@ from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.polygon import PlaneMap, PolygonError, UNMOVED
 from sat_collision.messages.cdr import COUNT_SIZE, decode, MessageError, Points
 from sat_collision.messages.packer import Packer, vertices_of
-from sat_collision.messages.placement import Placement, points_of_run
+from sat_collision.messages.placement import Placement
 from sat_collision.messages.rejections import (
     detail_of, EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE)
 from sat_collision.messages.transform_listener import TransformListener
@@ -118,8 +118,10 @@ class Ingest:
                 # The message before, of the same header, begins the run.
                 placements.pop()
                 first -= 1
-            points = points_of_run(batch.messages[first:begin + taken], points_at)
-            placements.append(Placement(name, stamp, True, frame_id, points, plane, None))
+            if first or begin + taken < len(batch.messages):
+                batch = Batch(batch.messages[first:begin + taken])
+            placements.append(Placement(name, stamp, True, frame_id,
+                                        (batch.data, batch.ends, points_at), plane, None))
         return taken
 
     def take(self, settings: FootprintSettings | ObstacleSettings, data: bytes,

@@ -16,18 +16,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from functools import lru_cache
-from typing import cast, NamedTuple, TypeAlias
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any, cast, NamedTuple, TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
 from sat_collision.geometry.polygon import PlaneMap
 from sat_collision.messages.cdr import POINT_SIZE, Points
 
-# The bytes of a run, and two arrays: where in them the points of each message start, and how many
-# there are.
-RunPoints: TypeAlias = tuple[bytes, NDArray[np.int64], NDArray[np.int64]]
+# The messages of a run, one behind the other; where each of them ends but the last one, an array
+# of int64; and where in each the points start.
+RunPoints: TypeAlias = tuple[bytes, Any, int]
 
 
 class Placement(NamedTuple):
@@ -44,7 +42,7 @@ class Placement(NamedTuple):
     @property
     def is_empty(self) -> bool:
         """Whether the message has no points, which ends a set or a map."""
-        return isinstance(self.points[2], int) and not self.points[2]
+        return not self.points[2]
 
     @property
     def single(self) -> Points:
@@ -59,22 +57,10 @@ class Placement(NamedTuple):
 
     def each(self) -> Iterator[Placement]:
         """Yield the messages of a run one by one."""
-        data, starts, counts = self.points
-        if isinstance(starts, int) or isinstance(counts, int):
+        data, ends, points_at = self.points
+        if isinstance(ends, int):
             yield self
         else:
-            for start, count in zip(starts.tolist(), counts.tolist()):
-                yield self._replace(points=(data, start, count))
-
-
-def points_of_run(messages: Sequence[bytes], points_at: int) -> RunPoints:
-    """Return the points of a run of messages as a Placement has them; where in each they start."""
-    return b''.join(messages), *_outlines(points_at, *map(len, messages))
-
-
-@lru_cache(32)
-def _outlines(points_at: int, *sizes: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return where points start, and how many they are, of messages one behind the other."""
-    lengths = np.array(sizes, np.int64)
-    starts = np.cumsum(lengths) - lengths + points_at
-    return starts, (lengths - points_at) // POINT_SIZE
+            for start, end in pairwise([0, *ends.tolist(), len(data)]):
+                start += points_at
+                yield self._replace(points=(data, start, (end - start) // POINT_SIZE))

@@ -117,6 +117,7 @@ class _Run:
         self._monitor = Monitor(settings, bool(self._transforms),
                                 None if options.as_live else self._placements)
         self._scene = self._monitor.scene
+        self._scene.decides_contacts = options.as_live or options.write_bag is not None
         self._timers: list[Timer] = []
         self._motion: Motion | None = None
         self._live: Timeline | None = None
@@ -237,10 +238,12 @@ class _Run:
                         self._follow(now)
             number = numbers.pop(topic, None) if numbers else None
             for name in names[topic]:
+                if len(batch) == 1 or name not in footprints:
+                    self._receive(name, batch, now, number)
+                    continue
                 # A footprint that is refused is nowhere until the next one, so each counts.
-                together = 1 if name in footprints else len(batch)
-                for k in range(0, len(batch), together):
-                    self._receive(name, batch[k:k + together], now, number and number + k)
+                for k, data in enumerate(batch):
+                    self._receive(name, [data], now, number and number + k)
             if rows and len(names[topic]) == 1 and now:
                 bound = min(monitor.deadline, self._due - 1, NEVER if stop is None else stop - 1)
                 now = rows.receive_run(monitor, names[topic][0], now, bound)

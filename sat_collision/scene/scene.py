@@ -91,6 +91,8 @@ class Scene:
         self.waiting: Container[str] = ()
         # Whether the motion of every footprint is tracked, be it asked for or not.
         self.tracks_motion = False
+        # Whether footprints are placed among the obstacles; else it is found only what is known.
+        self.decides_contacts = True
         self._now = 0
         self._clock_stands = False
         self._contacts = Contacts(settings.margin)
@@ -174,7 +176,8 @@ class Scene:
         if footprint.time is not None and time < footprint.time and not (
                 footprint.stale or footprint.timeout == NEVER):
             return OVERTAKEN
-        self._contacts.place_footprint(footprint, body)
+        if self.decides_contacts:
+            self._contacts.place_footprint(footprint, body)
         footprint.origin = origin
         footprint.time = time
         if footprint.fault or footprint.stale or time + footprint.timeout < now:

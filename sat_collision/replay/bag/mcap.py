@@ -19,6 +19,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Collection, Iterator
+from operator import itemgetter
 import os
 from pathlib import Path
 import struct
@@ -37,6 +38,7 @@ _OF_DATA = _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX
 _OF_SUMMARY = _SCHEMA, _CHANNEL, _CHUNK_INDEX, _STATISTICS
 _RECORD_HEAD = struct.Struct('<BQ')
 _MESSAGE_HEAD = struct.Struct('<HIQQ')
+_MESSAGE_RECORD = struct.Struct('<BQHIQQ')
 _CHUNK_HEAD = struct.Struct('<QQQI')
 _FOOTER = struct.Struct('<BQQQI')
 _FOOTER_SIZE = _FOOTER.size + len(_MAGIC)
@@ -46,6 +48,7 @@ _PIECE = 2**20
 _ENTRY = 400
 # Time in ns, block, where its data begins and ends in the block, channel, bytes of the block.
 _Entry: TypeAlias = tuple[int, int, int, int, int, bytes]
+_channel_of = itemgetter(4)
 
 
 class Block(NamedTuple):
@@ -146,7 +149,7 @@ class McapFile(Storage):
         for number, block in enumerate(blocks):
             held = {entry[1]: len(entry[5]) for entry in pending}
             loaded = self._load(block, number, sum(held.values()), faults)
-            read.update(entry[4] for entry in loaded)
+            read.update(map(_channel_of, loaded))
             pending += [entry for entry in loaded
                         if entry[4] in wanted and first <= entry[0] < last]
             pending.sort()
@@ -163,7 +166,7 @@ class McapFile(Storage):
         found: Counter[int] = Counter()
         for number, block in enumerate(self._blocks):
             loaded = self._load(block, number, 0, self._faults)
-            found.update(entry[4] for entry in loaded)
+            found.update(map(_channel_of, loaded))
             self._extend(*(time for time, *_ in loaded[:1] + loaded[-1:]))
         self._compare(found, 'can be read')
         return found
@@ -190,7 +193,16 @@ class McapFile(Storage):
         """Add the messages of a block up to any damage."""
         content = self._content(block, held)
         at, end = 0, len(content)
+        whole = end - _MESSAGE_RECORD.size
+        unpack, append = _MESSAGE_RECORD.unpack_from, entries.append
         while at < end:
+            if at <= whole:
+                kind, size, channel, _, time, _ = unpack(content, at)
+                behind = at + _RECORD_HEAD.size + size
+                if kind == _MESSAGE and size >= _MESSAGE_HEAD.size and behind <= end:
+                    append((time, number, at + _MESSAGE_RECORD.size, behind, channel, content))
+                    at = behind
+                    continue
             if end - at < _RECORD_HEAD.size:
                 raise Damage('the head of a record is cut off')
             kind, size = _RECORD_HEAD.unpack_from(content, at)
@@ -198,12 +210,8 @@ class McapFile(Storage):
             if not kind or size > end - at:
                 raise Damage(f'{size} bytes announced, {end - at} left' if kind else 'no record')
             if kind == _MESSAGE:
-                if size < _MESSAGE_HEAD.size:
-                    raise Damage('invalid message record')
-                channel, _, time, _ = _MESSAGE_HEAD.unpack_from(content, at)
-                entries.append((time, number, at + _MESSAGE_HEAD.size, at + size, channel,
-                                content))
-            elif kind in (_SCHEMA, _CHANNEL):
+                raise Damage('invalid message record')
+            if kind in (_SCHEMA, _CHANNEL):
                 self._define(kind, content[at:at + size], block.where)
             at += size
 

@@ -99,7 +99,8 @@ class Recording(Storage):
         read: Counter[str] = Counter()
         unfit = 0
         for part in self._parts:
-            for topic, time, data in part.messages(topics, start, stop):
+            for message in part.messages(topics, start, stop):
+                topic, time, data = message
                 # A message in CDR begins otherwise.
                 if data.startswith(ZSTD_MAGIC):
                     try:
@@ -107,9 +108,10 @@ class Recording(Storage):
                     except Damage:
                         unfit += 1
                         data = b''
+                    message = topic, time, data
                 read[topic] += 1
                 sums[topic] += crc32(data, (time ^ time >> 32) & _LOW)
-                yield topic, time, data
+                yield message
         if unfit:
             self._faults.differs('unfit', f'{unfit} messages are compressed and damaged')
         if start is None and stop is None:

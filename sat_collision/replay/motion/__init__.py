@@ -15,10 +15,12 @@
 Recorded motion: where everything was between two messages, and what touched on the way.
 
 order         messages in the order of their own stamps
-trajectories  bodies at a moment, between two moments, and the trajectory of a footprint
+bodies        outlines set after set, and between two moments
+trajectories  the trajectory of a footprint
 tracker       who is who from one message to the next
 contacts      where and when a footprint touches obstacles on the way
 kernels       rings by the thousand: bounds, neighbours, motions
+nearness      what of them is near to a footprint
 prediction    how soon a footprint would touch something as it moves
 walk          all of this over a recording
 tape          what is kept to draw it

@@ -30,14 +30,12 @@ from sat_collision.geometry.query import closest_points, separation
 from sat_collision.geometry.sweep import time_of_contact
 from sat_collision.replay.model.result import (
     AT_A_SAMPLE, BETWEEN_SAMPLES, Contact, FootprintResult, Least, least_of, Series, Unknown)
-from sat_collision.replay.motion.kernels import measure_near, rows_near
+from sat_collision.replay.motion.bodies import Block, Bodies, Floats, Integers, LinearMotion
+from sat_collision.replay.motion.nearness import look, measure_near, rows_near, SLACK
 from sat_collision.replay.motion.tracker import Step
-from sat_collision.replay.motion.trajectories import (
-    Bodies, Box, Floats, Integers, LinearMotion, Piece, Trajectory)
+from sat_collision.replay.motion.trajectories import Box, Piece, Trajectory
 from sat_collision.scene.obstacles import ObstacleId
 
-# What rounding may take from a separation or add to a way, in parts of the largest coordinate.
-_SLACK = 1e-12
 _NOTHING = indexable(np.zeros(1)), 0
 
 
@@ -74,9 +72,13 @@ class ContactTracker:
         self._contacts = contacts
         self._margin = margin
         self._touching: dict[ObstacleId, Contact] = {}
+        self._looks: _Looks | None = None
 
     def decide(self, step: Step) -> None:
         """Decide a step; the footprint's way through it must be known, as far as it ever is."""
+        if step.last is not None and step.seen is not None and not self._touching and (
+                self._look_together(step.last, step.seen)):
+            return
         followed: dict[ObstacleId, Contact] = {}
         for motion in step.motions:
             self._follow(motion, followed, step.seen)
@@ -100,6 +102,24 @@ class ContactTracker:
         """Mark the contacts that last to the end."""
         for contact in self._touching.values():
             contact.at_end = True
+
+    def _look_together(self, last: Bodies, seen: Bodies) -> bool:
+        """Look at a step as part of its block; return False if it needs to be looked at alone."""
+        looks = self._looks
+        if looks is None or looks.block is not seen.block:
+            if self._trajectory.block is None:
+                return False
+            looks = self._looks = _Looks(seen.block, self._trajectory.block, self._margin)
+        first, end, low, high = looks.steps[seen.number]
+        if first < 0 or not self._trajectory.is_in_block(looks.way, low, high, last.begin,
+                                                         seen.begin):
+            return False
+        self.decided = True
+        for (time, row, kind), value in zip(looks.times[first:end], looks.values[first:end]):
+            if kind:
+                self._series.add(time, value)
+            self._contacts.measure(seen if kind == 2 else last, row, time, value)
+        return True
 
     def _look(self, seen: Bodies, before: dict[ObstacleId, Contact]) -> dict[ObstacleId, Contact]:
         """Decide a moment: return what touches, and note how deep, and what is nearest."""
@@ -240,6 +260,31 @@ class ContactTracker:
         return None if share is None else pair.begin + round(share * (pair.end - pair.begin))
 
 
+class _Looks:
+    """
+    What is nearest to a footprint at each step of a block, as `look` has it.
+
+    Parameters
+    ----------
+    block, way : Block
+        The obstacles, and the samples of the footprint.
+    margin : float
+        In metres.
+
+    """
+
+    def __init__(self, block: Block | None, way: Block, margin: float) -> None:
+        assert block is not None
+        self.block = block
+        self.way = way
+        steps = np.empty((len(block.sets), 4), np.int64)
+        most = len(block.sets) + len(way.sets)
+        times, values = np.empty((most, 3), np.int64), np.empty(most)
+        look(*((one.points, one.rings, one.boxes, one.sets, *one.ways) for one in (way, block)),
+             margin, steps, times, values)
+        self.steps, self.times, self.values = steps.tolist(), times.tolist(), values.tolist()
+
+
 class _Pair(NamedTuple):
     """A footprint and an obstacle from one time to another, both on straight motion; or back."""
 
@@ -283,7 +328,7 @@ class _Pair(NamedTuple):
         moved: float = sum(motion.moved[i] * passed / max(motion.finishes[i] - motion.starts[i], 1)
                            for motion, i in both)
         largest: float = max(np.abs(motion.boxes[i]).max() for motion, i in both)
-        return moved * (1.0 + _SLACK) + _SLACK * largest
+        return moved * (1.0 + SLACK) + SLACK * largest
 
 
 def _between(first: int, last: int) -> list[int]:

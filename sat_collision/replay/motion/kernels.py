@@ -21,9 +21,7 @@ Arrays are written to, not returned: numba takes a microsecond to hand one to Py
 import math
 
 import numpy as np
-from sat_collision.geometry.distance import measure
 from sat_collision.geometry.jit import kernel, scratch, words_and_floats
-from sat_collision.geometry.layout import Packed, packed_size
 from sat_collision.geometry.moving import STRIDE
 from sat_collision.geometry.packing import pack
 from sat_collision.geometry.ring import CONVEX
@@ -38,89 +36,147 @@ _KEY_BITS = 2**42 - 1
 # What the numbers of a ring are: where its points start, how many they are, when it is there, and
 # whether it has come there from somewhere else.
 FIRST, COUNT, STAMP, MOVED = range(4)
-# And of a way: where its vertices end, when it begins, and when it ends.
+# Of a way: where its vertices end, when it begins, and when it ends.
 END, START, FINISH = range(3)
+# Of a message, or a run of some: which set it is of, how many rings it has, where its data begins,
+# its stamp, where in each message points start, and where in the data the last ones end.
+SET, RINGS, DATA, TIME, POINTS_AT, LAST = range(6)
+# Of a set among others: where its rings end, and its points; when its first and its last ring is
+# there, 0 if there is none; whether two may be the same to the bit (if they are, it is never
+# denied); where the ways that lead to it end, when the first begins, and when the last one ends.
+ROWS, POINTS, EARLIEST, LATEST, MAY_REPEAT, WAYS, WAYS_BEGIN, WAYS_END = range(8)
 
 
 @kernel
-def describe(data, starts, lengths, stamps, planes, out):
+def describe(data, messages, ends, planes, out):
     """
-    Write the points of rings, and where each is.
+    Write the points of the rings of some sets, and where each is.
 
     Parameters
     ----------
     data : bytes
-    starts : (n,) array of int64
-        Where in it the points of each ring start: x, y and z of each as float32.
-    lengths : (n,) array of int64
-        How many points each ring has.
-    stamps : (n,) or (1,) array of int64
-        When each ring, or all, are there, ns.
-    planes : (n, 6) array of float64
-        The map that takes each ring to the frame that counts, as a PlaneMap; empty if none is
-        needed.
+        Of all messages.
+    messages : (m, 6) array of int64
+        What is known of each message or run, in the order of the sets. Points are x, y and z as
+        float32.
+    ends : array of int64
+        Where in the data of each run its messages end but the last one.
+    planes : (m, 6) array of float64
+        The map that takes the rings of each to the frame that counts, as a PlaneMap; empty if none
+        is needed.
     out : tuple
-        What is written: points, rings, boxes.
+        What is written: points, rings, boxes, sets.
     points : (v, 2) array of float64
     rings : (n, 4) array of int64
-        FIRST and COUNT of the points of each, without one that closes it, STAMP and MOVED, which
-        is 0 until its way there is known.
+        FIRST of the points of its set and COUNT of each, without one that closes it, STAMP and
+        MOVED, which is 0 until its way there is known.
     boxes : (n, 4) array of float64
         min x, min y, max x, max y.
-
-    Returns
-    -------
-    begin, end : int
-        When the first and the last ring is there; 0 if there is none.
-    may_repeat : bool
-        Whether two rings may be the same to the bit; if they are, it is never denied.
+    sets : (s, 8) array of int64
+        ROWS, POINTS, EARLIEST, LATEST and MAY_REPEAT are written; all is 0 before.
 
     """
     words, values = words_and_floats(data)
-    points, rings, boxes = out
-    keys = np.empty(len(starts), np.int64)
-    start = begin = end = 0
-    for i in range(len(starts)):
-        last = start + lengths[i] - 1
-        at = starts[i] // _WORD
-        key = lengths[i]
-        for k in range(at, at + _POINT * lengths[i]):
-            key = (_FACTOR * key + np.int64(words[k])) & _KEY_BITS
-        keys[i] = key
-        for k in range(start, last + 1):
-            points[k, 0] = values[at]
-            points[k, 1] = values[at + 1]
-            at += _POINT
-            if len(planes):
-                # As `packing.moved_points`.
-                x = points[k, 0]
-                y = points[k, 1]
-                points[k, 0] = planes[i, 0] * x + planes[i, 1] * y + planes[i, 2]
-                points[k, 1] = planes[i, 3] * x + planes[i, 4] * y + planes[i, 5]
-        closed = (last > start and points[start, 0] == points[last, 0]
-                  and points[start, 1] == points[last, 1])
-        stamp = stamps[i] if len(stamps) > 1 else stamps[0]
-        rings[i, FIRST] = start
-        rings[i, COUNT] = lengths[i] - (1 if closed else 0)
-        rings[i, STAMP] = stamp
-        rings[i, MOVED] = 0
-        for axis in range(2):
-            least = points[start, axis]
-            most = least
-            for k in range(start + 1, last + 1):
-                least = min(least, points[k, axis])
-                most = max(most, points[k, axis])
-            boxes[i, axis] = least
-            boxes[i, 2 + axis] = most
-        start = last + 1
-        begin = min(begin, stamp) if i else stamp
-        end = max(end, stamp)
-    keys.sort()
-    may_repeat = False
-    for i in range(1, len(keys)):
-        if keys[i] == keys[i - 1]:
-            may_repeat = True
-    return begin, end, may_repeat
+    points, rings, boxes, sets = out
+    keys = np.empty(len(rings), np.int64)
+    message = listed = i = start = 0
+    for s in range(len(sets)):
+        first, base = i, start
+        while message < len(messages) and messages[message, SET] == s:
+            stamp = messages[message, TIME]
+            data_at = messages[message, DATA]
+            end = 0
+            row = i + messages[message, RINGS]
+            for i in range(i, row):
+                at = end + messages[message, POINTS_AT]
+                end = messages[message, LAST]
+                if i < row - 1:
+                    end = ends[listed]
+                    listed += 1
+                length = (end - at) // (_WORD * _POINT)
+                at = (data_at + at) // _WORD
+                last = start + length - 1
+                key = length
+                for k in range(at, at + _POINT * length):
+                    key = (_FACTOR * key + np.int64(words[k])) & _KEY_BITS
+                keys[i] = key
+                for k in range(start, last + 1):
+                    points[k, 0] = values[at]
+                    points[k, 1] = values[at + 1]
+                    at += _POINT
+                    if len(planes):
+                        # As `packing.moved_points`.
+                        x = points[k, 0]
+                        y = points[k, 1]
+                        plane = planes[message]
+                        points[k, 0] = plane[0] * x + plane[1] * y + plane[2]
+                        points[k, 1] = plane[3] * x + plane[4] * y + plane[5]
+                closed = (last > start and points[start, 0] == points[last, 0]
+                          and points[start, 1] == points[last, 1])
+                rings[i, FIRST] = start - base
+                rings[i, COUNT] = length - (1 if closed else 0)
+                rings[i, STAMP] = stamp
+                rings[i, MOVED] = 0
+                for axis in range(2):
+                    least = points[start, axis]
+                    most = least
+                    for k in range(start + 1, last + 1):
+                        least = min(least, points[k, axis])
+                        most = max(most, points[k, axis])
+                    boxes[i, axis] = least
+                    boxes[i, 2 + axis] = most
+                start = last + 1
+                sets[s, EARLIEST] = min(sets[s, EARLIEST], stamp) if i > first else stamp
+                sets[s, LATEST] = max(sets[s, LATEST], stamp)
+            i += 1
+            message += 1
+        sets[s, ROWS] = i
+        sets[s, POINTS] = start
+        keys[first:i].sort()
+        for k in range(first + 1, i):
+            if keys[k] == keys[k - 1]:
+                sets[s, MAY_REPEAT] = 1
+
+
+@kernel
+def follow(described, longest, ways):
+    """
+    Write the ways of the rings of each set to those of the next.
+
+    Parameters
+    ----------
+    described : tuple
+        Points, rings, boxes and sets, as `describe` has them; WAYS, WAYS_BEGIN and WAYS_END are
+        written.
+    longest : int
+        How long a way may take, ns.
+    ways : tuple
+        What is written: the rows in their set of the rings that are followed and of those that
+        they become, and array, ways, boxes and moved, as `motions_between` has them; the array
+        has room for each way where the points of the set are at which it begins.
+
+    """
+    points, rings, boxes, sets = described
+    rows, next_rows, array, times, bounds, moved = ways
+    first = row = first_point = point = way = 0
+    for s in range(len(sets)):
+        next_row = sets[s, ROWS]
+        next_point = sets[s, POINTS]
+        if s > 0:
+            found = mutual_nearest(rings[first:row], boxes[first:row], rings[row:next_row],
+                                   boxes[row:next_row], longest, rows[way:], next_rows[way:])
+            if found > 0:
+                end = way + found
+                begun, ended = motions_between(
+                    points[first_point:point], rings[first:row], rows[way:end],
+                    points[point:next_point], rings[row:next_row], next_rows[way:end],
+                    (array[STRIDE * first_point:STRIDE * point], times[way:end], bounds[way:end],
+                     moved[way:end]))
+                sets[s, WAYS_BEGIN] = begun
+                sets[s, WAYS_END] = ended
+                way = end
+        sets[s, WAYS] = way
+        first, row, first_point, point = row, next_row, point, next_point
 
 
 @kernel
@@ -310,95 +366,6 @@ def _least_motion(points, first, next_points, next_first, count, step):
             best = total
             found = shift
     return found
-
-
-@kernel
-def rows_near(box, boxes, margin, rows):
-    """Write which boxes are no further than a margin from one; return how many."""
-    found = 0
-    for i in range(len(boxes)):
-        if _gap(box, boxes[i]) <= margin:
-            rows[found] = i
-            found += 1
-    return found
-
-
-@kernel
-def measure_near(body, box, rows, bodies, margin, found):
-    """
-    Measure how far a body is from rings, of all that may be nearest or within a margin.
-
-    Parameters
-    ----------
-    body : (flat array of float64, int)
-        The packed body and its count; 0 to measure nothing, where each ring has another body
-        to be measured with.
-    box : four floats
-        What bounds it.
-    rows : (m,) array of int64
-        The rings to be looked at.
-    bodies : tuple
-        Boxes, points and rings of all, as `describe` has them.
-    margin : float
-        In metres.
-    found : (m, 3) array of float64
-        Receives of each ring how far the boxes are apart, which is never more than the bodies
-        are, its row, and its separation as `distance.measure` has it; NaN of what is not
-        measured, or not convex.
-
-    Returns
-    -------
-    int
-        How many rings there are.
-
-    """
-    outline, n = body
-    boxes, points, rings = bodies
-    count = 0
-    least = math.inf
-    nearest = -1
-    if n != 0:
-        # What has the nearest box goes first, so that its separation spares most others.
-        for row in rows:
-            gap = _gap(box, boxes[row])
-            if gap < least:
-                least = gap
-                nearest = row
-        least = math.inf
-    if nearest >= 0:
-        value = _separation(outline, n, points, rings[nearest])
-        found[0] = (_gap(box, boxes[nearest]), float(nearest), value)
-        count = 1
-        if value < least:
-            least = value
-    for row in rows:
-        gap = _gap(box, boxes[row])
-        if row == nearest or gap > max(margin, least):
-            continue
-        value = math.nan if n == 0 else _separation(outline, n, points, rings[row])
-        found[count] = (gap, float(row), value)
-        count += 1
-        if value < least:
-            least = value
-    return count
-
-
-@kernel
-def _gap(box, other):
-    """Return how far two boxes are apart: 0 just when they share a point."""
-    x = max(max(other[0] - box[2], box[0] - other[2]), 0.0)
-    y = max(max(other[1] - box[3], box[1] - other[3]), 0.0)
-    return math.sqrt(x * x + y * y)
-
-
-@kernel
-def _separation(outline, n, points, ring):
-    """Return the separation of a packed body from a ring, NaN if that is not convex."""
-    packed = scratch(packed_size(ring[COUNT]))
-    m = pack_ring(points, ring[FIRST], ring[COUNT], packed)
-    if m == 0:
-        return math.nan
-    return measure(Packed(outline, 0, n), Packed(packed, 0, m))[0]
 
 
 @kernel

@@ -18,8 +18,6 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterable, Iterator
-from itertools import chain, groupby
-from operator import itemgetter
 from typing import TypeAlias
 
 from sat_collision.messages.cdr import header_stamp, STAMP_SIZE
@@ -51,7 +49,7 @@ class StampOrder:
     Attributes
     ----------
     delay : int
-        How much later than its stamp the last message was received, ns; 0 by the header.
+        How much later than its time the last message was received, ns; not by the header.
 
     """
 
@@ -64,19 +62,21 @@ class StampOrder:
 
     def __iter__(self) -> Iterator[Timed]:
         by_header, waiting = self._by_header, self._waiting
-        latest = released = stamp = delay = 0
-        last_topic, last_head, run = '', b'', [b'']
-        for count, (topic, received, data) in enumerate(self._messages):
-            head = data[:STAMP_SIZE]
-            if head == last_head and topic == last_topic and (
-                    by_header or -WINDOW <= received - stamp <= WINDOW):
+        messages = self._messages
+        if by_header:
+            messages = ((topic, 0, data) for topic, _, data in messages)
+        latest = released = time = before = count = 0
+        # What adds to a run whose time is its stamp, received between two times.
+        run, run_topic, head, begin, end = [b''], '', b'', 0, 0
+        for topic, received, data in messages:
+            if topic == run_topic and data.startswith(head) and begin <= received <= end:
                 run.append(data)
-                if not by_header:
-                    delay = received - stamp
-                    if received > latest:
-                        latest = received
+                before = received
+                if received > latest:
+                    latest = received
                 continue
-            run, last_head = [data], b''
+            run, run_topic = [data], ''
+            count += 1
             if topic == TF_STATIC:
                 # It holds at any time.
                 waiting.append((0, count, topic, run))
@@ -90,18 +90,19 @@ class StampOrder:
                 time = received = time or latest
             elif not (time and -WINDOW <= received - time <= WINDOW):
                 time = received
-            if time == stamp and topic != TF:
-                last_topic, last_head = topic, head
-            delay = received - time
+            if stamp and time == stamp and topic != TF:
+                run_topic, head = topic, data[:STAMP_SIZE]
+                begin, end = (0, 0) if by_header else (stamp - WINDOW, stamp + WINDOW)
+            before = received
             if received > latest:
                 latest = received
             waiting.append((time, count, topic, run))
             if latest > released + 2 * WINDOW:
                 released = latest - WINDOW
-                self.delay = delay
+                self.delay = received - time
                 yield from self._take(released)
-                last_head = b''
-        self.delay = delay
+                run_topic = ''
+        self.delay = before - time
         yield from self._take(None)
 
     def _take(self, until: int | None) -> Iterator[Timed]:
@@ -111,8 +112,16 @@ class StampOrder:
         end = len(waiting) if until is None else bisect_left(waiting, (until,))
         ready = waiting[:end]
         del waiting[:end]
-        for (topic, time), runs in groupby(ready, itemgetter(2, 0)):
-            yield topic, time, [*chain.from_iterable(run for _, _, _, run in runs)]
+        last_topic, last_time, messages = '', -1, [b'']
+        for time, _, topic, run in ready:
+            if topic == last_topic and time == last_time:
+                messages += run
+                continue
+            if last_topic:
+                yield last_topic, last_time, messages
+            last_topic, last_time, messages = topic, time, run
+        if last_topic:
+            yield last_topic, last_time, messages
 
 
 def _tf_stamp(data: bytes) -> int:

@@ -34,8 +34,9 @@ import numpy as np
 from sat_collision.geometry.polygon import Polygon, PolygonError
 from sat_collision.geometry.polygon_set import PolygonSet
 from sat_collision.replay.model.result import FootprintResult, Sample, Series, Soonest, Unknown
+from sat_collision.replay.motion.bodies import Floats, LinearMotion
 from sat_collision.replay.motion.tracker import Step
-from sat_collision.replay.motion.trajectories import Floats, LinearMotion, Trajectory
+from sat_collision.replay.motion.trajectories import Trajectory
 from sat_collision.scene.parameters import outline_of
 from sat_collision.scene.settings import FootprintSettings
 from sat_collision.scene.velocity import (

@@ -21,8 +21,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from sat_collision.replay.model.keyframes import Keyframes, ShownBody, Tape
+from sat_collision.replay.motion.bodies import Bodies, Floats, LinearMotion
 from sat_collision.replay.motion.tracker import LONGEST, Step, Tracker
-from sat_collision.replay.motion.trajectories import Bodies, Floats, LinearMotion, Trajectory
+from sat_collision.replay.motion.trajectories import Trajectory
 from sat_collision.scene.obstacles import ObstacleId
 
 

@@ -25,14 +25,15 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from itertools import chain, compress
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from sat_collision.messages.placement import Placement
-from sat_collision.replay.motion.kernels import COUNT, mutual_nearest
-from sat_collision.replay.motion.trajectories import (
-    Bodies, Integers, LinearMotion, Rings, rings_of, stay)
+from sat_collision.replay.motion.bodies import (
+    Block, Bodies, Integers, LinearMotion, motion_between, motion_in_block, stay)
+from sat_collision.replay.motion.kernels import COUNT, MOVED, mutual_nearest, ROWS
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import NEVER, ObstacleSettings, POLYGON_INSTANCE
 
@@ -42,33 +43,55 @@ LONGEST = 10 * 10**9
 _TOGETHER = 10**8
 
 
-class Step(NamedTuple):
+@dataclass(slots=True)
+class Step:
     """
     What is known of a source's bodies from one moment to the next.
 
     Attributes
     ----------
-    motions : list of LinearMotion
-        The bodies that are known to be the same at both.
+    made : list of LinearMotion
+        The motions, as far as they are made.
     seen : Bodies or None
         All that was seen at the later one, None if nothing was.
     gone : sequence of ObstacleId or None
         Names of those that are there no longer; None for all that was not seen.
     finish : int
         The last time of which anything is known, ns.
+    last : Bodies or None
+        The set before that which was seen in their block, if these two are all of the step: then
+        the motions are made when they are asked for.
 
     """
 
-    motions: list[LinearMotion]
+    made: list[LinearMotion]
     seen: Bodies | None
     gone: Sequence[ObstacleId] | None
     finish: int
+    last: Bodies | None = None
+
+    @property
+    def motions(self) -> list[LinearMotion]:
+        """The bodies that are known to be the same at both moments."""
+        if self.last is not None and self.seen is not None and not self.made:
+            self.made = motion_in_block(self.last, self.seen)
+        return self.made
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Step, (self.motions, self.seen, self.gone, self.finish)
 
     @property
     def frame_id(self) -> str:
         """The frame that its bodies are in, empty if there is none."""
         bodies = [motion.before for motion in self.motions] if self.seen is None else [self.seen]
         return bodies[0].frame_id if bodies else ''
+
+
+class Described(NamedTuple):
+    """A set, and how many messages it was made of."""
+
+    bodies: Bodies
+    messages: int
 
 
 Emit: TypeAlias = 'Callable[[Tracker, Step], None]'
@@ -102,8 +125,12 @@ class Tracker(ABC):
         self._frame_id = ''
 
     @abstractmethod
-    def place(self, placement: Placement) -> None:
-        """Take where bodies were; no points say that the publisher has sent all."""
+    def place(self, placement: Placement, described: Described | None = None) -> None:
+        """
+        Take where bodies were; no points say that the publisher has sent all.
+
+        A set that begins may have been described before.
+        """
 
     @abstractmethod
     def rest(self, now: int, is_over: bool = False) -> None:
@@ -113,12 +140,13 @@ class Tracker(ABC):
         """Drop what is in another frame than this."""
         self._frame_id = frame_id
 
-    def _bodies(self, names: Sequence[ObstacleId], rings: Rings,
-                placements: Iterable[Placement]) -> Bodies:
-        """Return what has come in; there may be more names than rings."""
-        frames = {placement.frame_id for placement in placements}
-        return Bodies(names[:len(rings.starts)], rings, self._max_vertices,
-                      frames.pop() if len(frames) == 1 else '')
+    def _bodies(self, names: Sequence[ObstacleId], placements: Sequence[Placement],
+                block: Block, number: int = 0) -> Bodies:
+        """Return what has come in, as a block has it; there may be more names than bodies."""
+        frame_id = placements[0].frame_id if placements else ''
+        if any(one.frame_id != frame_id for one in placements[1:]):
+            frame_id = ''
+        return Bodies(names, block, number, self._max_vertices, frame_id)
 
     def _is_usable(self, placement: Placement) -> bool:
         """Return whether a placement is in the frame that counts, if there is one yet."""
@@ -140,6 +168,7 @@ class SetTracker(Tracker):
         self._stamp: int | None = None
         # What comes in, until the set is whole.
         self._pending: list[Placement] = []
+        self._described: Described | None = None
         self._names: list[ObstacleId] = []
         # The last set, when each of it was seen, and the rows that may be seen again.
         self._last: Bodies | None = None
@@ -147,12 +176,30 @@ class SetTracker(Tracker):
         self._seen_at: Integers = np.zeros(0, np.int64)
         self._alive: Sequence[int] = ()
 
-    def place(self, placement: Placement) -> None:
+    def describe(self, placements: Iterable[tuple[int, Placement]]) -> dict[int, Described]:
+        """Describe sets that are about to come, by the numbers of the messages that begin them."""
+        sets: dict[int, list[Placement]] = {}
+        one: list[Placement] = []
+        stamp = None
+        for number, placement in placements:
+            if placement.is_empty:
+                stamp = None
+            elif stamp is not None and abs(placement.stamp - stamp) <= self._window:
+                one.append(placement)
+            else:
+                stamp, one = placement.stamp, [placement]
+                sets[number] = one
+        block = Block([*sets.values()], self._longest)
+        return {number: Described(self._set(one, block, k), len(one))
+                for k, (number, one) in enumerate(sets.items())}
+
+    def place(self, placement: Placement, described: Described | None = None) -> None:
         stamp = placement.stamp
         if self._stamp is not None and abs(stamp - self._stamp) > self._window:
             self._close()
         if self._stamp is None:
             self._stamp = stamp
+            self._described = described
         if placement.is_empty:
             self._close()
         else:
@@ -194,16 +241,17 @@ class SetTracker(Tracker):
         last = self._last
         motions: list[LinearMotion] = []
         until: dict[int, int] = {}
+        is_in_block = False
         if last is not None:
-            rows, next_rows = np.empty((2, len(last)), np.int64)
-            found = mutual_nearest(last.rings, last.boxes, seen.rings, seen.boxes, self._longest,
-                                   rows, next_rows)
-            rows, next_rows = rows[:found], next_rows[:found]
-            if found:
-                motions.append(LinearMotion(last, seen, rows, next_rows))
+            is_in_block = seen.follows(last)
+            if not is_in_block:
+                motions = self._follow(last, seen)
+            found = seen.followed if is_in_block else sum(map(len, motions))
             is_lost = found < len(last)
             if is_lost:
-                lost = {*self._alive}.difference(rows.tolist())
+                if is_in_block:
+                    motions = motion_in_block(last, seen)
+                lost = {*self._alive}.difference(*(motion.rows.tolist() for motion in motions))
                 moving = last.moving
                 # What was forgotten before this set was there until then.
                 for row in sorted(lost):
@@ -215,25 +263,42 @@ class SetTracker(Tracker):
                 is_lost = len(until) < len(lost)
             if found < len(seen) or is_lost:
                 self.undetermined += min(max(stamp - self._last_stamp, 0), self._longest)
-        self._emit(self, Step(motions, seen, None, max(stamp, seen.end, *until.values())))
+        self._emit(self, Step(motions, seen, None, max(stamp, seen.end, *until.values()),
+                              last if is_in_block and not until else None))
         self._last, self._last_stamp, self._seen_at = seen, stamp, seen.stamps
         self._alive = range(len(seen))
 
     def _take_set(self) -> Bodies:
         """Return the set that came in; of bodies in the same place the last message counts."""
         pending, self._pending = self._pending, []
-        rings = rings_of(pending)
-        self._names += [ObstacleId(self._source, k)
-                        for k in range(len(self._names), len(rings.starts))]
-        seen = self._bodies(self._names, rings, pending)
+        described = self._described
+        if described and described.messages == len(pending):
+            seen = described.bodies
+        else:
+            seen = self._set(pending, Block([pending]))
         if seen.may_repeat or not all(map(self._is_usable, pending)):
             shapes = {}
             for one in chain.from_iterable(placement.each() for placement in pending):
                 shapes[one.shape, one.plane] = one
             usable = [*map(self._is_usable, shapes.values())]
             pending = [*compress(shapes.values(), usable)]
-            seen = self._bodies([*compress(self._names, usable)], rings_of(pending), pending)
+            seen = self._bodies([*compress(self._names, usable)], pending, Block([pending]))
         return seen
+
+    def _set(self, placements: Sequence[Placement], block: Block, number: int = 0) -> Bodies:
+        count = block.numbers[number + 1][ROWS] - block.numbers[number][ROWS]
+        if count > len(self._names):
+            self._names += [ObstacleId(self._source, k) for k in range(len(self._names), count)]
+        return self._bodies(self._names, placements, block, number)
+
+    def _follow(self, last: Bodies, seen: Bodies) -> list[LinearMotion]:
+        """Return the motion from one set to the next, nothing if none of it is the same."""
+        # What the block has is from another set.
+        seen.rings[:, MOVED] = 0
+        rows, next_rows = np.empty((2, len(last)), np.int64)
+        found = mutual_nearest(last.rings, last.boxes, seen.rings, seen.boxes, self._longest,
+                               rows, next_rows)
+        return [motion_between(last, seen, rows[:found], next_rows[:found])] if found else []
 
 
 class _Sighting(NamedTuple):
@@ -258,7 +323,7 @@ class KeyTracker(Tracker):
         self._shapes: dict[tuple[bytes, object], ObstacleId] = {}
         self._first_stamp = self._rested = 0
 
-    def place(self, placement: Placement) -> None:
+    def place(self, placement: Placement, described: Described | None = None) -> None:
         if placement.is_empty:
             return
         for one in placement.each():
@@ -326,7 +391,8 @@ class KeyTracker(Tracker):
         self._pending = {}
         if not pending:
             return
-        seen = self._bodies([*pending], rings_of([*pending.values()]), pending.values())
+        placements = [*pending.values()]
+        seen = self._bodies([*pending], placements, Block([placements]))
         self._stand(seen.begin, self._longest)
         followed: defaultdict[int, list[tuple[int, int]]] = defaultdict(list)
         found: dict[int, Bodies] = {}
@@ -346,6 +412,6 @@ class KeyTracker(Tracker):
         motions = []
         for key, pairs in followed.items():
             rows, next_rows = np.array(pairs, np.int64).T
-            motions.append(LinearMotion(found[key], seen, np.ascontiguousarray(rows),
-                                        np.ascontiguousarray(next_rows)))
+            motions.append(motion_between(found[key], seen, np.ascontiguousarray(rows),
+                                          np.ascontiguousarray(next_rows)))
         self._emit(self, Step(motions, seen, (), seen.end))

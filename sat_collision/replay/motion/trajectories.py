@@ -12,276 +12,28 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bodies at a moment, between two moments, and the trajectory of a footprint."""
+"""The trajectory of a footprint, and where an outline was on its way."""
 
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Mapping, Sequence
-import copy
 from functools import cached_property, reduce
-from typing import Any, NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.layout import packed_size
-from sat_collision.geometry.moving import STRIDE
-from sat_collision.geometry.polygon import (
-    MAX_VERTICES, PackedBody, PlaneMap, Polygon, PolygonError)
-from sat_collision.messages.cdr import POINT_SIZE, Points
-from sat_collision.messages.placement import Placement
+from sat_collision.geometry.polygon import PackedBody, PlaneMap, Polygon, PolygonError
+from sat_collision.messages.cdr import Points
 from sat_collision.messages.transform_listener import TransformListener
-from sat_collision.replay.motion.kernels import (
-    COUNT, describe, END, FINISH, FIRST, motions_between, MOVED, pack_ring, STAMP, START)
+from sat_collision.replay.motion.bodies import (
+    Block, Bodies, Floats, LinearMotion, motion_between)
+from sat_collision.replay.motion.kernels import COUNT, pack_ring
+from sat_collision.replay.motion.nearness import around
 from sat_collision.scene.frames import NoTransform
-from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import NEVER
 
-Floats: TypeAlias = NDArray[np.float64]
-Integers: TypeAlias = NDArray[np.int64]
-
 NUMBERS = 3  # a point's, in a message
-IDENTITY = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0
-NO_PLANES = np.empty((0, len(IDENTITY)))
-
-
-class Rings(NamedTuple):
-    """
-    The outlines of some bodies as received.
-
-    Attributes
-    ----------
-    data : bytes
-    starts, lengths : (n,) array of int
-        Where in it the points of each are, and how many.
-    stamps : (n,) or (1,) array of int
-        When each was there, or all, ns.
-    planes : (n, 6) array
-        The map that takes each to the frame that all are in; empty if they are in it.
-
-    """
-
-    data: bytes
-    starts: Integers
-    lengths: Integers
-    stamps: Integers
-    planes: Floats
-
-
-def rings_of(placements: Sequence[Placement]) -> Rings:
-    """Return the outlines of all messages of some placements, in their order."""
-    if len(placements) == 1 and placements[0].plane is None:
-        _, stamp, _, _, (data, start, count), *_ = placements[0]
-        if isinstance(start, int) or isinstance(count, int):
-            start, count = np.array([[start], [count]])
-        return Rings(data, start, count, np.array([stamp]), NO_PLANES)
-    stamps: list[int] = []
-    planes: list[PlaneMap | None] = []
-    pieces, starts, lengths = [], [], []
-    at = 0
-    for placement in placements:
-        data, start, count = placement.points
-        pieces.append(data)
-        number = 1
-        if isinstance(start, int) or isinstance(count, int):
-            starts.append(at + start)
-            lengths.append(count)
-        else:
-            number = len(start)
-            starts += (at + start).tolist()
-            lengths += count.tolist()
-        stamps += number * [placement.stamp]
-        planes += number * [placement.plane]
-        at += len(data)
-    maps: Floats = NO_PLANES
-    if any(plane is not None for plane in planes):
-        maps = np.array([plane or IDENTITY for plane in planes])
-    return Rings(b''.join(pieces), np.array(starts, np.int64), np.array(lengths, np.int64),
-                 np.array(stamps, np.int64), maps)
-
-
-class Bodies:
-    """
-    The outlines of some bodies: one footprint, or the obstacles of a set.
-
-    Parameters
-    ----------
-    names : sequence of ObstacleId
-    rings : Rings
-    max_vertices : int, optional
-    frame_id : str, optional
-        The frame that all are in, empty if there is none.
-    is_between : bool, optional
-        Whether they were not received, but lie between what was.
-
-    Attributes
-    ----------
-    begin, end : int
-        When the first and the last one was there; 0 if there is none.
-    points : (v, 2) array
-        The points of all rings.
-    rings : (n, 4) array of int
-        What `describe` says of each.
-    boxes : (n, 4) array
-        min x, min y, max x, max y.
-    may_repeat : bool
-        Whether two outlines may be the same to the bit.
-
-    """
-
-    def __init__(self, names: Sequence[ObstacleId], rings: Rings,
-                 max_vertices: int = MAX_VERTICES, frame_id: str = '',
-                 is_between: bool = False) -> None:
-        self.names = names
-        self.frame_id = frame_id
-        self.is_between = is_between
-        count = len(rings.starts)
-        self.points = np.empty((len(rings.data) // POINT_SIZE, 2))
-        self.rings: Integers = np.empty((count, 4), np.int64)
-        self.boxes = np.empty((count, 4))
-        begin, end, self.may_repeat = describe(*rings, (self.points, self.rings, self.boxes))
-        self.begin, self.end = int(begin), int(end)
-        self._max_vertices = max_vertices
-        self._polygons: dict[int, Polygon] = {}
-
-    def __len__(self) -> int:
-        return len(self.names)
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, '_polygons': {}}
-
-    @property
-    def stamps(self) -> Integers:
-        """When each was there, ns."""
-        return self.rings[:, STAMP]
-
-    @property
-    def moving(self) -> NDArray[np.bool_]:
-        """Which bodies are known to have come here from somewhere else."""
-        moving: NDArray[np.bool_] = self.rings[:, MOVED] != 0
-        return moving
-
-    @property
-    def middles(self) -> Floats:
-        """The middle of each box, (n, 2)."""
-        return 0.5 * self.boxes[:, :2] + 0.5 * self.boxes[:, 2:]
-
-    @property
-    def moments(self) -> Sequence[int]:
-        """All times at which one of them was there."""
-        return [self.begin] if self.begin == self.end else self.stamps.tolist()
-
-    def at(self, stamps: Sequence[int]) -> Bodies:
-        """Return the same bodies, in the same places at other times."""
-        other = copy.copy(self)
-        other.rings = self.rings.copy()
-        other.rings[:, STAMP] = stamps
-        other.begin, other.end = min(stamps), max(stamps)
-        return other
-
-    def ring(self, row: int) -> Floats:
-        """Return the vertices of a body as received, (n, 2)."""
-        first = self.rings[row, FIRST]
-        return self.points[first:first + self.rings[row, COUNT]]
-
-    def polygon(self, row: int) -> Polygon:
-        """Return a body."""
-        found = self._polygons.get(row)
-        if found is None:
-            found = self._polygons[row] = Polygon(self.ring(row), self._max_vertices)
-        return found
-
-
-class LinearMotion:
-    """
-    Bodies that move from one moment to the next, each vertex on a straight line.
-
-    Parameters
-    ----------
-    before, after : Bodies
-    rows, next_rows : (m,) array of int, m >= 1
-        Which body becomes which; both have as many vertices.
-    finishes : sequence of int, optional
-        When each way ends in ns; that of the body that it leads to where none is given.
-
-    Attributes
-    ----------
-    begin, end : int
-        When the first one begins and the last one ends.
-    boxes : (m, 4) array
-        What bounds all of each way.
-    moved : (m,) array
-        How far the vertex goes that goes furthest, m.
-
-    """
-
-    def __init__(self, before: Bodies, after: Bodies, rows: Integers, next_rows: Integers,
-                 finishes: Sequence[int] | None = None) -> None:
-        self.before = before
-        self.after = after
-        self.rows = rows
-        self.next_rows = next_rows
-        count = len(rows)
-        self._array = np.empty(STRIDE * len(before.points))
-        self._ways = np.empty((count, 3), np.int64)
-        self.boxes, self.moved = np.empty((count, 4)), np.empty(count)
-        begin, end = motions_between(
-            before.points, before.rings, rows, after.points, after.rings, next_rows,
-            (self._array, self._ways, self.boxes, self.moved))
-        self.begin, self.end = int(begin), int(end)
-        if finishes is not None:
-            self._ways[:, FINISH] = finishes
-            self.end = max(finishes)
-
-    @property
-    def starts(self) -> Integers:
-        """When each way begins, ns."""
-        return self._ways[:, START]
-
-    @property
-    def finishes(self) -> Integers:
-        """When each way ends, ns."""
-        return self._ways[:, FINISH]
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    def ring(self, i: int, time: int) -> Floats:
-        """Return the vertices of a body at a time on its way, (n, 2)."""
-        end, start, finish = self._ways[i].tolist()
-        first = self._ways[i - 1, END] if i else 0
-        way: Floats = self._array[first:end].reshape(-1, STRIDE)
-        if time <= start:
-            return way[:, :2]
-        if time >= finish:
-            return way[:, 2:]
-        moved: Floats = (time - start) / (finish - start) * (way[:, 2:] - way[:, :2])
-        return way[:, :2] + moved
-
-    def polygon(self, i: int, time: int) -> Polygon:
-        """
-        Return a body at a time on its way.
-
-        Raises
-        ------
-        PolygonError
-            If its vertices do not make one there.
-
-        """
-        if time <= self.starts[i] or not self.moved[i]:
-            return self.before.polygon(int(self.rows[i]))
-        if time >= self.finishes[i]:
-            return self.after.polygon(int(self.next_rows[i]))
-        return Polygon(self.ring(i, time))
-
-
-def stay(bodies: Bodies, until: Mapping[int, int]) -> LinearMotion:
-    """Return the motion of bodies that stand where they are, of each row until a time."""
-    rows = np.array(list(until), np.int64)
-    return LinearMotion(bodies, bodies, rows, rows, list(until.values()))
-
-
 _ONE = np.zeros(1, np.int64)
 # min x, min y, max x, max y.
 Box: TypeAlias = tuple[float, float, float, float]
@@ -299,8 +51,6 @@ class Piece:
     ----------
     begin, end : int
         In ns.
-    box : Box
-        What bounds all of it.
 
     """
 
@@ -308,25 +58,23 @@ class Piece:
         self.before = before
         self.after = after
         self.begin, self.end = before.begin, after.begin
-        self.box: Box = tuple(before.boxes[0].tolist())
-        if after is not before:
-            self.box = _around(self.box, after.boxes[0].tolist())
+
+    @cached_property
+    def box(self) -> Box:
+        """What bounds all of it."""
+        box: Box = around(*(tuple(one.boxes[0].tolist()) for one in (self.before, self.after)))
+        return box
 
     @cached_property
     def motion(self) -> LinearMotion:
         """The way, vertex by vertex."""
-        return LinearMotion(self.before, self.after, _ONE, _ONE)
+        return motion_between(self.before, self.after, _ONE, _ONE)
 
     def ring(self, time: int) -> Floats:
         """Return the vertices at a time on the way, (n, 2); those of a sample as received."""
         if self.begin < time < self.end:
             return self.motion.ring(0, time)
         return (self.before if time <= self.begin else self.after).ring(0)
-
-
-def _around(box: Sequence[float], other: Sequence[float]) -> Box:
-    (a, b, c, d), (e, f, g, h) = box, other
-    return min(a, e), min(b, f), max(c, g), max(d, h)
 
 
 class Trajectory:
@@ -346,6 +94,8 @@ class Trajectory:
 
     Attributes
     ----------
+    block : Block or None
+        Has the samples that are being added, where there is one.
     latest : int or None
         Stamp of the last sample.
     undetermined : int
@@ -355,7 +105,8 @@ class Trajectory:
 
     def __init__(self, timeout: float, longest: int) -> None:
         self._never_stale = timeout == NEVER
-        self._longest = min(timeout, longest)
+        self.longest = round(min(timeout, longest))
+        self.block: Block | None = None
         self.latest: int | None = None
         self.undetermined = 0
         self._pieces: list[Piece] = []
@@ -366,17 +117,17 @@ class Trajectory:
     def add(self, time: int, sample: Bodies) -> None:
         """Take a footprint as received; one that comes late tells nothing new."""
         begin, last = self._last or (None, sample)
-        if begin is not None and begin - self._longest <= time < begin:
+        if begin is not None and begin - self.longest <= time < begin:
             return
         self._last, self.latest = (time, sample), time
         if begin is None or time < begin:
             self._append(Piece(sample, sample))
         elif time > begin:
-            if time - begin <= self._longest and (
+            if time - begin <= self.longest and (
                     last.rings[0, COUNT] == sample.rings[0, COUNT]):
                 self._append(Piece(last, sample))
             else:
-                self.undetermined += round(min(time - begin, self._longest))
+                self.undetermined += round(min(time - begin, self.longest))
                 self._append(Piece(sample, sample))
 
     def lose(self) -> None:
@@ -391,7 +142,7 @@ class Trajectory:
 
     def begin_of_way(self, until: int) -> int | None:
         """Return when the way began that leads to a sample at a time, None if none does."""
-        if self._last is None or not 0 < until - self._last[0] <= self._longest:
+        if self._last is None or not 0 < until - self._last[0] <= self.longest:
             return None
         return self._last[0]
 
@@ -426,13 +177,23 @@ class Trajectory:
             k += 1
         return found
 
+    def is_in_block(self, block: Block, low: int, high: int, start: int, finish: int) -> bool:
+        """Return whether it leads between two times to samples low to high of a block, only."""
+        k = bisect_right(self._starts, start) - 1
+        last = bisect_left(self._starts, finish) - 1
+        if k < 0 or last - k != high - low:
+            return False
+        begin, end = self._pieces[k].before, self._pieces[last].after
+        return (begin.block is block and end.block is block
+                and begin.number == low - 1 and end.number == high)
+
     def bounds(self, start: int, finish: int) -> Box | None:
         """Return what bounds the footprint between two times, None if it is nowhere then."""
         if start == finish:
             piece = self._piece_at(start)
             return None if piece is None else piece.box
         boxes = [piece.box for _, _, piece in self.pieces(start, finish)]
-        return reduce(_around, boxes) if boxes else None
+        return reduce(around, boxes) if boxes else None
 
     def samples(self, after: int, until: int) -> list[int]:
         """Return the stamps of the samples after one time and until another."""

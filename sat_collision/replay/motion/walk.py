@@ -21,19 +21,20 @@ kept for long after that.
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterable, Iterator
+from collections import defaultdict, deque
+from collections.abc import Iterable, Iterator, Sequence
 from operator import attrgetter
 
 from sat_collision.messages.placement import Placement
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.model.result import Contact, FootprintResult, Unknown, Unknowns
+from sat_collision.replay.motion.bodies import Block, Bodies
 from sat_collision.replay.motion.contacts import Contacts, ContactTracker
 from sat_collision.replay.motion.prediction import Prediction
 from sat_collision.replay.motion.tape import MotionTape
 from sat_collision.replay.motion.tracker import (
-    Emit, KeyTracker, LONGEST, SetTracker, Step, Tracker)
-from sat_collision.replay.motion.trajectories import Bodies, Poses, rings_of, Trajectory
+    Described, Emit, KeyTracker, LONGEST, SetTracker, Step, Tracker)
+from sat_collision.replay.motion.trajectories import Poses, Trajectory
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
@@ -58,6 +59,7 @@ class Sweep:
         For how long its way is of interest, ns.
     horizon : float or None
         How far ahead to look for collisions, s; None not to.
+    max_vertices : int
 
     Attributes
     ----------
@@ -75,10 +77,12 @@ class Sweep:
 
     def __init__(self, settings: FootprintSettings, result: FootprintResult,
                  contacts: list[Contact], margin: float, keep: int,
-                 horizon: float | None) -> None:
+                 horizon: float | None, max_vertices: int) -> None:
         self.settings = settings
         self.result = result
         self.timeout = round(settings.timeout * 1e9) or NEVER
+        self._names = [ObstacleId(settings.name, 0)]
+        self._max_vertices = max_vertices
         self._margin = margin
         self._keep = keep
         self._longest = round(2 * min(self.timeout, LONGEST))
@@ -87,6 +91,16 @@ class Sweep:
         self.prediction = (None if horizon is None
                            else Prediction(settings, self.trajectory, horizon, margin))
         self._contact_trackers: dict[Tracker, ContactTracker] = {}
+
+    def describe(self, placements: Iterable[tuple[int, Placement]]) -> dict[int, Bodies]:
+        """Describe samples that are about to be placed, by the numbers of their messages."""
+        numbers, samples = zip(*placements)
+        self.trajectory.block = block = Block([[one] for one in samples], self.trajectory.longest)
+        return {number: self.sample(block, k) for k, number in enumerate(numbers)}
+
+    def sample(self, block: Block, number: int = 0, is_between: bool = False) -> Bodies:
+        """Return a sample of the footprint that a block has."""
+        return Bodies(self._names, block, number, self._max_vertices, is_between=is_between)
 
     @property
     def is_decided(self) -> bool:
@@ -107,19 +121,23 @@ class Sweep:
             one = self._contact_trackers[tracker] = ContactTracker(
                 self.trajectory, self.contacts, self._margin)
         one.waiting.append(step)
-        if one.waiting[0].finish <= self._known_until(now):
-            self.advance(now)
+        known = self._known_until(now)
+        if one.waiting[0].finish <= known:
+            self._decide_until(known)
 
     def advance(self, now: int) -> None:
-        """Decide what can be decided."""
-        for one in self._contact_trackers.values():
-            while one.waiting and one.waiting[0].finish <= self._known_until(now):
-                self.trajectory.stand(one.waiting[0].finish)
-                self._decide(one)
+        """Decide what can be decided, and forget what is not needed any more."""
+        self._decide_until(self._known_until(now))
         if self.trajectory.latest is not None:
             self.trajectory.drop_before(self.trajectory.latest - self._keep)
             if self.prediction:
                 self.prediction.drop_before(self.trajectory.latest - self._keep)
+
+    def _decide_until(self, known: int) -> None:
+        for one in self._contact_trackers.values():
+            while one.waiting and one.waiting[0].finish <= known:
+                self.trajectory.stand(one.waiting[0].finish)
+                self._decide(one)
 
     def use_frame(self, frame_id: str) -> None:
         """Drop what is to be decided in another frame than this."""
@@ -184,20 +202,41 @@ class Motion:
         keep = 3 * max(map(_longest, settings.obstacles), default=0)
         footprints = {one.name: one for one in settings.footprints}
         self._sweeps = {result.name: Sweep(
-            footprints[result.name], result, self.contacts, settings.margin, keep, horizon)
-            for result in results}
+            footprints[result.name], result, self.contacts, settings.margin, keep, horizon,
+            settings.max_vertices) for result in results}
         if tape:
             for name, sweep in self._sweeps.items():
                 tape.name(name, sweep.timeout)
 
-    def place(self, placements: Iterable[Placement]) -> None:
+    def place(self, placements: Sequence[Placement]) -> None:
         """Take where bodies were, in the order of stamps."""
-        for placement in placements:
-            self._now = max(self._now, placement.stamp)
-            if placement.name in self._sweeps:
-                self._place_footprint(placement)
+        samples, sets = self._describe(placements)
+        for number, placement in enumerate(placements):
+            if placement.stamp > self._now:
+                self._now = placement.stamp
+            if number in samples:
+                self._place_footprint(placement, samples[number])
             else:
-                self._tracker(placement.name, placement.is_stamped).place(placement)
+                tracker = self._trackers.get((placement.name, placement.is_stamped)) or (
+                    self._tracker(placement.name, placement.is_stamped))
+                tracker.place(placement, sets.get(number))
+
+    def _describe(self, placements: Sequence[Placement]
+                  ) -> tuple[dict[int, Bodies], dict[int, Described]]:
+        """Return the samples and sets, by the numbers of the messages with which they begin."""
+        samples: dict[int, Bodies] = {}
+        sets: dict[int, Described] = {}
+        concerned: defaultdict[Sweep | Tracker | None, list[tuple[int, Placement]]] = defaultdict(
+            list)
+        for number, placement in enumerate(placements):
+            concerned[self._sweeps.get(placement.name) or self._trackers.get(
+                (placement.name, placement.is_stamped))].append((number, placement))
+        for one, numbered in concerned.items():
+            if isinstance(one, Sweep):
+                samples.update(one.describe(numbered))
+            elif isinstance(one, SetTracker):
+                sets.update(one.describe(numbered))
+        return samples, sets
 
     def _tracker(self, name: str, is_stamped: bool) -> Tracker:
         """Return what follows the bodies of a source, those with stamps or those without."""
@@ -254,7 +293,7 @@ class Motion:
         """Return whether a footprint was ever decided against all obstacles that there were."""
         return self._sweeps[name].is_decided
 
-    def _place_footprint(self, placement: Placement) -> None:
+    def _place_footprint(self, placement: Placement, sample: Bodies) -> None:
         if placement.frame_id != self._frame_id:
             self._frame_id = placement.frame_id
             for tracker in self._trackers.values():
@@ -272,19 +311,18 @@ class Motion:
                 if self._tape:
                     self._tape.place(placement.name, None)
             for time, plane in poses or ():
-                self._add(sweep, placement._replace(stamp=time, plane=plane), is_between=True)
-        self._add(sweep, placement)
+                self._add(sweep, time, sweep.sample(Block(
+                    [[placement._replace(stamp=time, plane=plane)]]), is_between=True))
+        self._add(sweep, stamp, sample)
         for tracker in self._trackers.values():
             tracker.rest(self._now)
         sweep.advance(self._now)
 
-    def _add(self, sweep: Sweep, placement: Placement, is_between: bool = False) -> None:
+    def _add(self, sweep: Sweep, time: int, sample: Bodies) -> None:
         """Add a sample to the trajectory of a footprint."""
-        sample = Bodies([ObstacleId(placement.name, 0)], rings_of([placement]),
-                        self._max_vertices, is_between=is_between)
-        sweep.trajectory.add(placement.stamp, sample)
+        sweep.trajectory.add(time, sample)
         if self._tape:
-            self._tape.place(placement.name, sample)
+            self._tape.place(sweep.settings.name, sample)
 
     def _emit_of(self, source: str) -> Emit:
         """Return what takes a step of a source, to be decided when the ways are known."""

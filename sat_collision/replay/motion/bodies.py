@@ -1,0 +1,344 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Bodies at a moment, in sets one after the other, and between two moments."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+import copy
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from sat_collision.geometry.moving import STRIDE
+from sat_collision.geometry.polygon import MAX_VERTICES, PlaneMap, Polygon
+from sat_collision.messages.cdr import POINT_SIZE
+from sat_collision.messages.placement import Placement
+from sat_collision.replay.motion.kernels import (
+    COUNT, describe, EARLIEST, END, FINISH, FIRST, follow, LAST, LATEST, MAY_REPEAT,
+    motions_between, MOVED, POINTS, ROWS, STAMP, START, WAYS, WAYS_BEGIN, WAYS_END)
+from sat_collision.scene.obstacles import ObstacleId
+
+Floats: TypeAlias = NDArray[np.float64]
+Integers: TypeAlias = NDArray[np.int64]
+
+_IDENTITY = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0
+_NO_PLANES = np.empty((0, len(_IDENTITY)))
+_NO_ENDS = np.empty(0, np.int64)
+_NO_NUMBERS = [0] * (WAYS_END + 1)
+
+
+class Ways(NamedTuple):
+    """
+    The ways of bodies from one set to the next, as `motions_between` has them.
+
+    Attributes
+    ----------
+    rows, next_rows : (m,) array of int
+    array : flat array
+    times : (m, 3) array of int
+    boxes : (m, 4) array
+    moved : (m,) array
+
+    """
+
+    rows: Integers
+    next_rows: Integers
+    array: Floats
+    times: Integers
+    boxes: Floats
+    moved: Floats
+
+    @classmethod
+    def of(cls, rows: Integers, next_rows: Integers, points: int) -> Ways:
+        """Return room for the ways between some rows, which have so many points."""
+        count = len(rows)
+        return cls(rows, next_rows, np.empty(STRIDE * points), np.empty((count, 3), np.int64),
+                   np.empty((count, 4)), np.empty(count))
+
+
+class Block:
+    """
+    Sets of bodies, described in one call, and followed from each to the next.
+
+    Parameters
+    ----------
+    sets : sequence of sequence of Placement
+        The messages of each set.
+    longest : int, optional
+        How long a way may take, ns; by default nothing is followed.
+
+    Attributes
+    ----------
+    points, rings, boxes, sets : array
+        As `describe` has them.
+    ways : Ways
+        As `follow` has them.
+    numbers : list of list of int
+        Those of each set, behind a row of zeros.
+
+    """
+
+    def __init__(self, sets: Sequence[Sequence[Placement]], longest: int = 0) -> None:
+        pieces, ends = [], [_NO_ENDS]
+        messages: list[int] = []
+        planes: list[PlaneMap | None] = []
+        rings = at = 0
+        for number, placements in enumerate(sets):
+            for _, stamp, _, _, (data, where, count), plane, _ in placements:
+                run, points_at = 1, 0
+                if isinstance(where, int):
+                    data = data[where:where + POINT_SIZE * count]
+                else:
+                    ends.append(where)
+                    run, points_at = 1 + len(where), count
+                messages += number, run, at, stamp, points_at, len(data)
+                rings += run
+                at += len(data)
+                pieces.append(data)
+                planes.append(plane)
+        maps: Floats = _NO_PLANES
+        if any(planes):
+            maps = np.array([plane or _IDENTITY for plane in planes])
+        self.points = np.empty((at // POINT_SIZE, 2))
+        self.rings: Integers = np.empty((rings, 4), np.int64)
+        self.boxes = np.empty((rings, 4))
+        self.sets: Integers = np.zeros((len(sets), len(_NO_NUMBERS)), np.int64)
+        described = self.points, self.rings, self.boxes, self.sets
+        describe(b''.join(pieces), np.array(messages, np.int64).reshape(-1, LAST + 1),
+                 np.concatenate(ends), maps, described)
+        if longest:
+            rows, next_rows = np.empty((2, rings), np.int64)
+            self.ways = Ways.of(rows, next_rows, len(self.points))
+            follow(described, longest, tuple(self.ways))
+        self.numbers: list[list[int]] = [_NO_NUMBERS, *self.sets.tolist()]
+
+
+class Bodies:
+    """
+    The outlines of some bodies: one footprint, or the obstacles of a set.
+
+    Parameters
+    ----------
+    names : sequence of ObstacleId
+        There may be more of them than bodies.
+    block : Block
+    number : int, optional
+        Which of its sets it is.
+    max_vertices : int, optional
+    frame_id : str, optional
+        The frame that all are in, empty if there is none.
+    is_between : bool, optional
+        Whether they were not received, but lie between what was.
+
+    Attributes
+    ----------
+    begin, end : int
+        When the first and the last one was there; 0 if there is none.
+    points : (v, 2) array
+        The points of all rings.
+    rings : (n, 4) array of int
+        What `describe` says of each.
+    boxes : (n, 4) array
+        min x, min y, max x, max y.
+    may_repeat : bool
+        Whether two outlines may be the same to the bit.
+    block : Block or None
+        None where they are at other times than in the block.
+    number : int
+
+    """
+
+    def __init__(self, names: Sequence[ObstacleId], block: Block, number: int = 0,
+                 max_vertices: int = MAX_VERTICES, frame_id: str = '',
+                 is_between: bool = False) -> None:
+        before, numbers = block.numbers[number], block.numbers[number + 1]
+        first, end = before[ROWS], numbers[ROWS]
+        self._count = end - first
+        self.block: Block | None = block
+        self.number = number
+        self.names = names
+        self.frame_id = frame_id
+        self.is_between = is_between
+        self.points = block.points[before[POINTS]:numbers[POINTS]]
+        self.rings = block.rings[first:end]
+        self.boxes = block.boxes[first:end]
+        self.begin, self.end = numbers[EARLIEST], numbers[LATEST]
+        self.may_repeat = bool(numbers[MAY_REPEAT])
+        self._max_vertices = max_vertices
+        self._polygons: dict[int, Polygon] = {}
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, 'block': None, '_polygons': {}}
+
+    @property
+    def stamps(self) -> Integers:
+        """When each was there, ns."""
+        return self.rings[:, STAMP]
+
+    @property
+    def moving(self) -> NDArray[np.bool_]:
+        """Which bodies are known to have come here from somewhere else."""
+        moving: NDArray[np.bool_] = self.rings[:, MOVED] != 0
+        return moving
+
+    @property
+    def middles(self) -> Floats:
+        """The middle of each box, (n, 2)."""
+        return 0.5 * self.boxes[:, :2] + 0.5 * self.boxes[:, 2:]
+
+    @property
+    def moments(self) -> Sequence[int]:
+        """All times at which one of them was there."""
+        return [self.begin] if self.begin == self.end else self.stamps.tolist()
+
+    def at(self, stamps: Sequence[int]) -> Bodies:
+        """Return the same bodies, in the same places at other times."""
+        other = copy.copy(self)
+        other.block = None
+        other.rings = self.rings.copy()
+        other.rings[:, STAMP] = stamps
+        other.begin, other.end = min(stamps), max(stamps)
+        return other
+
+    def follows(self, before: Bodies) -> bool:
+        """Return whether other bodies are the set before this one in a block."""
+        return (self.block is not None and before.block is self.block
+                and before.number == self.number - 1)
+
+    @property
+    def followed(self) -> int:
+        """How many of the set before it in the block become one of it."""
+        assert self.block is not None
+        last, numbers = self.block.numbers[self.number:self.number + 2]
+        return numbers[WAYS] - last[WAYS]
+
+    def ring(self, row: int) -> Floats:
+        """Return the vertices of a body as received, (n, 2)."""
+        first = self.rings[row, FIRST]
+        return self.points[first:first + self.rings[row, COUNT]]
+
+    def polygon(self, row: int) -> Polygon:
+        """Return a body."""
+        found = self._polygons.get(row)
+        if found is None:
+            found = self._polygons[row] = Polygon(self.ring(row), self._max_vertices)
+        return found
+
+
+class LinearMotion:
+    """
+    Bodies that move from one moment to the next, each vertex on a straight line.
+
+    Parameters
+    ----------
+    before, after : Bodies
+    ways : Ways
+        At least one.
+    begin, end : int
+        When the first one begins and the last one ends.
+
+    Attributes
+    ----------
+    rows, next_rows : (m,) array of int
+        Which body becomes which; both have as many vertices.
+    boxes : (m, 4) array
+        What bounds all of each way.
+    moved : (m,) array
+        How far the vertex goes that goes furthest, m.
+
+    """
+
+    def __init__(self, before: Bodies, after: Bodies, ways: Ways, begin: int, end: int) -> None:
+        self.before = before
+        self.after = after
+        self.begin, self.end = begin, end
+        self.rows, self.next_rows, self._array, self._times, self.boxes, self.moved = ways
+
+    @property
+    def starts(self) -> Integers:
+        """When each way begins, ns."""
+        return self._times[:, START]
+
+    @property
+    def finishes(self) -> Integers:
+        """When each way ends, ns."""
+        return self._times[:, FINISH]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def ring(self, i: int, time: int) -> Floats:
+        """Return the vertices of a body at a time on its way, (n, 2)."""
+        end, start, finish = self._times[i].tolist()
+        first = self._times[i - 1, END] if i else 0
+        way: Floats = self._array[first:end].reshape(-1, STRIDE)
+        if time <= start:
+            return way[:, :2]
+        if time >= finish:
+            return way[:, 2:]
+        moved: Floats = (time - start) / (finish - start) * (way[:, 2:] - way[:, :2])
+        return way[:, :2] + moved
+
+    def polygon(self, i: int, time: int) -> Polygon:
+        """
+        Return a body at a time on its way.
+
+        Raises
+        ------
+        PolygonError
+            If its vertices do not make one there.
+
+        """
+        if time <= self.starts[i] or not self.moved[i]:
+            return self.before.polygon(int(self.rows[i]))
+        if time >= self.finishes[i]:
+            return self.after.polygon(int(self.next_rows[i]))
+        return Polygon(self.ring(i, time))
+
+
+def motion_between(before: Bodies, after: Bodies, rows: Integers,
+                   next_rows: Integers) -> LinearMotion:
+    """Return the motion of bodies from one moment to another, given which one becomes which."""
+    ways = Ways.of(rows, next_rows, len(before.points))
+    begin, end = motions_between(before.points, before.rings, rows, after.points, after.rings,
+                                 next_rows, ways[2:])
+    return LinearMotion(before, after, ways, int(begin), int(end))
+
+
+def motion_in_block(before: Bodies, after: Bodies) -> list[LinearMotion]:
+    """Return the motion from the set before in a block, nothing if none of it is followed."""
+    assert after.block is not None
+    numbers, ways = after.block.numbers, after.block.ways
+    former, last, own = numbers[before.number:before.number + 3]
+    if last[WAYS] == own[WAYS]:
+        return []
+    found = slice(last[WAYS], own[WAYS])
+    return [LinearMotion(before, after, Ways(
+        ways.rows[found], ways.next_rows[found],
+        ways.array[STRIDE * former[POINTS]:STRIDE * last[POINTS]], ways.times[found],
+        ways.boxes[found], ways.moved[found]), own[WAYS_BEGIN], own[WAYS_END])]
+
+
+def stay(bodies: Bodies, until: Mapping[int, int]) -> LinearMotion:
+    """Return the motion of bodies that stand where they are, of each row until a time."""
+    rows = np.array(list(until), np.int64)
+    motion = motion_between(bodies, bodies, rows, rows)
+    motion.finishes[:] = list(until.values())
+    motion.end = max(until.values())
+    return motion

@@ -1,0 +1,307 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is near to a footprint: of single sets, and of blocks of them as it goes on its way."""
+
+import math
+
+import numpy as np
+from sat_collision.geometry.distance import measure
+from sat_collision.geometry.jit import kernel, scratch
+from sat_collision.geometry.layout import Packed, packed_size
+from sat_collision.geometry.moving import STRIDE
+from sat_collision.replay.motion.kernels import (
+    COUNT, EARLIEST, END, FINISH, FIRST, LATEST, pack_ring, POINTS, ROWS, START, WAYS)
+
+# What rounding may take from a separation or add to a way, in parts of the largest coordinate.
+SLACK = 1e-12
+
+
+@kernel
+def rows_near(box, boxes, margin, rows):
+    """Write which boxes are no further than a margin from one; return how many."""
+    found = 0
+    for i in range(len(boxes)):
+        if _gap(box, boxes[i]) <= margin:
+            rows[found] = i
+            found += 1
+    return found
+
+
+@kernel
+def measure_near(body, box, rows, bodies, margin, found):
+    """
+    Measure how far a body is from rings, of all that may be nearest or within a margin.
+
+    Parameters
+    ----------
+    body : (flat array of float64, int)
+        The packed body and its count; 0 to measure nothing, where each ring has another body
+        to be measured with.
+    box : four floats
+        What bounds it.
+    rows : (m,) array of int64
+        The rings to be looked at.
+    bodies : tuple
+        Boxes, points and rings of all, as `describe` has them.
+    margin : float
+        In metres.
+    found : (m, 3) array of float64
+        Receives of each ring how far the boxes are apart, which is never more than the bodies
+        are, its row, and its separation as `distance.measure` has it; NaN of what is not
+        measured, or not convex.
+
+    Returns
+    -------
+    int
+        How many rings there are.
+
+    """
+    outline, n = body
+    boxes, points, rings = bodies
+    count = 0
+    least = math.inf
+    nearest = -1
+    if n != 0:
+        # What has the nearest box goes first, so that its separation spares most others.
+        for row in rows:
+            gap = _gap(box, boxes[row])
+            if gap < least:
+                least = gap
+                nearest = row
+        least = math.inf
+    if nearest >= 0:
+        value = _separation(outline, n, points, rings[nearest])
+        found[0] = (_gap(box, boxes[nearest]), float(nearest), value)
+        count = 1
+        if value < least:
+            least = value
+    for row in rows:
+        gap = _gap(box, boxes[row])
+        if row == nearest or gap > max(margin, least):
+            continue
+        value = math.nan if n == 0 else _separation(outline, n, points, rings[row])
+        found[count] = (gap, float(row), value)
+        count += 1
+        if value < least:
+            least = value
+    return count
+
+
+@kernel
+def _gap(box, other):
+    """Return how far two boxes are apart: 0 just when they share a point."""
+    x = max(max(other[0] - box[2], box[0] - other[2]), 0.0)
+    y = max(max(other[1] - box[3], box[1] - other[3]), 0.0)
+    return math.sqrt(x * x + y * y)
+
+
+@kernel
+def _separation(outline, n, points, ring):
+    """Return the separation of a packed body from a ring, NaN if that is not convex."""
+    packed = scratch(packed_size(ring[COUNT]))
+    m = pack_ring(points, ring[FIRST], ring[COUNT], packed)
+    if m == 0:
+        return math.nan
+    return measure(Packed(outline, 0, n), Packed(packed, 0, m))[0]
+
+
+@kernel
+def look(way, bodies, margin, steps, times, values):
+    """
+    Look at the sets of a block from a footprint on its way, as long as it touches nothing.
+
+    Parameters
+    ----------
+    way, bodies : tuple
+        The blocks of the samples of the footprint and of the obstacles: points, rings, boxes and
+        sets as `describe` has them, then what `follow` writes.
+    margin : float
+        In metres.
+    steps : (s, 4) array of int64
+        Receives of the step to each set which of the looks is its first one, or -1 if something
+        may touch, or is not ordinary; where its looks end; and the numbers of the samples to which
+        the first and the last piece lead of the footprint's way in it.
+    times : (n, 3) array of int64
+        Receives of each look its time, the row of what is nearest, and whether that is one of the
+        later set, 2, or stands still in the one before, 1, as all of that does, or else 0.
+    values : (n,) array of float64
+        Receives of each look the least separation.
+
+    """
+    own, own_rings, own_boxes, samples = way[:4]
+    points, rings, boxes, sets, rows, _, _, _, bounds, moved = bodies
+    most = 1
+    for i in range(len(own_rings)):
+        most = max(most, own_rings[i, COUNT])
+    packed = scratch(packed_size(most))
+    for i in range(len(rings)):
+        most = max(most, rings[i, COUNT])
+    other = scratch(packed_size(most))
+    found = np.empty((len(boxes), 3))
+    numbers = np.arange(len(boxes))
+    still = np.empty(len(boxes), np.int64)
+    low = 1
+    looks = 0
+    for s in range(1, len(sets)):
+        steps[s, 0] = -1
+        begin = sets[s - 1, EARLIEST]
+        finish = sets[s, EARLIEST]
+        ways, ways_end = sets[s - 1, WAYS], sets[s, WAYS]
+        if (ways == ways_end or begin >= finish or sets[s - 1, LATEST] != begin
+                or sets[s, LATEST] != finish):
+            continue
+        while low < len(samples) and samples[low, EARLIEST] <= begin:
+            low += 1
+        high = low
+        while high < len(samples) and samples[high, EARLIEST] < finish:
+            high += 1
+        if (high >= len(samples) or samples[low - 1, EARLIEST] > begin
+                or looks + high - low >= len(values)):
+            continue
+        box = around(own_boxes[low - 1], own_boxes[low])
+        may_touch = False
+        for k in range(low, high + 1):
+            may_touch = may_touch or samples[k, WAYS] == samples[k - 1, WAYS]
+            box = around(box, own_boxes[k])
+        for k in range(ways, ways_end):
+            may_touch = may_touch or _gap(box, bounds[k]) <= margin and not _stays_apart(
+                way, (low, high), bodies, s, k, (packed, other), margin)
+        if may_touch:
+            continue
+        first = sets[s - 2, ROWS] if s > 1 else 0
+        row, end = sets[s - 1, ROWS], sets[s, ROWS]
+        point = sets[s - 2, POINTS] if s > 1 else 0
+        next_point = sets[s - 1, POINTS]
+        count = 0
+        for k in range(ways, ways_end):
+            if moved[k] == 0.0:
+                still[count] = rows[k]
+                count += 1
+        at = looks
+        if count > 0:
+            before = boxes[first:row], points[point:next_point], rings[first:row]
+            for k in range(low, high):
+                n = pack_ring(own, samples[k - 1, POINTS], own_rings[k, COUNT], packed)
+                nearest, values[at] = _least((packed, n), own_boxes[k], still[:count], before,
+                                             -math.inf, found)
+                times[at] = (samples[k, EARLIEST], nearest, 1 if count == row - first else 0)
+                may_touch = may_touch or math.isnan(values[at])
+                at += 1
+        n = _pack_at(way, high, samples[high - 1, WAYS], finish, packed)
+        after = boxes[row:end], points[next_point:sets[s, POINTS]], rings[row:end]
+        nearest, values[at] = _least((packed, n), around(own_boxes[high - 1], own_boxes[high]),
+                                     numbers[:end - row], after, margin, found)
+        times[at] = (finish, nearest, 2)
+        if not (may_touch or math.isnan(values[at]) or values[at] <= margin):
+            steps[s] = (looks, at + 1, low, high)
+            looks = at + 1
+
+
+@kernel
+def _stays_apart(way, pieces, bodies, s, k, arrays, margin):
+    """
+    Tell whether a footprint surely stays apart from an obstacle on way k of those to a set.
+
+    On each piece of the footprint's way, the first to the last, the two begin further apart than
+    they can move, and end apart. They are packed into arrays that have room for them.
+    """
+    samples, sets = way[3], bodies[3]
+    packed, other = arrays
+    for piece in range(pieces[0], pieces[1] + 1):
+        own = samples[piece - 1, WAYS]
+        begin = max(samples[piece - 1, EARLIEST], sets[s - 1, EARLIEST])
+        end = min(samples[piece, EARLIEST], sets[s, EARLIEST])
+        # As `_Pair.most_motion`.
+        room = SLACK * max(_farthest(way[8][own]), _farthest(bodies[8][k])) + (1.0 + SLACK) * (
+            _motion(way, own, end - begin) + _motion(bodies, k, end - begin))
+        for time in (begin, end):
+            n = _pack_at(way, piece, own, time, packed)
+            m = _pack_at(bodies, s, k, time, other)
+            if n == 0 or m == 0:
+                return False
+            if measure(Packed(packed, 0, n), Packed(other, 0, m))[0] - margin <= room:
+                return False
+            room = 0.0
+    return True
+
+
+@kernel
+def _motion(block, k, passed):
+    """Return how far a body can move on its way in some ns."""
+    times = block[7]
+    return block[9][k] * passed / (times[k, FINISH] - times[k, START])
+
+
+@kernel
+def _farthest(box):
+    return max(max(abs(box[0]), abs(box[1])), max(abs(box[2]), abs(box[3])))
+
+
+@kernel
+def _pack_at(block, s, k, time, packed):
+    """Pack a body where it is on way k of those to a set; 0 if it is not convex there."""
+    points, rings, _, sets, rows, next_rows, array, times, _, _ = block
+    i = rows[k] + (sets[s - 2, ROWS] if s > 1 else 0)
+    first = sets[s - 2, POINTS] if s > 1 else 0
+    start, finish = times[k, START], times[k, FINISH]
+    if time <= start:
+        return pack_ring(points, first + rings[i, FIRST], rings[i, COUNT], packed)
+    if time >= finish:
+        i = next_rows[k] + sets[s - 1, ROWS]
+        return pack_ring(points, sets[s - 1, POINTS] + rings[i, FIRST], rings[i, COUNT], packed)
+    n = rings[i, COUNT]
+    at = STRIDE * first + (times[k - 1, END] if k > sets[s - 1, WAYS] else 0)
+    share = (time - start) / (finish - start)
+    ring = np.empty((n, 2))
+    for v in range(n):
+        for axis in range(2):
+            x = array[at + STRIDE * v + axis]
+            ring[v, axis] = x + share * (array[at + STRIDE * v + 2 + axis] - x)
+    return pack_ring(ring, 0, n, packed)
+
+
+@kernel
+def _least(body, box, rows, bodies, margin, found):
+    """Return what is nearest to a body, and its separation; NaN if something is not convex."""
+    if body[1] == 0:
+        return -1, math.nan
+    least = math.inf
+    nearest = -1
+    count = measure_near(body, box, rows, bodies, margin, found)
+    # The nearest boxes first.
+    for i in range(count):
+        k = i
+        for j in range(i + 1, count):
+            if found[j, 0] < found[k, 0] or (
+                    found[j, 0] == found[k, 0] and found[j, 1] < found[k, 1]):
+                k = j
+        gap, row, value = found[k, 0], found[k, 1], found[k, 2]
+        for axis in range(3):
+            found[k, axis] = found[i, axis]
+        if gap > margin and gap > least:
+            break
+        if math.isnan(value):
+            return -1, value
+        if value < least:
+            least = value
+            nearest = int(row)
+    return nearest, least
+
+
+@kernel
+def around(box, other):
+    """Return what bounds two boxes."""
+    return (min(box[0], other[0]), min(box[1], other[1]),
+            max(box[2], other[2]), max(box[3], other[3]))

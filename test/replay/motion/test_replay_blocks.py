@@ -1,0 +1,92 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Sets that are described and looked at together: the same as one after the other."""
+
+import numpy as np
+import pytest
+from recordings import box, START
+from sat_collision.messages.placement import Placement
+from sat_collision.replay.model.configuration import settings_of
+from sat_collision.replay.model.result import FootprintResult
+from sat_collision.replay.motion import contacts
+from sat_collision.replay.motion.walk import Motion
+
+SHAPES = [box(0.0), [(0, 0), (2, 0), (0.5, 1)], [(0, 0), (1.5, 0.5)], [*box(0.0), (0.0, 0.0)],
+          [(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]]
+SETTINGS = settings_of({
+    'footprints': ['robot', 'cart'], 'obstacles': ['lidar', 'radar'], 'margin': 0.1,
+    **{f'{name}.topic': f'/{name}' for name in ('robot', 'cart', 'lidar', 'radar')}})
+
+
+def placements(name, rng, times, shapes):
+    """Return bodies that drive past the origin, or stand; of each time all, but for a few."""
+    places, speeds = rng.uniform(-9, 9, (2, len(shapes), 2))
+    speeds *= rng.choice([0.1, 0.5]) * (rng.random((len(shapes), 1)) < 0.6)
+    for time in times:
+        stamp = START + round(time * 1e9)
+        for shape, place, speed in zip(shapes, places, speeds):
+            if rng.random() < 0.9:
+                points = np.zeros((len(shape), 3), np.float32)
+                points[:, :2] = shape + place + speed * (time - 6.0)
+                yield Placement(name, stamp, True, 'map', (points.tobytes(), 0, len(points)),
+                                None, None)
+
+
+def recorded(seed):
+    rng = np.random.default_rng(seed)
+    shapes = [np.array(shape, float) for shape in SHAPES]
+    found = []
+    for name in ('robot', 'cart'):
+        times = np.arange(0.0, 12.0, 0.1) if rng.random() < 0.5 else np.cumsum(
+            rng.uniform(0.01, 0.1, 200))
+        times = times[(times < 4.0) | (times > 5.2)]
+        found += placements(name, rng, times, [shapes[rng.integers(len(shapes) - 1)]])
+    for name in ('lidar', 'radar'):
+        found += placements(name, rng, np.arange(0.0, 12.0, rng.choice([0.1, 0.23])), [
+            shapes[rng.integers(len(shapes) - (rng.random() < 0.8))] for _ in range(8)])
+    return sorted(found, key=lambda placement: placement.stamp)
+
+
+def decided(found, together):
+    """Return all that is found of placements so many of which are taken at a time."""
+    results = [FootprintResult(one.name, one.topic, True) for one in SETTINGS.footprints]
+    motion = Motion(SETTINGS, None, results)
+    for k in range(0, len(found), together):
+        motion.place(found[k:k + together])
+    motion.finish(found[-1].stamp)
+    motion.draw_curves([])
+    return repr((motion.contacts, [(one.least, one.separation) for one in results], [
+        motion.undetermined(name) for name in ('robot', 'cart', 'lidar', 'radar')]))
+
+
+@pytest.mark.parametrize('seed', range(8))
+def test_what_is_taken_together_is_decided_as_one_after_the_other(seed):
+    found = recorded(seed)
+    alone = decided(found, 1)
+    assert {decided(found, together) for together in (7, 64, 500)} == {alone}
+
+
+def test_steps_are_looked_at_together(monkeypatch):
+    """Most steps in which nothing touches, or the test above tests nothing."""
+    answers = []
+    look = contacts.ContactTracker._look_together
+
+    def noting(*arguments):
+        answers.append(look(*arguments))
+        return answers[-1]
+    monkeypatch.setattr(contacts.ContactTracker, '_look_together', noting)
+    for seed in range(8):
+        decided(recorded(seed), 500)
+    assert sum(answers) > 300

@@ -30,18 +30,22 @@ SETTINGS = settings_of({
     **{f'{name}.topic': f'/{name}' for name in ('robot', 'cart', 'lidar', 'radar')}})
 
 
+def placed(name, time, shape):
+    """Return a body where it is at a time in s."""
+    points = np.zeros((len(shape), 3), np.float32)
+    points[:, :2] = shape
+    return Placement(name, START + round(time * 1e9), True, 'map',
+                     (points.tobytes(), 0, len(points)), None, None)
+
+
 def placements(name, rng, times, shapes):
     """Return bodies that drive past the origin, or stand; of each time all, but for a few."""
     places, speeds = rng.uniform(-9, 9, (2, len(shapes), 2))
     speeds *= rng.choice([0.1, 0.5]) * (rng.random((len(shapes), 1)) < 0.6)
     for time in times:
-        stamp = START + round(time * 1e9)
         for shape, place, speed in zip(shapes, places, speeds):
             if rng.random() < 0.9:
-                points = np.zeros((len(shape), 3), np.float32)
-                points[:, :2] = shape + place + speed * (time - 6.0)
-                yield Placement(name, stamp, True, 'map', (points.tobytes(), 0, len(points)),
-                                None, None)
+                yield placed(name, time, shape + place + speed * (time - 6.0))
 
 
 def recorded(seed):
@@ -76,6 +80,29 @@ def test_what_is_taken_together_is_decided_as_one_after_the_other(seed):
     found = recorded(seed)
     alone = decided(found, 1)
     assert {decided(found, together) for together in (7, 64, 500)} == {alone}
+
+
+@pytest.mark.parametrize('together', (1, 500))
+@pytest.mark.parametrize('x, comes_back, contacts', [
+    (1.5, True, 0), (2.5, True, 1), (9.0, True, 2), (9.0, False, 1)],
+    ids=['is near', 'touches', 'passes through and comes back', 'passes through'])
+@pytest.mark.parametrize('when', range(1, 9))
+def test_what_happens_on_any_piece_between_two_sets(together, x, comes_back, contacts, when):
+    """Eight pieces of the robot's way lead from a set to the next; on one it goes elsewhere."""
+    found = []
+    for k in range(25):
+        is_away = k == 8 + when or k > 8 + when and not comes_back
+        found.append(placed('robot', k / 8, box(x if is_away else 0.0)))
+        if k % 8 == 0:
+            found.append(placed('lidar', k / 8, box(3.0)))
+    results = [FootprintResult(one.name, one.topic, True) for one in SETTINGS.footprints]
+    motion = Motion(SETTINGS, None, results)
+    # Sets are described together from the second on.
+    motion.place(found[:2])
+    for k in range(2, len(found), together):
+        motion.place(found[k:k + together])
+    motion.finish(found[-1].stamp)
+    assert len(motion.contacts) == contacts
 
 
 def test_steps_are_looked_at_together(monkeypatch):

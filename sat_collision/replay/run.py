@@ -50,8 +50,10 @@ OnProgress: TypeAlias = Callable[[float], None]
 
 _APART = 3600 * 10**9
 _PROGRESS_EVERY = 500
-# So many placements are followed one after another, which is faster than one by one in between.
+# So many placements are followed one after another, which is faster than one by one in between;
+# fewer of long messages, so that memory stays bounded.
 _TOGETHER = 64
+_MOST_BYTES = 2**22
 # Why a message tells of no body, whenever and wherever it is received.
 _OF_CONTENT = {EMPTY_FRAME_ID, LONG_FRAME_ID, *(reason.value for reason in Reason)}
 _LONGEST_QUIET = 60 * 10**9
@@ -299,9 +301,10 @@ class _Run:
 
     def _follow(self, now: int) -> None:
         """Take what was placed, and what has changed."""
-        self._untaken = len(self._placements)
-        if self._untaken >= self._together:
-            self._place(self._untaken)
+        untaken = self._untaken = len(self._placements)
+        if untaken >= self._together or (
+                untaken and untaken * len(self._placements[-1].points[0]) > _MOST_BYTES):
+            self._place(untaken)
         changed = self._scene.changes()
         if changed:
             self._change(changed, now)

@@ -42,16 +42,7 @@ _LONGEST_ROW = 64
 
 
 class SceneTape(Tape):
-    """
-    Scenes in a temporary file; see Tape.
-
-    Parameters
-    ----------
-    most : int
-        How many bytes it may have.
-    scene : Scene
-
-    """
+    """Scenes in a temporary file, of so many bytes at most; see Tape."""
 
     def __init__(self, most: int, scene: Scene) -> None:
         super().__init__(most)
@@ -93,26 +84,9 @@ class SceneTape(Tape):
 
 class Timeline:
     """
-    Follows a scene and records contacts, unknown times and separations.
+    Follows a scene and records contacts, unknown times and separations in results of footprints.
 
-    Parameters
-    ----------
-    scene : Scene
-    footprints : list of FootprintResult
-        To be filled in.
-    tape : SceneTape, optional
-        To keep the scene at each sample, and where a contact is deepest.
-
-    Attributes
-    ----------
-    contacts : list of Contact
-        In the order of their beginning.
-    footprints : list of FootprintResult
-    notes : list of str
-        What a reader should know.
-    touching : dict
-        The open Contacts by footprint and ObstacleId, only of footprints that have any.
-
+    A tape keeps the scene at each sample, and where a contact is deepest.
     """
 
     def __init__(self, scene: Scene, footprints: list[FootprintResult],
@@ -120,6 +94,7 @@ class Timeline:
         self._scene = scene
         self._tape = tape
         self.contacts: list[Contact] = []
+        # Those that are open, by footprint and obstacle, only of footprints that have any.
         self.touching: dict[str, dict[ObstacleId, Contact]] = {}
         self.footprints = footprints
         self.notes: list[str] = []
@@ -220,14 +195,7 @@ def _name_and_place(contact: tuple[ObstacleId, Polygon, Polygon]) -> tuple[objec
 
 
 class Rows:
-    """
-    Yields messages one by one as they were received, and skips what adds to a set in one call.
-
-    Parameters
-    ----------
-    messages : iterable of Message
-
-    """
+    """Yields messages one by one as received, and skips what adds to a set in one call."""
 
     def __init__(self, messages: Iterable[Message]) -> None:
         self._messages = messages
@@ -249,20 +217,8 @@ class Rows:
         """
         Have a monitor receive what only adds to the set of the message yielded last.
 
-        Parameters
-        ----------
-        monitor : Monitor
-        name : str
-            The source.
-        now : int
-        bound : int or float
-            Until then nothing happens by time alone, in ns.
-
-        Returns
-        -------
-        int
-            The time of the last message that was received.
-
+        Until the bound, in ns, nothing happens by time alone. Returns the time of the last message
+        that was received.
         """
         if self._taken < len(self._row) and self._row[-1][1] <= bound:
             taken = monitor.receive_run(name, self._batch, self._taken, now)

@@ -378,22 +378,7 @@ def _with_progress(messages: Iterable[Message], total: int,
 
 
 class Timer:
-    """
-    Something that recurs.
-
-    Parameters
-    ----------
-    period : float
-        In s.
-    action : callable
-        Takes the time in ns.
-
-    Attributes
-    ----------
-    due : int or float
-        When it is to be done next, ns.
-
-    """
+    """Something that recurs with a period in s, and takes the time in ns."""
 
     def __init__(self, period: float, action: Callable[[int], None]) -> None:
         self.action = action

@@ -41,25 +41,14 @@ _NO_NUMBERS = [0] * (WAYS_END + 1)
 
 
 class Ways(NamedTuple):
-    """
-    The ways of bodies from one set to the next, as `motions_between` has them.
+    """The ways of m bodies from one set to the next, as `motions_between` has them."""
 
-    Attributes
-    ----------
-    rows, next_rows : (m,) array of int
-    array : flat array
-    times : (m, 3) array of int
-    boxes : (m, 4) array
-    moved : (m,) array
-
-    """
-
-    rows: Integers
-    next_rows: Integers
+    rows: Integers  # (m,)
+    next_rows: Integers  # (m,)
     array: Floats
-    times: Integers
-    boxes: Floats
-    moved: Floats
+    times: Integers  # (m, 3)
+    boxes: Floats  # (m, 4)
+    moved: Floats  # (m,)
 
     @classmethod
     def of(cls, rows: Integers, next_rows: Integers, points: int) -> Ways:
@@ -73,22 +62,8 @@ class Block:
     """
     Sets of bodies, described in one call, and followed from each to the next.
 
-    Parameters
-    ----------
-    sets : sequence of sequence of Placement
-        The messages of each set.
-    longest : int, optional
-        How long a way may take, ns; by default nothing is followed.
-
-    Attributes
-    ----------
-    points, rings, boxes, sets : array
-        As `describe` has them.
-    ways : Ways
-        As `follow` has them.
-    numbers : list of list of int
-        Those of each set, behind a row of zeros.
-
+    Sets are given by their messages. A way may take `longest` ns; for 0 nothing is followed. See
+    `describe` and `follow` for what the arrays hold.
     """
 
     def __init__(self, sets: Sequence[Sequence[Placement]], longest: int = 0) -> None:
@@ -128,37 +103,10 @@ class Block:
 
 class Bodies:
     """
-    The outlines of some bodies: one footprint, or the obstacles of a set.
+    The outlines of some bodies: one footprint, or the obstacles of a set, as a block has it.
 
-    Parameters
-    ----------
-    names : sequence of ObstacleId
-        There may be more of them than bodies.
-    block : Block
-    number : int, optional
-        Which of its sets it is.
-    max_vertices : int, optional
-    frame_id : str, optional
-        The frame that all are in, empty if there is none.
-    is_between : bool, optional
-        Whether they were not received, but lie between what was.
-
-    Attributes
-    ----------
-    begin, end : int
-        When the first and the last one was there; 0 if there is none.
-    points : (v, 2) array
-        The points of all rings.
-    rings : (n, 4) array of int
-        What `describe` says of each.
-    boxes : (n, 4) array
-        min x, min y, max x, max y.
-    may_repeat : bool
-        Whether two outlines may be the same to the bit.
-    block : Block or None
-        None where they are at other times than in the block.
-    number : int
-
+    There may be more names than bodies. The frame is that of all, empty if they have none in
+    common. What is between was not received, but lies between what was.
     """
 
     def __init__(self, names: Sequence[ObstacleId], block: Block, number: int = 0,
@@ -167,6 +115,7 @@ class Bodies:
         before, numbers = block.numbers[number], block.numbers[number + 1]
         first, end = before[ROWS], numbers[ROWS]
         self._count = end - first
+        # None where they are at other times than in the block.
         self.block: Block | None = block
         self.number = number
         self.names = names
@@ -175,7 +124,9 @@ class Bodies:
         self.points = block.points[before[POINTS]:numbers[POINTS]]
         self.rings = block.rings[first:end]
         self.boxes = block.boxes[first:end]
+        # When the first and the last one was there, 0 if there is none.
         self.begin, self.end = numbers[EARLIEST], numbers[LATEST]
+        # Whether two outlines may be the same to the bit.
         self.may_repeat = bool(numbers[MAY_REPEAT])
         self._max_vertices = max_vertices
         self._polygons: dict[int, Polygon] = {}
@@ -245,23 +196,7 @@ class LinearMotion:
     """
     Bodies that move from one moment to the next, each vertex on a straight line.
 
-    Parameters
-    ----------
-    before, after : Bodies
-    ways : Ways
-        At least one.
-    begin, end : int
-        When the first one begins and the last one ends.
-
-    Attributes
-    ----------
-    rows, next_rows : (m,) array of int
-        Which body becomes which; both have as many vertices.
-    boxes : (m, 4) array
-        What bounds all of each way.
-    moved : (m,) array
-        How far the vertex goes that goes furthest, m.
-
+    There is at least one way. The first one begins at `begin`, and the last one ends at `end`.
     """
 
     def __init__(self, before: Bodies, after: Bodies, ways: Ways, begin: int, end: int) -> None:

@@ -43,29 +43,15 @@ class ContactTracker:
     """
     Follows the contacts of one footprint with the obstacles of one source.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-        Of the footprint.
-    contacts : Contacts
-        What is found goes there.
-    margin : float
-        Metres up to which bodies apart count as in contact.
-
-    Attributes
-    ----------
-    waiting : deque of Step
-        What is to be decided once the way is known.
-    decided : bool
-        Whether footprint and source were ever known at the same time.
-    undetermined : int
-        For how long a body had no outline on its way, ns.
-
+    Bodies apart by up to the margin, in metres, count as in contact.
     """
 
     def __init__(self, trajectory: Trajectory, contacts: Contacts, margin: float) -> None:
+        # What is to be decided once the way is known.
         self.waiting: deque[Step] = deque()
+        # Whether footprint and source were ever known at the same time.
         self.decided = False
+        # For how long a body had no outline on its way, ns.
         self.undetermined = 0
         self._trajectory = trajectory
         self._series = contacts.series()
@@ -262,15 +248,9 @@ class ContactTracker:
 
 class _Looks:
     """
-    What is nearest to a footprint at each step of a block, as `look` has it.
+    What is nearest to a footprint at each step of a block of obstacles, as `look` has it.
 
-    Parameters
-    ----------
-    block, way : Block
-        The obstacles, and the samples of the footprint.
-    margin : float
-        In metres.
-
+    The way is the block of the footprint's samples.
     """
 
     def __init__(self, block: Block | None, way: Block, margin: float) -> None:
@@ -352,19 +332,7 @@ def _by_gap(body: PackedBody | None, box: Box, bodies: Bodies, rows: Integers | 
 
 
 class Contacts:
-    """
-    Collects what is found of a footprint.
-
-    Parameters
-    ----------
-    result : FootprintResult
-        Least separation and curve go there.
-    contacts : list of Contact
-        Of all footprints.
-    trajectory : Trajectory
-        Of the footprint.
-
-    """
+    """Collects what is found of a footprint, in its result and among the contacts of all."""
 
     def __init__(self, result: FootprintResult, contacts: list[Contact],
                  trajectory: Trajectory) -> None:

@@ -143,18 +143,11 @@ def follow(described, longest, ways):
     """
     Write the ways of the rings of each set to those of the next.
 
-    Parameters
-    ----------
-    described : tuple
-        Points, rings, boxes and sets, as `describe` has them; WAYS, WAYS_BEGIN and WAYS_END are
-        written.
-    longest : int
-        How long a way may take, ns.
-    ways : tuple
-        What is written: the rows in their set of the rings that are followed and of those that
-        they become, and array, ways, boxes and moved, as `motions_between` has them; the array
-        has room for each way where the points of the set are at which it begins.
-
+    `described` are points, rings, boxes and sets, as `describe` has them, of which WAYS,
+    WAYS_BEGIN and WAYS_END are written. A way may take `longest` ns. Written are, too, the rows in
+    their set of the rings that are followed and of those that they become, and array, ways, boxes
+    and moved, as `motions_between` has them; the array has room for each way where the points of
+    the set are at which it begins.
     """
     points, rings, boxes, sets = described
     rows, next_rows, array, times, bounds, moved = ways
@@ -224,20 +217,9 @@ def mutual_nearest(rings, boxes, next_rings, next_boxes, longest, rows, next_row
     """
     Write which rings of two sets are nearest to each other and have as many points.
 
-    Parameters
-    ----------
-    rings, boxes, next_rings, next_boxes : array
-        Of the two sets, as `describe` has them. What counts are the middles of the boxes.
-    longest : int
-        How much later the other may be at most, ns.
-    rows, next_rows : (n,) array of int64
-        Receive the rings of one set, and those of the other.
-
-    Returns
-    -------
-    int
-        How many there are.
-
+    Rings and boxes of the two sets are as `describe` has them; what counts are the middles of the
+    boxes. The other may be later by `longest` ns at most. Returns how many there are: `rows` and
+    `next_rows` receive the rings of one set, and those of the other.
     """
     centres = _middles(boxes)
     others = _middles(next_boxes)

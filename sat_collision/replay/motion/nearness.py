@@ -42,31 +42,15 @@ def rows_near(box, boxes, margin, rows):
 @kernel
 def measure_near(body, box, rows, bodies, margin, found):
     """
-    Measure how far a body is from rings, of all that may be nearest or within a margin.
+    Measure how far a body is from rings, of all that may be nearest or within a margin in metres.
 
-    Parameters
-    ----------
-    body : (flat array of float64, int)
-        The packed body and its count; 0 to measure nothing, where each ring has another body
-        to be measured with.
-    box : four floats
-        What bounds it.
-    rows : (m,) array of int64
-        The rings to be looked at.
-    bodies : tuple
-        Boxes, points and rings of all, as `describe` has them.
-    margin : float
-        In metres.
-    found : (m, 3) array of float64
-        Receives of each ring how far the boxes are apart, which is never more than the bodies
-        are, its row, and its separation as `distance.measure` has it; NaN of what is not
-        measured, or not convex.
+    The body is packed, with its count, and bounded by the box; where the count is 0 nothing is
+    measured, because each ring has another body to be measured with. Of bodies, their boxes,
+    points and rings as `describe` has them, those in some rows are looked at.
 
-    Returns
-    -------
-    int
-        How many rings there are.
-
+    Returns how many rings there are. Of each, `found`, (m, 3), receives how far the boxes are
+    apart, which is never more than the bodies are, its row, and its separation as
+    `distance.measure` has it; NaN of what is not measured, or not convex.
     """
     outline, n = body
     boxes, points, rings = bodies

@@ -39,21 +39,10 @@ class StampOrder:
     A message without a stamp counts when it is received; so does one whose stamp is further than
     WINDOW from that, as those of another clock are, unless the stamps are the clock. Then the time
     is 0 of what comes before the first stamp.
-
-    Parameters
-    ----------
-    messages : iterable of Message
-    by_header : bool
-        Whether the stamps are the clock.
-
-    Attributes
-    ----------
-    delay : int
-        How much later than its time the last message was received, ns; not by the header.
-
     """
 
     def __init__(self, messages: Iterable[Message], by_header: bool) -> None:
+        # How much later than its time the last message was received, ns; not by the header.
         self.delay = 0
         self._messages = messages
         self._by_header = by_header

@@ -58,16 +58,7 @@ class Prediction:
     """
     Predicts from the messages of one footprint when it would have touched an obstacle.
 
-    Parameters
-    ----------
-    settings : FootprintSettings
-    trajectory : Trajectory
-        Of the footprint.
-    horizon : float
-        How far ahead to look, s.
-    margin : float
-        How far apart bodies are in collision, m.
-
+    It looks ahead up to the horizon, in s. Bodies apart by up to the margin, in m, collide.
     """
 
     def __init__(self, settings: FootprintSettings, trajectory: Trajectory, horizon: float,

@@ -86,12 +86,6 @@ class _Developer:
     Fills keyframes with recorded motion, the same by which contacts are decided.
 
     A body whose way is not known is shown where it was last, and marked so.
-
-    Parameters
-    ----------
-    keyframes : Keyframes
-        To be filled.
-
     """
 
     def __init__(self, keyframes: Keyframes) -> None:

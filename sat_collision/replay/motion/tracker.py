@@ -45,29 +45,14 @@ _TOGETHER = 10**8
 
 @dataclass(slots=True)
 class Step:
-    """
-    What is known of a source's bodies from one moment to the next.
+    """What is known of a source's bodies from one moment to the next."""
 
-    Attributes
-    ----------
-    made : list of LinearMotion
-        The motions, as far as they are made.
-    seen : Bodies or None
-        All that was seen at the later one, None if nothing was.
-    gone : sequence of ObstacleId or None
-        Names of those that are there no longer; None for all that was not seen.
-    finish : int
-        The last time of which anything is known, ns.
-    last : Bodies or None
-        The set before that which was seen in their block, if these two are all of the step: then
-        the motions are made when they are asked for.
-
-    """
-
-    made: list[LinearMotion]
-    seen: Bodies | None
-    gone: Sequence[ObstacleId] | None
-    finish: int
+    made: list[LinearMotion]  # the motions, as far as they are made
+    seen: Bodies | None  # at the later moment, None if nothing was
+    gone: Sequence[ObstacleId] | None  # are there no longer; None for all that was not seen
+    finish: int  # the last time of which anything is known, ns
+    # The set before that which was seen in their block, if these two are all of the step: then the
+    # motions are made when they are asked for.
     last: Bodies | None = None
 
     @property
@@ -98,24 +83,10 @@ Emit: TypeAlias = 'Callable[[Tracker, Step], None]'
 
 
 class Tracker(ABC):
-    """
-    Follows the bodies of a source.
-
-    Parameters
-    ----------
-    settings : ObstacleSettings
-    max_vertices : int
-    emit : callable
-        Takes the tracker and each Step.
-
-    Attributes
-    ----------
-    undetermined : int
-        For how long it was not known how something moved, ns.
-
-    """
+    """Follows the bodies of a source."""
 
     def __init__(self, settings: ObstacleSettings, max_vertices: int, emit: Emit) -> None:
+        # For how long it was not known how something moved, ns.
         self.undetermined = 0
         self._source = settings.name
         self._timeout = round(settings.timeout * 1e9) or NEVER

@@ -40,19 +40,7 @@ Box: TypeAlias = tuple[float, float, float, float]
 
 
 class Piece:
-    """
-    The way of a footprint from one sample to the next, or one sample alone.
-
-    Parameters
-    ----------
-    before, after : Bodies
-
-    Attributes
-    ----------
-    begin, end : int
-        In ns.
-
-    """
+    """The way of a footprint from one sample to the next, or one sample alone."""
 
     def __init__(self, before: Bodies, after: Bodies) -> None:
         self.before = before
@@ -83,31 +71,18 @@ class Trajectory:
 
     A piece leads from one sample to the next if no refused footprint came between them, if they
     are no further apart in time than the timeout, and if they have as many vertices. A sample
-    alone is a piece without length.
-
-    Parameters
-    ----------
-    timeout : int or float
-        In ns, or NEVER.
-    longest : int
-        Over how long a motion is made up at most, ns.
-
-    Attributes
-    ----------
-    block : Block or None
-        Has the samples that are being added, where there is one.
-    latest : int or None
-        Stamp of the last sample.
-    undetermined : int
-        For how long the way is not known though the footprint was there, ns.
-
+    alone is a piece without length. Times are in ns; the timeout may be NEVER, and no motion is
+    made up over more than `longest`.
     """
 
     def __init__(self, timeout: float, longest: int) -> None:
         self._never_stale = timeout == NEVER
         self.longest = round(min(timeout, longest))
+        # Has the samples that are being added, where there is one.
         self.block: Block | None = None
+        # The stamp of the last sample.
         self.latest: int | None = None
+        # For how long the way is not known though the footprint was there.
         self.undetermined = 0
         self._pieces: list[Piece] = []
         self._starts: list[int] = []
@@ -264,18 +239,7 @@ class _UnknownError(Exception):
 
 
 class Poses:
-    """
-    The poses of an outline.
-
-    Parameters
-    ----------
-    transforms : TransformListener
-    frame_id : str
-        That the outline is in.
-    points : Points
-        The outline.
-
-    """
+    """The poses of an outline, whose points are in a frame."""
 
     def __init__(self, transforms: TransformListener, frame_id: str, points: Points) -> None:
         self._transforms = transforms
@@ -291,18 +255,8 @@ class Poses:
         Return the times between two at which the outline must be placed, and the maps then.
 
         From each to the next the vertices move on straight lines, to TOLERANCE: there is one
-        wherever a transform says where the frame was, and as many more as its turning needs.
-
-        Parameters
-        ----------
-        begin, end : int
-            In ns.
-
-        Returns
-        -------
-        list of tuple or None
-            None if it is not known where the frame was all the time.
-
+        wherever a transform says where the frame was, and as many more as its turning needs. None
+        if it is not known where the frame was all the time.
         """
         times = [begin, *self._transforms.stamps(self._frame_id, begin, end), end]
         found: list[tuple[int, PlaneMap]] = []

@@ -46,33 +46,9 @@ class Sweep:
     """
     Decides one footprint against the steps of all sources that it monitors.
 
-    Parameters
-    ----------
-    settings : FootprintSettings
-    result : FootprintResult
-        Of the footprint.
-    contacts : list of Contact
-        Of all footprints.
-    margin : float
-        Metres up to which bodies apart count as in contact.
-    keep : int
-        For how long its way is of interest, ns.
-    horizon : float or None
-        How far ahead to look for collisions, s; None not to.
-    max_vertices : int
-
-    Attributes
-    ----------
-    settings : FootprintSettings
-    result : FootprintResult
-    timeout : int or float
-        In ns, or NEVER.
-    trajectory : Trajectory
-    contacts : Contacts
-    prediction : Prediction or None
-    is_decided : bool
-        Whether there was a decision against all sources that had bodies.
-
+    The contacts are of all footprints. Its way is of interest for `keep` ns, and collisions are
+    looked for up to the horizon, in s, if there is one. Bodies apart by up to the margin, in
+    metres, count as in contact.
     """
 
     def __init__(self, settings: FootprintSettings, result: FootprintResult,
@@ -104,6 +80,7 @@ class Sweep:
 
     @property
     def is_decided(self) -> bool:
+        """Whether there was a decision against all sources that had bodies."""
         return all(one.decided for one in self._contact_trackers.values())
 
     @property
@@ -168,28 +145,14 @@ class Motion:
     """
     Answers whether footprints touched obstacles, from where messages say that they were.
 
-    Parameters
-    ----------
-    settings : Settings
-    transforms : TransformListener
-        What is known of frames, for footprints that have an outline.
-    results : list of FootprintResult
-        To be filled in.
-    tape : MotionTape, optional
-        To be filled, for a drawing.
-    horizon : float, optional
-        How far ahead to look for collisions, s; without, none are predicted.
-
-    Attributes
-    ----------
-    contacts : list of Contact
-        In the order in which they were found.
-
+    Results are filled in, and a tape for a drawing, if given. Transforms say where footprints are
+    that have an outline. Without a horizon, in s, no collisions are predicted.
     """
 
     def __init__(self, settings: Settings, transforms: TransformListener,
                  results: list[FootprintResult], tape: MotionTape | None = None,
                  horizon: float | None = None) -> None:
+        # In the order in which they were found.
         self.contacts: list[Contact] = []
         self._now = 0
         self._transforms = transforms
@@ -337,30 +300,15 @@ class Motion:
 
 
 class MotionTimeline:
-    """
-    Joins what recorded motion finds with the times at which the scene does not know.
-
-    Parameters
-    ----------
-    scene : Scene
-    motion : Motion
-    footprints : list of FootprintResult
-
-    Attributes
-    ----------
-    contacts : list of Contact
-        In the order of their beginning.
-    footprints : list of FootprintResult
-    notes : list of str
-        What a reader should know.
-
-    """
+    """Joins what recorded motion finds with the times at which the scene does not know."""
 
     def __init__(self, scene: Scene, motion: Motion, footprints: list[FootprintResult]) -> None:
         self._scene = scene
         self._motion = motion
+        # In the order of their beginning, once all is decided.
         self.contacts: list[Contact] = motion.contacts
         self.footprints = footprints
+        # What a reader should know.
         self.notes: list[str] = []
         self._results = {result.name: result for result in footprints}
         self._unknowns = Unknowns()

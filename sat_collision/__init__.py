@@ -28,7 +28,7 @@ When does a robot meet an obstacle?            time_to_contact
 One body against a set that changes            PolygonSet
 =============================================  =====================================
 
-With numba all is compiled, which takes half a minute once after an installation; the command
+With numba all is compiled, which takes some 25 s once after an installation; the command
 prepare_kernels does it ahead.
 """
 

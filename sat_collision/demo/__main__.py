@@ -39,7 +39,7 @@ def compile_nothing() -> None:
     """
     Have the node run in plain Python, which is fast enough, unless its kernels are compiled.
 
-    Flags come after a second then, and not after half a minute.
+    Flags come after a second then, and not after six or more.
     """
     from sat_collision.geometry.preparation import is_prepared
     if not is_prepared():

@@ -38,7 +38,7 @@ def say_compiling(name: str, kept_in: str) -> None:
         return
     words = f'sat_collision: compiling kernels, for {name}'
     if not _is_said:
-        words += (', up to half a minute once after an installation; '
+        words += (', some seconds once after an installation; '
                   f'they are kept in {kept_in}. prepare_kernels does it ahead, and with '
                   'NUMBA_DISABLE_JIT=1 all is done in plain Python')
     logging.getLogger(__name__).warning(words)

@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     from sat_collision.replay.bag.recording import Recording
 
 _TYPES = ('geometry_msgs/msg/PolygonStamped', 'geometry_msgs/msg/PolygonInstanceStamped')
-# Compiling takes more than 40 s. So many messages take plain Python some 5 s where they are boxes,
-# and 40 s where they are polygons of 40 vertices that are not convex.
+# Compiling takes some 25 s. So many messages take plain Python some 5 s where they are boxes, and
+# 40 s where they are polygons of 40 vertices that are not convex.
 _FEW = 20_000
 
 

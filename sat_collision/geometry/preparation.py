@@ -166,8 +166,8 @@ def prepare_distances() -> None:
 
 def prepare_motion() -> None:
     """Have ready what looks ahead."""
-    point = _origin()
-    PackedSet([point]).first_contact(point, (1, 0, 1), 1.0)
+    # Apart at first: else nothing is asked of the way.
+    PackedSet([_origin()]).first_contact(Polygon(_TRIANGLE + 1), (1, 0, 1), 1.0)
 
 
 def prepare_pairs() -> None:

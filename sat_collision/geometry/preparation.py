@@ -159,7 +159,7 @@ def prepare_distances() -> None:
     point = _origin()
     bodies = PackedSet([point])
     bodies.nearest(point)
-    bodies.place(0, point.packed, PolygonSet([point]), 1.0)
+    bodies.place(bodies.new_row(), point.packed, PolygonSet([point]), 1.0)
     # Last: `is_prepared` asks for it.
     contact(point, point)
 

@@ -63,13 +63,20 @@ def recorded(seed):
     return sorted(found, key=lambda placement: placement.stamp)
 
 
-def decided(found, together):
-    """Return all that is found of placements so many of which are taken at a time."""
+def followed(found, together, alone=0):
+    """Return results and motion of placements, so many taken at a time behind the first ones."""
     results = [FootprintResult(one.name, one.topic, True) for one in SETTINGS.footprints]
     motion = Motion(SETTINGS, None, results)
-    for k in range(0, len(found), together):
+    motion.place(found[:alone])
+    for k in range(alone, len(found), together):
         motion.place(found[k:k + together])
     motion.finish(found[-1].stamp)
+    return results, motion
+
+
+def decided(found, together):
+    """Return all that is found of placements so many of which are taken at a time."""
+    results, motion = followed(found, together)
     motion.draw_curves([])
     return repr((motion.contacts, [(one.least, one.separation) for one in results], [
         motion.undetermined(name) for name in ('robot', 'cart', 'lidar', 'radar')]))
@@ -95,18 +102,13 @@ def test_what_happens_on_any_piece_between_two_sets(together, x, comes_back, con
         found.append(placed('robot', k / 8, box(x if is_away else 0.0)))
         if k % 8 == 0:
             found.append(placed('lidar', k / 8, box(3.0)))
-    results = [FootprintResult(one.name, one.topic, True) for one in SETTINGS.footprints]
-    motion = Motion(SETTINGS, None, results)
     # Sets are described together from the second on.
-    motion.place(found[:2])
-    for k in range(2, len(found), together):
-        motion.place(found[k:k + together])
-    motion.finish(found[-1].stamp)
+    _, motion = followed(found, together, alone=2)
     assert len(motion.contacts) == contacts
 
 
 def test_steps_are_looked_at_together(monkeypatch):
-    """Most steps in which nothing touches, or the test above tests nothing."""
+    """Most steps in which nothing touches, or the tests above test nothing."""
     answers = []
     look = contacts.ContactTracker._look_together
 

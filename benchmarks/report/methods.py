@@ -62,7 +62,6 @@ METHODS = {
     'literal': Method('published, Eq. 5', '#CC6677', 'd', sat_methods.literal_axes, 'centres'),
     'binary': Method('binary-search SAT', '#E69F00', 'h', rivals.binary_axes, 'heads'),
     'gjk': Method('GJK', '#332288', 'p', rivals.gjk_axes, 'heads'),
-    'interval': Method('interval filter', '#88CCEE', 'H', rivals.interval_axes, 'heads'),
     'filtered': Method('filtered orientations', '#117733', '8', rivals.filtered_axes, 'heads'),
     'improved': Method('improved', '#009E73', '*'),
     'shapely': Method('shapely', '#0072B2', 'X'),

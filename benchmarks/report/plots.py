@@ -27,8 +27,8 @@ from words import wilson
 U = 2.0 ** -53
 U_FLOAT32 = 2.0 ** -24
 # Drawn in the first figure; the others are in its table.
-DRAWN = ('improved', 'traditional', 'published_a', 'published_b', 'binary', 'gjk', 'interval',
-         'filtered', 'shapely')
+DRAWN = ('improved', 'traditional', 'published_a', 'published_b', 'binary', 'gjk', 'filtered',
+         'shapely')
 CONDITIONED = 'traditional', 'closest', 'gjk', 'published_a', 'published_b', 'improved'
 # Methods at whose points n is written, for some n.
 _NUMBERED = 'published_a', 'improved'

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Rivals worth beating: two in plain floating point, two that are exact.
+Rivals: binary-search SAT and GJK in plain floating point, and orientations that are exact.
 
 All take two convex polygons as counter-clockwise (n, 2) arrays, and of each a head made in
 advance, its bounding box and centre of gravity; all begin with the boxes. A kernel returns the
@@ -21,9 +21,8 @@ answer and how many axes or edges it tried, a test of the boxes counted as two.
 
 Two convex polygons are apart iff some edge of one has every vertex of the other strictly on its
 outer side. *filtered orientations* asks this of each edge through the semi-static filter of CGAL's
-kernel (Melquiond and Pion 2007), and exactly where that fails. *interval filter* asks the same in
-interval arithmetic, and gives a pair with an undecided edge to the other one. Both try first the
-vertex that refuted the edge before, which makes most pairs O(n).
+kernel (Melquiond and Pion 2007), and exactly where that fails. It begins with the vertex that
+refuted the edge before, which makes most pairs O(n).
 """
 
 import math
@@ -39,20 +38,11 @@ _SCANNED = 8
 GJK_TOLERANCE = 1e-10
 _MOST_STEPS = 64
 
-# Twice the error of one rounding, relative and where numbers are no longer normal.
-_ROUNDING = 2.0 ** -52
-_SMALLEST = 2.0 ** -1074
-# Below this products of differences do not overflow.
-_LARGEST = 2.0 ** 500
 # The constants of CGAL's Orientation_2: error of the determinant of 2 x 2 rounded differences,
 # and between which magnitudes neither the bound underflows nor the determinant overflows.
 _CGAL_ERROR = 8.8872057372592798e-16
 _CGAL_LEAST = 1e-146
 _CGAL_MOST = 1e153
-
-_APART = -1
-_UNDECIDED = 0
-_REFUTED = 1
 
 
 @kernel
@@ -211,31 +201,6 @@ def filtered_axes(p, q, head_p, head_q):
 
 
 @kernel
-def interval_axes(p, q, head_p, head_q):
-    """Decide in interval arithmetic, else by `filtered_axes`: the method named interval filter."""
-    if boxes_apart(head_p, head_q):
-        return False, 2
-    axes = 2
-    decided = len(p) > 2 or len(q) > 2
-    for k in range(4):
-        decided = decided and abs(head_p[k]) < _LARGEST and abs(head_q[k]) < _LARGEST
-    for body, other in ((p, q), (q, p)):
-        k = 0
-        for i in range(len(body) if len(body) > 1 else 0):
-            if decided:
-                axes += 1
-                verdict, k = _edge_interval(body[i - 1, 0], body[i - 1, 1],
-                                            body[i, 0], body[i, 1], other, k)
-                if verdict == _APART:
-                    return False, axes
-                decided = verdict == _REFUTED
-    if decided:
-        return True, axes
-    collides, more = filtered_axes(p, q, head_p, head_q)
-    return collides, axes + more
-
-
-@kernel
 def _some_edge_separates(body, other):
     k = 0
     for i in range(len(body) if len(body) > 1 else 0):
@@ -277,50 +242,3 @@ def semi_static_orient(ax, ay, bx, by, cx, cy):
         if determinant < -bound:
             return -1
     return orient(ax, ay, bx, by, cx, cy)
-
-
-@kernel
-def _edge_interval(ax, ay, bx, by, other, k):
-    """Return whether an edge separates, as far as intervals tell, and the vertex that refuted."""
-    verdict = _APART
-    x_low, x_high = _difference(bx, ax)
-    y_low, y_high = _difference(by, ay)
-    for _ in range(len(other)):
-        u_low, u_high = _difference(other[k, 0], ax)
-        v_low, v_high = _difference(other[k, 1], ay)
-        left_low, left_high = _product(x_low, x_high, v_low, v_high)
-        right_low, right_high = _product(y_low, y_high, u_low, u_high)
-        low = _down(left_low - right_high)
-        high = _up(left_high - right_low)
-        if low >= 0.0:
-            return _REFUTED, k
-        if not high < 0.0:
-            verdict = _UNDECIDED
-        k = k + 1 if k + 1 < len(other) else 0
-    return verdict, k
-
-
-@kernel
-def _difference(a, b):
-    return _down(a - b), _up(a - b)
-
-
-@kernel
-def _product(a_low, a_high, b_low, b_high):
-    first = a_low * b_low
-    second = a_low * b_high
-    third = a_high * b_low
-    fourth = a_high * b_high
-    return (_down(min(min(first, second), min(third, fourth))),
-            _up(max(max(first, second), max(third, fourth))))
-
-
-@kernel
-def _down(x):
-    """Return a number below what was rounded to x."""
-    return x - (abs(x) * _ROUNDING + _SMALLEST)
-
-
-@kernel
-def _up(x):
-    return x + (abs(x) * _ROUNDING + _SMALLEST)

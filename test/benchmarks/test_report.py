@@ -76,7 +76,7 @@ def test_what_the_text_says_holds_in_the_figures(figures):
     wrong = {method: tables.count_wrong(row for row in rows if row['method'] == method)
              for method in tables.distinct(rows, 'method')}
     assert {method for method, count in wrong.items() if not count} == {
-        'improved', 'filtered', 'interval', 'shapely'}
+        'improved', 'filtered', 'shapely'}
     assert not tables.count_wrong(row for row in rows if row['kind'] == 'near'
                                   and row['method'] == 'traditional')
     total = figures['accuracy']['families']['all']

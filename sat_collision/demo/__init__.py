@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The monitor at work on an embedded scene."""
+"""A demo of the node on an embedded scene."""

@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from visualization_msgs.msg import MarkerArray
 
-# Texts are drawn so many times as large as markers have them: one walks up to these in a viewer.
+# Texts are drawn larger than in the markers, as nobody can zoom into a picture.
 _ENLARGED = 1.3
 _WORDS = {'clear': ('clear', '#1a9933'), 'imminent': ('COLLISION AHEAD', '#c06000'),
           'collision': ('COLLISION', '#d11919'), 'unknown': ('unknown', '#555555')}
 
 
 class Frame(NamedTuple):
-    """What the node said at one time (s): the state of each footprint, and the markers."""
+    """What the node published at one time (s): the state of each footprint, and the markers."""
 
     time: float
     states: dict[str, str]
@@ -110,12 +110,12 @@ def _draw_markers(markers: MarkerArray, axes: Axes) -> None:
     from matplotlib.textpath import TextPath
     for marker in markers.markers:
         colour = np.array([marker.color.r, marker.color.g, marker.color.b])
-        # Mixed with the white ground beforehand.
+        # Blended with the white background.
         colour = 1.0 - marker.color.a * (1.0 - colour)
         height = 2.0 + marker.pose.position.z
         points = np.array([(point.x, point.y) for point in marker.points]).reshape(-1, 2)
         if marker.type == marker.TRIANGLE_LIST:
-            # Between triangles with smoothed edges the ground would shine through.
+            # Antialiased edges would leave light lines between triangles.
             axes.add_collection(PolyCollection(
                 list(points.reshape(-1, 3, 2)), facecolor=colour, linewidth=0.0,
                 antialiased=False, zorder=height))
@@ -127,7 +127,7 @@ def _draw_markers(markers: MarkerArray, axes: Axes) -> None:
             x, y = points.T
             axes.scatter(x, y, color=[colour], s=1500.0 * marker.scale.x**2, zorder=height)
         elif marker.type == marker.TEXT_VIEW_FACING:
-            # Its middle at its place, as viewers of ROS have it, but all of it within the picture.
+            # Centred as viewers of ROS do, but moved into the picture.
             size = _ENLARGED * marker.scale.z
             text = TextPath((0.0, 0.0), marker.text, size=size)
             (left, low), (right, high) = text.get_extents().get_points()

@@ -45,12 +45,12 @@ from visualization_msgs.msg import MarkerArray
 
 _PERIOD = 0.05
 _STATIC_STEPS = 20
-# Of the moving picture: seconds from frame to frame, and how many times faster it goes.
+# The moving picture: seconds of the scene from frame to frame, and how many times faster it runs.
 _FRAME_PERIOD = 0.24
 _HASTE = 2.0
 _START_TIMEOUT = 90.0
-# Of the robot that brakes: m/s and m/s^2, how many s before contact its flag is raised, and for
-# how many it waits once that has fallen.
+# The robot that brakes: m/s and m/s^2; how many s before contact its flag is raised, and how many
+# s it waits once that has fallen.
 _SPEED, _ACCELERATION = 1.2, 3.0
 _BRAKES_AHEAD, _WAITS = 1.5, 1.5
 _ROBOTS = (*warehouse.FOOTPRINTS, warehouse.BRAKES)
@@ -151,7 +151,7 @@ class _Publisher(Node):
 
 
 class _Viewer(Node):
-    """Notes the flags, the states, the obstacles in contact or ahead, and the markers."""
+    """Records the flags, the states, the obstacles in contact or ahead, and the markers."""
 
     def __init__(self) -> None:
         super().__init__('viewer')
@@ -282,7 +282,7 @@ def _draw(frames: Sequence[Frame], picture: str, movie: str) -> bool:
         if not shown or frame.time - shown[-1].time >= _FRAME_PERIOD:
             shown.append(frame)
     rate = round(_HASTE * len(shown) / shown[-1].time)
-    # Whoever sees only how it begins sees a contact.
+    # Begin with a contact, for viewers that show only the first frame.
     shown = ([frame for frame in shown if frame.time >= first.time]
              + [frame for frame in shown if frame.time < first.time])
     write_movie(shown, warehouse.BOUNDS, rate, movie)

@@ -30,7 +30,7 @@ _Path: TypeAlias = Sequence[tuple[float, float, float, float]]
 
 FRAME = 'map'
 DURATION = 16.0
-# Least x and y and greatest x and y of all there is and of the texts beside it.
+# Least x and y and greatest x and y of all bodies and of the texts beside them.
 BOUNDS = (0.3, 1.5, 20.7, 11.5)
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Commands: what footprints are told to do, instead of what they are seen to do."""
+"""Commands: the velocities that robots are told to drive at, by which contacts are predicted."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ class Commands:
     """
     Passes commands to a scene, of which the last counts, or refuses them.
 
-    A refused one counts, too: what the footprint does now is not known.
+    A refused command replaces the one before: the velocity is then unknown.
     """
 
     def __init__(self, settings: Settings, ingest: Ingest, scene: Scene) -> None:
         self._ingest = ingest
         self._scene = scene
         self.names = frozenset(one.command.name for one in settings.footprints if one.command)
-        # What came last, by these names.
+        # The last command, by these names.
         self.last: dict[str, Command] = {}
 
     def receive(self, name: str, messages: Sequence[bytes], now: int) -> list[Rejection]:

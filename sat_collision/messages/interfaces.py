@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The message classes, and how they are serialised: ROS's own, or without ROS the same of rosbags.
+The message classes and their serialisation: those of ROS, or without ROS those of rosbags.
 
 The node needs ROS. The replay tool does not, and makes the same messages with the same code.
 """
@@ -32,7 +32,7 @@ try:
     from visualization_msgs.msg import Marker, MarkerArray
 
     def octets(data: bytes) -> Any:
-        """Return what a field of bytes holds."""
+        """Return bytes as the value of a field of bytes."""
         return array('B', data)
 except ImportError:
     from sat_collision.messages.rosbags_interfaces import (

@@ -50,21 +50,21 @@ _COLOURS = {Status.CLEAR: _GREEN, Status.IMMINENT: _AMBER, Status.COLLISION: _RE
 _LINE = 0.03
 _DOT = 0.1
 _TEXT = 0.25
-# How many times a footprint is drawn on its way to a contact.
+# How often a footprint is drawn on its way to a contact.
 _PLACES_AHEAD = 8
 # For how many periods markers are shown, so that a dead monitor leaves no green robot.
 _PERIODS = 3
-# Of no more obstacles are contacts drawn or published: each costs time.
+# Most obstacles whose contacts are drawn or published, as each costs time.
 MOST_CONTACTS = 50
-# Of labels, in parts of the height of the text: the width of a character, the free space around a
-# text, and the distances from what it describes that are tried.
+# Labels, in heights of the text: the width of a character, the free space around a text, and the
+# distances to try between a text and its body.
 _WIDTH = 0.6
 _PADDING = 0.2
 _DISTANCES = (0.3, 1.5, 3.0)
 
 
 class _Style(NamedTuple):
-    """How points are drawn; height keeps lines above fills, and what explains above these."""
+    """How points are drawn; by z lines lie above fills, and contacts and axes above these."""
 
     kind: int
     z: float
@@ -83,7 +83,7 @@ _CLOSEST = _Style(Marker.SPHERE_LIST, 0.02, _DOT)
 
 
 class _Shape(NamedTuple):
-    """A body's points as markers want them, made once for each polygon."""
+    """The points of a body as messages, made once for each polygon."""
 
     polygon: Polygon
     parts: list[tuple[Ring, Box]]
@@ -210,7 +210,7 @@ class Markers:
                     f'{name} - {obstacle}: {distance:.3g} m')
 
     def _draw_ahead(self, name: str, prediction: Prediction | None) -> None:
-        """Draw where a footprint is on its way to a contact, and when it is there."""
+        """Draw a footprint on its way to a predicted contact, and the time until then."""
         if not (prediction and prediction.is_known and prediction.velocity
                 and 0.0 < prediction.seconds < math.inf):
             return
@@ -272,10 +272,10 @@ def _points(vertices: ArrayLike) -> list[Any]:
 
 class Labels:
     """
-    Finds places for texts, one after the other: beside what they describe.
+    Finds places for texts beside the bodies that they describe, one after the other.
 
-    No text shall cover the bodies, convex rings with the box around each. All texts have a height
-    in metres.
+    Texts, all of the same height in metres, avoid the bodies, which are convex rings with the box
+    around each.
     """
 
     def __init__(self, bodies: Iterable[tuple[Ring, Box]], height: float) -> None:
@@ -285,7 +285,7 @@ class Labels:
         self._height = height
 
     def place(self, text: str, box: Box) -> tuple[float, float]:
-        """Return where the middle of a text about what is in a box (m) goes, and keep it free."""
+        """Return where to centre a text that describes what is in a box (m), and keep it free."""
         half = 0.5 * _WIDTH * self._height * len(text), 0.5 * self._height
         padding = _PADDING * self._height
         w, h = half[0] + padding, half[1] + padding
@@ -304,7 +304,7 @@ class Labels:
         return x, y
 
     def keep_free(self, ring: Ring) -> None:
-        """Let what else is drawn be covered by no text."""
+        """Keep texts off a ring."""
         self._rings.append(ring)
         self._boxes = np.vstack([self._boxes, (*ring.min(0), *ring.max(0))])
 

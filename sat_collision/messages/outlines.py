@@ -30,7 +30,7 @@ from sat_collision.scene.parameters import Outline, outline_of
 from sat_collision.scene.settings import FootprintSettings, NEVER, Settings
 from sat_collision.scene.velocity import COMMAND, ODOMETRY, pose_of, TRANSFORMS, Velocity
 
-# How often an outline in a static frame is placed again within its timeout.
+# An outline in a static frame is placed again so many times within its timeout.
 _TIMES_PLACED = 3
 
 
@@ -52,7 +52,7 @@ class Outlines:
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
-        """Apply settings; an outline that is another one now counts at once."""
+        """Apply settings; a changed outline counts at once."""
         self._timeout = round(settings.transform_timeout * 1e9)
         for footprint in settings.footprints:
             if footprint.name in self._outlines:
@@ -72,7 +72,7 @@ class Outlines:
         return []
 
     def follow(self, now: int) -> list[Rejection]:
-        """Place what has moved."""
+        """Place the outlines that have moved."""
         rejections: list[Rejection] = []
         for one in self._outlines.values():
             rejections += self._follow(one, now)
@@ -80,7 +80,7 @@ class Outlines:
 
     @property
     def deadline(self) -> float:
-        """The time in ns before which, without another message, nothing is to be placed."""
+        """The time in ns until which nothing is to be placed unless a message comes."""
         return min((one.due(self._timeout) for one in self._outlines.values()), default=NEVER)
 
     def _follow(self, one: _Placed, now: int) -> list[Rejection]:
@@ -112,9 +112,9 @@ class Outlines:
 
     def _velocity(self, one: _Placed, found: Mapped) -> Velocity | None:
         """
-        Return the velocity of an outline where its frame is found; None if none is given.
+        Return the velocity given for an outline, whose frame was found; None if none is.
 
-        Of one that has commands it is the pose that counts.
+        With commands only the pose counts: the twist is that of the command.
         """
         if one.settings.cmd_vel or found.at is None:
             return Velocity((0.0, 0.0, 0.0), pose_of(found.plane),
@@ -141,7 +141,7 @@ class _Placed:
     def configure(self, footprint: FootprintSettings, max_vertices: int) -> None:
         """Apply settings."""
         self.settings = footprint
-        # How long it stays at least where it was placed, on average, in ns.
+        # The least time between two placements, on average, in ns.
         self.period = round(1e9 / footprint.rate)
         outline = outline_of(footprint, max_vertices)
         if outline != self._outline or not footprint.enabled:
@@ -149,26 +149,25 @@ class _Placed:
             self.points: Points = (b''.join(struct.pack('=3f', x, y, 0.0) for x, y in outline), 0,
                                    len(outline))
             self.forget()
-            # It is unknown until it is placed, and the scene must know that at once.
+            # It is unknown until it is placed, which the scene must be told at once.
             self._begun = 0
 
     def forget(self, fault: str = '') -> None:
         """Reset the pose."""
-        # The stamp of its last place, and whether that holds for all times.
+        # The stamp of its last place, and whether its frame is static.
         self.stamp: int | None = None
         self.is_static = False
-        # When it is due again, if all is as regular as it can be, and whether it may have moved
-        # but it was too soon to place it.
+        # When it is due again, and whether it may have moved when it was too soon to place it.
         self.next = 0
         self.is_pending = False
-        # The message of odometry that came last, empty if none.
+        # The last message of odometry, empty if none.
         self.odometry = b''
-        # Why it has no place, as far as that has been reported.
+        # Why it has no place, as last reported.
         self.fault = fault
         self._begun = None
 
     def begin(self, now: int) -> None:
-        """Start to wait for a place, if it has none."""
+        """Start waiting for a place, unless that has begun."""
         if self._begun is None:
             self._begun = now
 
@@ -194,7 +193,7 @@ class _Placed:
 
     @property
     def _refreshed(self) -> float:
-        """When a static place is refreshed, so that it does not become too old."""
+        """When a place in a static frame is refreshed, so that it does not grow too old."""
         if self.stamp is None or not self.settings.timeout:
             return NEVER
         return self.stamp + max(self.period, round(1e9 * self.settings.timeout / _TIMES_PLACED))

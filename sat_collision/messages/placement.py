@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The places of bodies as of messages, the input of recorded motion."""
+"""Placements: the messages that were taken, as the input of recorded motion."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from typing import Any, cast, NamedTuple, TypeAlias
 from sat_collision.geometry.polygon import PlaneMap
 from sat_collision.messages.cdr import POINT_SIZE, Points
 
-# The messages of a run, one behind the other; where each of them ends but the last one, an array
-# of int64; and where in each the points start.
+# The bytes of the messages of a run; the end of each but the last, an array of int64; and where in
+# each message the points start.
 RunPoints: TypeAlias = tuple[bytes, Any, int]
 
 
 class Placement(NamedTuple):
-    """A message that was taken, or a run of them, which differ in nothing but their points."""
+    """A message that was taken, or a run of messages that differ only in their points."""
 
     name: str  # of the footprint or source of obstacles
     stamp: int  # in ns, the time of reception if it has none
     is_stamped: bool
     frame_id: str  # after the map is applied
     points: Points | RunPoints  # as received
-    plane: PlaneMap | None  # what takes the points to that frame, None if they are in it
+    plane: PlaneMap | None  # the map of the points to that frame, None if they are in it
     instance: int | None  # the obstacle's id, of a source that gives ids
 
     @property

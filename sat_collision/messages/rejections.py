@@ -72,8 +72,8 @@ class Rejection(NamedTuple):
 
     name: str  # of the footprint or source that it was for
     topic: str
-    reason: str  # a few words without figures, to count by
-    detail: str  # what is wrong with this very message
+    reason: str  # a few words without figures, by which rejections are counted
+    detail: str  # what is wrong with this message
 
     @property
     def text(self) -> str:
@@ -86,7 +86,7 @@ def detail_of(refusal: str, frame_id: str, fixed: str, age: float, timeout: floa
     """
     Return what is wrong with a message that the scene has refused.
 
-    `frame_id` is its frame, `fixed` that of all else; its age is by its stamp. Times are in s.
+    `frame_id` is its frame, `fixed` that of the scene; its age is by its stamp. Times are in s.
     """
     if refusal == OTHER_FRAME:
         return f'it is in {in_quotes(frame_id)}, all else in {in_quotes(fixed)}'

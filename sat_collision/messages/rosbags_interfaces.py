@@ -43,7 +43,7 @@ def deserialize(data: bytes, kind: Any) -> Any:
 
 
 def octets(data: bytes) -> Any:
-    """Return what a field of bytes holds."""
+    """Return bytes as the value of a field of bytes."""
     return np.frombuffer(data, np.uint8)
 
 

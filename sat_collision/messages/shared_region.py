@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The region that two bodies share, for drawing: rounded, so it never decides contacts."""
+"""The region that two bodies share, for drawing only: it is rounded."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from sat_collision.geometry.polygon_set import PolygonSet
 # (n, 2): corners of a convex polygon, counter-clockwise, ends of a segment, or a point.
 Ring: TypeAlias = NDArray[np.float64]
 
-# Bodies with more pairs of parts are marked where they are deepest in each other, to save time.
+# Bodies with more pairs of parts are marked where they are deepest in each other.
 _MOST_PAIRS = 2_000
 # Bound of rounding errors, relative to the largest coordinate.
 _SLACK = 1e-9
@@ -37,7 +37,7 @@ _SLACK = 1e-9
 
 def contact_marks(footprint: Polygon, obstacle: Polygon) -> list[Ring]:
     """
-    Return what shows where two bodies meet.
+    Return marks of where two bodies meet.
 
     Returns
     -------

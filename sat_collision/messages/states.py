@@ -47,7 +47,7 @@ def in_words(state: State, margin: float = 0.0, prediction: Prediction | None = 
     """
     Return a footprint's state in a few words.
 
-    Within the margin, in metres, counts as a collision; the prediction is of one that is imminent.
+    The margin is that of the settings, in m; the prediction is that of an imminent collision.
     """
     if state.status is Status.IMMINENT and prediction and prediction.obstacle:
         most = '' if prediction.is_known else 'at most '
@@ -62,7 +62,7 @@ def in_words(state: State, margin: float = 0.0, prediction: Prediction | None = 
 
 
 def coordinate_step(polygon: Polygon | None) -> float:
-    """Return the distance (m) of neighbouring float32 numbers where a polygon is, 0 for None."""
+    """Return the float32 step (m) of a polygon's coordinates, 0 for None."""
     return float(np.spacing(np.float32(np.abs(polygon.bounds).max()))) if polygon else 0.0
 
 
@@ -70,12 +70,12 @@ class States:
     """
     One status a footprint, rewritten only where a state has changed.
 
-    What changes all the time is included if they are `moving`, as in ~/state.
+    With `moving`, as in ~/state, values that change all the time are included.
     """
 
     def __init__(self, node_name: str, settings: Settings, moving: bool = True) -> None:
         self.settings = settings
-        # False while no distances can be measured, which states then say.
+        # False while no distances can be measured yet, which is then part of the states.
         self.is_measured = True
         self._statuses = {
             footprint.name: DiagnosticStatus(name=f'{node_name}: {footprint.name}',
@@ -94,7 +94,7 @@ class States:
 
     def update(self, scene: Scene, predictions: Mapping[str, Prediction | None] = {}) -> None:
         """
-        Write down all states that have changed, or whose coordinates have other steps.
+        Write the states that have changed, also in whether their coordinates are coarse.
 
         An imminent state with a prediction changes all the time, so it is always written.
         """
@@ -110,7 +110,7 @@ class States:
 
     def write(self, name: str, state: State, step: float,
               prediction: Prediction | None = None) -> None:
-        """Write down a footprint's new state; its coordinates have float32 steps in metres."""
+        """Write a footprint's new state; `step` is the float32 step of its coordinates, m."""
         coarse = step > self.settings.resolution
         self._coarse[name] = coarse
         self._contacts[name] = state.contacts
@@ -140,7 +140,7 @@ class States:
                      velocity: Velocity | str,
                      prediction: Prediction | None) -> None:
         """
-        Write down what changes all the time, as the methods of a Scene return it.
+        Write the values that change all the time, as the methods of a Scene return them.
 
         The age is in s since the footprint's stamp; `newer` says by how many s the nearest
         obstacle, and each in contact, is newer than the footprint.

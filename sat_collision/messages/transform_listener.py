@@ -15,8 +15,8 @@
 """
 Receives /tf, /tf_static and odometry, and returns the affine map for a message.
 
-tf2_msgs/TFMessage, nav_msgs/Odometry and geometry_msgs/TwistStamped are read from their bytes,
-every length checked.
+tf2_msgs/TFMessage, nav_msgs/Odometry and geometry_msgs/TwistStamped are decoded here, with every
+length checked.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from sat_collision.scene.velocity import Twist
 TF_STATIC = '/tf_static'
 TRANSFORM_TOPICS = (TF, TF_STATIC)
 
-# Of how many frames refused transforms are counted each for itself.
+# Refused transforms are counted by frame for so many frames; the rest are counted together.
 _MOST_COUNTED = 100
 _OTHERS = 'other frames'
 
@@ -51,8 +51,8 @@ _TWIST_SIZE = 8 * 6
 _TWIST_COVARIANCE_SIZE = 8 * 36
 _SECOND = 1_000_000_000
 
-# Names repeat, so they are kept. A name that the end of a message cuts off may be among them; its
-# transform is then beyond the end, which is checked.
+# Decoded names, as they repeat. One may be of a message that is cut off within it: its transform
+# is then beyond the end, which is checked.
 _MOST_NAMES = 1000
 _names: dict[bytes, str] = {}
 
@@ -195,7 +195,7 @@ def _name(text: bytes, length: int) -> str:
     """
     Return the name that a string holds, and keep it for the next time.
 
-    The text is what the message has of it, and may be shorter than its announced length.
+    The text may be shorter than its announced length, if the message is cut off.
     """
     if length > LONGEST_FRAME_ID + 1:
         raise MessageError(f'a frame name of {length} bytes where {LONGEST_FRAME_ID} are accepted')
@@ -220,10 +220,10 @@ class TransformListener:
         # All messages, by topic, and how many transforms were taken.
         self.received: Counter[str] = Counter()
         self.transforms = 0
-        # The transforms that were not taken, by (child frame, reason), where the frame is in words
-        # for users; of messages that could not be read by (topic, reason).
+        # Refused transforms by (child frame, reason), with the frame in words for users; messages
+        # that could not be read by (topic, reason).
         self.rejected: Counter[tuple[str, str]] = Counter()
-        # How often another publisher than the last one sent a frame, by its name.
+        # How often a frame was sent by another publisher than before, by its name.
         self.turns: Counter[str] = Counter()
         self._numbers: dict[str, int] = {}
         self.configure(settings)
@@ -240,7 +240,7 @@ class TransformListener:
 
     def receive(self, topic: str, data: bytes, now: int,
                 number: int | None = None) -> list[Rejection]:
-        """Take a message of /tf or /tf_static, and which one of its publisher it is, if known."""
+        """Take a message of /tf or /tf_static, with its number of its publisher, if known."""
         self.received[topic] += 1
         try:
             transforms = decode_transforms(data)
@@ -273,7 +273,7 @@ class TransformListener:
         return rejections
 
     def receive_odometry(self, data: bytes, now: int) -> tuple[str, str] | None:
-        """Take an Odometry; return reason and detail if it is of no use."""
+        """Take an Odometry; return reason and detail if it is refused."""
         try:
             parent, child, stamp, transform = decode_odometry(data)
         except MessageError as error:
@@ -295,19 +295,19 @@ class TransformListener:
         self.rejected[key] += 1
 
     def stamps(self, frame_id: str, after: int, until: int) -> list[int]:
-        """Return the stamps in ns, between two times, for which a frame's place was sent."""
+        """Return the stamps in ns, between two times, of the transforms of a frame."""
         return self.frames.stamps(self._target, frame_id, after, until)
 
     def newest(self, frame_id: str, now: int) -> Mapped | NoTransform:
-        """Return what takes a frame to the fixed frame at the newest time that is known."""
+        """Return the map from a frame to the fixed frame at the latest time that is known."""
         return self.frames.newest_plane(self._target, frame_id, now=now)
 
     def plane(self, frame_id: str, stamp: int, now: int,
               timeout: float) -> Mapped | NoTransform:
         """
-        Return what takes a message to the fixed frame.
+        Return the map from the frame of a message to the fixed frame.
 
-        Stamp and present time are in ns. The stamp 0 takes the newest transform, unless it is
+        Stamp and present time are in ns. A stamp of 0 uses the newest transform, unless that is
         older than the timeout in s; 0.0 for any age.
         """
         if stamp:

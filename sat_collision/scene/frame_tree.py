@@ -51,10 +51,10 @@ _MOST_SHOWN = 64
 
 class FrameTree:
     """
-    Every frame in its parent, in the last seconds: `history` before its newest transform.
+    The parent of each frame, and its transforms of the last seconds (`history`).
 
     The last transform of a child at a stamp counts, whoever sent it, and so does its parent. A
-    static frame is where it is at all times. Times are ints in ns.
+    static transform holds at all times. Times are ints in ns.
     """
 
     def __init__(self, history: int) -> None:
@@ -63,7 +63,7 @@ class FrameTree:
         self.static: dict[str, tuple[str, FixedTransform]] = {}
         self.moving: dict[str, Track] = {}
         self._parents: set[str] = set()
-        # Set where a transform has changed what was known before, not only added a newer one.
+        # Set when a transform changed the past, and did not only add a newer one.
         self.rewritten = False
 
     def __contains__(self, frame: str) -> bool:
@@ -80,12 +80,12 @@ class FrameTree:
         """
         Insert the transform from a child frame to its parent.
 
-        A slash before a name is dropped, as tf2 does. Return why it was not taken, if it was not:
+        A slash before a name is dropped, as tf2 does. Return None, or why it was refused:
         BAD_NAMES, BAD_TRANSFORM, OLD_TRANSFORM or TOO_MANY_FRAMES.
         """
         taken = accepted(transform)
         track = self.moving.get(child)
-        # The usual case: names that were checked before, and a newer transform.
+        # The usual case: a newer transform of a known frame.
         if track is not None and not static and taken and track.links[-1][0] == parent \
                 and track.extend(stamp, (parent, taken), self._history):
             return None
@@ -123,8 +123,8 @@ class FrameTree:
         """
         Collect the transforms at a time from a frame to its ancestors, up to one of the ends.
 
-        Return the steps, as far as `Track.at` knows them, and the last frame; that is empty if the
-        frames form a circle.
+        Return the steps, as far as `Track.at` knows them, and the last frame, which is empty if
+        the frames form a circle.
         """
         steps = {frame: IDENTITY}
         static, moving = self.static, self.moving
@@ -148,7 +148,7 @@ class FrameTree:
         """
         Collect the ancestors of a frame as `climb` does, by the newest transforms.
 
-        Return the least stamp up to each, NEVER if all there are static, and the last frame.
+        Return for each the least stamp up to there, NEVER if all are static; and the last frame.
         """
         least = NEVER
         passed = {frame: least}
@@ -181,8 +181,8 @@ class Track:
     """
     Transforms of a frame by their stamps, with the meaning that tf2's TimeCache gives them.
 
-    Where several have one stamp the last one counts, from then on; what lies before leads to the
-    first one. Times are ints in ns.
+    Where several have one stamp, the last one counts from then on, and interpolation up to that
+    stamp leads to the first one. Times are ints in ns.
     """
 
     __slots__ = ('stamps', 'links')
@@ -196,7 +196,7 @@ class Track:
         """
         Add a transform newer than all others; return False if it is not newer.
 
-        What was older than the history before the newest one until now is forgotten, as in tf2.
+        Transforms more than the history older than the previous newest are forgotten, as in tf2.
         """
         stamps = self.stamps
         if stamp <= stamps[-1]:
@@ -207,7 +207,7 @@ class Track:
         return True
 
     def insert(self, stamp: int, link: Link, history: int) -> bool:
-        """Add one that is not, forgetting as `extend` does; return False if it is too old."""
+        """Add an older transform, forgetting as `extend` does; return False if it is too old."""
         stamps, links = self.stamps, self.links
         self._prune(history)
         if stamp < stamps[-1] - history:
@@ -259,11 +259,11 @@ class Track:
 
 
 def in_quotes(text: str) -> str:
-    """Return a text of no more than 64 characters, all of them visible: no new line, no colour."""
+    """Return a text quoted, cut to 64 characters, without line breaks or control characters."""
     shown = repr(text[:_MOST_SHOWN])
     return f'{shown} and so on' if len(text) > _MOST_SHOWN else shown
 
 
 def in_words(name: str) -> str:
-    """Return the name of a frame as it is, but in quotes where anything but letters is in it."""
+    """Return the name of a frame, in quotes if it has unusual characters."""
     return name if _PLAIN.fullmatch(name) else in_quotes(name)

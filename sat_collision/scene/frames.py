@@ -54,7 +54,7 @@ class Located(NamedTuple):
 
 
 class Mapped(NamedTuple):
-    """What takes points of the plane of a frame to that of another."""
+    """The map from the plane of a frame to that of another."""
 
     plane: PlaneMap
     at: int | None  # as in `Located`
@@ -72,9 +72,9 @@ class Frames:
     """
     The transforms of the last seconds, and look-ups in them.
 
-    As in tf2, between two stamps the translation is interpolated linearly and the rotation evenly,
-    and static frames are where they are at all times. But where a frame was is unknown before its
-    first stamp, after its last, and between two that are further apart than `max_gap`.
+    As in tf2, the translation is interpolated linearly between two stamps and the rotation evenly,
+    and static transforms hold at all times. Unlike in tf2, nothing is known between two stamps
+    that are further apart than `max_gap`.
 
     Times are ints in ns.
 
@@ -133,10 +133,10 @@ class Frames:
     def newest(self, target: str, source: str, oldest: float = -NEVER,
                now: float = NEVER) -> Located | NoTransform:
         """
-        Return where the source frame is in the target frame, at the newest time that all know.
+        Return where the source frame is in the target frame, at the latest time known for both.
 
-        What is older than `oldest` is no answer. What is newer than `now` is one only where there
-        is nothing else: a transform ahead of the clock must not shut out those after it.
+        A time before `oldest` is no answer. One after `now` is used only if there is no other: a
+        transform ahead of the clock must not shut out those after it.
         """
         below, top = self._tree.climb_newest(source, (target,))
         above, common = self._tree.climb_newest(target, below)
@@ -157,7 +157,7 @@ class Frames:
         return self.lookup(target, source, int(time))
 
     def plane(self, target: str, source: str, stamp: int) -> Mapped | NoTransform:
-        """Return as `lookup` does what takes the plane of a frame to that of another."""
+        """Return as `lookup` does the map from the plane of a frame to that of another."""
         key = target, source, stamp
         known = self._maps.get(key)
         if known is None:
@@ -171,11 +171,11 @@ class Frames:
 
     def newest_plane(self, target: str, source: str, oldest: float = -NEVER,
                      now: float = NEVER) -> Mapped | NoTransform:
-        """Return as `newest` does what takes the plane of a frame to that of another."""
+        """Return as `newest` does the map from the plane of a frame to that of another."""
         return self._projected(self.newest(target, source, oldest, now), target, source)
 
     def stamps(self, target: str, source: str, after: int, until: int) -> list[int]:
-        """Return the stamps between two times that transforms above either frame have, sorted."""
+        """Return the sorted stamps, between two times, of the transforms above either frame."""
         tree = self._tree
         names = {*tree.climb_newest(source)[0], *tree.climb_newest(target)[0]}
         return sorted({stamp for name in names & tree.moving.keys()

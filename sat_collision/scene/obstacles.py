@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Obstacles, their names, and what they share with footprints: a place and contacts."""
+"""Obstacles and their names; bodies, which footprints are as well."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ Key: TypeAlias = 'int | bytes'
 
 
 class Body(Generic[_Other]):
-    """What can be placed: a footprint or an obstacle."""
+    """A footprint or an obstacle: where it is, and its contacts."""
 
     __slots__ = ('row', 'contacts', 'placed', '_polygon')
 
     def __init__(self) -> None:
-        # Its row among the placed bodies of its kind, None while it is nowhere; and those bodies.
+        # Its row in the set of placed bodies of its kind, None while it is nowhere; and that set.
         self.row: int | None = None
         self.placed: PackedSet | None = None
         # The bodies of the other kind that share a point with it.
@@ -44,17 +44,17 @@ class Body(Generic[_Other]):
 
     @property
     def polygon(self) -> Polygon | None:
-        """Where the body is, None if nowhere; the same Polygon while it stays there."""
+        """Where the body is, None if nowhere; the same object until it moves."""
         if self._polygon is None and self.placed is not None and self.row is not None:
             self._polygon = self.placed.polygon(self.row)
         return self._polygon
 
     def moved(self) -> None:
-        """Forget the polygon of where it was."""
+        """Drop the polygon of its last place."""
         self._polygon = None
 
     def toggle(self, others: Collection[_Other]) -> None:
-        """Add those of some bodies that are not contacts, and remove those that are."""
+        """Add or remove contacts: those that are contacts end, the others begin."""
         self.contacts.symmetric_difference_update(others)
 
 
@@ -72,9 +72,9 @@ class ObstacleId(NamedTuple):
 
 class Obstacle(Body[Body[Any]]):
     """
-    An obstacle of a source; or, if `refused` says why, the place of one that was refused.
+    An obstacle of a source; or, if `refused` says why, a stand-in for one that was refused.
 
-    It is known by its key in the group that holds it.
+    Its key identifies it in the group that holds it.
     """
 
     __slots__ = ('group', 'key', 'name', 'time', 'listing', 'frame_id', 'refused', 'motion')
@@ -88,5 +88,5 @@ class Obstacle(Body[Body[Any]]):
         self.listing = 0  # number of the listing of a map that had it last
         self.frame_id = ''
         self.refused: str | None = None
-        # What its velocity is known from, if its source has obstacles that move.
+        # Its last places, if the obstacles of its source move.
         self.motion: MotionTracker | None = None

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The parameters of a monitor by name, and how they add up to Settings. No ROS."""
+"""The parameters of a monitor by name, and the Settings that they make. No ROS."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from sat_collision.scene.settings import (
     POLYGON_INSTANCE, Settings, Spec, specs, TF)
 
 _LISTS = {'footprints': DEFAULT_FOOTPRINT, 'obstacles': DEFAULT_SOURCE}
-# What every node of rclpy has beside these parameters.
+# Parameters that every node of rclpy has.
 _OF_EVERY_NODE = ('qos_overrides', 'start_type_description_service', 'use_sim_time')
-# Parameters of a source that there were before, and what to do instead.
+# Former parameters of a source, and what to do instead.
 _REMOVED = {'set_quiet': 'remove it: a pause does not end a set, which ends with an empty polygon '
                          'of its stamp, or when the next one begins'}
 _TYPES = {bool: 'true or false', int: 'a whole number', float: 'a double', str: 'a text',
           list: 'a list of texts'}
 _RESERVED = frozenset((*specs(Settings), *_OF_EVERY_NODE))
 
-# The vertices of a footprint, as float32 numbers: those that a message would carry.
+# The vertices of a footprint, rounded to float32 as a message would carry them.
 Outline: TypeAlias = tuple[tuple[float, float], ...]
-# More than rounding to float32 may take from a disc.
+# A disc is enlarged by more than rounding to float32 may take from it.
 _ROUNDED = 1.0 + 1e-6
 
 
@@ -127,7 +127,7 @@ def type_problem(name: str, value: object, default: object) -> str | None:
 def read_settings(footprints: Iterable[str], obstacles: Iterable[str],
                   value: Callable[[str], Any], resolve: Callable[[str], str]) -> Settings:
     """
-    Put the values of all parameters together.
+    Return the Settings that the values of all parameters make.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def outline_of(settings: FootprintSettings, max_vertices: int) -> Outline:
 
 
 def check_outlines(settings: Settings) -> None:
-    """Raise a ParameterError where what the settings say of outlines is invalid."""
+    """Raise a ParameterError where the settings of an outline are invalid."""
     for one in settings.footprints:
         name = one.name
         if one.has_outline:
@@ -220,7 +220,7 @@ def check_outlines(settings: Settings) -> None:
 
 
 def _pairs(settings: FootprintSettings) -> list[tuple[float, float]]:
-    """Return the points as they were given."""
+    """Return the points as pairs."""
     points, name = settings.points, settings.name
     if not isinstance(points, str):
         if len(points) % 2:
@@ -229,7 +229,7 @@ def _pairs(settings: FootprintSettings) -> list[tuple[float, float]]:
         return list(zip(points[::2], points[1::2]))
     try:
         pairs = [(float(x), float(y)) for x, y in ast.literal_eval(points.strip())]
-    # Whatever the parser of Python raises for anything else than a list of pairs.
+    # All that Python's parser may raise.
     except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError) as error:
         raise ParameterError(f'{name}.points: a string must have the form '
                              "'[[x1, y1], [x2, y2], ...]'") from error
@@ -237,7 +237,7 @@ def _pairs(settings: FootprintSettings) -> list[tuple[float, float]]:
 
 
 def _disc(settings: FootprintSettings) -> list[tuple[float, float]]:
-    """Return a regular polygon whose edges touch the disc from outside."""
+    """Return the corners of a regular polygon round the disc."""
     count = settings.radius_vertices
     reach = _ROUNDED * settings.radius / math.cos(math.pi / count)
     return [(reach * math.cos(angle), reach * math.sin(angle))
@@ -255,7 +255,7 @@ def _numbers(name: str, given: Any) -> str | tuple[float, ...]:
 
 
 def _not_named(name: str, known: Iterable[str]) -> str:
-    """Return the footprint or source that a parameter is of if none has a name like it."""
+    """Return the footprint or source that a parameter belongs to, if no known name is similar."""
     owner = name.rpartition('.')[0]
     return '' if _nearest(owner, {one.rpartition('.')[0] for one in known}) else owner
 
@@ -275,7 +275,7 @@ def _default(kind: type, name: str, field: str, default: Any) -> Any:
 
 
 def _sources_of(name: str, given: Iterable[str], sources: Iterable[str]) -> tuple[str, ...]:
-    """Return the sources that a footprint was given, which must be there."""
+    """Return the sources given to a footprint; ParameterError for an unknown one."""
     for one in filter(None, given):
         if one not in sources:
             nearest = _nearest(one, sources)

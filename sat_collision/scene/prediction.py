@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""When a footprint is in contact, if it moves on as it does."""
+"""The time to collision of a footprint that keeps its velocity."""
 
 from __future__ import annotations
 
@@ -30,32 +30,32 @@ from sat_collision.scene.sources import Source
 from sat_collision.scene.velocity import (
     FOOTPRINTS, TRANSFORMS, Translation, Velocity, VELOCITY_LASTS)
 
-# What is further away than it can come by more than this, m, is not met.
+# Obstacles that stay further away than this, m, are left out.
 _SLACK = 1e-3
-# More than rounding may do to a distance, in parts of the coordinates.
+# Bound of the rounding of a distance, relative to the coordinates.
 _ROUNDING = 1e-9
 
 
 class Prediction(NamedTuple):
-    """When a footprint is in contact, moving on as it does while obstacles stand or move on."""
+    """When a footprint will be in contact if it and the obstacles keep their velocities."""
 
     seconds: float  # from now; 0 in contact, infinity if there is none within the horizon
-    obstacle: ObstacleId | None  # what it is in contact with then
+    obstacle: ObstacleId | None  # that it is in contact with then
     # From the stamp of the footprint on; None only while in contact, where none is needed.
     velocity: Velocity | None
     way: float  # from the stamp until the contact, in s
-    # Obstacles whose motion is unknown, sorted: they are taken to stand, so the contact may be
-    # sooner. Empty where that cannot be.
+    # Obstacles of unknown motion, sorted: they are assumed to stand, so the contact may be sooner.
+    # Empty where it cannot.
     unknown: tuple[ObstacleId, ...] = ()
 
     @property
     def is_known(self) -> bool:
-        """Whether the time is, not only that it is no later."""
+        """Whether the time is known; if not, it is an upper bound."""
         return not self.unknown
 
 
 def velocity_of(footprint: Footprint, now: int) -> Velocity | str:
-    """Return the velocity of a footprint from its stamp on; while unknown why, if words help."""
+    """Return the velocity of a footprint from its stamp on, or why it is unknown, if known."""
     settings, command = footprint.settings.command, footprint.command
     if settings and not command:
         return f'no command on {settings.topic} yet'
@@ -74,9 +74,9 @@ def velocity_of(footprint: Footprint, now: int) -> Velocity | str:
 def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source], now: int,
             horizon: float) -> Prediction | None:
     """
-    Return when a footprint is in contact, None while its state or its velocity is unknown.
+    Return when a footprint will be in contact, None while its state or its velocity is unknown.
 
-    The sources are all that there are; the horizon is in s.
+    `sources` are all of the scene; the horizon is in s.
     """
     if footprint.status is Status.UNKNOWN or footprint.time is None:
         return None
@@ -85,7 +85,7 @@ def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source],
     if footprint.contacts:
         first = min(obstacle.name for obstacle in footprint.contacts)
         return Prediction(0.0, first, velocity, 0.0)
-    # The footprint was where it is known to be at its stamp: from there on it is carried.
+    # The footprint is carried on from where it was at its stamp.
     age = now - footprint.time
     own = footprint.polygon
     if velocity is None or own is None or age > VELOCITY_LASTS and any(velocity.twist):
@@ -105,7 +105,7 @@ def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source],
             unknown.append(obstacle.name)
             continue
         ahead = (footprint.time - obstacle.time) / 1e9
-        # Where it is left out it is taken to stand where it was seen, so that is on its way, too.
+        # One that is left out is assumed to stand where it was seen, so its past way counts, too.
         if _is_apart(bounds, motion, reach + motion.speed * (seconds + abs(ahead))):
             continue
         if course := _course(obstacle, motion, ahead):
@@ -123,7 +123,7 @@ def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source],
 
 def _is_apart(bounds: tuple[float, float, float, float], motion: Translation,
               distance: float) -> bool:
-    """Return whether the circle round an obstacle is further away, whatever is rounded."""
+    """Return whether the circle round an obstacle is surely further away than a distance."""
     low_x, low_y, high_x, high_y = bounds
     x = max(low_x - motion.x, motion.x - high_x, 0.0)
     y = max(low_y - motion.y, motion.y - high_y, 0.0)
@@ -132,7 +132,7 @@ def _is_apart(bounds: tuple[float, float, float, float], motion: Translation,
 
 
 def _course(obstacle: Obstacle, motion: Translation, ahead: float) -> Course | None:
-    """Return where an obstacle is some s after its stamp, and its velocity; None if nowhere."""
+    """Return where an obstacle is `ahead` s after its stamp, and its velocity; None if nowhere."""
     polygon, velocity = obstacle.polygon, np.array((motion.vx, motion.vy))
     if polygon is None:
         return None

@@ -89,7 +89,7 @@ def _fixed_rotation(a: float, b: float, c: float, d: float) -> tuple[int, int, i
 
 
 def composed(outer: FixedTransform, inner: FixedTransform) -> FixedTransform:
-    """Return the transform that does first the inner one, then the outer one."""
+    """Return the transform that applies first the inner one, then the outer one."""
     x, y, z, a, b, c, d = outer
     u, v, w, p, q, r, s = inner
     # The cross product of the outer rotation's axis and the inner translation.
@@ -151,7 +151,7 @@ def rounded(transform: FixedTransform) -> Transform:
 
 
 def plane_map(transform: FixedTransform) -> PlaneMap:
-    """Return what a transform does to points of the plane z = 0, projected onto z = 0."""
+    """Return the map of the plane z = 0 by a transform, projected onto z = 0."""
     x, y, _, a, b, c, d = transform
     aa, bb, cc, ab, cd = a * a, b * b, c * c, 2 * a * b, 2 * c * d
     square = aa + bb + cc + d * d

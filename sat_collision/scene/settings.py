@@ -26,18 +26,18 @@ from sat_collision.scene.velocity import VELOCITY_LASTS
 POLYGON = 'polygon'
 POLYGON_INSTANCE = 'polygon_instance'
 
-# Times are ints in ns; this one never comes.
+# Times are ints in ns; this one is later than all.
 NEVER = float('inf')
-# Stamps so far from the present are by another clock.
+# Stamps further than this from the present are by another clock, ns.
 FAR = 3600 * 10**9
 BY_ANOTHER_CLOCK = ('more than an hour from the clock of this node: set use_sim_time: true where '
                     'a recording or a simulation publishes /clock')
 
-# Where the frame of an outline is published, unless it has a topic for that.
+# The topic of the frame of an outline, unless it has odometry.
 TF = '/tf'
 
-# The sources there are unless others are named. They are not called like the lists that name them:
-# with 'obstacles.topic' beside 'obstacles' a parameter would be both a value and a prefix.
+# The default sources. Their names differ from those of the lists: with 'obstacles.topic' beside
+# 'obstacles' a parameter would be both a value and a prefix.
 DEFAULT_FOOTPRINT = 'footprint'
 DEFAULT_SOURCE = 'obstacle'
 DEFAULT_SOURCE_TOPIC = 'obstacles'
@@ -48,7 +48,7 @@ _SPEC = 'spec'
 
 
 class Spec(NamedTuple):
-    """What a setting means and may be."""
+    """The meaning of a setting, and its allowed values."""
 
     description: str  # for users; begins with the unit where there is one
     live: bool = False  # whether it can be changed while the node runs

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-The velocity of a footprint: as it was told, given with it, or fitted to its last two places.
+The velocity of a footprint: from a command, from odometry, or fitted to its last two places.
 
-Both places have the same vertices in the same order. The rotation that takes the one to the other
-best, by least squares, has a closed form in the plane; the constant twist between two poses has
-one, too, so that a body on an arc gets the twist of that arc. Noise counts in full: where two
-places that are 0.1 s apart have independent errors of 1 cm, the velocity has one of 0.14 m/s.
+Both places have the same vertices in the same order. The rotation between them by least squares
+has a closed form in the plane, and so has the constant twist between two poses: a body on an arc
+gets the twist of that arc. Noise is not smoothed: two places 0.1 s apart with independent errors
+of 1 cm give a velocity with an error of 0.14 m/s.
 """
 
 from __future__ import annotations
@@ -36,24 +36,24 @@ TRANSFORMS = 'transforms'
 FOOTPRINTS = 'footprints'
 COMMAND = 'command'
 
-# For so long, in ns, what moves is where its velocity takes it.
+# For so long, in ns, a body is assumed to keep its velocity.
 VELOCITY_LASTS = 2 * 10**9
 
 Vertices: TypeAlias = NDArray[np.float64]
 # vx and vy in m/s along the axes of a body's frame, omega in rad/s, counter-clockwise.
 Twist: TypeAlias = tuple[float, float, float]
-# That frame in the fixed frame: x and y in m, yaw in rad.
+# A body's frame in the fixed frame: x and y in m, yaw in rad.
 Pose: TypeAlias = tuple[float, float, float]
 
-# Two places that are less or more apart in time, in ns, say nothing of the velocity.
+# Least and greatest time between two places that a velocity is fitted to, in ns.
 _SHORTEST = 10**7
 _LONGEST = 2 * 10**9
 _MOST_PLACES = 100
-# What is faster, in m/s or rad/s, is no velocity of a robot.
+# Greater velocities, in m/s or rad/s, are not those of a robot.
 FASTEST = 1e3
-# A vertex that is this much faster or slower than the others, in m/s, does not move as they do.
+# Of a translation, all vertices have the same velocity but for this, in m/s.
 _MOST_SPREAD = 0.05
-# An outline that differs from the moved one by more, in parts of its size, has another shape.
+# Of a rigid motion, the outline changes by no more than this share of its size.
 _MOST_CHANGE = 0.1
 
 
@@ -65,7 +65,7 @@ class Velocity(NamedTuple):
     origin: str  # where the twist comes from: COMMAND, ODOMETRY, TRANSFORMS or FOOTPRINTS
 
     def fastest(self, bounds: tuple[float, float, float, float]) -> float:
-        """Return a bound of the speed, m/s, of what is within min x, min y, max x and max y."""
+        """Return a bound of the speed, m/s, of points within min x, min y, max x and max y."""
         vx, vy, omega = self.twist
         x, y, _ = self.pose
         low_x, low_y, high_x, high_y = bounds
@@ -84,7 +84,7 @@ class Velocity(NamedTuple):
 
 
 class Translation(NamedTuple):
-    """How a body moves that does not turn, and a circle round it where it was last, m and m/s."""
+    """The motion of a body that does not turn, and a circle round its last place; m and m/s."""
 
     vx: float
     vy: float
@@ -99,25 +99,25 @@ class Translation(NamedTuple):
 
 
 class Command(NamedTuple):
-    """The last message in which a footprint was told how to move."""
+    """The last command of a footprint."""
 
     time: int  # its stamp in ns, not in the future
     twist: Twist = (0.0, 0.0, 0.0)  # in the frame of the outline
     refusal: str = ''  # why it was refused; empty if it was not
 
     def holds(self, now: int, timeout: float) -> bool:
-        """Return whether it is what a footprint does at a time in ns, given for how many s."""
+        """Return whether it holds at a time in ns, given for how many s it does."""
         return not self.refusal and now - self.time <= timeout * 1e9
 
 
 class MotionTracker:
-    """Keeps the last places of a footprint, and what was said of its velocity at the last one."""
+    """Keeps the last places of a body, and the velocity that was given with the last one."""
 
     def __init__(self) -> None:
         self.clear()
 
     def clear(self) -> None:
-        """Forget all: the times are those of another clock, or the footprint was lost."""
+        """Forget all: the clock was set back, or the body was lost."""
         self._places: deque[tuple[int, Vertices]] = deque(maxlen=_MOST_PLACES)
         self._given: Velocity | None = None
         self._translation: Translation | None = None
@@ -125,9 +125,9 @@ class MotionTracker:
 
     def place(self, time: int, vertices: Vertices, given: Velocity | None = None) -> None:
         """
-        Take where the footprint is at a stamp in ns, and its velocity then if that is known.
+        Add the place of the body at a stamp in ns, with its velocity if that is given.
 
-        The vertices are in metres in the fixed frame, as sent: in the same order every time.
+        The vertices are in metres in the fixed frame, in the order in which they were sent.
         """
         if self._places and time < self._places[-1][0]:
             self.clear()
@@ -143,8 +143,7 @@ class MotionTracker:
         """
         Return the velocity at the stamp of the last place: the given one, else a fitted one.
 
-        None while unknown, and at any other time. Where places come from is the origin of a
-        velocity that is fitted to them.
+        None while unknown, and at any other time. `origin` is that of a fitted velocity.
         """
         if not self._places or self._places[-1][0] != time:
             return None
@@ -154,7 +153,7 @@ class MotionTracker:
         return found and fitted(*found, origin)
 
     def translation(self, time: float) -> Translation | None:
-        """Return how it moves at a time, as `velocity`; None also for what turns."""
+        """Return the translation at a time, as `velocity` does; None if the body turns."""
         if not self._places or self._places[-1][0] != time:
             return None
         if not self._is_translation_current:
@@ -164,7 +163,7 @@ class MotionTracker:
         return self._translation
 
     def _last_two(self) -> tuple[Vertices, Vertices, float] | None:
-        """Return two places that tell a velocity, and the time between them in s."""
+        """Return the two places that a velocity is fitted to, and the time between them in s."""
         (since, before), (last, after) = self._places[0], self._places[-1]
         if before.shape != after.shape or not _SHORTEST <= last - since <= _LONGEST:
             return None
@@ -172,10 +171,10 @@ class MotionTracker:
 
 
 def translated(before: Vertices, after: Vertices, seconds: float) -> Translation | None:
-    """Return how vertices have moved, None where not all moved alike."""
+    """Return the translation of vertices, None if not all moved alike."""
     velocities = (after - before) / seconds
     mean, centre = velocities.mean(0), after.mean(0)
-    # What overflows is not a number, and no velocity.
+    # An overflow makes NaN, which fails both comparisons.
     if not (np.abs(velocities - mean).max() <= _MOST_SPREAD and np.abs(mean).max() <= FASTEST):
         return None
     (vx, vy), (x, y) = mean.tolist(), centre.tolist()
@@ -203,7 +202,7 @@ def fitted(before: Vertices, after: Vertices, seconds: float, origin: str) -> Ve
 
 
 def pose_between(before: Vertices, after: Vertices) -> Pose:
-    """Return where the frame of vertices is now that they are elsewhere, by least squares."""
+    """Return the pose that takes vertices from one place to another, by least squares."""
     start, end = before.mean(0), after.mean(0)
     a, b = before - start, after - end
     yaw = math.atan2(float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()), float((a * b).sum()))
@@ -212,12 +211,12 @@ def pose_between(before: Vertices, after: Vertices) -> Pose:
 
 
 def is_plausible(twist: Twist) -> bool:
-    """Return whether a twist is finite, and that of a robot."""
+    """Return whether a twist is finite and not too fast."""
     return all(abs(value) <= FASTEST for value in twist)
 
 
 def pose_of(plane: PlaneMap) -> Pose:
-    """Return x, y and yaw of a frame whose points a map of the plane takes to the fixed frame."""
+    """Return x, y and yaw of a frame, from the map that takes it to the fixed frame."""
     a, _, x, d, _, y = plane
     return x, y, math.atan2(d, a)
 

@@ -28,7 +28,7 @@ _Outcome = TypeVar('_Outcome')
 
 
 class Wait(enum.Enum):
-    """What is said of a message that must wait."""
+    """The outcome of a message that must go on waiting."""
 
     WAIT = 'wait'
 
@@ -40,15 +40,15 @@ class Waiting(Generic[_Item, _Outcome]):
     """
     Queues of waiting items by name, each in order of arrival.
 
-    `take` is called with a name, what waits first, the present time in ns and whether it may wait
-    on; it returns WAIT for that, else what came of it.
+    `take` is called with a name, the first item, the present time in ns and whether it may go on
+    waiting; it returns WAIT if it does, else an outcome.
     """
 
     def __init__(self, take: Callable[[str, _Item, int, bool], _Outcome | Wait | None]) -> None:
         self._take = take
-        # What waits and until when, by name; none is empty.
+        # The items and until when they may wait, by name; none is empty.
         self.queues: dict[str, deque[tuple[_Item, int]]] = {}
-        # When the first of them may wait no longer.
+        # When the first of them must be taken.
         self.earliest = NEVER
 
     def __contains__(self, name: object) -> bool:
@@ -56,14 +56,14 @@ class Waiting(Generic[_Item, _Outcome]):
         return name in self.queues
 
     def counts(self) -> dict[str, int]:
-        """Return how many wait, by name."""
+        """Return the number of waiting items by name."""
         return {name: len(queue) for name, queue in self.queues.items()}
 
     def add(self, name: str, item: _Item, now: int, timeout: int, limit: int) -> list[_Outcome]:
         """
         Append an item to the queue of its name, where it may wait until the timeout.
 
-        Of more than `limit` those that came first wait no longer; return what came of those.
+        Beyond `limit` items the oldest are taken at once; return their outcomes.
         """
         queue = self.queues.setdefault(name, deque())
         queue.append((item, now + timeout))
@@ -74,7 +74,7 @@ class Waiting(Generic[_Item, _Outcome]):
         return outcomes
 
     def take(self, now: int) -> list[_Outcome]:
-        """Take what need not wait any more, and return the results."""
+        """Take the items that need not wait any more, and return their outcomes."""
         outcomes: list[_Outcome] = []
         for name, queue in [*self.queues.items()]:
             while queue and self._take_first(name, now, now <= queue[0][1], outcomes):
@@ -90,7 +90,7 @@ class Waiting(Generic[_Item, _Outcome]):
         self.earliest = NEVER
 
     def _take_first(self, name: str, now: int, may_wait: bool, outcomes: list[_Outcome]) -> bool:
-        """Take what waits first for a name; return whether it waits no more."""
+        """Take the first item of a name, if it need not wait; return whether it was taken."""
         queue = self.queues[name]
         outcome = self._take(name, queue[0][0], now, may_wait)
         if isinstance(outcome, Wait):

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What the command line of replay_check means.
+The command line of replay_check.
 
-Nothing is imported here that takes long, so that help, mistakes and completion come at once.
+Slow imports are avoided, so that help, errors and completion come at once.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ With --expect: 0 as expected; 1 different; 3 bad input. An unexpected error is b
 
 def parse(args: Sequence[str] | None = None) -> argparse.Namespace:
     """
-    Return what the command line says; for a shell that asks, complete it instead.
+    Return the options of the command line; for a shell that asks, complete it instead.
 
-    A mistake, help and completion end the process.
+    An error, help and completion end the process.
     """
     parser = _parser()
     if '_ARGCOMPLETE' in os.environ:
@@ -65,7 +65,7 @@ def parse(args: Sequence[str] | None = None) -> argparse.Namespace:
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that ends with the exit status of bad input where it finds an error."""
+    """A parser whose errors end the process with the exit status of bad input."""
 
     def error(self, message: str) -> NoReturn:
         if message.startswith(_UNRECOGNIZED):
@@ -99,7 +99,7 @@ def _parser() -> argparse.ArgumentParser:
     add('--node', type=_node, default=NODE,
         help='full name of the node, for parameter files and topics (%(default)s)')
     add('--as-live', action='store_true',
-        help='answer what the monitor would have said, not what touched by recorded motion')
+        help='report what the node would have said, instead of contacts by recorded motion')
     add('--clock', choices=(RECEIVE, HEADER), default=RECEIVE,
         help='time of a message: when it was received, or its header stamp (%(default)s)')
     add('--start', type=_seconds, default=0.0, metavar='S',
@@ -111,7 +111,7 @@ def _parser() -> argparse.ArgumentParser:
     add('--max-unknown', type=_seconds, default=1.0, metavar='S',
         help='how many seconds in all a footprint may be unknown (%(default)s)')
     add('--max-undetermined', type=_seconds, metavar='S',
-        help='for how many seconds in all it may be undetermined how something moved (any)')
+        help='for how many seconds in all the motion of a source may be undetermined (any)')
     add('--min-ttc', type=_seconds, metavar='S',
         help='measure times to collision, and fail on one of less than S seconds; 0 fails on none')
     add('--expect', metavar='FILE', help='compare with a result that --json wrote before')
@@ -132,7 +132,7 @@ def _parser() -> argparse.ArgumentParser:
     add('--dask', metavar='ADDRESS', help='check on the Dask cluster with this scheduler')
     add = parser.add_argument_group('limits, for each recording').add_argument
     add('--max-memory', type=_gigabytes, default=Limits.memory / 1e9, metavar='GB',
-        help='memory for what is unpacked (%(default)g)')
+        help='memory for decompressed data (%(default)g)')
     add('--max-disk', type=_gigabytes, default=Limits.disk / 1e9, metavar='GB',
         help='disk for temporary files (%(default)g)')
     add('--debug', action='store_true', help='show where an unexpected error is raised')

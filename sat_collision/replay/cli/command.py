@@ -94,7 +94,7 @@ def _write_example(path: str) -> int:
 
 
 def _options(arguments: argparse.Namespace) -> Options:
-    """Return what the command line says as Options; parameters that are wrong are found here."""
+    """Return the command line as Options; wrong parameters raise a ParameterError."""
     parameters = {}
     for path in arguments.params_file:
         parameters.update(parameters_of_file(path, arguments.node))
@@ -184,7 +184,7 @@ def _check_all(arguments: argparse.Namespace, options: Options) -> list[Result]:
 
 
 def _results(arguments: argparse.Namespace, options: Options) -> Iterator[Result]:
-    """Yield results as they come, and show meanwhile how far they are."""
+    """Yield results as they come, and show progress meanwhile."""
     bags, several = arguments.bags, len(arguments.bags) > 1
     if arguments.dask or several and arguments.jobs > 1:
         if arguments.dask:

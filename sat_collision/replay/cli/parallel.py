@@ -34,7 +34,7 @@ _TIMEOUT = 10
 
 
 def check_one(path: str, options: Options, progress: OnProgress | None = None) -> Result:
-    """Check a recording of several; what is written for it goes into a directory of its own."""
+    """Check one of several recordings; a bag written for it has a directory of its own."""
     if options.write_bag:
         options = replace(options, write_bag=str(Path(options.write_bag, Path(path).stem)))
     return check(path, options, progress)
@@ -74,7 +74,7 @@ def check_here(paths: Iterable[str], options: Options, jobs: int) -> Iterator[Re
 
 
 def _pool(jobs: int) -> ProcessPoolExecutor:
-    # A process that is interrupted at the terminal ends silently.
+    # Processes that are interrupted at the terminal end silently.
     return ProcessPoolExecutor(jobs, multiprocessing.get_context('spawn'),
                                signal.signal, (signal.SIGINT, signal.SIG_DFL))
 

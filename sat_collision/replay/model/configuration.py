@@ -158,7 +158,7 @@ def _checked(name: str, value: Any, default: Any, spec: Spec) -> Any:
 
 
 def _resolved(topic: str, node: str) -> str:
-    """Return the full name of a topic, given relative to a node, its namespace or to nothing."""
+    """Return the full name of a topic: `/absolute`, `~/of_the_node` or in its namespace."""
     if not _TOPIC.fullmatch(topic):
         raise ValueError(f"'{topic}' is not a valid topic name")
     if topic.startswith('/'):
@@ -174,11 +174,11 @@ def settings_for(types: Mapping[str, str], parameters: Mapping[str, object],
     """
     Return the Settings to check a recording with, whose topics have these types.
 
-    What neither the parameters, by dotted name, nor footprints and obstacles, as TOPIC or
-    NAME:=TOPIC, say is found by type and name, where only one reading is possible: the topics that
-    the node has by default; else the one footprint topic, which must be alone in its type or in
-    having 'footprint' in its name, and the one other topic. A kind that has no topic keeps the
-    default, and receives nothing.
+    Parameters are by dotted name, footprints and obstacles are TOPIC or NAME:=TOPIC. Topics that
+    none of them names are found by type and name, if that is unambiguous: the node's default
+    topics; else the only topic of a footprint's type or the only one of them with 'footprint' in
+    its name, and the only other topic. A kind for which no topic is found keeps the default, and
+    receives nothing.
 
     Raises
     ------
@@ -214,7 +214,7 @@ def settings_for(types: Mapping[str, str], parameters: Mapping[str, object],
 
 
 def all_sources(settings: Settings) -> tuple[Source, ...]:
-    """Return what the settings have a topic for: footprints, sources of obstacles, commands."""
+    """Return all settings that have a topic: footprints, sources of obstacles, commands."""
     return (*settings.footprints, *settings.obstacles,
             *(one.command for one in settings.footprints if one.command))
 

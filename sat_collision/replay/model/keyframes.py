@@ -33,8 +33,7 @@ class Span(NamedTuple):
     """
     A body at consecutive moments, from number `first` until before number `end`.
 
-    `ring` (n, 2) is where it is, or, where that is not `known`, was last; `name` what it is called
-    then.
+    `ring` (n, 2) is where it is, or was last if that is not `known`; `name` is its name then.
     """
 
     first: int
@@ -45,7 +44,7 @@ class Span(NamedTuple):
 
 
 class ShownBody:
-    """A footprint, or an obstacle, which may have another name at another time."""
+    """A footprint, or an obstacle, whose name may change."""
 
     def __init__(self, is_footprint: bool) -> None:
         self.is_footprint = is_footprint
@@ -100,8 +99,8 @@ class Keyframes:
         """
         Return the obstacle that has a name at a moment.
 
-        As live, one of a set that comes in may have the name of one of the set before: then it is
-        that which is at (x, y).
+        As live, an obstacle of the set being received may have the same name as one of the set
+        before: then the one at (x, y) is returned.
         """
         place = np.array([x, y])
         found = [(body, span.ring) for body, span in self.at(self.number(time))
@@ -114,7 +113,7 @@ class Tape:
     """
     A temporary file of where bodies were, until the moments of keyframes are known.
 
-    It may have so many bytes; of more than that nothing is kept, and it `is_full`.
+    It may have `most` bytes; beyond that nothing is kept, and `is_full` is true.
     """
 
     def __init__(self, most: int) -> None:

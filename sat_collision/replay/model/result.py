@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a check of a recording is asked and what it finds. Times of findings are ints in ns."""
+"""Options and results of a check of a recording. Times in results are ints in ns."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ NODE = '/footprint_monitor'
 RECEIVE = 'receive'
 HEADER = 'header'
 _SECOND = 10**9
-# How many moments there are in all, around a contact, and of how many contacts, the deepest.
+# Moments over all time and around a contact, and around how many of the deepest contacts.
 _MOMENTS = 400
 _AROUND = 40
 _MOST_AROUND = 20
@@ -95,8 +95,8 @@ class Contact:
     m, at the time `deepest`: 0 if they only touch, negative if they were apart within the margin;
     (x, y) is the middle of where their bounds overlapped then, `normal` the unit vector from the
     obstacle to the footprint, and `points` are one or two points of contact of the footprint, each
-    x and y. `at_end` says that they were still in contact at the end. `deepest_as` is what the
-    obstacle was called when it was deepest, for another body may have its place in another set.
+    x and y. `at_end` says that they were still in contact at the end. `deepest_as` is the name of
+    the obstacle when it was deepest: its number may belong to another body in another set.
     """
 
     footprint: str
@@ -146,7 +146,7 @@ class Unknown:
 
 @dataclass
 class Least:
-    """The least separation in m of a footprint, at a time, from an obstacle, at (x, y)."""
+    """The least separation of a footprint in m: when, from which obstacle, at (x, y)."""
 
     separation: float
     time: int
@@ -158,7 +158,7 @@ class Least:
 
 @dataclass
 class Soonest:
-    """The least time to collision in s of a footprint, predicted at a time, and with what."""
+    """The least time to collision of a footprint in s: when predicted, and with which obstacle."""
 
     time_to_collision: float
     time: int
@@ -199,9 +199,10 @@ class SourceResult:
     """
     How many messages a footprint or source of obstacles had, and why some were rejected.
 
-    `undetermined` is for how long (ns) recorded motion does not know how something of it moved,
-    because it was not known to be the same at both ends: only the ends were decided. `refused` is
-    how many messages were refused for their content, such as NaN or self-intersection.
+    `undetermined` is for how long (ns) recorded motion does not know how a body of it moved,
+    because the bodies of two messages could not be matched: only the messages themselves were
+    decided. `refused` is how many messages were refused for their content, such as NaN or
+    self-intersection.
     """
 
     name: str
@@ -218,10 +219,10 @@ class Result:
     """
     What was found in one recording.
 
-    `origin` is when the recording begins, `start` what part of it was checked. `problems` say
-    what is wrong with the recording, `notes` what else a reader should know.
-    `keyframes` has the bodies at moments worth drawing, if asked for. `content` is what the
-    messages are known by, wherever they lie.
+    `origin` is when the recording begins, `start` and `end` are what part of it was checked.
+    `content` is a digest of the messages, the same wherever they are stored. `problems` say what
+    is wrong with the recording, `notes` what else a reader should know. `keyframes` has the bodies
+    at moments worth drawing, if asked for.
     """
 
     bag: str
@@ -282,7 +283,7 @@ class Result:
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict: a proved contact, or one too near ahead, counts whatever else is wrong."""
+        """The verdict: a contact, or too short a time to one, outweighs whatever else is wrong."""
         if self.contacts or self.too_soon:
             return Verdict.COLLISION
         if self.problems:
@@ -381,8 +382,8 @@ def moments_of(result: Result) -> list[int]:
     """
     Return the moments of a result that are worth drawing, in ns.
 
-    They are spread over the recording, denser around the deepest contacts, and have the beginning
-    and the deepest moment of each of the deepest contacts and every least separation.
+    They are spread over the recording, denser around the deepest contacts, and include the
+    beginning and the deepest moment of each of these and every least separation.
     """
     if result.start is None or result.end is None:
         return []

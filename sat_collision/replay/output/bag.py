@@ -32,7 +32,7 @@ from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import Settings
 
 _SECOND = 10**9
-# Of the example: when it begins, how often bodies are sent (s), and when they are received (ns).
+# The example: its beginning, the period of messages (s), and their delay (ns).
 _START = 1_700_000_000 * _SECOND
 _PERIOD = 0.05
 _STATIC_EVERY = 10
@@ -59,13 +59,13 @@ class BagOutputs:
         self._outputs = Outputs(self, settings, scene)
 
     def change(self, names: Iterable[str], now: int) -> None:
-        """Write what the node publishes at once when states change."""
+        """Write what the node publishes when states change."""
         self._time = now
         self._outputs.update(names)
         self._outputs.publish(names)
 
     def publish(self, now: int) -> None:
-        """Write what the node publishes now and then: flags and states."""
+        """Write what the node publishes periodically: flags and states."""
         self._time = now
         self._outputs.publish()
 
@@ -79,7 +79,7 @@ class BagOutputs:
         """Finish the bag."""
         self._writer.close()
 
-    # What Outputs asks of a node and of its clock.
+    # The methods of a node and of its clock that Outputs calls.
 
     def get_fully_qualified_name(self) -> str:
         return self._node
@@ -108,7 +108,7 @@ def write_example(path: str | Path) -> None:
     Raises
     ------
     OSError
-        If the path exists, or nothing is there that writes bags.
+        If the path exists, or no library that writes bags is installed.
 
     """
     path = Path(path)

@@ -25,13 +25,13 @@ from sat_collision.replay.model.keyframes import Keyframes, ShownBody
 from sat_collision.replay.model.result import Contact, deepest_contacts, Result, Unknown
 
 CONTACT, UNKNOWN, OBSTACLE, INK = '#d62728', '#9aa0a6', '#5b7089', '#2b3138'
-# None of them is red or grey, which say something.
+# Without red and grey, which mean contact and unknown.
 _LINES = ('#1f77b4', '#e08214', '#7b52ab', '#1a9e96', '#8c564b', '#3f8f3f', '#c2559d', '#6b7a1f')
 # Of more footprints: hues from orange to violet.
 _FIRST_HUE, _LAST_HUE = 0.08, 0.9
-# How many bars of a footprint are drawn above each other where they overlap in time.
+# Most rows of a footprint, whose bars overlap in time.
 _MOST_ROWS = 4
-# Of more unknown times than _MANY, those are drawn as one that are this near, in parts of all.
+# More unknown times than _MANY are joined across gaps shorter than this share of all time.
 _MANY = 1000
 _LEAST_GAP = 1 / _MANY
 
@@ -50,7 +50,7 @@ def colours(result: Result) -> dict[str, str]:
 
 
 def name_of(result: Result) -> str:
-    """Return what a recording is called."""
+    """Return the name of a recording."""
     return Path(result.bag).name or result.bag
 
 
@@ -105,7 +105,7 @@ def rows_of(result: Result) -> list[Rows]:
 
 
 def joined_unknown(result: Result, unknown: list[Unknown]) -> list[tuple[float, float]]:
-    """Return when a footprint is unknown, in s, for whatever reasons."""
+    """Return when a footprint is unknown for any reason, in s."""
     return joined(((result.since(one.first), result.since(one.last)) for one in unknown),
                   _LEAST_GAP * result.duration if len(unknown) > _MANY else 0.0)
 
@@ -122,7 +122,7 @@ def joined(intervals: Iterable[tuple[float, float]], gap: float = 0.0
 
 
 def _stacked(row: int, bars: Iterable[Bar]) -> list[Bar]:
-    """Return bars in rows from one on, in which they do not overlap if there are enough."""
+    """Return bars in rows from `row` on; they overlap only where _MOST_ROWS are not enough."""
     rows: list[list[Bar]] = [[] for _ in range(_MOST_ROWS)]
     for bar in bars:
         free = (k for k, taken in enumerate(rows) if all(

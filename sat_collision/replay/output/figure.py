@@ -37,14 +37,14 @@ if TYPE_CHECKING:
     from matplotlib.text import Text
 
 _DPI = 110
-# How many scenes are drawn, and how many beside each other.
+# Most scenes drawn, and most of them side by side.
 _MOST_SCENES = 6
 _COLUMNS = 3
-# Of a row in inches, of a bar in rows, and how much of all time a bar takes at least to be seen.
+# Height of a row in inches, height of a bar in rows, least width of a bar as a share of all time.
 _ROW = 0.24
 _HEIGHT = 0.72
 _LEAST = 1 / 250
-# How wide a name is at most, in widths of the axes.
+# Greatest width of a name, as a share of the axes.
 _NAME = 0.25
 _SIDES = ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, 1), (1, -1), (-1, -1))
 _ALIGNED = {-1: ('right', 'top'), 0: ('center', 'center'), 1: ('left', 'bottom')}
@@ -186,13 +186,13 @@ def _height(rows: list[Rows]) -> int:
 
 
 def _bounds(bar: Bar, result: Result) -> tuple[float, float]:
-    """Return from when to when a bar is drawn, in s; a short one longer than it is."""
+    """Return from when to when a bar is drawn, in s; a short one is widened to be seen."""
     missing = max(_LEAST * result.duration - (bar.last - bar.first), 0.0) / 2
     return bar.first - missing, bar.last + missing
 
 
 def _look_at(axes: Axes, view: _View | None, keyframes: Keyframes) -> None:
-    """Set the limits to show a view, or without one all places of the footprints, and more."""
+    """Set the limits to show a view, or without one all places of the footprints."""
     if view:
         middle = np.array([view.x, view.y])
         footprint = keyframes.footprint(view.footprint)
@@ -204,7 +204,7 @@ def _look_at(axes: Axes, view: _View | None, keyframes: Keyframes) -> None:
         low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else np.zeros((2, 2))
         middle, reach = (low + high) / 2, (high - low) / 2
         reach = reach + max(0.08 * float(np.max(reach)), 1.0)
-    # As many metres a pixel along both axes.
+    # The same scale along both axes.
     pixels = np.array(axes.bbox.size)
     reach = pixels * np.max(reach / pixels)
     (left, right), (bottom, top) = np.transpose([middle - reach, middle + reach])
@@ -215,7 +215,7 @@ def _draw_scene(result: Result, keyframes: Keyframes, axes: Axes, view: _View | 
     """
     Draw bodies into axes with final limits, with dotted outlines where not known.
 
-    Footprints, what is in contact and what the view is of get labels.
+    Footprints, bodies in contact and the obstacle of the view get labels.
     """
     number = keyframes.number(view.time) if view else 0
     of_footprint = colours(result)
@@ -254,9 +254,9 @@ def _label(axes: Axes, text: str, box: Bbox, colour: str, taken: list[Bbox],
     """
     Write a text beside a box of pixels, if there is room in axes whose limits are final.
 
-    It covers nothing that is taken, to which it is added, and what is spared only where there is
-    no better place. Of the sides to try -1 is left or below, 1 right or above; (0, 0) is inside,
-    in white.
+    It covers nothing in `taken`, to which it is added, and boxes in `spared` only where there is
+    no better place. Sides to try: -1 is left or below, 1 right or above; (0, 0) is inside, in
+    white.
     """
     inverse = axes.transData.inverted()
     for avoided, (x, y) in product(([*taken, *spared], [*taken]), sides):

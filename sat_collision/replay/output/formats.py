@@ -39,7 +39,7 @@ SCHEMA = 'sat_collision.replay/3'
 _COLUMNS = ('bag', 'kind', 'footprint', 'obstacle', 'first_ns', 'last_ns', 'duration_s', 'depth_m',
             'deepest_ns', 'x_m', 'y_m', 'reason', 'found', 'normal_x', 'normal_y', 'point_x_m',
             'point_y_m', 'second_point_x_m', 'second_point_y_m', 'time_to_collision_s')
-# Recording and subject of a test case, how it would fail (error or failure), and what is wrong.
+# A test case: recording, subject, how it would fail (error or failure), and what is wrong.
 _Case: TypeAlias = tuple[str, str, str, list[str]]
 _Values: TypeAlias = dict[str, Any]
 
@@ -77,7 +77,7 @@ def write_csv(results: list[Result], path: str) -> None:
 
 
 def _rows(result: Result) -> Iterator[tuple[Any, ...]]:
-    """Yield the rows of a table, each as long as it has something to say."""
+    """Yield the rows of a table; empty cells at the end of a row are left out."""
     for contact in result.contacts:
         yield (result.bag, 'contact', contact.footprint, contact.obstacle, contact.first,
                contact.last, (contact.last - contact.first) / 1e9, contact.depth,
@@ -216,7 +216,7 @@ class Baseline:
 
 
 def _content(bag: _Values) -> object:
-    """Return what a recording is known by; where there is nothing it is like no other."""
+    """Return what identifies a recording; without a digest it equals no other."""
     return bag.get('content') or id(bag)
 
 
@@ -225,7 +225,7 @@ def _name(bag: _Values) -> str:
 
 
 def _comparable(bag: _Values) -> _Values:
-    """Return what is to be compared of a recording."""
+    """Return the parts of a recording's result that are compared."""
     return {
         **_without(bag, _LEFT_OUT),
         'footprints': {one['name']: _without(one, _CURVES) for one in bag['footprints']},
@@ -240,7 +240,7 @@ def _without(values: dict[str, Any], keys: set[str]) -> dict[str, Any]:
 
 
 def _numbered(intervals: Iterable[dict[str, Any]], *keys: str) -> dict[str, Any]:
-    """Return intervals by what they are about and how often that has been before."""
+    """Return intervals by subject, those of the same subject numbered from 1."""
     named: dict[str, Any] = {}
     counts: Counter[str] = Counter()
     for interval in intervals:

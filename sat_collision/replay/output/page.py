@@ -34,11 +34,11 @@ from sat_collision.replay.output.text import (
     unknown_row)
 
 _SCRIPTS = ('page.js', 'timeline.js', 'scene.js')
-# How large the data of a page may be, in characters; the rest of it is small.
+# Most characters of a page's data; the rest of the page is small.
 _MOST_DATA = 7_500_000
-# What coordinates are rounded to, m.
+# Coordinates are rounded to this, m.
 _UNIT = 1e-4
-# How many rows a table has at most, and how many samples all curves of a recording.
+# Most rows of a table, and most samples in all curves of a recording.
 _MOST_ROWS = 200
 _MOST_SAMPLES = 40_000
 _FEWEST_MOMENTS = 24
@@ -83,7 +83,7 @@ def _fitted(result: Result, most: int) -> str:
     numbers = list(range(len(keyframes.moments)))
     bodies = keyframes.bodies
     while True:
-        # About how much they take at least; with what is surely too large no time is lost.
+        # A lower bound of the size: what is surely too large need not be encoded.
         least = sum(_LEAST_OF_VERTEX * len(body.spans[0].ring) * min(len(body.spans), len(numbers))
                     for body in bodies)
         if least <= most or not bodies:
@@ -156,7 +156,7 @@ def _thinned(samples: list[Sample], most: int) -> list[Sample]:
 
 
 def _unknown_of(result: Result, name: str) -> list[tuple[float, float, str]]:
-    """Return when a footprint is unknown, in s, and why; times too short to be seen are joined."""
+    """Return when a footprint is unknown, in s, and why; very many times are joined."""
     found = [one for one in result.unknown if one.footprint == name]
     if len(found) <= _MOST_ROWS:
         return [(result.since(one.first), result.since(one.last), '; '.join(one.reasons))
@@ -238,7 +238,7 @@ def _facts_of(result: Result, moments: list[int], left_out: int) -> list[str]:
         facts.append(f'drawn at {len(moments)} moments, at least every {most / 1e9:.2g} s, and '
                      'between them on straight lines')
     if left_out:
-        facts.append(f'{left_out} obstacles that come less near are not drawn')
+        facts.append(f'{left_out} more distant obstacles are not drawn')
     return [*facts, result.bag]
 
 

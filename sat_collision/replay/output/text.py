@@ -35,7 +35,7 @@ UNKNOWN = 'footprint', 'first [s]', 'duration [s]', 'reason'
 SOONEST = 'footprint', 'obstacle', 'at [s]', 'time to collision [s]'
 # Green, red, yellow and magenta.
 _COLOURS = {Verdict.CLEAR: 32, Verdict.COLLISION: 31, Verdict.UNKNOWN: 33, Verdict.BAD_INPUT: 35}
-# Of the bar of progress: a longer line would wrap, and could not be removed.
+# Widths of the progress bar: a longer line would wrap and could not be removed.
 _LONGEST = 25
 _BAR = 30
 _DELAY = 1.0
@@ -75,7 +75,7 @@ class Progress:
 
 
 def with_colour(lines: list[str], verdict: Verdict, stream: TextIO) -> list[str]:
-    """Return lines whose verdict, at the end of one, is coloured if the stream should have it."""
+    """Return lines with the verdict at their ends coloured, if the stream supports it."""
     # https://no-color.org: whatever it is set to, unless it is empty.
     if os.environ.get('NO_COLOR') or os.environ.get('TERM') == 'dumb' or not stream.isatty():
         return lines
@@ -114,11 +114,11 @@ def report(result: Result) -> list[str]:
 def how_undetermined(source: SourceResult) -> str:
     """Return for how long the motion of a footprint or source is undetermined."""
     return (f'for {source.undetermined / 1e9:.3f} s it is not known how something moved; only its '
-            'frames were decided')
+            'samples were decided')
 
 
 def how_soon(footprint: FootprintResult, result: Result) -> str:
-    """Return in words how soon a footprint would have collided, which is too soon."""
+    """Return in words how much too soon a footprint would have collided."""
     least = footprint.soonest
     return '' if least is None else (
         f'a collision with {least.obstacle} was {least.time_to_collision:.3f} s ahead at '
@@ -163,7 +163,7 @@ def lasting(duration: int) -> str:
 
 
 def when(contact: Contact, result: Result) -> str:
-    """Return in words when there was a contact: at a moment, or from one on for some time."""
+    """Return in words when there was a contact, and for how long."""
     since = f'{result.since(contact.first):.3f} s'
     duration = lasting(contact.last - contact.first)
     return f'at {since}' if duration == 'moment' else f'from {since} on for {duration} s'
@@ -178,7 +178,7 @@ def how_found(contact: Contact, result: Result) -> str:
 
 
 def report_all(results: list[Result]) -> list[str]:
-    """Return the lines that sum several recordings up."""
+    """Return the lines of the summary of several recordings."""
     figures = summary(results)
     counts = ', '.join(f'{count} {word}' for word, count in figures['verdicts'].items())
     lines = [f'{figures["bags"]} recordings, {figures["duration"] / 3600:.4g} h: {counts}']
@@ -223,7 +223,7 @@ def _rejections(result: Result) -> Iterator[str]:
 
 
 def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]], title: str) -> list[str]:
-    """Return the lines of a table, of the first rows only where there are very many."""
+    """Return the lines of a table, of the first _MOST_ROWS rows only."""
     if not rows:
         return []
     shown = [head, *rows[:_MOST_ROWS]]

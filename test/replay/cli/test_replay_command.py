@@ -183,7 +183,7 @@ def test_gate_that_wants_all_motion_decided(tmp_path, capsys):
         ('/footprint', box(0)), ('/obstacles', box(5) if k < 5 else box(5)[:3]))]
     path = str(write(tmp_path / 'bag', messages))
     assert main([path]) == 0
-    words = f'{SOURCE}: for 0.100 s it is not known how something moved; only its frames'
+    words = f'{SOURCE}: for 0.100 s it is not known how something moved; only its samples'
     assert words in capsys.readouterr().out
     files = {kind: str(tmp_path / f'result.{kind}') for kind in ('json', 'xml')}
     assert main([path, '--max-undetermined', '0', '--json', files['json'],

@@ -18,80 +18,52 @@ from dataclasses import replace
 import math
 import struct
 
-from builders import box, command, SECOND, serialised, transforms
+from bodies import where
+from builders import box, command, SECOND
+from monitors import START, World
 import numpy as np
 import pytest
 from sat_collision.messages.cdr import MessageError
 from sat_collision.messages.states import States
 from sat_collision.messages.transform_listener import decode_command, stamped
-from sat_collision.monitor import Monitor
 from sat_collision.scene.parameters import check_outlines, ParameterError
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, TF
 from shapely import affinity
 from shapely.geometry import Polygon
 
-START = 10_000 * SECOND
 OUTLINE = (-0.5, -0.25, 0.5, -0.25, 0.5, 0.25, -0.5, 0.25)
 ROBOT = FootprintSettings('robot', TF, points=OUTLINE, frame_id='base', rate=1000.0,
                           cmd_vel='/cmd_vel')
 MAP = ObstacleSettings('map', '/map', type='polygon_instance', timeout=0.0)
 
 
-class World:
-    """A monitor of a robot with commands; times are seconds since START."""
+class Driven(World):
+    """A monitor of a robot with commands, among obstacles."""
 
     def __init__(self, *polygons, **robot):
-        self.settings = Settings(frame_id='odom', footprints=(replace(ROBOT, **robot),),
-                                 obstacles=(MAP,))
-        self.monitor = Monitor(self.settings, transforms=True)
-        self.scene = self.monitor.scene
-        self.scene.tracks_motion = True
-        self.time = 0.0
-        for k, points in enumerate((*polygons, ())):
-            self.monitor.receive('map', serialised(points, 0, 'odom', k), self.now, k + 1)
+        super().__init__(Settings(frame_id='odom', footprints=(replace(ROBOT, **robot),),
+                                  obstacles=(MAP,)), tracks_motion=True)
+        self.send_map('map', *polygons)
 
-    @property
-    def now(self):
-        return START + round(self.time * SECOND)
-
-    def wait_until(self, time):
-        self.time = time
-        self.monitor.advance(self.now)
-        self.scene.look_ahead()
-
-    def move(self, time, x, y=0.0, yaw=0.0):
-        self.wait_until(time)
-        self.monitor.receive_transforms(TF, transforms(('odom', 'base', self.now, x, y, yaw)),
-                                        self.now)
-        self.scene.look_ahead()
-
-    def tell(self, *twist, age=None, **more):
+    def drive(self, *twist, age=None, **more):
         """Let a command come, stamped if it has an age in s; return why it is refused."""
         stamp = 0 if age is None else self.now - round(age * SECOND)
-        return self.send(command(*twist, stamp=stamp, **more))
+        return self.order(command(*twist, stamp=stamp, **more))
 
-    def send(self, data):
-        rejection = self.monitor.receive('robot.cmd_vel', data, self.now)
-        self.scene.look_ahead()
+    def order(self, data):
+        """Let the bytes of a command come; return why they are refused."""
+        rejection = self.receive('robot.cmd_vel', data)
         return rejection and rejection.text
 
     @property
-    def prediction(self):
-        return self.scene.prediction('robot')
-
-    @property
     def velocity(self):
-        """What ~/state says of it."""
+        """The words of ~/state for it."""
         states = States('/node', self.settings)
-        states.write('robot', self.scene.state('robot'), 0.0)
+        states.write('robot', self.state(), 0.0)
         states.write_moving('robot', None, None, {}, ('', None), self.scene.velocity('robot'),
                             self.prediction)
-        states.write('robot', self.scene.state('robot'), 0.0)
+        states.write('robot', self.state(), 0.0)
         return {one.key: one.value for one in states.statuses[0].values}['velocity']
-
-    @property
-    def status(self):
-        return self.scene.status('robot').value
 
 
 AHEAD = box(2.5, -0.5)
@@ -99,37 +71,37 @@ AHEAD = box(2.5, -0.5)
 
 def test_what_it_is_told_counts_and_not_what_it_does():
     """It drives away from the wall that it is told to drive to, and the other way round."""
-    world = World(AHEAD)
+    world = Driven(AHEAD)
     world.move(0.0, 0.0)
     world.move(0.1, -0.1)
     assert world.prediction is None and world.velocity == 'unknown: no command on /cmd_vel yet'
-    assert world.tell(0.5) is None
+    assert world.drive(0.5) is None
     assert world.prediction.seconds == math.inf
-    assert world.tell(1.0) is None
+    assert world.drive(1.0) is None
     assert world.prediction.seconds == pytest.approx(2.1, abs=2e-3)
     assert world.velocity == '1.000 m/s, 0.000 m/s, 0.000 rad/s by command'
-    assert world.tell(-1.0) is None
+    assert world.drive(-1.0) is None
     world.move(0.2, 0.0)
     assert world.prediction.seconds == math.inf
-    assert world.tell(0.0) is None
+    assert world.drive(0.0) is None
     assert world.prediction.seconds == math.inf
     assert world.velocity == '0.000 m/s, 0.000 m/s, 0.000 rad/s by command'
 
 
 def test_a_command_is_in_the_frame_of_the_robot():
     """It looks along y; to its left is -x. One place is enough, as no velocity is measured."""
-    world = World(box(-3.25, 0.0))
+    world = Driven(box(-3.25, 0.0))
     world.move(0.0, 0.0, yaw=math.pi / 2)
-    world.tell(0.0, 1.0)
+    world.drive(0.0, 1.0)
     assert world.prediction.seconds == pytest.approx(2.0, abs=2e-3)
-    world.tell(1.0, 0.0)
+    world.drive(1.0, 0.0)
     assert world.prediction.seconds == math.inf
     assert world.prediction.velocity.pose == pytest.approx((0.0, 0.0, math.pi / 2))
 
 
 def test_it_is_told_of_before_it_is_anywhere():
-    world = World(AHEAD)
-    world.tell(1.0)
+    world = Driven(AHEAD)
+    world.drive(1.0)
     assert world.prediction is None and world.velocity == 'unknown'
     world.move(0.1, 0.0)
     assert world.prediction.seconds == pytest.approx(2.0, abs=2e-3)
@@ -138,34 +110,38 @@ def test_it_is_told_of_before_it_is_anywhere():
 @pytest.mark.parametrize(('timeout', 'lasts'), [(0.5, 0.5), (1.0, 1.0), (9.0, 2.0), (0.0, 2.0)])
 def test_a_command_expires(timeout, lasts):
     """With the timeout of the footprint, and like any velocity after two seconds; one of 0 too."""
-    world = World(AHEAD, timeout=timeout, min_time_to_collision=5.0)
+    world = Driven(AHEAD, timeout=timeout, min_time_to_collision=5.0)
     world.move(0.0, 0.0)
     for speed in (1.0, 0.0):
         world.move(world.time + 0.1, 0.0)
-        world.tell(speed)
+        world.drive(speed)
         told = world.time
         world.move(told + lasts - 0.01, 0.0)
         assert world.prediction is not None
-        assert world.status == ('imminent' if speed else 'clear')
+        assert world.status() == ('imminent' if speed else 'clear')
         assert world.scene.state('robot').reasons == ((
             'moving as it is told to, it is in contact within min_time_to_collision, 5 s',
         ) if speed else ())
         world.move(told + lasts + 0.01, 0.0)
-        assert world.status == 'clear' and world.prediction is None
+        assert world.status() == 'clear' and world.prediction is None
         assert world.velocity == f'unknown: no command on /cmd_vel for {lasts:.1f} s'
 
 
 def test_its_age_is_that_of_its_stamp():
-    world = World(AHEAD, timeout=0.5)
+    world = Driven(AHEAD, timeout=0.5)
     world.move(0.0, 0.0)
-    assert world.tell(1.0, age=0.4) is None and world.prediction.seconds < 3.0
+    assert world.drive(1.0, age=0.4) is None and world.prediction.seconds < 3.0
     world.move(0.2, 0.0)
     assert world.velocity == 'unknown: no command on /cmd_vel for 0.6 s'
-    assert world.tell(1.0, age=-0.5) is None and world.prediction.seconds < 3.0
+    assert world.drive(1.0, age=-0.5) is None and world.prediction.seconds < 3.0
     world.move(0.65, 0.0)
     assert world.prediction.seconds < 3.0
     world.move(0.75, 0.0)
     assert world.prediction is None
+
+
+# More than an hour after no stamp at all.
+LATER = START + 4000 * SECOND
 
 
 @pytest.mark.parametrize(('data', 'reason', 'detail'), [
@@ -174,9 +150,9 @@ def test_its_age_is_that_of_its_stamp():
     (command(0.0, 0.0, 1001.0), 'no velocity of a robot', '0 m/s, 0 m/s, 1001 rad/s; '),
     (command(1.0, frame_id='odom'), 'command in another frame',
      "it is in 'odom', the outline in 'base'; "),
-    (command(1.0, stamp=START - SECOND), 'too old', 'its stamp is 1.100 s old, past the timeout '),
+    (command(1.0, stamp=LATER - SECOND), 'too old', 'its stamp is 1.100 s old, past the timeout '),
     (command(1.0, stamp=1), 'too old', 'more than an hour from the clock of this node'),
-    (command(1.0, stamp=START + 9 * SECOND), 'from the future', 'its stamp is 8.900 s ahead of '),
+    (command(1.0, stamp=LATER + 9 * SECOND), 'from the future', 'its stamp is 8.900 s ahead of '),
     (command(1.0)[:-1], 'undecodable', 'ends before its twist does'),
     (command(1.0) + bytes(4), 'undecodable', '72 bytes where the contents need 68'),
     (b'', 'undecodable', "0 bytes that begin with '' are not a message"),
@@ -185,28 +161,28 @@ def test_its_age_is_that_of_its_stamp():
          'nothing', 'cut off Twist'])
 def test_a_bad_command_is_refused_and_what_it_does_is_unknown(data, reason, detail):
     """The one before does not count any more, as the robot may well have understood the last."""
-    world = World(AHEAD, min_time_to_collision=2.5)
-    world.move(0.1, 0.0)
-    world.tell(1.0)
-    assert world.status == 'imminent'
-    text = world.send(data)
+    world = Driven(AHEAD, min_time_to_collision=2.5)
+    world.move(4000.1, 0.0)
+    world.drive(1.0)
+    assert world.status() == 'imminent'
+    text = world.order(data)
     assert text.startswith(f'robot.cmd_vel: a message on /cmd_vel was rejected, {reason}: ')
     assert detail in text
     assert world.monitor.rejected == {('robot.cmd_vel', reason): 1}
     assert world.monitor.received['robot.cmd_vel'] == 2
-    assert world.prediction is None and world.status == 'clear'
+    assert world.prediction is None and world.status() == 'clear'
     assert world.velocity == (
         f'unknown: the last command on /cmd_vel was refused: {reason}')
-    world.tell(1.0, frame_id='base')
-    assert world.status == 'imminent'
+    world.drive(1.0, frame_id='base')
+    assert world.status() == 'imminent'
 
 
 def test_the_last_one_counts_whatever_its_stamp():
     """As of those that a robot hears from several who may drive it, by clocks that differ."""
-    world = World(AHEAD)
+    world = Driven(AHEAD)
     world.move(0.1, 0.0)
-    world.tell(0.0, age=0.0)
-    world.tell(1.0, age=0.3)
+    world.drive(0.0, age=0.0)
+    world.drive(1.0, age=0.3)
     assert world.prediction.seconds < 3.0
 
 
@@ -224,7 +200,7 @@ def test_both_byte_orders_and_both_types_are_read():
 
 def test_whatever_bytes_come_are_taken_or_refused_in_words():
     """Each prefix, each byte changed, of both orders: never raised, and no byte in the words."""
-    world = World(AHEAD)
+    world = Driven(AHEAD)
     world.move(0.1, 0.0)
     taken = 0
     for order in '<>':
@@ -232,7 +208,7 @@ def test_whatever_bytes_come_are_taken_or_refused_in_words():
         for data in (*(good[:k] for k in range(len(good))),
                      *(good[:k] + bytes([good[k] ^ flip]) + good[k + 1:]
                        for k in range(len(good)) for flip in (1, 0x80, 0xff))):
-            text = world.send(data)
+            text = world.order(data)
             assert text is None or text.isprintable()
             velocity = world.scene.velocity('robot')
             assert (text is not None) == isinstance(velocity, str)
@@ -243,17 +219,17 @@ def test_whatever_bytes_come_are_taken_or_refused_in_words():
 
 def test_none_of_another_time_counts():
     """The clock was set back."""
-    world = World(AHEAD)
+    world = Driven(AHEAD)
     world.move(5.0, 0.0)
-    world.tell(1.0)
+    world.drive(1.0)
     world.wait_until(0.1)
     world.move(0.2, 0.0)
     assert world.prediction is None and world.velocity.endswith('no command on /cmd_vel yet')
 
 
 def test_a_disabled_footprint_hears_nothing():
-    world = World(AHEAD, enabled=False)
-    assert world.tell(math.nan) is None and not world.monitor.rejected
+    world = Driven(AHEAD, enabled=False)
+    assert world.drive(math.nan) is None and not world.monitor.rejected
 
 
 def test_a_published_footprint_has_no_frame_for_commands():
@@ -269,31 +245,26 @@ def test_no_time_by_command_is_late(seed):
     rng = np.random.default_rng(seed)
     obstacles = [Polygon(rng.uniform(-0.4, 0.4, (3, 2)) + rng.uniform(-4, 4, 2)).convex_hull
                  for _ in range(8)]
-    world = World(*(list(one.exterior.coords)[:-1] for one in obstacles))
+    world = Driven(*(list(one.exterior.coords)[:-1] for one in obstacles))
     obstacles = [Polygon(np.float32(one.exterior.coords)) for one in obstacles]
     found = 0
     for _ in range(40):
         x, y, yaw = *rng.uniform(-4, 4, 2), rng.uniform(-4, 4)
         vx, vy, omega = *rng.uniform(-2, 2, 2), rng.choice([0.0, rng.uniform(-2, 2)])
         if rng.random() < 0.5:
-            world.tell(vx, vy, omega)
+            world.drive(vx, vy, omega)
         world.move(world.time + 0.1, x, y, yaw)
-        world.tell(vx, vy, omega)
+        world.drive(vx, vy, omega)
         world.wait_until(world.time + rng.uniform(0.0, 0.9))
         age = (world.now - world.scene._footprints['robot'].time) / SECOND
-        if world.status == 'collision':
+        if world.status() == 'collision':
             continue
         own, touched = Polygon(np.reshape(OUTLINE, (4, 2))), math.inf
         tree = [one.buffer(-2e-3) for one in obstacles]
         for step in np.arange(0.0, 3.0 + age, 0.02):
-            # The robot's frame after so long, by the closed form of a turn round its centre.
-            if omega:
-                centre = -vy / omega, vx / omega
-                placed = affinity.rotate(own, omega * step, centre, use_radians=True)
-            else:
-                placed = affinity.translate(own, vx * step, vy * step)
-            placed = affinity.translate(
-                affinity.rotate(placed, yaw, (0, 0), use_radians=True), x, y)
+            placed = affinity.rotate(where(own, (vx, vy, omega), step), yaw, (0, 0),
+                                     use_radians=True)
+            placed = affinity.translate(placed, x, y)
             if any(placed.intersects(one) for one in tree):
                 touched = step
                 break

@@ -14,11 +14,11 @@
 
 """Bodies in frames that move: each is where it was at its own stamp, in the fixed frame."""
 
-from collections import Counter
 from dataclasses import replace
 import math
 
-from builders import box, SECOND, serialised, transforms
+from builders import box, serialised, transforms
+from monitors import nanoseconds, START, World
 import pytest
 from sat_collision.messages.transform_listener import TF, TF_STATIC
 from sat_collision.monitor import Monitor
@@ -27,50 +27,31 @@ from sat_collision.scene.frame_tree import BAD_TRANSFORM
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from sat_collision.scene.streams import Endpoint
 
-START = 1000 * SECOND
 SETTINGS = Settings(
     frame_id='odom', footprints=(FootprintSettings('robot', '/footprint'),),
     obstacles=(ObstacleSettings('lidar', '/polygons', type='polygon_instance', max_count=5),))
 SETS = replace(SETTINGS, obstacles=(ObstacleSettings('lidar', '/polygons', timeout=5.0),))
 
 
-def nanoseconds(time):
-    return START + round(time * SECOND)
-
-
-class Robot:
+class Robot(World):
     """
-    The monitor of a robot; times are seconds since START.
+    The monitor of a robot, whose fixed frame is odom.
 
-    The fixed frame is odom. The robot moves by 1 m/s along x from 0 at 0 s and is as wide as a box
-    of 1 m; its laser, 1 m before its origin, is turned to the left.
+    The robot moves by 1 m/s along x from 0 at 0 s and is as wide as a box of 1 m; its laser, 1 m
+    before its origin, is turned to the left.
     """
 
     def __init__(self, settings=SETTINGS):
-        self.monitor = Monitor(settings, transforms=True)
-        self.time = 0.0
-        self.rejections = []
-        self.numbers = Counter()
+        super().__init__(settings)
         self.tell(TF_STATIC, ('base', 'laser', 0, 1.0, 0.0, math.pi / 2))
-
-    @property
-    def now(self):
-        return nanoseconds(self.time)
-
-    def tell(self, topic, *links):
-        self.rejections += self.monitor.receive_transforms(topic, transforms(*links), self.now)
 
     def move(self, time, x=None):
         """Let the transform of the base at a time come now."""
         self.tell(TF, ('odom', 'base', nanoseconds(time), time if x is None else x, 0.0))
 
-    def wait_until(self, time):
-        self.time = time
-        self.rejections += self.monitor.advance(self.now)
-
     def stand(self, x, time=None):
         """Send a footprint in the fixed frame."""
-        assert self.send('robot', box(x), time, 'odom') is None
+        assert self.send('robot', box(x), time) is None
 
     def know_all(self):
         """Receive of the source for its timeout until now."""
@@ -80,27 +61,10 @@ class Robot:
     def see(self, points, time, frame_id='laser', instance=1):
         return self.send('lidar', points, time, frame_id, instance)
 
-    def send(self, name, points, time, frame_id, instance=None):
-        stamp = self.now if time is None else 0 if time == 'none' else nanoseconds(time)
-        self.numbers[name] += 1
-        rejection = self.monitor.receive(name, serialised(points, stamp, frame_id, instance),
-                                         self.now, self.numbers[name])
-        if rejection:
-            self.rejections.append(rejection)
-        return rejection
-
     @property
-    def status(self):
-        return self.monitor.scene.state('robot').status.value
-
-    @property
-    def bounds(self):
+    def seen(self):
         """The bounds of all obstacles."""
-        return [polygon.bounds for _, polygon in self.monitor.scene.obstacles]
-
-    @property
-    def reasons(self):
-        return [rejection.reason for rejection in self.rejections]
+        return [polygon.bounds for _, polygon in self.scene.obstacles]
 
 
 @pytest.fixture
@@ -118,10 +82,10 @@ def robot():
 def test_an_obstacle_is_where_the_laser_was_at_its_stamp(robot):
     """What is 2 m to the right of the laser's axis lies ahead of the robot."""
     robot.see([(0, -2), (1, -2), (0, -3)], 0.35)
-    assert robot.bounds == [pytest.approx((3.35, 0.0, 4.35, 1.0), abs=1e-12)]
+    assert robot.seen == [pytest.approx((3.35, 0.0, 4.35, 1.0), abs=1e-12)]
     robot.see([(0, -2), (1, -2), (0, -3)], 1.0)
-    assert robot.bounds == [pytest.approx((4.0, 0.0, 5.0, 1.0), abs=1e-12)]
-    assert robot.status == 'clear' and not robot.rejections
+    assert robot.seen == [pytest.approx((4.0, 0.0, 5.0, 1.0), abs=1e-12)]
+    assert robot.status() == 'clear' and not robot.rejections
 
 
 def test_a_footprint_in_its_own_frame_is_one_too():
@@ -132,9 +96,9 @@ def test_a_footprint_in_its_own_frame_is_one_too():
     robot.know_all()
     robot.send('robot', box(0), 0.5, 'base')
     robot.see(box(1.75), 1.0, 'odom')
-    assert robot.status == 'clear'
+    assert robot.status() == 'clear'
     robot.send('robot', box(0), 0.75, 'base')
-    assert robot.status == 'collision'
+    assert robot.status() == 'collision'
 
 
 def test_messages_in_the_fixed_frame_need_no_transform():
@@ -152,20 +116,20 @@ def test_what_is_not_convex_is_moved_too(robot):
     robot.see([(0, 0), (4, 0), (4, 4), (2, 1)], 1.0, 'base')
     (_, polygon), = robot.monitor.scene.obstacles
     assert polygon.vertices.tolist() == [[1, 0], [5, 0], [5, 4], [3, 1]]
-    assert robot.status == 'collision'
+    assert robot.status() == 'collision'
 
 
 def test_a_message_waits_for_its_transform(robot):
     """What waits is not yet seen: what was there before stays."""
     robot.see(box(0.5), 1.0, 'odom')
-    assert robot.status == 'collision'
+    assert robot.status() == 'collision'
     robot.wait_until(1.05)
     assert robot.see(box(9), 1.05, 'base') is None
-    assert robot.status == 'collision' and 'lidar' in robot.monitor.waiting
+    assert robot.status() == 'collision' and 'lidar' in robot.monitor.waiting
     robot.wait_until(1.1)
     robot.move(1.1)
-    assert robot.status == 'clear' and 'lidar' not in robot.monitor.waiting
-    assert robot.bounds == [pytest.approx((10.05, 0, 11.05, 1))]
+    assert robot.status() == 'clear' and 'lidar' not in robot.monitor.waiting
+    assert robot.seen == [pytest.approx((10.05, 0, 11.05, 1))]
 
 
 def test_messages_wait_in_order(robot):
@@ -173,10 +137,10 @@ def test_messages_wait_in_order(robot):
     robot.wait_until(1.05)
     robot.see(box(9), 1.04, 'base')
     robot.see(box(0), 1.05, 'odom')
-    assert robot.bounds == []
+    assert robot.seen == []
     robot.wait_until(1.1)
     robot.move(1.1)
-    assert robot.bounds == [(0, 0, 1, 1)]
+    assert robot.seen == [(0, 0, 1, 1)]
 
 
 def test_patience_ends(robot):
@@ -185,9 +149,9 @@ def test_patience_ends(robot):
     robot.wait_until(1.05)
     robot.see(box(9), 1.05, 'laser')
     robot.wait_until(1.25)
-    assert robot.status == 'clear'
+    assert robot.status() == 'clear'
     robot.wait_until(1.2500001)
-    assert robot.status == 'unknown' and robot.reasons == [frames.NO_TRANSFORM]
+    assert robot.status() == 'unknown' and robot.reasons == [frames.NO_TRANSFORM]
     text = robot.rejections[0].text
     assert text.startswith(
         'lidar: a message on /polygons was rejected, no transform: no transform from laser to odom'
@@ -196,7 +160,7 @@ def test_patience_ends(robot):
         'obstacle source lidar on /polygons sent what was refused: no transform',)
     robot.move(1.3)
     robot.see(box(9), 1.25, 'laser')
-    assert robot.status == 'clear'
+    assert robot.status() == 'clear'
 
 
 def test_waiting_ends_when_the_timeout_says_and_not_before(robot):
@@ -212,11 +176,11 @@ def test_waiting_is_part_of_the_age(robot):
     robot.see(box(9), 1.05)
     robot.wait_until(1.2)
     robot.move(1.2)
-    assert robot.bounds
+    assert robot.seen
     robot.wait_until(3.05)
-    assert robot.bounds
+    assert robot.seen
     robot.wait_until(3.0500001)
-    assert not robot.bounds
+    assert not robot.seen
 
 
 @pytest.mark.parametrize('time, reason', [(-0.1, frames.NO_TRANSFORM), (1.3, frames.GAP)])
@@ -225,7 +189,7 @@ def test_what_cannot_come_any_more_is_not_waited_for(robot, time, reason):
     robot.move(1.6)
     robot.see(box(9), time)
     assert robot.reasons == [reason] and 'lidar' not in robot.monitor.waiting
-    assert robot.status == 'unknown'
+    assert robot.status() == 'unknown'
 
 
 def test_tilted_frames_are_refused(robot):
@@ -248,7 +212,7 @@ def test_a_footprint_waits_as_well_and_is_refused(robot):
     robot.see(box(9), 1.0, 'odom')
     robot.wait_until(1.1)
     robot.send('robot', box(0), 1.1, 'base')
-    assert robot.status == 'clear'
+    assert robot.status() == 'clear'
     robot.wait_until(1.4)
     assert robot.reasons == [frames.NO_TRANSFORM]
     assert robot.monitor.scene.state('robot').reasons == (
@@ -257,7 +221,7 @@ def test_a_footprint_waits_as_well_and_is_refused(robot):
 
 def test_stamp_zero_takes_the_newest_transform(robot):
     robot.see(box(1), 'none', 'base')
-    assert robot.bounds == [(2, 0, 3, 1)]
+    assert robot.seen == [(2, 0, 3, 1)]
 
 
 def test_stamp_zero_takes_no_newest_that_is_older_than_the_timeout(robot):
@@ -275,7 +239,7 @@ def test_an_empty_polygon_is_nowhere_and_needs_no_transform(robot):
     robot.see([], 2.5, 'camera')
     robot.wait_until(4.5)
     robot.stand(0)
-    assert robot.status == 'clear' and not robot.rejections
+    assert robot.status() == 'clear' and not robot.rejections
 
 
 def test_where_too_much_waits_the_first_are_refused(robot):
@@ -298,7 +262,7 @@ def test_losses_count_where_they_happened():
     robot.time = 0.1
     robot.move(0.1)
     assert robot.monitor.lost == {'lidar': 1}
-    assert len(robot.bounds) == 2
+    assert len(robot.seen) == 2
 
 
 def test_a_set_that_waits_is_not_whole():
@@ -314,11 +278,11 @@ def test_a_set_that_waits_is_not_whole():
     robot.see(box(0), 0.2, 'base', None)
     robot.see((), 0.2, 'odom', None)
     robot.wait_until(0.39)
-    assert robot.status == 'collision'
-    assert sorted(robot.bounds) == [(0, 0, 1, 1), (7, 0, 8, 1)]
+    assert robot.status() == 'collision'
+    assert sorted(robot.seen) == [(0, 0, 1, 1), (7, 0, 8, 1)]
     robot.move(0.35, 0.2)
     # At 0.2 s, between 0.1 at 0.1 s and 0.2 at 0.35 s, the base was at 0.14.
-    assert sorted(robot.bounds) == [pytest.approx((0.14, 0, 1.14, 1)), (7, 0, 8, 1)]
+    assert sorted(robot.seen) == [pytest.approx((0.14, 0, 1.14, 1)), (7, 0, 8, 1)]
 
 
 def test_publishers_are_those_once_what_they_sent_is_taken():
@@ -331,7 +295,7 @@ def test_publishers_are_those_once_what_they_sent_is_taken():
     robot.monitor.update_publishers('lidar', [])
     assert 'has no publisher' not in robot.monitor.scene.state('robot').reasons[0]
     robot.move(0.0)
-    assert robot.bounds == [(9, 0, 10, 1)]
+    assert robot.seen == [(9, 0, 10, 1)]
     assert 'has no publisher' in robot.monitor.scene.state('robot').reasons[0]
 
 
@@ -341,7 +305,7 @@ def test_the_disabled_receive_nothing_of_what_waited(robot):
     off = replace(SETTINGS.obstacles[0], enabled=False)
     robot.monitor.update(replace(SETTINGS, obstacles=(off,)))
     robot.move(1.1)
-    assert robot.bounds == [] and not robot.rejections
+    assert robot.seen == [] and not robot.rejections
 
 
 def test_a_jump_back_begins_anew(robot):
@@ -354,19 +318,19 @@ def test_a_jump_back_begins_anew(robot):
     robot.see(box(9), 0.0, 'base')
     assert 'lidar' in robot.monitor.waiting
     robot.move(0.0, 100.0)
-    assert robot.bounds == [(109, 0, 110, 1)]
+    assert robot.seen == [(109, 0, 110, 1)]
     robot.stand(0)
-    assert robot.status == 'clear' and not robot.rejections
+    assert robot.status() == 'clear' and not robot.rejections
 
 
 def test_a_jump_back_is_seen_by_a_message_first(robot):
     """It must not be moved by what was received of that time before the jump."""
     robot.time = 0.5
     robot.see(box(9), 0.5, 'base')
-    assert robot.bounds == [] and 'lidar' in robot.monitor.waiting
+    assert robot.seen == [] and 'lidar' in robot.monitor.waiting
     robot.wait_until(0.6)
     robot.move(0.5, 50.0)
-    assert robot.bounds == [(59, 0, 60, 1)]
+    assert robot.seen == [(59, 0, 60, 1)]
 
 
 def test_settings_change_while_it_runs(robot):
@@ -396,7 +360,7 @@ def test_a_refused_transform_is_told_with_its_frame(robot):
                                ('arm', '1, 2, 3, 0, 0, 0, 0'))]
     assert robot.monitor.transforms.rejected == {
         ('base', BAD_TRANSFORM): 1, ('arm', BAD_TRANSFORM): 1}
-    assert robot.see(box(0), 1.1, 'cart') is None and robot.bounds == [(5, 0, 6, 1)]
+    assert robot.see(box(0), 1.1, 'cart') is None and robot.seen == [(5, 0, 6, 1)]
 
 
 def test_what_is_no_message_is_told(robot):

@@ -17,85 +17,31 @@
 from dataclasses import replace
 import math
 
-from builders import box, odometry, SECOND, serialised, transforms
+from builders import box, odometry, SECOND, serialised
+from monitors import nanoseconds, START, World
 import pytest
 from sat_collision.messages.transform_listener import TF_STATIC
 from sat_collision.monitor import Monitor
 from sat_collision.scene import frames
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, TF
 
-START = 1000 * SECOND
 ROBOT = FootprintSettings('robot', TF, points=(-0.5, -0.5, 0.5, -0.5, 0.5, 0.5, -0.5, 0.5),
                           frame_id='base', rate=1000.0)
 SOURCE = ObstacleSettings('lidar', '/polygons', type='polygon_instance', timeout=0.0)
 
 
-def settings(*footprints, **more):
-    return Settings(frame_id='odom', footprints=footprints, obstacles=(SOURCE,), **more)
+class OutlineWorld(World):
+    """A monitor in moving frames; one obstacle is far off."""
 
-
-def nanoseconds(time):
-    return START + round(time * SECOND)
-
-
-class World:
-    """A monitor in moving frames; times are seconds since START, one obstacle is far off."""
-
-    def __init__(self, *footprints, **more):
-        self.settings = settings(*footprints or (ROBOT,), **more)
-        self.monitor = Monitor(self.settings, transforms=True)
-        self.rejections = []
+    def __init__(self, *footprints, transforms=True, **more):
+        super().__init__(Settings(frame_id='odom', footprints=footprints or (ROBOT,),
+                                  obstacles=(SOURCE,), **more), transforms)
         self.wait_until(0.0)
-        self.send_map()
-
-    @property
-    def now(self):
-        return nanoseconds(self.time)
-
-    def send_map(self):
-        for number, points in enumerate((box(50.0), ()), 1):
-            self.monitor.receive('lidar', serialised(points, 0, 'odom', 0), self.now, number)
-
-    def tell(self, topic, *links):
-        self.rejections += self.monitor.receive_transforms(topic, transforms(*links), self.now)
-
-    def move(self, time, x, y=0.0, yaw=0.0, child='base', parent='odom'):
-        """Let a transform come at its time."""
-        self.wait_until(time)
-        self.tell(TF, (parent, child, self.now, x, y, yaw))
-
-    def report(self, time, x, y=0.0, yaw=0.0, child='base', parent='odom', **twist):
-        """Let odometry come at its time."""
-        self.wait_until(time)
-        rejection = self.monitor.receive(
-            'robot', odometry(parent, child, self.now, x, y, yaw, **twist), self.now)
-        self.rejections += [rejection] if rejection else []
-
-    def wait_until(self, time):
-        self.time = time
-        self.rejections += self.monitor.advance(self.now)
-
-    def use(self, **changes):
-        footprint = replace(self.settings.footprints[0], **changes)
-        self.settings = replace(self.settings, footprints=(footprint,))
-        self.rejections += self.monitor.update(self.settings)
-
-    def state(self, name='robot'):
-        return self.monitor.scene.state(name)
-
-    def status(self, name='robot'):
-        return self.state(name).status.value
-
-    def bounds(self, name='robot'):
-        return dict(self.monitor.scene.footprints)[name].bounds
-
-    @property
-    def reasons(self):
-        return [rejection.reason for rejection in self.rejections]
+        self.send_map('lidar', box(50.0))
 
 
 def test_an_outline_goes_where_its_frame_goes():
-    world = World()
+    world = OutlineWorld()
     assert world.state().reasons == ('footprint robot on /tf has not been received yet',)
     world.move(0.1, 1.0)
     assert world.bounds() == (0.5, -0.5, 1.5, 0.5) and world.status() == 'clear'
@@ -108,11 +54,11 @@ def test_an_outline_goes_where_its_frame_goes():
 
 def test_its_age_is_that_of_the_transform():
     """And so is that which tells where it came from."""
-    world = World()
+    world = OutlineWorld()
     world.move(0.1, 1.0)
     world.wait_until(0.35)
     assert world.state().age == pytest.approx(0.25)
-    assert world.monitor.scene.origin('robot') == ('base', pytest.approx(0.25))
+    assert world.scene.origin('robot') == ('base', pytest.approx(0.25))
     world.wait_until(1.1)
     assert world.status() == 'clear'
     world.wait_until(1.1000001)
@@ -122,7 +68,7 @@ def test_its_age_is_that_of_the_transform():
 
 def test_it_is_as_old_as_the_oldest_transform_that_it_takes():
     """Localization is slower than odometry: the pose is that of the last time both know."""
-    world = World()
+    world = OutlineWorld()
     world.tell(TF_STATIC, ('map', 'wall', 0, 1.0, 0.0))
     world.move(0.1, 100.0, child='middle')
     world.move(0.1, 1.0, parent='middle')
@@ -136,7 +82,7 @@ def test_it_is_as_old_as_the_oldest_transform_that_it_takes():
 
 
 def test_what_does_not_move_it_leaves_it_alone():
-    world = World()
+    world = OutlineWorld()
     world.move(0.1, 1.0)
     world.move(0.2, 9.0, child='other')
     assert world.monitor.received['robot'] == 1 and world.state().age == pytest.approx(0.1)
@@ -144,7 +90,7 @@ def test_what_does_not_move_it_leaves_it_alone():
 
 def test_it_is_placed_no_more_often_than_its_rate():
     """On the average; and what came too soon is placed when it is time, without a message."""
-    world = World(replace(ROBOT, rate=10.0))
+    world = OutlineWorld(replace(ROBOT, rate=10.0))
     for k in range(100):
         world.move(k / 100, k / 10)
     assert 10 <= world.monitor.received['robot'] <= 12
@@ -157,7 +103,7 @@ def test_it_is_placed_no_more_often_than_its_rate():
 
 def test_regular_poses_at_its_rate_are_all_placed():
     """Though some come a little early."""
-    world = World(replace(ROBOT, rate=50.0))
+    world = OutlineWorld(replace(ROBOT, rate=50.0))
     for k in range(100):
         world.move(k / 50 + (k * 7 % 5) / 1000, k / 10)
     assert world.monitor.received['robot'] == 100
@@ -165,17 +111,17 @@ def test_regular_poses_at_its_rate_are_all_placed():
 
 def test_in_a_static_frame_it_stays_known():
     """Nothing is ever told again, and nothing grows old."""
-    world = World()
+    world = OutlineWorld()
     world.tell(TF_STATIC, ('odom', 'base', 0, 7.0, 0.0))
     assert world.bounds() == (6.5, -0.5, 7.5, 0.5)
     for _ in range(1000):
         world.wait_until((world.monitor.deadline + 1 - START) / SECOND)
         assert world.status() == 'clear'
-    assert world.time > 100 and world.monitor.scene.origin('robot') == ('base', None)
+    assert world.time > 100 and world.scene.origin('robot') == ('base', None)
 
 
 def test_without_a_timeout_a_static_frame_asks_for_nothing():
-    world = World(replace(ROBOT, timeout=0.0))
+    world = OutlineWorld(replace(ROBOT, timeout=0.0))
     world.tell(TF_STATIC, ('odom', 'base', 0, 7.0, 0.0))
     world.wait_until(2.0)
     assert world.monitor.deadline > nanoseconds(1e6)
@@ -183,7 +129,7 @@ def test_without_a_timeout_a_static_frame_asks_for_nothing():
 
 def test_why_it_is_nowhere_is_said_once():
     """After the time that a message would wait for a transform."""
-    world = World()
+    world = OutlineWorld()
     world.move(0.1, 1.0, child='arm')
     assert not world.rejections
     world.wait_until(0.3000001)
@@ -201,7 +147,7 @@ def test_why_it_is_nowhere_is_said_once():
 
 def test_a_frame_that_tilts_is_nowhere():
     """At once, though it was somewhere."""
-    world = World()
+    world = OutlineWorld()
     world.move(0.1, 1.0)
     world.wait_until(0.2)
     half = math.radians(3)
@@ -213,7 +159,7 @@ def test_a_frame_that_tilts_is_nowhere():
 
 def test_another_outline_counts_at_once():
     """A load is picked up, and it reaches into something, before the robot moves on."""
-    world = World()
+    world = OutlineWorld()
     world.move(0.1, 49.0, 0.5)
     assert world.status() == 'clear'
     world.use(points='[[-0.5, -0.5], [1.5, 0.0], [-0.5, 0.5]]')
@@ -224,7 +170,7 @@ def test_another_outline_counts_at_once():
 
 def test_another_outline_that_cannot_be_placed_is_unknown():
     """What was there before had another shape."""
-    world = World()
+    world = OutlineWorld()
     world.move(0.1, 49.0, 0.5)
     world.monitor.transforms.clear()
     world.use(points='[[-0.5, -0.5], [1.5, 0.0], [-0.5, 0.5]]')
@@ -235,9 +181,9 @@ def test_another_outline_that_cannot_be_placed_is_unknown():
 
 def test_a_disc_is_covered():
     """By a polygon round it, in single precision too."""
-    world = World(replace(ROBOT, points='', radius=0.3, radius_vertices=7))
+    world = OutlineWorld(replace(ROBOT, points='', radius=0.3, radius_vertices=7))
     world.move(0.1, 0.0)
-    (_, polygon), = world.monitor.scene.footprints
+    (_, polygon), = world.scene.footprints
     assert len(polygon.vertices) == 7
     ends = zip(polygon.vertices, [*polygon.vertices[1:], polygon.vertices[0]])
     assert [abs(a[0] * b[1] - a[1] * b[0]) / math.dist(a, b) for a, b in ends] == (
@@ -247,7 +193,7 @@ def test_a_disc_is_covered():
 
 
 def test_the_disabled_follow_nothing():
-    world = World()
+    world = OutlineWorld()
     world.move(0.1, 1.0)
     world.use(enabled=False)
     world.move(0.2, 2.0)
@@ -258,18 +204,18 @@ def test_the_disabled_follow_nothing():
 
 
 def test_it_lives_beside_footprints_that_are_told():
-    world = World(ROBOT, FootprintSettings('cart', '/cart'))
+    world = OutlineWorld(ROBOT, FootprintSettings('cart', '/cart'))
     world.move(0.1, 1.0)
     world.monitor.receive('cart', serialised(box(49.5), world.now, 'odom'), world.now)
     assert (world.status('robot'), world.status('cart')) == ('clear', 'collision')
-    assert world.monitor.scene.origin('cart') == ('odom', None)
+    assert world.scene.origin('cart') == ('odom', None)
     world.monitor.receive('cart', serialised(box(1.0), world.now, 'base'), world.now)
     assert world.bounds('cart') == (2.0, 0.0, 3.0, 1.0)
-    assert world.monitor.scene.origin('cart') == ('base', 0.0)
+    assert world.scene.origin('cart') == ('base', 0.0)
 
 
 def test_odometry_moves_it_without_tf():
-    world = World(replace(ROBOT, topic='/odom', odometry='/odom'))
+    world = OutlineWorld(replace(ROBOT, topic='/odom', odometry='/odom'))
     world.report(0.1, 1.0, 2.0)
     assert world.bounds() == (0.5, 1.5, 1.5, 2.5) and world.status() == 'clear'
     world.report(0.3, 49.5)
@@ -280,21 +226,20 @@ def test_odometry_moves_it_without_tf():
 def test_odometry_moves_what_the_robot_sees_too():
     """In its own frame, without /tf; what is stamped later waits."""
     odometer = replace(ROBOT, topic='/odom', odometry='/odom')
-    world = World(odometer)
-    world.monitor = Monitor(world.settings)
+    world = OutlineWorld(odometer, transforms=False)
     world.report(0.1, 1.0, 2.0)
     world.time = 0.15
     world.monitor.receive('lidar', serialised(box(0.25), world.now, 'base', 0), world.now)
     assert world.monitor.waiting.counts() == {'lidar': 1}
     world.report(0.2, 2.0, 2.0)
     assert world.status() == 'collision'
-    (_, polygon), = world.monitor.scene.obstacles
+    (_, polygon), = world.scene.obstacles
     assert polygon.bounds == pytest.approx((1.75, 2.0, 2.75, 3.0), abs=1e-12)
 
 
 def test_odometry_between_other_frames_is_of_no_use():
     """It says so, and which."""
-    world = World(replace(ROBOT, topic='/odom', odometry='/odom'))
+    world = OutlineWorld(replace(ROBOT, topic='/odom', odometry='/odom'))
     world.report(0.1, 1.0, parent='earth')
     world.report(0.4, 1.0, parent='earth')
     assert world.status() == 'unknown'
@@ -308,27 +253,27 @@ def test_odometry_between_other_frames_is_of_no_use():
     odometry('odom', 'base', START, 0, 0) + b'\0', odometry('odom', 'base', START, 0, 0)[:40],
     odometry('odom', 'b' * 300, START, 0, 0), serialised(box(0), START, 'odom')])
 def test_what_is_no_odometry_is_refused(data):
-    world = World(replace(ROBOT, topic='/odom', odometry='/odom'))
+    world = OutlineWorld(replace(ROBOT, topic='/odom', odometry='/odom'))
     rejection = world.monitor.receive('robot', data, world.now)
     assert rejection.reason == 'undecodable' and rejection.name == 'robot'
     assert world.monitor.rejected == {('robot', 'undecodable'): 1}
 
 
 def test_odometry_of_the_other_byte_order_is_read():
-    world = World(replace(ROBOT, topic='/odom', odometry='/odom'))
+    world = OutlineWorld(replace(ROBOT, topic='/odom', odometry='/odom'))
     world.monitor.receive('robot', odometry('odom', 'base', START, 3, 4, order='>'), world.now)
     assert world.bounds() == (2.5, 3.5, 3.5, 4.5)
 
 
 def test_odometry_that_is_not_finite_is_refused():
-    world = World(replace(ROBOT, topic='/odom', odometry='/odom'))
+    world = OutlineWorld(replace(ROBOT, topic='/odom', odometry='/odom'))
     world.report(0.1, math.nan)
     assert world.reasons == ['not finite or no rotation']
 
 
 def test_a_jump_back_begins_anew():
     """A bag that loops: where the frame was belongs to another time."""
-    world = World()
+    world = OutlineWorld()
     world.wait_until(4.9)
     world.tell(TF_STATIC, ('base', 'tool', 0, 0.0, 0.0))
     for _ in range(3):
@@ -342,7 +287,7 @@ def test_a_jump_back_begins_anew():
 
 def test_a_pose_in_a_gap_between_transforms_is_refused():
     """It would have to be made up."""
-    world = World(max_tf_gap=0.2, transform_timeout=9.0)
+    world = OutlineWorld(max_tf_gap=0.2, transform_timeout=9.0)
     world.move(0.0, 0.0, parent='middle')
     world.time = 0.5
     world.tell(TF, ('middle', 'base', nanoseconds(0.5), 5.0, 0.0))
@@ -354,39 +299,39 @@ def test_a_pose_in_a_gap_between_transforms_is_refused():
 
 def test_its_velocity_is_that_of_the_transforms():
     """Tracked from when somebody asks: two places on, on an arc; none after a time jump."""
-    world = World()
+    world = OutlineWorld()
     world.move(0.1, 0.0)
     world.move(0.2, 0.1)
-    assert world.monitor.scene.velocity('robot') == ''
-    world.monitor.scene.tracks_motion = True
+    assert world.scene.velocity('robot') == ''
+    world.scene.tracks_motion = True
     world.move(0.3, 0.2)
-    assert world.monitor.scene.velocity('robot') == ''
+    assert world.scene.velocity('robot') == ''
     world.move(0.4, 0.3, yaw=0.05)
-    twist, pose, origin = world.monitor.scene.velocity('robot')
+    twist, pose, origin = world.scene.velocity('robot')
     assert twist[2] == pytest.approx(0.5) and pose == pytest.approx((0.3, 0.0, 0.0))
     assert math.hypot(*twist[:2]) == pytest.approx(1.0, rel=1e-3) and origin == 'transforms'
     world.wait_until(0.1)
     world.move(0.2, 5.0)
-    assert world.monitor.scene.velocity('robot') == ''
+    assert world.scene.velocity('robot') == ''
 
 
 def test_its_velocity_is_that_of_odometry():
     """In the frame that the message names, which another one may be fixed to."""
-    world = World(replace(ROBOT, odometry='odometry', frame_id='body'))
-    world.monitor.scene.tracks_motion = True
+    world = OutlineWorld(replace(ROBOT, odometry='odometry', frame_id='body'))
+    world.scene.tracks_motion = True
     world.tell(TF_STATIC, ('base', 'body', 0, 0.5, 0.0))
     world.report(0.1, 1.0, 2.0, 0.5, twist=(0.7, 0.1, -0.2))
-    assert world.monitor.scene.velocity('robot') == (
+    assert world.scene.velocity('robot') == (
         (0.7, 0.1, -0.2), pytest.approx((1.0, 2.0, 0.5)), 'odometry')
     world.report(0.2, 1.1, 2.0, 0.5, twist=(math.nan, 0.0, 0.0))
-    assert world.monitor.scene.velocity('robot')[2] == 'transforms'
+    assert world.scene.velocity('robot')[2] == 'transforms'
 
 
 def test_an_outline_in_a_fixed_frame_stands():
-    world = World()
-    world.monitor.scene.tracks_motion = True
+    world = OutlineWorld()
+    world.scene.tracks_motion = True
     world.tell(TF_STATIC, ('odom', 'base', 0, 3.0, 0.0))
-    assert world.monitor.scene.velocity('robot').twist == (0, 0, 0)
+    assert world.scene.velocity('robot').twist == (0, 0, 0)
 
 
 def test_the_velocity_of_a_published_footprint_is_that_of_two_messages():
@@ -406,3 +351,52 @@ def test_the_velocity_of_a_published_footprint_is_that_of_two_messages():
     assert velocity(0.6, [(x + 0.1, y) for x, y in turned]) == (
         pytest.approx((1, 0, 0)), pytest.approx((0.7, 0.5, 0)), 'footprints')
     assert velocity(0.7, square[:3]) == ''
+
+
+PUBLISHED = FootprintSettings('robot', '/robot')
+BY_ODOMETRY = replace(ROBOT, topic='/odom', odometry='/odom')
+EVERY_WAY = pytest.mark.parametrize('footprint', [PUBLISHED, ROBOT, BY_ODOMETRY],
+                                    ids=['published', 'by /tf', 'by odometry'])
+
+
+def place(world, time, x, ahead=0.0):
+    """Let the robot be received at a place, with a stamp ahead of the clock."""
+    world.wait_until(time)
+    stamp = nanoseconds(time + ahead)
+    footprint, = world.settings.footprints
+    if footprint is ROBOT:
+        world.tell(TF, ('odom', 'base', stamp, x, 0.0))
+    elif footprint is BY_ODOMETRY:
+        world.receive('robot', odometry('odom', 'base', stamp, x, 0.0))
+    else:
+        world.send('robot', box(x - 0.5, -0.5), time + ahead)
+
+
+@EVERY_WAY
+@pytest.mark.parametrize('is_first', [False, True])
+def test_one_place_ahead_of_the_clock_shuts_out_none_after_it(footprint, is_first):
+    """It counts as of now at most: each that comes after it counts when it comes."""
+    world = OutlineWorld(footprint)
+    if not is_first:
+        place(world, 0.1, 1.0)
+    place(world, 0.2, 5.0, ahead=0.9)
+    for tenths in range(3, 15):
+        place(world, tenths / 10, float(tenths))
+        assert world.bounds()[0] == tenths - 0.5
+
+
+@EVERY_WAY
+def test_one_place_beyond_the_tolerance_is_refused(footprint):
+    """An hour ahead; the next one heals."""
+    world = OutlineWorld(footprint)
+    place(world, 0.1, 1.0)
+    place(world, 0.2, 5.0, ahead=3600.0)
+    place(world, 0.3, 3.0)
+    assert world.bounds()[0] == 2.5 and len(world.rejections) == 1
+
+
+def test_age_of_a_transform_ahead_of_the_clock_counts_from_its_arrival():
+    world = OutlineWorld()
+    place(world, 0.2, 5.0, ahead=0.9)
+    world.wait_until(0.7)
+    assert world.state().age == 0.5

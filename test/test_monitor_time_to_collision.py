@@ -17,16 +17,16 @@
 from dataclasses import replace
 import math
 
-from builders import box, SECOND, serialised
+from bodies import where
+from builders import box, SECOND
+from monitors import START, World
 import numpy as np
 import pytest
-from sat_collision.monitor import Monitor
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from shapely import affinity
 from shapely.geometry import Polygon
 
-START = 1000 * SECOND
 MAP = ObstacleSettings('map', '/map', type='polygon_instance', timeout=0.0)
 DOCK = replace(MAP, name='dock', topic='/dock')
 ROBOT = [(-0.5, -0.5), (0.5, -0.5), (0.7, 0.0), (0.5, 0.5), (-0.5, 0.5)]
@@ -34,64 +34,36 @@ ROBOT = [(-0.5, -0.5), (0.5, -0.5), (0.7, 0.0), (0.5, 0.5), (-0.5, 0.5)]
 GRAZE = 2e-3
 
 
-class World:
-    """A monitor that is asked for predictions; times are seconds since START."""
+class Predicted(World):
+    """A monitor that is asked for predictions."""
 
     def __init__(self, bodies, dock=(), horizon=3.0, release_delay=0.0, margin=0.0, moving=False,
                  **footprint):
-        self.settings = Settings(
+        super().__init__(Settings(
             footprints=(FootprintSettings('robot', '/robot', **footprint),),
             obstacles=(replace(MAP, moving=moving), DOCK), horizon=horizon,
-            release_delay=release_delay, margin=margin)
-        self.monitor = Monitor(self.settings)
-        self.scene = self.monitor.scene
-        self.scene.tracks_motion = True
-        self.time = 0.0
-        self.count = 0
-        for name, polygons in (('map', bodies), ('dock', dock)):
-            for k, points in enumerate((*polygons, ())):
-                self.monitor.receive(name, serialised(points, 0, 'map', k), self.now, k + 1)
-                self.count += name == 'map'
+            release_delay=release_delay, margin=margin), False, True)
+        self.send_map('map', *bodies)
+        self.send_map('dock', *dock)
 
-    @property
-    def now(self):
-        return START + round(self.time * SECOND)
-
-    def wait_until(self, time):
-        self.time = time
-        self.monitor.advance(self.now)
-        self.scene.look_ahead()
-
-    def send(self, time, points, age=0.0):
+    def place(self, time, points, age=0.0):
         """Let a footprint come that is so old already."""
         self.wait_until(time)
-        self.monitor.receive('robot', serialised(points, self.now - round(age * SECOND)), self.now)
-        self.scene.look_ahead()
+        self.send('robot', points, time - age)
 
     def drive(self, *times, speed=1.0, y=0.0):
         """Let a footprint come again and again that drives along x, at x = 0 at time 0."""
         for time in times:
-            self.send(time, [(x + speed * time, v + y) for x, v in ROBOT])
+            self.place(time, [(x + speed * time, v + y) for x, v in ROBOT])
 
     def see(self, time, points, key=0, age=0.0):
         """Let an obstacle come of an id that is so old already."""
         self.wait_until(time)
-        self.count += 1
-        self.monitor.receive('map', serialised(points, self.now - round(age * SECOND), 'map', key),
-                             self.now, self.count)
-        self.scene.look_ahead()
-
-    @property
-    def prediction(self):
-        return self.scene.prediction('robot')
+        self.send('map', points, time - age, instance=key)
 
     @property
     def seconds(self):
         return self.prediction.seconds
-
-    @property
-    def status(self):
-        return self.scene.status('robot').value
 
 
 AHEAD = box(2.7, -0.5)
@@ -100,43 +72,43 @@ FAR = box(50.0)
 
 def test_seconds_are_counted_from_now_and_not_from_the_stamp():
     """The front is 2 m away at 1 m/s; what came late and what has waited is that much later."""
-    world = World([FAR, AHEAD])
+    world = Predicted([FAR, AHEAD])
     world.drive(0.0)
-    assert world.status == 'clear' and world.prediction is None
+    assert world.status() == 'clear' and world.prediction is None
     world.drive(0.1)
     assert world.prediction[:2] == (pytest.approx(1.9, abs=1e-3), ObstacleId('map', 1))
     assert world.prediction.velocity.origin == 'footprints'
     world.wait_until(0.5)
     assert world.seconds == pytest.approx(1.5, abs=1e-3)
-    world.send(0.8, [(x + 0.4, y) for x, y in ROBOT], age=0.4)
+    world.place(0.8, [(x + 0.4, y) for x, y in ROBOT], age=0.4)
     assert world.seconds == pytest.approx(1.2, abs=1e-3)
     assert world.prediction.way == pytest.approx(1.6, abs=1e-3)
 
 
 def test_zero_in_contact_and_where_contact_was_due():
     """The last footprint is 0.5 s old and was 0.1 s from the obstacle; then one touches."""
-    world = World([AHEAD])
+    world = Predicted([AHEAD])
     world.drive(1.8, 1.9)
     world.wait_until(2.4)
-    assert world.status == 'clear' and world.seconds == 0.0
-    world = World([AHEAD])
+    assert world.status() == 'clear' and world.seconds == 0.0
+    world = Predicted([AHEAD])
     world.drive(2.25)
-    assert world.status == 'collision'
+    assert world.status() == 'collision'
     assert world.prediction == (0.0, ObstacleId('map', 0), None, 0.0, ())
 
 
 def test_a_margin_is_a_collision_so_the_time_is_that_until_within_it():
-    world = World([AHEAD], margin=0.5)
+    world = Predicted([AHEAD], margin=0.5)
     world.drive(1.3, 1.4)
     assert world.seconds == pytest.approx(0.1, abs=1e-3)
     world.drive(1.49)
-    assert world.status == 'clear' and world.seconds == pytest.approx(0.01, abs=1e-3)
+    assert world.status() == 'clear' and world.seconds == pytest.approx(0.01, abs=1e-3)
     world.drive(1.51)
-    assert world.status == 'collision' and world.seconds == 0.0
+    assert world.status() == 'collision' and world.seconds == 0.0
 
 
 def test_infinity_beyond_the_horizon_and_for_what_stands():
-    world = World([AHEAD], horizon=1.0)
+    world = Predicted([AHEAD], horizon=1.0)
     world.drive(0.0, 0.5)
     assert world.seconds == math.inf and world.prediction.obstacle is None
     world.drive(1.001)
@@ -147,7 +119,7 @@ def test_infinity_beyond_the_horizon_and_for_what_stands():
 
 
 def test_only_what_concerns_the_footprint_is_in_its_way():
-    world = World([FAR], [AHEAD], obstacles=('map',))
+    world = Predicted([FAR], [AHEAD], obstacles=('map',))
     world.drive(0.0, 0.1)
     assert world.seconds == math.inf
     world.monitor.update(replace(world.settings, footprints=(
@@ -156,14 +128,14 @@ def test_only_what_concerns_the_footprint_is_in_its_way():
 
 
 def test_unknown_while_the_state_is_and_where_nothing_is_asked():
-    world = World([AHEAD], horizon=0.0)
+    world = Predicted([AHEAD], horizon=0.0)
     world.drive(0.0, 0.1)
     assert world.prediction is None
-    world = World([AHEAD])
+    world = Predicted([AHEAD])
     world.drive(0.0, 0.1)
     assert world.seconds < 3
     world.wait_until(1.2)
-    assert world.status == 'unknown' and world.prediction is None
+    assert world.status() == 'unknown' and world.prediction is None
     world.drive(1.3)
     assert world.seconds == pytest.approx(0.7, abs=1e-3)
     world.monitor.update(replace(world.settings, enabled=False))
@@ -172,12 +144,12 @@ def test_unknown_while_the_state_is_and_where_nothing_is_asked():
 
 def test_motion_goes_on_for_two_seconds_at_most():
     """Of a footprint that never grows old; one that stands goes on standing."""
-    world = World([box(9.0)], horizon=60.0, timeout=0.0)
+    world = Predicted([box(9.0)], horizon=60.0, timeout=0.0)
     world.drive(0.0, 0.1)
     world.wait_until(2.0)
     assert world.seconds < math.inf
     world.wait_until(2.2)
-    assert world.status == 'clear' and world.prediction is None
+    assert world.status() == 'clear' and world.prediction is None
     world.drive(3.0, 3.1, speed=0.0)
     world.wait_until(50.0)
     assert world.seconds == math.inf
@@ -185,57 +157,57 @@ def test_motion_goes_on_for_two_seconds_at_most():
 
 def test_a_flag_ahead_of_contact():
     """Imminent from 1 s before contact by time alone, and until it is clear for long enough."""
-    world = World([AHEAD], min_time_to_collision=1.0, release_delay=0.5)
+    world = Predicted([AHEAD], min_time_to_collision=1.0, release_delay=0.5)
     world.scene.tracks_motion = False
     world.drive(0.0, 0.6, 0.7)
-    assert world.status == 'clear'
+    assert world.status() == 'clear'
     due = (world.scene.deadline - START) / SECOND
     assert due == pytest.approx(1.0, abs=2e-3)
     world.wait_until(due - 0.01)
-    assert world.status == 'clear'
+    assert world.status() == 'clear'
     world.wait_until(due + 0.001)
-    assert world.status == 'imminent'
+    assert world.status() == 'imminent'
     assert world.scene.state('robot').reasons == (
         'moving on as it does, it is in contact within min_time_to_collision, 1 s',)
     assert world.scene.unknown_reasons('robot') == ()
     world.drive(2.25)
-    assert world.status == 'collision'
+    assert world.status() == 'collision'
     world.drive(2.3, 2.4, speed=0.1)
-    assert world.status == 'imminent'
+    assert world.status() == 'imminent'
     assert 'release_delay' in world.scene.state('robot').reasons[0]
     world.drive(2.79, speed=0.1)
-    assert world.status == 'imminent'
+    assert world.status() == 'imminent'
     world.wait_until(2.81)
-    assert world.status == 'clear'
+    assert world.status() == 'clear'
 
 
 def test_the_flag_falls_when_the_footprint_brakes_and_where_its_velocity_is_unknown():
     """With the delay of any release; without a threshold it is not raised at all."""
-    world = World([AHEAD], min_time_to_collision=1.0, horizon=0.0)
+    world = Predicted([AHEAD], min_time_to_collision=1.0, horizon=0.0)
     world.drive(1.5, 1.6)
-    assert world.status == 'imminent' and world.seconds == pytest.approx(0.4, abs=1e-3)
-    world.send(1.7, [(x + 1.6, y) for x, y in ROBOT])
-    assert world.status == 'clear' and world.seconds == math.inf
-    world.send(1.8, [(x + 1.7, y) for x, y in ROBOT])
-    assert world.status == 'imminent'
-    world.send(1.9, [(x + 1.7, y) for x, y in ROBOT[:4]])
-    assert world.status == 'clear' and world.prediction is None
+    assert world.status() == 'imminent' and world.seconds == pytest.approx(0.4, abs=1e-3)
+    world.place(1.7, [(x + 1.6, y) for x, y in ROBOT])
+    assert world.status() == 'clear' and world.seconds == math.inf
+    world.place(1.8, [(x + 1.7, y) for x, y in ROBOT])
+    assert world.status() == 'imminent'
+    world.place(1.9, [(x + 1.7, y) for x, y in ROBOT[:4]])
+    assert world.status() == 'clear' and world.prediction is None
     world.drive(2.0, 2.1, speed=0.9)
-    assert world.status == 'imminent'
+    assert world.status() == 'imminent'
     world.monitor.update(replace(world.settings, footprints=(
         replace(world.settings.footprints[0], min_time_to_collision=0.0),)))
-    assert world.status == 'clear'
+    assert world.status() == 'clear'
 
 
 def test_unknown_is_unknown_whatever_is_imminent():
     """And its flag is what it is without a threshold."""
-    world = World([AHEAD], min_time_to_collision=2.0)
+    world = Predicted([AHEAD], min_time_to_collision=2.0)
     world.drive(0.0, 0.1)
-    assert world.status == 'imminent'
+    assert world.status() == 'imminent'
     world.wait_until(1.2)
-    assert world.status == 'unknown'
+    assert world.status() == 'unknown'
     world.drive(1.3)
-    assert world.status == 'imminent'
+    assert world.status() == 'imminent'
 
 
 def walker(time, speed=-1.0, turn=0.0, x=5.0):
@@ -246,7 +218,7 @@ def walker(time, speed=-1.0, turn=0.0, x=5.0):
 
 def test_an_obstacle_that_moves():
     """4.05 m apart at first and coming together at 2 m/s, whatever the ages of the messages."""
-    world = World([walker(0.0)], moving=True)
+    world = Predicted([walker(0.0)], moving=True)
     world.drive(0.0, 0.1)
     assert world.prediction.unknown == (ObstacleId('map', 0),) and not world.prediction.is_known
     world.see(0.2, walker(0.2))
@@ -268,7 +240,7 @@ def test_an_obstacle_that_moves():
     ids=['another shape', 'one that turns', 'too fast'])
 def test_unknown_motion_is_said_and_not_guessed(next_one):
     """The flag is raised by when it is in contact at the latest."""
-    world = World([walker(0.0), AHEAD], moving=True, min_time_to_collision=3.0)
+    world = Predicted([walker(0.0), AHEAD], moving=True, min_time_to_collision=3.0)
     world.see(0.1, AHEAD, 1)
     world.see(0.2, AHEAD, 1)
     world.see(0.2, walker(0.2))
@@ -277,12 +249,12 @@ def test_unknown_motion_is_said_and_not_guessed(next_one):
     world.see(0.3, next_one)
     assert world.prediction.unknown == (ObstacleId('map', 0),)
     assert world.prediction[:2] == (pytest.approx(1.7, abs=1e-3), ObstacleId('map', 1))
-    assert world.status == 'imminent'
+    assert world.status() == 'imminent'
 
 
 def test_a_velocity_of_an_obstacle_lasts_two_seconds():
     """One that stood goes on standing."""
-    world = World([walker(0.0), FAR], moving=True, timeout=9.0)
+    world = Predicted([walker(0.0), FAR], moving=True, timeout=9.0)
     world.see(0.1, walker(0.1))
     world.see(0.1, FAR, 1)
     world.drive(2.0, 2.05)
@@ -295,11 +267,11 @@ def test_what_moves_slowly_is_met_by_a_fast_footprint_and_at_a_wide_margin():
     """At 10 m/s it comes to what is 20 m ahead, and stands, to what comes to within 5 m."""
     def slow(time):
         return box(20.0 - time / 16, -0.5)
-    world = World([slow(0.0)], moving=True)
+    world = Predicted([slow(0.0)], moving=True)
     world.see(0.25, slow(0.25))
     world.drive(0.25, 0.375, speed=10.0)
     assert world.seconds == pytest.approx(19.3 / 10.0625 - 0.375, abs=1e-3)
-    world = World([[(x - 14.2, y) for x, y in slow(0.0)]], moving=True, margin=5.0)
+    world = Predicted([[(x - 14.2, y) for x, y in slow(0.0)]], moving=True, margin=5.0)
     world.see(0.25, [(x - 14.2, y) for x, y in slow(0.25)])
     world.drive(0.25, 0.375, speed=0.0)
     assert world.seconds == pytest.approx(0.1 * 16 - 0.375, abs=2e-2)
@@ -320,7 +292,7 @@ def test_no_time_is_late_among_many_that_move(seed):
         velocity = speed * (rng.uniform(-5, 5, 2) - centre) / np.hypot(*centre)
         body = np.float32(where_from + centre + rng.uniform(-0.4, 0.4, (3, 2))).astype(float)
         bodies.append((body, np.round(velocity * 16) / 16))
-    world = World([body for body, _ in bodies], moving=True, margin=margin)
+    world = Predicted([body for body, _ in bodies], moving=True, margin=margin)
     twist = (*rng.uniform(-2, 2, 2), rng.choice([0.0, rng.uniform(-1.5, 1.5)]))
     stamps = [0.25 + 0.125 * rng.integers(0, 3) for _ in bodies]
     for time in (0.25, 0.375, 0.5):
@@ -330,8 +302,8 @@ def test_no_time_is_late_among_many_that_move(seed):
     offset = np.array((where_from, where_from))
     own = Polygon(np.array(ROBOT))
     for time in (0.5, 0.625):
-        world.send(time, offset + np.array(where(own, twist, time).exterior.coords)[:-1])
-    if world.status == 'collision':
+        world.place(time, offset + np.array(where(own, twist, time).exterior.coords)[:-1])
+    if world.status() == 'collision':
         return
     assert world.prediction.is_known
     touched = math.inf
@@ -351,14 +323,6 @@ def test_no_time_is_late_among_many_that_move(seed):
         assert near <= margin + (0.3 if where_from else GRAZE)
 
 
-def where(outline, twist, seconds):
-    """Return where an outline is so much later: it moves straight, or round a fixed centre."""
-    vx, vy, omega = twist
-    if not omega:
-        return affinity.translate(outline, vx * seconds, vy * seconds)
-    return affinity.rotate(outline, omega * seconds, (-vy / omega, vx / omega), use_radians=True)
-
-
 @pytest.mark.parametrize('seed', [
     *range(8), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(8, 25))])
 def test_no_time_is_late_and_none_is_given_while_unknown(seed):
@@ -367,7 +331,7 @@ def test_no_time_is_late_and_none_is_given_while_unknown(seed):
     obstacles = [Polygon(rng.uniform(-0.4, 0.4, (3, 2)) + rng.uniform(-6, 6, 2)).convex_hull
                  for _ in range(6)]
     velocities = rng.uniform(-1.0, 1.0, (6, 2)) * (seed % 2)
-    world = World([list(one.exterior.coords) for one in obstacles], moving=seed % 2 == 1)
+    world = Predicted([list(one.exterior.coords) for one in obstacles], moving=seed % 2 == 1)
     outline = Polygon(ROBOT)
     twist = (*rng.uniform(-1.5, 1.5, 2), rng.choice([0.0, rng.uniform(-1.5, 1.5)]))
     events = ['go on'] * 8 + ['gap', 'shape', 'turn'] + ['back'] * (1 - seed % 2)
@@ -396,13 +360,13 @@ def test_no_time_is_late_and_none_is_given_while_unknown(seed):
         points = list(place.exterior.coords)[:-1]
         if event == 'shape':
             points = points[:-1]
-        world.send(time, points)
+        world.place(time, points)
         last = [*last, (time, len(points))][-2:]
         world.wait_until(time + rng.choice([0.0, rng.uniform(0.0, 1.3)]))
         (before, n), (_, m) = last[0], last[-1]
         age = world.time - time
         is_known = n == m and 0.0 < time - before <= 2.0 and age <= 1.0
-        if world.status == 'collision':
+        if world.status() == 'collision':
             assert world.seconds == 0.0
             continue
         assert (world.prediction is not None) == is_known, (event, last, world.time)

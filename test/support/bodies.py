@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bodies of every kind on a coarse lattice, so that many touch, and the same for shapely."""
+"""Random bodies of every kind, and bodies as shapely's geometries, which may move."""
 
 import numpy as np
 import pytest
@@ -41,3 +41,12 @@ def as_shapely(polygon):
     if len(vertices) > 2:
         return shapely.Polygon(vertices)
     return shapely.LineString(vertices) if len(vertices) == 2 else shapely.Point(vertices[0])
+
+
+def where(outline, twist, seconds):
+    """Return where an outline is so much later: it moves straight, or round a fixed centre."""
+    vx, vy, omega = twist
+    if not omega:
+        return shapely.affinity.translate(outline, vx * seconds, vy * seconds)
+    return shapely.affinity.rotate(outline, omega * seconds, (-vy / omega, vx / omega),
+                                   use_radians=True)

@@ -12,15 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A monitor that has received a footprint and obstacles."""
+"""Monitors that have received footprints and obstacles, at times in seconds."""
 
+from collections import Counter
+from dataclasses import replace
 import math
 
-from builders import box, SECOND, serialised
+from builders import box, odometry, SECOND, serialised, transforms
+from sat_collision.messages.transform_listener import TF
 from sat_collision.monitor import Monitor
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 
-NOW = 1000 * SECOND
+START = 1000 * SECOND
+NOW = START
 SETTINGS = Settings(
     frame_id='map',
     footprints=(FootprintSettings('robot', '/footprint'),),
@@ -28,6 +32,89 @@ SETTINGS = Settings(
                ObstacleSettings('tracks', '/tracks', type='polygon_instance', max_count=2)))
 BOW_TIE = [(5, 5), (6, 6), (6, 5), (5, 6)]
 CIRCLE = [(math.cos(k / 500), math.sin(k / 500)) for k in range(2000)]
+
+
+def nanoseconds(time):
+    """Return the time of a clock for seconds since START."""
+    return START + round(time * SECOND)
+
+
+class World:
+    """A monitor and its clock; times are seconds since START, rejections are kept."""
+
+    def __init__(self, settings, transforms=True, tracks_motion=False):
+        self.settings = settings
+        self.monitor = Monitor(settings, transforms=transforms)
+        self.scene = self.monitor.scene
+        self.scene.tracks_motion = tracks_motion
+        self.time = 0.0
+        self.numbers = Counter()
+        self.rejections = []
+
+    @property
+    def now(self):
+        return nanoseconds(self.time)
+
+    def wait_until(self, time):
+        self.time = time
+        self.rejections += self.monitor.advance(self.now)
+        self.scene.look_ahead()
+
+    def receive(self, name, data):
+        """Let bytes come now; return why they are refused."""
+        self.numbers[name] += 1
+        rejection = self.monitor.receive(name, data, self.now, self.numbers[name])
+        self.rejections += [rejection] if rejection else []
+        self.scene.look_ahead()
+        return rejection
+
+    def send(self, name, points, time=None, frame_id='odom', instance=None):
+        """Let a polygon come, stamped at a time, or now; 'none' is the stamp 0."""
+        stamp = self.now if time is None else 0 if time == 'none' else nanoseconds(time)
+        return self.receive(name, serialised(points, stamp, frame_id, instance))
+
+    def send_map(self, name, *polygons):
+        """Let obstacles with ids from 0 on come, and the empty polygon that ends their map."""
+        for k, points in enumerate((*polygons, ())):
+            self.send(name, points, 'none', instance=k)
+
+    def tell(self, topic, *links):
+        """Let transforms come."""
+        self.rejections += self.monitor.receive_transforms(topic, transforms(*links), self.now)
+        self.scene.look_ahead()
+
+    def move(self, time, x, y=0.0, yaw=0.0, child='base', parent='odom'):
+        """Let a transform come at its time."""
+        self.wait_until(time)
+        self.tell(TF, (parent, child, self.now, x, y, yaw))
+
+    def report(self, time, x, y=0.0, yaw=0.0, child='base', parent='odom', **twist):
+        """Let odometry come at its time."""
+        self.wait_until(time)
+        self.receive('robot', odometry(parent, child, self.now, x, y, yaw, **twist))
+
+    def use(self, **changes):
+        """Change settings of the first footprint."""
+        footprint = replace(self.settings.footprints[0], **changes)
+        self.settings = replace(self.settings, footprints=(footprint,))
+        self.rejections += self.monitor.update(self.settings)
+
+    def state(self, name='robot'):
+        return self.scene.state(name)
+
+    def status(self, name='robot'):
+        return self.scene.status(name).value
+
+    def bounds(self, name='robot'):
+        return dict(self.scene.footprints)[name].bounds
+
+    @property
+    def prediction(self):
+        return self.scene.prediction('robot')
+
+    @property
+    def reasons(self):
+        return [rejection.reason for rejection in self.rejections]
 
 
 def clear_monitor(settings=SETTINGS):

@@ -16,16 +16,14 @@
 
 from dataclasses import replace
 import math
-import struct
 
 from bodies import where
 from builders import box, command, SECOND
 from monitors import START, World
 import numpy as np
 import pytest
-from sat_collision.messages.cdr import MessageError
 from sat_collision.messages.states import States
-from sat_collision.messages.transform_listener import decode_command, stamped
+from sat_collision.messages.transform_listener import stamped
 from sat_collision.scene.parameters import check_outlines, ParameterError
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, TF
 from shapely import affinity
@@ -184,18 +182,6 @@ def test_the_last_one_counts_whatever_its_stamp():
     world.drive(0.0, age=0.0)
     world.drive(1.0, age=0.3)
     assert world.prediction.seconds < 3.0
-
-
-def test_both_byte_orders_and_both_types_are_read():
-    """Against struct: a Twist is what follows the header of a TwistStamped."""
-    for order, head in (('<', b'\0\1\0\0'), ('>', b'\0\0\0\0')):
-        for frame in ('', 'a', 'base', 'base_link'):
-            data = command(0.5, -0.25, 3.0, 7 * SECOND + 5, frame, order)
-            assert decode_command(data) == (7 * SECOND + 5, frame, (0.5, -0.25, 3.0))
-        twist = head + struct.pack(f'{order}6d', 0.5, -0.25, 9.0, 9.0, 9.0, 3.0)
-        assert decode_command(stamped(twist)) == (0, '', (0.5, -0.25, 3.0))
-    with pytest.raises(MessageError, match='make more than a second'):
-        decode_command(command(1.0)[:8] + b'\xff\xff\xff\xff' + command(1.0)[12:])
 
 
 def test_whatever_bytes_come_are_taken_or_refused_in_words():

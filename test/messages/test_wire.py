@@ -1,0 +1,334 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Bytes as they come from the wire, against the encoders and decoders of rclpy and rosbags."""
+
+import struct
+import subprocess
+import sys
+from typing import Callable, NamedTuple
+
+from builders import command, odometry, polygon_message, SECOND, serialised, transforms
+import numpy as np
+import pytest
+from rosbags.typesys import get_typestore, Stores
+import sat_collision.messages
+from sat_collision.messages.cdr import decode, header_stamp, MessageError
+from sat_collision.messages.interfaces import (
+    deserialize, PolygonInstanceStamped, PolygonStamped, serialize)
+from sat_collision.messages.transform_listener import (
+    decode_command, decode_odometry, decode_transforms, decode_twist, stamped)
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+POINTS = [(1.0, 2.0, 3.0), (-4.0, 0.125, 0.0), (1e30, -0.0, 5.0)]
+STAMP = 7 * SECOND + 8
+TF = 'tf2_msgs/msg/TFMessage'
+NAMES = ('a', 'map', 'odom', 'größe', 'base_footprint')
+
+
+class Kind(NamedTuple):
+    """A type of message: a good one in either byte order, and two ways to read any."""
+
+    good: Callable
+    read: Callable
+    read_by_others: Callable
+    stamp_at: int = 4  # where the first stamp is; behind it the length of a name, and the name
+
+
+def read_polygon(data, with_id=False):
+    stamp, frame_id, (points, start, count), identity = decode(data, with_id)
+    points = struct.iter_unpack('=fff', points[start:start + 12 * count])
+    return stamp, frame_id, list(points), identity
+
+
+def read_by_rclpy(data, with_id=False):
+    message = deserialize(data, PolygonInstanceStamped if with_id else PolygonStamped)
+    polygon = message.polygon.polygon if with_id else message.polygon
+    return (stamp_of(message.header), message.header.frame_id,
+            [(p.x, p.y, p.z) for p in polygon.points], message.polygon.id if with_id else None)
+
+
+def stamp_of(header):
+    return header.stamp.sec * SECOND + header.stamp.nanosec
+
+
+def numbers_of(place, rotation):
+    return place.x, place.y, place.z, rotation.x, rotation.y, rotation.z, rotation.w
+
+
+def read_transforms_by_rosbags(data):
+    return [(one.header.frame_id, one.child_frame_id, stamp_of(one.header),
+             numbers_of(one.transform.translation, one.transform.rotation))
+            for one in STORE.deserialize_cdr(data, TF).transforms]
+
+
+def read_odometry_by_rosbags(data):
+    message = STORE.deserialize_cdr(data, 'nav_msgs/msg/Odometry')
+    pose, twist = message.pose.pose, message.twist.twist
+    return (message.header.frame_id, message.child_frame_id, stamp_of(message.header),
+            numbers_of(pose.position, pose.orientation),
+            (twist.linear.x, twist.linear.y, twist.angular.z))
+
+
+def read_command_by_rosbags(data):
+    message = STORE.deserialize_cdr(data, 'geometry_msgs/msg/TwistStamped')
+    twist = message.twist
+    return (stamp_of(message.header), message.header.frame_id,
+            (twist.linear.x, twist.linear.y, twist.angular.z))
+
+
+def some_links(seed, count):
+    rng = np.random.default_rng(seed)
+    return [(*rng.choice(NAMES, 2).tolist(), int(rng.integers(-2**31, 2**31)) * SECOND
+             + int(rng.integers(SECOND)), tuple(rng.normal(size=7).tolist()))
+            for _ in range(count)]
+
+
+def written(*links, order='<'):
+    """Return the bytes of a TFMessage, as rosbags writes them."""
+    types = STORE.types
+    message = types[TF]([types['geometry_msgs/msg/TransformStamped'](
+        types['std_msgs/msg/Header'](types['builtin_interfaces/msg/Time'](*divmod(stamp, SECOND)),
+                                     parent), child,
+        types['geometry_msgs/msg/Transform'](
+            types['geometry_msgs/msg/Vector3'](x, y, z),
+            types['geometry_msgs/msg/Quaternion'](*rotation)))
+        for parent, child, stamp, (x, y, z, *rotation) in links])
+    return bytes(STORE.serialize_cdr(message, TF, little_endian=order == '<'))
+
+
+KINDS = {
+    'polygon': Kind(lambda order='<': serialised(POINTS, STAMP, order=order), read_polygon,
+                    read_by_rclpy),
+    'instance': Kind(lambda order='<': serialised(POINTS, STAMP, instance=-9, order=order),
+                     lambda data: read_polygon(data, True),
+                     lambda data: read_by_rclpy(data, True)),
+    'transforms': Kind(lambda order='<': written(('map', 'odom', STAMP, (0.5,) * 7),
+                                                 *some_links(1, 2), order=order),
+                       decode_transforms, read_transforms_by_rosbags, 8),
+    'odometry': Kind(lambda order='<': odometry('map', 'base', STAMP, 1.0, 2.0, 3.0, order,
+                                                (0.5, -0.25, 2.0)),
+                     lambda data: (*decode_odometry(data), decode_twist(data)),
+                     read_odometry_by_rosbags),
+    'command': Kind(lambda order='<': command(0.5, -0.25, 3.0, STAMP, 'map', order),
+                    decode_command, read_command_by_rosbags)}
+EVERY_KIND = pytest.mark.parametrize('kind', KINDS.values(), ids=KINDS)
+
+
+def changed(data, at, form, *values):
+    """Return bytes with other values at a place."""
+    data = bytearray(data)
+    struct.pack_into(form, data, at, *values)
+    return bytes(data)
+
+
+@EVERY_KIND
+@pytest.mark.parametrize('order', '<>')
+def test_both_byte_orders_are_read_as_others_do(kind, order):
+    data = kind.good(order)
+    assert kind.read(data) == kind.read_by_others(data)
+    assert kind.read(data) == kind.read(kind.good())
+
+
+@EVERY_KIND
+def test_every_truncation_is_refused(kind):
+    data = kind.good()
+    for size in range(len(data)):
+        with pytest.raises(MessageError):
+            kind.read(data[:size])
+
+
+@EVERY_KIND
+@pytest.mark.parametrize('size', (1, 3, 4, 8, 12, 64))
+def test_left_over_bytes_are_refused(kind, size):
+    """Perhaps another type's message, certainly not this one."""
+    with pytest.raises(MessageError, match='bytes where the contents need'):
+        kind.read(kind.good() + bytes(size))
+
+
+@EVERY_KIND
+@pytest.mark.parametrize('length', (0, 5, 2**31, 2**32 - 1))
+def test_a_false_length_of_a_name_is_refused(kind, length):
+    """One that leaves the message, or that leaves no room for the NUL."""
+    with pytest.raises(MessageError):
+        kind.read(changed(kind.good(), kind.stamp_at + 8, '<I', length))
+
+
+@EVERY_KIND
+@pytest.mark.parametrize('text', (b'mapx', b'm\xffp\0'), ids=('no NUL', 'not UTF-8'))
+def test_broken_names_are_refused(kind, text):
+    with pytest.raises(MessageError):
+        kind.read(kind.good().replace(b'map\0', text, 1))
+
+
+@pytest.mark.parametrize('name', KINDS)
+def test_a_name_ends_at_its_first_nul(name):
+    """So it does for typed subscribers of polygons; of other messages it is refused."""
+    data = KINDS[name].good().replace(b'map\0', b'm\0p\0', 1)
+    if name in ('polygon', 'instance'):
+        assert KINDS[name].read(data)[1] == 'm'
+    else:
+        with pytest.raises(MessageError, match='does not end where it says'):
+            KINDS[name].read(data)
+
+
+@EVERY_KIND
+def test_nanoseconds_beyond_a_second_are_refused(kind):
+    with pytest.raises(MessageError, match='make more than a second'):
+        kind.read(changed(kind.good(), kind.stamp_at + 4, '<I', SECOND))
+
+
+@EVERY_KIND
+@pytest.mark.parametrize('data', (b'', b'\0', b'\xff\xff\0\0', b'\0\1\0\0', b'\0\1\0\0\0\0\0',
+                                  b'\0\3\0\0\0\0\0\0', b'no CDR at all'))
+def test_foreign_bytes_are_refused(kind, data):
+    """Whatever arrives on the topic, the answer is one kind of error."""
+    with pytest.raises(MessageError):
+        kind.read(data)
+
+
+@EVERY_KIND
+def test_damaged_bytes_never_read_as_something_else(kind):
+    """Where a damaged message is accepted, others read the same from it."""
+    random = np.random.default_rng(5)
+    data = kind.good()
+    accepted = 0
+    for _ in range(3000):
+        damaged = bytearray(data)
+        for at in random.integers(len(data), size=random.integers(1, 4)):
+            damaged[at] = random.integers(256)
+        damaged = bytes(damaged)
+        try:
+            received = kind.read(damaged)
+        except MessageError:
+            continue
+        accepted += 1
+        np.testing.assert_equal(received, kind.read_by_others(damaged))
+    assert 300 < accepted < 2950
+
+
+@EVERY_KIND
+def test_random_bytes_are_refused_at_most(kind):
+    random = np.random.default_rng(6)
+    for _ in range(2000):
+        size = int(random.integers(200))
+        data = b'\0\1\0\0' + bytes(random.integers(0, random.choice([2, 8, 256]), size, np.uint8))
+        try:
+            kind.read(data)
+        except MessageError:
+            pass
+
+
+@pytest.mark.parametrize('instance', (None, -9))
+@pytest.mark.parametrize('length', range(10))
+@pytest.mark.parametrize('count', range(4))
+def test_every_alignment_of_polygons(instance, length, count):
+    """The frame_id's length moves the points and, with their number, the id's padding."""
+    frame_id = 'frame_name'[:length]
+    points = [(k, 0.5 * k, -k) for k in range(count)]
+    message = polygon_message(points, STAMP, frame_id, instance)
+    data = serialize(message)
+    assert read_polygon(data, instance is not None) == (STAMP, frame_id, points, instance)
+    ours = serialised(points, STAMP, frame_id, instance)
+    assert len(ours) == len(data) and deserialize(ours, type(message)) == message
+
+
+@pytest.mark.parametrize('parent', range(1, 10))
+@pytest.mark.parametrize('child', range(1, 10))
+def test_every_alignment_of_transforms(parent, child):
+    """The lengths of the names move the numbers, and those the next transform."""
+    link = 'abcdefghij'[:parent], 'abcdefghij'[:child], -1, (1.0, 2.0, 3.0, 0.0, 0.0, 0.6, 0.8)
+    assert decode_transforms(written(link, link)) == [link, link]
+    ours = transforms((*link[:3], *link[3]), (*link[:3], *link[3]))
+    assert decode_transforms(ours) == [link, link]
+    pose = odometry(link[0], link[1], -1, 1.0, 2.0)
+    assert (*decode_odometry(pose), decode_twist(pose)) == read_odometry_by_rosbags(pose)
+
+
+@pytest.mark.parametrize('count', range(6))
+@pytest.mark.parametrize('order', '<>')
+def test_any_number_of_transforms(count, order):
+    for seed in range(20):
+        links = some_links(seed, count)
+        assert decode_transforms(written(*links, order=order)) == links
+
+
+@pytest.mark.parametrize('instance', (None, 2**63 - 1))
+def test_extreme_fields_survive(instance):
+    """Time before 1970, the largest id, a frame name that is not ASCII, NaN and infinity."""
+    data = serialize(polygon_message([(np.inf, -np.inf, np.nan)], -1, 'größe', instance))
+    stamp, frame_id, points, identity = read_polygon(data, instance is not None)
+    assert (stamp, frame_id, identity) == (-1, 'größe', instance)
+    np.testing.assert_array_equal(points, [(np.inf, -np.inf, np.nan)])
+    link = 'map', 'odom', 0, (np.nan, np.inf, -np.inf, 0.0, -0.0, 1e308, 5e-324)
+    (_, _, _, numbers), = decode_transforms(written(link))
+    np.testing.assert_array_equal(numbers, link[-1])
+
+
+@pytest.mark.parametrize('name, at', [('polygon', 20), ('instance', 20), ('transforms', 4)])
+@pytest.mark.parametrize('count', (2, 4, 200_000_000, 2**32 - 1))
+def test_a_false_count_is_refused(name, at, count):
+    """At once; rclpy may read no points at all, which would mean that nothing is there."""
+    with pytest.raises(MessageError):
+        KINDS[name].read(changed(KINDS[name].good(), at, '<I', count))
+
+
+def test_a_twist_is_read_as_a_command_without_stamp_and_frame():
+    """It is what follows the header of a TwistStamped."""
+    for order, head in (('<', b'\0\1\0\0'), ('>', b'\0\0\0\0')):
+        twist = head + struct.pack(f'{order}6d', 0.5, -0.25, 9.0, 9.0, 9.0, 3.0)
+        assert decode_command(stamped(twist)) == (0, '', (0.5, -0.25, 3.0))
+
+
+def test_broken_frame_id_of_same_encoded_size_is_refused():
+    """Where rclpy replaces a byte by three, the length alone could not tell."""
+    data = serialised(POINTS, STAMP, 'abcd')
+    with pytest.raises(MessageError, match='UTF-8'):
+        decode(data.replace(b'abcd', b'abc\xff'), False)
+
+
+def test_foreign_encoding_without_any_library_is_refused(monkeypatch):
+    """The geometry is used without ROS and rosbags too: the error says so."""
+    monkeypatch.setitem(sys.modules, 'sat_collision.messages.interfaces', None)
+    monkeypatch.delattr(sat_collision.messages, 'interfaces', raising=False)
+    with pytest.raises(MessageError, match='only rclpy or rosbags'):
+        decode(serialised([], order='>'), False)
+
+
+@pytest.mark.parametrize('sec, nanosec', [(7, 8), (-1, 999_999_999), (0, 0), (5, SECOND)])
+def test_stamp_alone_is_that_of_the_message(sec, nanosec):
+    """To sort messages only their stamps are read; an invalid one counts as none."""
+    data = changed(serialised(POINTS), 4, '<iI', sec, nanosec)
+    assert header_stamp(data) == (sec * SECOND + nanosec if nanosec < SECOND else 0)
+    assert header_stamp(data[:11]) == header_stamp(serialised([], order='>')) == 0
+
+
+def test_neither_ros_nor_rosbags_is_needed():
+    """To decode in place."""
+    program = ('import sys; from sat_collision.messages.cdr import decode; '
+               'from sat_collision.messages.transform_listener import decode_transforms; '
+               f'assert decode({KINDS["instance"].good()!r}, True)[-1] == -9; '
+               f'assert len(decode_transforms({KINDS["transforms"].good()!r})) == 3; '
+               'assert not {"rclpy", "geometry_msgs", "rosbags"} & set(sys.modules)')
+    subprocess.run([sys.executable, '-c', program], check=True)
+
+
+@pytest.mark.parametrize('order', '<>')
+@pytest.mark.parametrize('at, count', [(12, 2**32 - 1), (12, 60), (20, 2**32 - 1), (20, 4)])
+def test_rclpy_never_sees_a_length_beyond_the_end(monkeypatch, order, at, count):
+    """It would write a line to the standard error for each."""
+    monkeypatch.setattr('sat_collision.messages.interfaces.deserialize',
+                        lambda data, kind: pytest.fail('rclpy has been asked'))
+    with pytest.raises(MessageError, match=str(count)):
+        decode(changed(serialised(POINTS, STAMP, order=order), at, f'{order}I', count), False)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The rivals are what the report says of them: some exact, the others wrong on hard families."""
+"""The methods of the report against the oracle: some exact, some wrong on hard families."""
 
 from fractions import Fraction
 import json
@@ -27,7 +27,7 @@ import oracle
 from published import load
 import pytest
 
-from sat_collision import Polygon
+from sat_collision import intersects, Polygon
 from sat_collision.geometry.jit import COMPILED, indexable
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -97,7 +97,7 @@ def test_inexact_rivals_are_wrong_on_hard_pairs_and_right_on_near_ones(method, n
 @pytest.mark.skipif(not COMPILED, reason='nothing to compare with')
 def test_plain_python_answers_as_compiled_code_does():
     """The same pairs in a process where numba is switched off: equal answers."""
-    program = 'import json, test_rivals; print(json.dumps(test_rivals.all_answers(25, 9)))'
+    program = 'import json, test_methods; print(json.dumps(test_methods.all_answers(25, 9)))'
     path = os.pathsep.join([*PATHS, str(ROOT / 'test' / 'benchmarks'), *sys.path])
     result = subprocess.run(
         [sys.executable, '-c', program], capture_output=True, text=True, check=True,
@@ -106,6 +106,66 @@ def test_plain_python_answers_as_compiled_code_does():
     assert plain == all_answers(25, 9)
     for found in plain.values():
         assert found['filtered'] == found['truth']
+
+
+# Nearest B = (6, 7) of P is an end of two edges, but the edge that separates, from (0, 1) to
+# (5, 4), is not one of them.
+APART = np.array([[0, 1], [5, 4], [6, 7.0]]), np.array([[4, 3], [11, 5], [11, 6.0]])
+# The centre line crosses the edges (4, 1)-(1, 8) and (8, 9)-(3, 4), whose ends are apart along it;
+# but the vertex (2, 1) of Q, which is not one of the four, lies within P.
+OVERLAPPING = np.array([[0, 2], [4, 1], [1, 8.0]]), np.array([[2, 1], [8, 9], [3, 4.0]])
+
+
+@pytest.mark.parametrize('n', [3, 4, 7, 16, 40])
+@pytest.mark.parametrize('method', ['traditional', 'boxed'])
+@pytest.mark.parametrize('family', [families.clear, families.near, families.deep])
+def test_traditional_is_complete_away_from_contact(method, family, n):
+    pairs = family(np.random.default_rng(2), 200, n)
+    np.testing.assert_array_equal(answers(method, pairs), oracle.intersects_pairs(pairs)[0])
+
+
+def test_traditional_decides_points_and_segments_that_coordinates_decide():
+    bodies = [np.array(body, float) for body in (
+        [[0, 0]], [[2, 0]], [[0, 0], [2, 0]], [[3, 0], [4, 0]], [[1, -1], [1, 1]],
+        [[0, 0], [2, 2]], [[3, 3], [4, 4]], [[0, 1]], [[0, 0], [4, 0], [0, 4]])]
+    pairs = [(p, q) for p in bodies for q in bodies]
+    np.testing.assert_array_equal(answers('traditional', pairs), oracle.intersects_pairs(pairs)[0])
+
+
+@pytest.mark.skipif(not COMPILED, reason='plain Python computes in doubles')
+def test_float32_arrays_are_computed_with_in_float32():
+    """The traditional method is wrong in float32 on pairs that it decides in float64."""
+    pairs = pairs_of('float32_round_trip', 1000, 4)
+    truth = oracle.intersects_pairs(pairs)[0]
+    wrong, wrong_single = (np.sum(answers(method, pairs) != truth)
+                           for method in ('traditional', 'traditional_float32'))
+    assert wrong < wrong_single / 10
+
+
+@pytest.mark.parametrize('method, pair', [('published_a', APART), ('published_b', OVERLAPPING)])
+def test_published_readings_are_wrong_on_their_examples(method, pair):
+    truth = oracle.intersects(*pair)
+    assert intersects(*pair) == answers('traditional', [pair])[0] == truth
+    assert answers(method, [pair])[0] != truth
+
+
+@pytest.mark.parametrize('n', [4, 16, 64])
+def test_published_a_errs_one_way_and_b_both(n):
+    """Every axis that A accepts separates; B is wrong in both ways."""
+    pairs = pairs_of('near', 2000, n)
+    truth = oracle.intersects_pairs(pairs)[0]
+    a, b = (answers(method, pairs) for method in ('published_a', 'published_b'))
+    assert (a & ~truth).any() and not (~a & truth).any()
+    assert (b & ~truth).any() and (~b & truth).any()
+
+
+def test_axes_are_counted():
+    """Deciding a deep collision takes traditional all axes, the published methods a few."""
+    pairs = methods.Pairs(families.deep(np.random.default_rng(2), 50, 9))
+    for method, axes in (('traditional', {18}), ('boxed', {20}), ('published_a', {9})):
+        found, counts = methods.run(method, pairs)
+        assert found.all() and set(counts.tolist()) == axes
+    assert methods.run('published_b', pairs)[1].max() <= 3
 
 
 def test_hybrid_misses_no_collision_but_invents_some():

@@ -12,17 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings of bodies in frames that move, by the /tf and /tf_static that are in them."""
+"""Recordings of bodies and outlines in frames that move, by the /tf or odometry in them."""
 
 import math
+from random import Random
 
-from builders import SECOND, serialised, transforms
+from builders import odometry, SECOND, serialised, transforms
 import pytest
 from recordings import box, nanoseconds, SOURCE, write
+from sat_collision.replay.model.configuration import settings_of
 from sat_collision.replay.model.result import HEADER, Options, Verdict
 from sat_collision.replay.run import check
+from sat_collision.scene.parameters import ParameterError
 
-TYPES = dict.fromkeys(('/tf', '/tf_static'), 'tf2_msgs/msg/TFMessage')
+TYPES = {**dict.fromkeys(('/tf', '/tf_static'), 'tf2_msgs/msg/TFMessage'),
+         '/odom': 'nav_msgs/msg/Odometry'}
 PARAMETERS = {'frame_id': 'odom', f'{SOURCE}.accumulate': True, f'{SOURCE}.timeout': 0.3}
 POST = [(0, 0), (0.25, 0), (0.25, 0.25), (0, 0.25)]
 
@@ -53,13 +57,12 @@ def drive(delay=0.04, end=6.0):
     return [message for _, message in sorted(messages, key=lambda pair: pair[0])]
 
 
-def run(path, messages, **options):
+def run(path, messages, parameters=PARAMETERS, **options):
     return check(write(path, messages, types=TYPES), Options(
-        parameters=PARAMETERS, footprints=['footprint:=/footprint'],
-        obstacles=[f'{SOURCE}:=/obstacles'], **options))
+        parameters=parameters, obstacles=[f'{SOURCE}:=/obstacles'], **options))
 
 
-def seconds(result, time):
+def seconds(time):
     return (time - nanoseconds(0.0)) / SECOND
 
 
@@ -68,10 +71,10 @@ def test_a_post_is_met_when_the_robot_is_there(tmp_path, clock):
     """The robot covers x from its origin to 1 m beyond: in contact from 2 to 3.25 s."""
     result = run(tmp_path / 'bag', drive(), clock=clock)
     assert result.problems == [] and result.verdict is Verdict.COLLISION
-    assert seconds(result, result.origin) == (0.03 if clock == HEADER else 0.0)
-    assert seconds(result, min(contact.first for contact in result.contacts)) == (
+    assert seconds(result.origin) == (0.03 if clock == HEADER else 0.0)
+    assert seconds(min(contact.first for contact in result.contacts)) == (
         pytest.approx(2.0, abs=1e-6))
-    assert seconds(result, max(contact.last for contact in result.contacts)) == (
+    assert seconds(max(contact.last for contact in result.contacts)) == (
         pytest.approx(3.25, abs=1e-6))
     assert not any(source.rejected for source in result.sources)
 
@@ -82,8 +85,8 @@ def test_as_live_a_post_is_met_soon_after(tmp_path, clock):
     assert result.problems == [] and result.verdict is Verdict.COLLISION
     first = min(contact.first for contact in result.contacts)
     last = max(contact.last for contact in result.contacts)
-    assert 2.03 <= seconds(result, first) <= 2.2
-    assert 3.23 <= seconds(result, last) <= 3.6
+    assert 2.03 <= seconds(first) <= 2.2
+    assert 3.23 <= seconds(last) <= 3.6
     assert not any(source.rejected for source in result.sources)
 
 
@@ -92,7 +95,7 @@ def test_what_waits_is_told_in_time(tmp_path):
     begins = []
     for delay in (0.0, 0.1):
         result = run(tmp_path / f'bag{delay}', drive(delay), as_live=True)
-        begins.append(min(seconds(result, contact.first) for contact in result.contacts))
+        begins.append(min(seconds(contact.first) for contact in result.contacts))
     assert begins[1] - begins[0] == pytest.approx(0.1, abs=0.01)
 
 
@@ -117,3 +120,148 @@ def test_recordings_without_transforms_say_other_frame(tmp_path):
     result = run(tmp_path / 'bag', messages)
     assert result.verdict is Verdict.UNKNOWN
     assert {reason for source in result.sources for reason in source.rejected} == {'other frame'}
+
+
+# An arm of 2 m that turns about the origin of its frame, and posts that it passes at angles.
+ARM = '[[0.0, -0.001], [2.0, -0.001], [2.0, 0.001], [0.0, 0.001]]'
+WITH_ARM = {'frame_id': 'odom', 'footprint.points': ARM, 'footprint.frame_id': 'base',
+            'max_tf_gap': 2.0, f'{SOURCE}.timeout': 0.0}
+
+
+def see(post, time=0.0):
+    return '/obstacles', time, serialised([post], nanoseconds(0.0), 'odom')
+
+
+def turn(posts, tf=True, every=0.5, until=4.0, speed=2.0):
+    """Write how the arm turns by 1 rad/s about a point that moves along x, by 2 m/s."""
+    messages = [see(post) for post in posts]
+    for k in range(round(until / every) + 1):
+        time = k * every
+        pose = 'odom', 'base', nanoseconds(time), speed * time, 0.0, time
+        messages.append(('/tf', time, transforms(pose)) if tf else (
+            '/odom', time, odometry(*pose)))
+    return messages
+
+
+def post_on_the_way(time, reach=1.99):
+    """Return where a post must stand to be passed by the end of the arm at a time."""
+    return 2.0 * time + reach * math.cos(time), reach * math.sin(time)
+
+
+def meetings(posts, speed=2.0, until=4.0):
+    """Return when the arm's middle line truly meets each post, sorted."""
+    found = []
+    for x, y in posts:
+        def across(time):
+            return y * math.cos(time) - (x - speed * time) * math.sin(time)
+        for k in range(4000):
+            begin, end = k * until / 4000, (k + 1) * until / 4000
+            if across(begin) * across(end) < 0.0:
+                for _ in range(50):
+                    middle = 0.5 * (begin + end)
+                    begin, end = (begin, middle) if across(begin) * across(middle) <= 0.0 else (
+                        middle, end)
+                along = (x - speed * begin) * math.cos(begin) + y * math.sin(begin)
+                assert min(abs(along), abs(along - 2.0)) > 1e-3
+                if 0.0 < along < 2.0:
+                    found.append(begin)
+    return sorted(found)
+
+
+@pytest.mark.parametrize('tf', (True, False))
+def test_between_two_transforms_it_turns_evenly(tmp_path, tf):
+    """Posts are met when the arm truly points there, half a radian from pose to pose."""
+    random = Random(4)
+    posts = [(random.uniform(-1.0, 9.0), random.uniform(-1.9, 1.9)) for _ in range(40)]
+    parameters = WITH_ARM if tf else {**WITH_ARM, 'footprint.odometry': '/odom'}
+    result = run(tmp_path / 'bag', turn(posts, tf), parameters)
+    assert result.problems == [] and result.verdict is Verdict.COLLISION
+    times = meetings(posts)
+    spans = [(seconds(contact.first), seconds(contact.last)) for contact in result.contacts]
+    # The arm is 1 mm thick on either side: what it meets twice in no time is one contact.
+    assert len(times) >= len(spans) >= 8
+    for first, last in spans:
+        assert any(first - 1e-6 <= time <= last + 1e-6 for time in times) and last - first < 0.05
+    assert all(any(first - 1e-6 <= time <= last + 1e-6 for first, last in spans)
+               for time in times)
+    assert {contact.found for contact in result.contacts} == {'between samples'}
+
+
+def test_it_cuts_no_corners(tmp_path):
+    """On straight lines between two poses the end of the arm would stay within 1.938 m."""
+    def posts(reach):
+        return [(reach * math.cos(angle), reach * math.sin(angle)) for angle in (1.25, 2.75)]
+    result = run(tmp_path / 'outside', turn(posts(2.0005), speed=0.0), WITH_ARM)
+    assert result.problems == result.contacts == []
+    result = run(tmp_path / 'inside', turn(posts(1.9995), speed=0.0), WITH_ARM)
+    assert [(one.first + one.last) / 2 for one in result.contacts] == [
+        pytest.approx(nanoseconds(time), abs=1e4) for time in (1.25, 2.75)]
+
+
+def test_its_way_is_known_before_transforms_are_forgotten(tmp_path):
+    """A pose each half second for 40 s, longer than transforms are kept."""
+    result = run(tmp_path / 'bag', turn([post_on_the_way(0.61)], until=40.0), WITH_ARM)
+    assert seconds(result.contacts[0].first) == pytest.approx(0.61, abs=0.05)
+    assert not any(source.undetermined for source in result.sources)
+
+
+def test_as_live_it_is_where_it_is_placed(tmp_path):
+    """Nothing is known between two poses; the posts are met by none."""
+    result = run(tmp_path / 'bag', turn([post_on_the_way(0.61)]), WITH_ARM, as_live=True)
+    assert result.contacts == []
+    result = run(tmp_path / 'bag2', turn([post_on_the_way(1.5)]), WITH_ARM, as_live=True)
+    assert [seconds(contact.first) for contact in result.contacts] == [1.5]
+    assert [(one.name, one.received) for one in result.sources] == [('footprint', 9),
+                                                                    (SOURCE, 1)]
+
+
+def test_its_rate_takes_nothing_from_recorded_motion(tmp_path):
+    """What is not placed is passed all the same."""
+    posts = [post_on_the_way(0.61), post_on_the_way(1.77)]
+    slow = {**WITH_ARM, 'footprint.rate': 2.0}
+    results = [run(tmp_path / name, turn(posts, every=0.02), parameters)
+               for name, parameters in (('all', WITH_ARM), ('some', slow))]
+    assert [result.sources[0].received for result in results] == [201, pytest.approx(9, abs=2)]
+    for one, other in zip(*(result.contacts for result in results)):
+        assert [one.first, one.last] == pytest.approx([other.first, other.last], abs=1e3)
+    assert [len(result.contacts) for result in results] == [3, 3]
+
+
+def test_where_the_transforms_have_a_gap_nothing_is_made_up(tmp_path):
+    """It is not known how the arm turned there."""
+    messages = [message for message in turn([post_on_the_way(1.77)], every=0.1)
+                if message[0] != '/tf' or not 1.5 < message[1] < 2.2]
+    result = run(tmp_path / 'bag', messages, {**WITH_ARM, 'max_tf_gap': 0.5})
+    assert result.contacts == []
+    footprint = next(one for one in result.sources if one.name == 'footprint')
+    assert footprint.undetermined == pytest.approx(0.7e9, rel=0.2)
+
+
+def test_a_bag_that_loops_recovers(tmp_path):
+    """The stamps begin again with the time, by header too."""
+    once = turn([post_on_the_way(0.61)], every=0.1)
+    again = [(topic, time + 10.0, data) for topic, time, data in once]
+    result = run(tmp_path / 'bag', [*once, *again], WITH_ARM)
+    assert result.problems == []
+
+
+def test_without_its_frame_it_is_unknown(tmp_path):
+    messages = [see((50, 50)), see((50, 50), 3.0)]
+    result = run(tmp_path / 'bag', messages, WITH_ARM)
+    assert result.verdict is Verdict.UNKNOWN
+    assert any(note.startswith('footprint: the recording has no topic /tf')
+               for note in result.notes)
+
+
+def test_what_is_no_odometry_by_its_type_is_told(tmp_path):
+    parameters = {**WITH_ARM, 'footprint.odometry': '/obstacles'}
+    result = run(tmp_path / 'bag', turn([(50, 50)]), parameters)
+    assert ('footprint: /obstacles has the type geometry_msgs/msg/PolygonStamped, not '
+            'nav_msgs/msg/Odometry') in result.problems[0]
+
+
+def test_an_outline_that_makes_no_sense_is_bad_input(tmp_path):
+    result = run(tmp_path / 'bag', turn([(50, 50)]), {**WITH_ARM, 'frame_id': ''})
+    assert 'needs the fixed frame' in result.problems[0]
+    with pytest.raises(ParameterError, match='needs the fixed frame'):
+        settings_of({**WITH_ARM, 'frame_id': ''})

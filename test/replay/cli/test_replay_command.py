@@ -70,17 +70,6 @@ def test_bad_options_end_in_one_line_before_the_run(bags, capsys, arguments, wor
     assert out == '' and error.count('\n') == 1
 
 
-@pytest.mark.parametrize('arguments', [
-    [], ['a', '--clock', 'sun'], ['a', '--start', '-1'], ['a', '--sample', 'x'], ['a', '--what']])
-def test_misused_command_is_bad_input(capsys, arguments):
-    """Not argparse's 2, which here says that the recording cannot tell."""
-    with pytest.raises(SystemExit) as stop:
-        main(arguments)
-    assert stop.value.code == 3
-    error = capsys.readouterr().err
-    assert error.startswith('replay_check: ') and error.count('\n') == 1
-
-
 def test_table_tells_what_was_found(bags, capsys):
     """Times since the beginning, depth and place of the contact, coverage, rejections."""
     main([bags['collision']])

@@ -123,19 +123,21 @@ def test_outputs_of_several_are_checked_too(bags, tmp_path, capsys):
 
 
 @pytest.mark.parametrize('arguments, words', [
+    ([], 'at least one recording'), (['--what'], 'unrecognized'), (['--clock', 'sun'], "'sun'"),
     (['--jobs', '0'], 'whole number from 1'), (['--jobs', '1.5'], 'whole number'),
     (['--jobs', 'many'], 'whole number'), (['--start', 'soon'], 'number of seconds'),
-    (['--max-memory', '0'], 'number of GB'),
+    (['--start', '-1'], 'number of seconds'), (['--max-memory', '0'], 'number of GB'),
     (['--param-file', 'a.yaml'], 'did you mean --params-file?'),
     (['--footprint', 'amr=/amr'], 'amr:=/amr'),
     (['--write-bag', 'a'], '--as-live'),
     (['--obstacles', '/a', '/b'], '--obstacles A --obstacles B')])
 def test_misuse_is_told_in_one_clear_line(bags, capsys, arguments, words):
-    """Without the usage, which would hide it."""
+    """Without the usage; bad input, as argparse's 2 would say that the recording cannot tell."""
     with pytest.raises(SystemExit) as stop:
-        main([bags[0], *arguments])
+        main([bags[0], *arguments] if arguments else [])
     error = capsys.readouterr().err
     assert stop.value.code == 3 and words in error and error.count('\n') == 1
+    assert error.startswith('replay_check: ')
 
 
 def test_parameter_file_without_this_node_is_bad_input(bags, tmp_path, capsys):

@@ -118,10 +118,23 @@ def test_batches_are_taken_as_their_messages_one_by_one(seed):
     assert others == [taken, taken] and bool(taken) == follows
 
 
+def ordinary(k, stamp):
+    return serialised(box(10 + k), stamp)
+
+
 @pytest.mark.parametrize('size', (1, 21))
-def test_runs_are_taken_at_all(monkeypatch, size):
-    """All but the first message of a set and what may touch; else this file shows nothing."""
-    monitor = Monitor(SETTINGS)
+@pytest.mark.parametrize('odd, margin, status, together', [
+    (lambda stamp: serialised(box(1), stamp), 0.0, 'collision', 18),
+    (lambda stamp: serialised(box(1.25), stamp), 0.5, 'collision', 18),
+    (lambda stamp: serialised(MOVING, stamp), 0.0, 'clear', 18),
+    (lambda stamp: serialised(BOW_TIE, stamp), 0.0, 'unknown', 18),
+    (lambda stamp: ordinary(10, stamp)[:20] + b'\5\0\0\0' + ordinary(10, stamp)[24:], 0.0,
+     'unknown', 17),
+], ids=['touching', 'within the margin', 'not convex', 'refused', 'another count'])
+def test_odd_message_in_the_middle_of_a_run_is_taken_by_itself(
+        monkeypatch, size, odd, margin, status, together):
+    """All but the first message of a set and what is odd are taken in runs."""
+    monitor = Monitor(replace(SETTINGS, obstacles=SETTINGS.obstacles[:1], margin=margin))
     taken = []
     take_run = monitor.ingest.take_run
 
@@ -131,12 +144,15 @@ def test_runs_are_taken_at_all(monkeypatch, size):
 
     monkeypatch.setattr(monitor.ingest, 'take_run', take)
     monitor.receive('robot', serialised(box(0)), NOW)
+    number = 1
     for stamp in (NOW, NOW + SECOND // 10, NOW + SECOND // 5):
-        batch = [serialised(box(10 + k), stamp) for k in range(20)]
-        batch[10] = serialised(box(1), stamp)
+        batch = [ordinary(k, stamp) for k in range(20)]
+        if stamp > NOW + SECOND // 10:
+            batch[10] = odd(stamp)
         del taken[:]
         batch.append(serialised([], stamp))
         for k in range(0, 21, size):
-            monitor.receive_batch('lidar', batch[k:k + size], stamp)
-    assert sum(taken) == 18 and max(taken) == min(size, 9)
-    assert monitor.scene.state('robot').status.value == 'collision'
+            monitor.receive_batch('lidar', batch[k:k + size], stamp, number + k)
+        number += 21
+    assert sum(taken) == together and max(taken) == min(size, 9)
+    assert monitor.scene.state('robot').status.value == status

@@ -24,6 +24,9 @@ import pytest
 from sat_collision.geometry.jit import COMPILED
 from sat_collision.monitor import Monitor
 from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.streams import Endpoint
+
+ONE_SOURCE = replace(SETTINGS, obstacles=SETTINGS.obstacles[:1])
 
 
 def test_messages_become_contacts():
@@ -36,17 +39,6 @@ def test_messages_become_contacts():
         ObstacleId('lidar', 1), ObstacleId('tracks', -7))
     assert monitor.received == {'robot': 1, 'lidar': 3, 'tracks': 3}
     assert not monitor.rejected
-
-
-def test_empty_polygon_is_an_empty_set():
-    """Its stamp counts, as that of any message."""
-    monitor = clear_monitor()
-    later = NOW + SECOND
-    assert monitor.receive('robot', serialised(box(0), later), later) is None
-    assert monitor.receive('lidar', serialised([], later - 1), later) is None
-    assert monitor.receive('lidar', serialised([], later + SECOND), later) is None
-    assert [name.source for name, _ in monitor.scene.obstacles] == ['tracks']
-    assert status(monitor) == 'clear'
 
 
 @pytest.mark.parametrize('name, instance', [('robot', None), ('lidar', None), ('tracks', 5)])
@@ -142,15 +134,6 @@ def test_stamp_from_the_future_is_rejected(name, instance):
     assert status(monitor) == 'unknown'
 
 
-def test_older_footprint_is_rejected_and_changes_nothing():
-    """Two publishers send it, or the network changes their order."""
-    monitor = clear_monitor()
-    rejection = monitor.receive('robot', serialised(box(10), NOW - 1), NOW)
-    assert rejection.reason == 'older than the last'
-    assert monitor.rejected == {('robot', 'older than the last'): 1}
-    assert status(monitor) == 'clear'
-
-
 def test_damaged_messages_never_raise():
     """Random bytes are changed, inserted and cut in messages of every kind."""
     rng = random.Random(0)
@@ -222,3 +205,77 @@ def test_long_names_of_frames_are_refused():
     rejection = monitor.receive('robot', serialised(box(0), frame_id='a' * 256), NOW)
     assert rejection.reason == 'long frame_id' and '256' in rejection.detail
     assert status(monitor) == 'unknown'
+
+
+def test_publisher_that_is_known_after_its_message():
+    """Messages may come sooner than word of who sends them."""
+    monitor = Monitor(ONE_SOURCE)
+
+    def publish_by(*endpoints):
+        for name in ('robot', 'lidar'):
+            monitor.update_publishers(name, [*endpoints])
+    publish_by()
+    monitor.receive('robot', serialised(box(0)), NOW, 1)
+    monitor.receive('lidar', serialised([]), NOW, 1)
+    assert status(monitor) == 'unknown'
+    publish_by(Endpoint('a', '/a'))
+    assert status(monitor) == 'clear'
+    publish_by()
+    reasons = monitor.scene.state('robot').reasons
+    assert [reason[-16:] for reason in reasons if 'no pub' in reason] == ['has no publisher'] * 2
+
+
+def places(monitor):
+    """Return number and place of the obstacles of sets, in order."""
+    return sorted((name.key, polygon.bounds[0]) for name, polygon in monitor.scene.obstacles
+                  if name.source == 'lidar')
+
+
+def test_set_is_as_old_as_its_oldest_message():
+    """Within a set a stamp may be earlier than that of the message before."""
+    monitor = clear_monitor(ONE_SOURCE)
+    first = NOW + SECOND
+    millisecond = SECOND // 1000
+    for stamp, x in ((0, 10), (19, 20), (40, 11), (25, 21)):
+        stamp = first + stamp * millisecond
+        monitor.receive('lidar', serialised(box(x), stamp), first + 40 * millisecond)
+    last = first + 40 * millisecond
+    assert monitor.receive('lidar', serialised([], last), last) is None
+    assert places(monitor) == [(0, 11), (1, 21)]
+    for late, expected, held in ((0, 'clear', [(0, 11), (1, 21)]), (1, 'unknown', [(0, 11)])):
+        now = first + 2 * SECOND + 25 * millisecond + late
+        monitor.receive('robot', serialised(box(0), now), now)
+        assert (status(monitor), places(monitor)) == (expected, held)
+
+
+@pytest.mark.parametrize('number, known', [(1, 'clear'), (5, 'unknown')])
+def test_first_set_counts_where_the_publisher_began_with_it(number, known):
+    """Its first message has the number 1; where others went before, they may be of this set."""
+    monitor = Monitor(ONE_SOURCE)
+    monitor.receive('robot', serialised(box(0)), NOW)
+    for k, stamp, expected in ((0, NOW, known), (2, NOW + SECOND // 10, 'clear')):
+        monitor.receive_batch('lidar', [serialised(box(10), stamp), serialised([], stamp)], stamp,
+                              number + k)
+        assert status(monitor) == expected
+
+
+def test_messages_without_numbers_are_noted():
+    """No loss shows where the middleware does not count; one after another continues."""
+    monitor = clear_monitor()
+    assert monitor.is_numbered
+    monitor.receive('lidar', serialised(box(10), NOW + 1), NOW + 1)
+    monitor.receive('lidar', serialised([], NOW + 1), NOW + 1)
+    assert not monitor.is_numbered
+    assert places(monitor) == [(0, 10)]
+    assert monitor.lost == {}
+
+
+def test_each_message_is_a_whole_set_with_a_max_count_of_1():
+    """As the footprint of another robot is: nothing else ends the set."""
+    lidar, = ONE_SOURCE.obstacles
+    monitor = Monitor(replace(ONE_SOURCE, obstacles=(replace(lidar, max_count=1),)))
+    for number, (x, known) in enumerate(((10, 'clear'), (0.5, 'collision'), (10, 'clear')), 1):
+        stamp = NOW + number * SECOND // 10
+        monitor.receive('robot', serialised(box(0), stamp), stamp)
+        monitor.receive('lidar', serialised(box(x), stamp), stamp, number)
+        assert status(monitor) == known and len(monitor.scene.obstacles) == 1

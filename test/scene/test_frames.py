@@ -76,13 +76,6 @@ def tree():
     return tree
 
 
-def test_between_two_stamps_all_moves_evenly(tree):
-    assert tree.where('laser', 0.5) == 0.75
-    assert tree.where('laser', 0.53) == pytest.approx(0.78)
-    assert tree.where('odom', 0.53, target='laser') == pytest.approx(-0.78)
-    assert tree.where('laser', 99.0, target='base') == 0.25
-
-
 def test_what_is_newer_than_all_transforms_may_still_come(tree):
     assert tree.where('laser', 1.3) == (
         frames.NO_TRANSFORM, 'no transform from laser to odom at its stamp: the newest of base is '
@@ -221,14 +214,6 @@ def test_what_is_tilted_out_of_the_plane_is_not_projected(degrees, good):
         assert tree.frames.newest_plane('odom', 'ramp', 0.0).reason == frames.TILTED
 
 
-def test_a_ramp_of_two_halves_is_tilted_by_both():
-    tree = Tree()
-    tree.static('odom', 'lower', 0.0, rolled(3))
-    tree.static('lower', 'upper', 0.0, rolled(3))
-    assert isinstance(tree.plane('lower', 0), Mapped)
-    assert tree.plane('upper', 0).reason == frames.TILTED
-
-
 def test_a_map_is_found_once_until_what_it_rests_on_changes(tree):
     first = tree.plane('laser', 0.53)
     tree.moving('odom', 'base', (1.1, 1.1))
@@ -279,13 +264,6 @@ def test_transforms_do_not_pile_up():
     assert 1000 <= len(track.stamps) == len(track.links) <= 1004
 
 
-def test_what_is_kept_is_measured_from_the_newest_before():
-    """As tf2 does: the last one forgets what was too old when it came."""
-    tree = Tree(max_gap=frames.NEVER)
-    tree.moving('odom', 'base', *((time, time) for time in (0, 1, 19, 20, 30)))
-    assert tree.where('base', 19) == 19.0 and tree.where('base', 1).reason == frames.NO_TRANSFORM
-
-
 def test_a_late_transform_forgets_what_is_too_old_as_well():
     """As tf2 does, whether it takes the late one or not: 1 s is more than 10 s before 20 s."""
     for late in (19, 5):
@@ -324,43 +302,6 @@ def test_a_transform_older_than_what_is_kept_is_refused(tree):
         OLD_TRANSFORM)
     assert tree.frames.insert('odom', 'base', nanoseconds(11), (7.0, 0.0, 0.0, *UPRIGHT)) is None
     assert tree.where('base', 11) == 7.0
-
-
-def test_a_slash_before_a_name_is_dropped_when_told(tree):
-    tree.moving('/odom', '/base', (1.1, 5))
-    assert tree.where('base', 1.1) == 5.0
-
-
-def test_a_frame_may_change_its_parent(tree):
-    """A cart is lifted by a robot: until then it stood on the map, as far as anybody knows."""
-    tree.moving('odom', 'cart', (0.0, 9), (0.5, 9))
-    tree.moving('base', 'cart', (0.9, 0.5), (1.0, 0.5))
-    assert tree.where('cart', 0.7) == 9.0
-    assert tree.where('cart', 0.9) == pytest.approx(1.4)
-    assert tree.newest('cart', 0) == (1.5, nanoseconds(1.0))
-    tree.moving('base', 'cart', (1.51, 0.5))
-    tree.moving('odom', 'cart', (2.1, 9))
-    tree.moving('odom', 'base', *((k / 10, 0) for k in range(11, 23)))
-    assert tree.where('cart', 1.6).reason == frames.GAP
-
-
-def test_the_last_kind_of_a_frame_counts(tree):
-    tree.static('odom', 'base', 50.0)
-    assert tree.where('base', -5) == 50.0
-    tree.moving('odom', 'base', (3.0, 3))
-    assert tree.where('base', 3.0) == 3.0 and tree.where('base', -5).reason == frames.NO_TRANSFORM
-
-
-def test_two_publishers_of_one_frame_have_the_last_word_each():
-    """Their stamps interleave; at each stamp the frame is where its transform says."""
-    rng = np.random.default_rng(3)
-    tree = Tree()
-    told = {}
-    for k in range(200):
-        time = int(rng.integers(100)) / 100
-        told[time] = float(k)
-        tree.moving('odom', 'base', (time, k))
-    assert all(tree.where('base', time) == x for time, x in told.items())
 
 
 def about(axis, angle):

@@ -15,7 +15,6 @@
 """The frame of the scene: who chooses it, what becomes of bodies in another, and what waits."""
 
 from dataclasses import replace
-import random
 
 from sat_collision.scene.settings import NEVER
 from sat_collision.scene.waiting import WAIT, Waiting
@@ -164,28 +163,6 @@ class Desk:
         return f'{item} gave up' if item > self.ready else None
 
 
-def test_each_waits_for_what_came_before_it():
-    desk = Desk()
-    for item in (3, 1, 2):
-        assert desk.waiting.add('a', item, 0, 10, 9) == []
-    desk.ready = 2
-    assert desk.waiting.take(10) == [] and desk.taken == []
-    desk.ready = 3
-    assert desk.waiting.take(10) == []
-    assert desk.taken == [('a', 3), ('a', 1), ('a', 2)]
-    assert 'a' not in desk.waiting
-
-
-def test_names_do_not_wait_for_each_other():
-    desk = Desk()
-    desk.waiting.add('a', 5, 0, 10, 9)
-    desk.waiting.add('b', 1, 0, 10, 9)
-    desk.ready = 1
-    desk.waiting.take(1)
-    assert desk.taken == [('b', 1)] and 'a' in desk.waiting and 'b' not in desk.waiting
-    assert desk.waiting.counts() == {'a': 1}
-
-
 def test_patience_ends_for_each_at_its_time():
     desk = Desk()
     desk.waiting.add('a', 5, 0, 10, 9)
@@ -198,35 +175,9 @@ def test_patience_ends_for_each_at_its_time():
     assert desk.waiting.earliest == NEVER
 
 
-def test_the_first_give_way_where_too_many_wait():
-    desk = Desk()
-    outcomes = [desk.waiting.add('a', item, 0, 10, 2) for item in (7, 8, 9)]
-    assert outcomes == [[], [], ['7 gave up']]
-    assert desk.waiting.counts() == {'a': 2}
-    assert desk.waiting.add('a', 1, 0, 10, 1) == ['8 gave up', '9 gave up']
-
-
 def test_what_is_dropped_is_not_taken():
     desk = Desk()
     desk.waiting.add('a', 5, 0, 10, 9)
     desk.waiting.drop()
     assert desk.waiting.take(99) == desk.taken == []
     assert desk.waiting.earliest == NEVER and 'a' not in desk.waiting
-
-
-def test_nothing_is_lost_overtakes_or_waits_too_long():
-    chance = random.Random(1)
-    desk = Desk()
-    sent = []
-    for now in range(3000):
-        if chance.random() < 0.5:
-            name, item = chance.choice('abc'), chance.randrange(100)
-            sent.append((name, item))
-            desk.waiting.add(name, item, now, 20, 1000)
-        desk.ready = chance.randrange(60, 100)
-        desk.waiting.take(now)
-        assert desk.waiting.earliest >= now
-    desk.waiting.take(NEVER)
-    for name in 'abc':
-        assert ([item for other, item in desk.taken if other == name]
-                == [item for other, item in sent if other == name])

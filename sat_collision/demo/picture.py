@@ -93,17 +93,7 @@ def _draw(frame: Frame, bounds: Sequence[float], figure: Figure) -> Figure:
 
 
 def _draw_markers(markers: MarkerArray, axes: Axes) -> None:
-    """
-    Draw the markers of a scene.
-
-    Parameters
-    ----------
-    markers : visualization_msgs.msg.MarkerArray
-        As `markers.Markers` makes them: triangles, lines, spheres and text.
-    axes : matplotlib.axes.Axes
-        Has its limits, and gets equal scales, in metres.
-
-    """
+    """Draw markers (triangles, lines, spheres and text) into axes whose limits are set."""
     from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.patches import PathPatch
     from matplotlib.patheffects import withStroke

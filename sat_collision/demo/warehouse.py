@@ -115,22 +115,23 @@ def person(time: float) -> Outline:
 
 def pose(name: str, time: float) -> tuple[float, float, float]:
     """Return x, y and heading of a robot at a time in seconds."""
-    times, *coordinates = zip(*_PATHS[name])
-    x, y, heading = (float(np.interp(time, times, values)) for values in coordinates)
-    return x, y, heading
+    return _pose(_PATHS[name], time)
 
 
 def seen_by(name: str, outline: Outline, time: float) -> Outline:
     """Return an outline in the frame of a robot at a time in seconds."""
     x, y, heading = pose(name, time)
-    cosine, sine = np.cos(heading), np.sin(heading)
-    seen: Outline = (outline - (x, y)) @ np.array([(cosine, -sine), (sine, cosine)])
-    return seen
+    return _turned(outline - (x, y), -heading)
+
+
+def _pose(path: _Path, time: float) -> tuple[float, float, float]:
+    times, *coordinates = zip(*path)
+    x, y, heading = (float(np.interp(time, times, values)) for values in coordinates)
+    return x, y, heading
 
 
 def _placed(outline: Outline, path: _Path, time: float) -> Outline:
-    times, *coordinates = zip(*path)
-    x, y, heading = (np.interp(time, times, values) for values in coordinates)
+    x, y, heading = _pose(path, time)
     placed: Outline = _turned(outline, heading) + (x, y)
     return placed
 

@@ -48,12 +48,15 @@ _LEAST_OF_VERTEX = 6
 
 def write_page(results: list[Result], path: str) -> None:
     """
-    Write a page of results of checks with `keyframes`, the worst first, of at most 8 MB.
+    Write a page of results of checks with `keyframes`, of at most 8 MB.
+
+    The worst verdict comes first, of equal ones the least separation.
 
     Where the bodies would take more, they are shown at fewer moments; if that is not enough, only
     those that come nearest to a footprint are shown.
     """
-    ordered = _worst_first(results)
+    ordered = sorted(results, key=lambda result: (
+        -GRAVITY.index(result.verdict), result.nearest[1].separation if result.nearest else inf))
     title = name_of(ordered[0]) if len(ordered) == 1 else (
         f'{len(ordered)} recordings: {overall(ordered).words}')
     index = _as_json(_index_of(ordered) if len(ordered) > 1 else None)
@@ -208,12 +211,6 @@ def _ring(ring: Floats) -> Any:
     x, y = ring[:, 0] - ring[0, 0], ring[:, 1] - ring[0, 1]
     area = float(x[:-1] @ y[1:] - y[:-1] @ x[1:])
     return np.rint((ring if area >= 0 else ring[::-1]) / _UNIT).ravel().astype(np.int64)
-
-
-def _worst_first(results: list[Result]) -> list[Result]:
-    """Return results by seriousness of the verdict, then by least separation."""
-    return sorted(results, key=lambda result: (
-        -GRAVITY.index(result.verdict), result.nearest[1].separation if result.nearest else inf))
 
 
 def _index_of(results: list[Result]) -> dict[str, Any]:

@@ -60,7 +60,7 @@ def polygon(stamp, frame_id, x, instance):
 
 
 class Publisher:
-    """Publishes /tf, and hears the flags of one node."""
+    """Publishes /tf, and receives the flags of one node."""
 
     def __init__(self, readers):
         self._node = rclpy.create_node('frames')

@@ -117,7 +117,7 @@ def _best(repeats, function, *arguments):
 
 
 def measure(repeats, seed):
-    """Return for each shape what it takes in this process's kernel, and what is worst with it."""
+    """Return for each shape its times in this process's kernel, and its worst counterpart."""
     rng = np.random.default_rng(seed)
     packer = Packer(MAX_VERTICES)
     outlines = shapes(most_notched(MAX_VERTICES), rng)

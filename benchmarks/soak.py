@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-The node under load for a long time: 4,000 obstacles a second, and what is known to happen.
+The node under load for a long time: 4,000 obstacles a second, and contacts at known times.
 
 A robot is by turns on an obstacle and far from all, for 0.6 s each. Every contact must be reported
 before it is over, and no flag may say clear after that. Where the middleware loses messages the
-state must be unknown, which raises the flag. While it is far the robot drives towards somebody who
-walks, so times to collision must be those until they meet, and none may be given while unknown.
+state must be unknown, which raises the flag. While it is far the robot drives towards a walking
+person, so times to collision must be those until they meet, and none may be given while unknown.
 """
 
 import argparse
@@ -93,7 +93,7 @@ class Times(NamedTuple):
 
 class Drive:
     """
-    The footprints of a robot that is on an obstacle, or drives towards somebody who walks.
+    The footprints of a robot that is on an obstacle, or drives towards a walking person.
 
     `stays` has when each stay began, by the monotonic clock, and when they meet in it, None for
     one on the obstacle.
@@ -126,9 +126,9 @@ class Drive:
 
 def judge_times(stays, flags, times, latency=0.0):
     """
-    Return the verdict on times to collision heard; see `Drive.stays` and `Traffic.heard`.
+    Return the verdict on the times to collision received; see `Drive.stays` and `Traffic.heard`.
 
-    What was late by the greatest latency of a flag, in s, is no fault of the prediction.
+    A delay of up to the greatest latency of a flag, in s, is no fault of the prediction.
     """
     begins, heard = [begun for begun, _ in stays], [when for when, _ in flags]
     errors, late, early, unknown = [], 0, 0, 0
@@ -157,7 +157,7 @@ def memory(pid):
 
 
 def judge(changes, heard):
-    """Return the verdict on flags heard, given what changed when; see `Traffic`."""
+    """Return the verdict on the flags received, given when contacts changed; see `Traffic`."""
     times = [when for when, _ in heard]
     counts = {hit: [0, 0, 0] for hit in (True, False)}
     ends = [when for when, _ in changes[1:]] + [float('inf')]

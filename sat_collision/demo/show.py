@@ -196,7 +196,7 @@ class _Viewer(Node):
 
     def _note_markers(self, markers: MarkerArray) -> None:
         self.is_shown = True
-        # Before the scene has begun and after it has ended nothing is known.
+        # Before the scene begins and after it ends all states are unknown.
         if 'clear' in self._states.values():
             self.frames.append(Frame(self.elapsed, dict(self._states), markers))
 
@@ -254,8 +254,8 @@ def _watch(viewer: _Viewer) -> bool:
 
 def _verdict(viewer: _Viewer) -> bool:
     """Print and return whether what was received is what the scene causes."""
-    # Nothing is known at first, then clear, and a rise and a fall for each contact, or for what is
-    # ahead; nothing is known again once the publisher has ended.
+    # Flags are raised while unknown, fall, rise and fall for each contact, or contact ahead, and
+    # are raised again once the publisher has ended.
     right = True
     expected = {name: [f'{source}/{number}' for source, number in contacts]
                 for name, contacts in warehouse.CONTACTS.items()}

@@ -149,7 +149,7 @@ class _Placed:
             self.points: Points = (b''.join(struct.pack('=3f', x, y, 0.0) for x, y in outline), 0,
                                    len(outline))
             self.forget()
-            # It is unknown until it is placed, which the scene must be told at once.
+            # Until it is placed it is unknown, which the scene must learn at once.
             self._begun = 0
 
     def forget(self, fault: str = '') -> None:

@@ -213,7 +213,7 @@ def _name(text: bytes, length: int) -> str:
 
 
 class TransformListener:
-    """Takes serialised TFMessages; a transform of no use is counted and returned as Rejection."""
+    """Takes serialised TFMessages; a bad transform is counted and returned as a Rejection."""
 
     def __init__(self, settings: Settings) -> None:
         self.frames = Frames(round(settings.tf_cache_time * 1e9))

@@ -54,7 +54,7 @@ class Spec(NamedTuple):
     live: bool = False  # whether it can be changed while the node runs
     limits: tuple[float, float] | None = None  # the least and the greatest value
     choices: tuple[str, ...] = ()  # the values it may have; empty for any
-    # Whether it decides what is called clear, so that `lock_parameters` fixes it.
+    # Whether it influences what is clear, so that `lock_parameters` fixes it.
     safety: bool = False
     is_any_type: bool = False  # whether its value need not have the type of the default
 

@@ -15,7 +15,7 @@
 """
 The command replay_check.
 
-command     what is done
+command     what the command does
 arguments   what the command line means
 parallel    many recordings at a time
 """

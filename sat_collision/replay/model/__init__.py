@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What is asked and what is answered.
+Options, settings and results of a check.
 
 result          what to check and how; what was found, and the verdict
 configuration   the node's parameters, and which topics are footprints and which are obstacles

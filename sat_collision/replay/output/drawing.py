@@ -79,7 +79,7 @@ class Bar(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """The rows of a footprint, from the first until before the end, and what is in them."""
+    """The rows of a footprint, from the first until before the end, and their bars."""
 
     name: str
     first: int

@@ -87,7 +87,7 @@ def draw_picture(result: Result) -> Figure:
         axes.set(xlabel='x [m]', ylabel='y [m]')
         text.set_in_layout(False)
     keyframes = result.keyframes or Keyframes([result.start or 0])
-    # How large axes are depends on their labels, and these on what is shown.
+    # The size of axes depends on their labels, and these on the limits.
     for _ in range(2):
         figure.draw_without_rendering()
         for axes, view in zip(scenes, views):

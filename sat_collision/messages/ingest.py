@@ -89,10 +89,8 @@ class Ingest:
             source.name: None for source in settings.obstacles
             if source.type != POLYGON_INSTANCE}
 
-    def take_run(self, settings: FootprintSettings | ObstacleSettings, batch: Batch, begin: int,
-                 now: int) -> int:
+    def take_run(self, name: str, batch: Batch, begin: int, now: int) -> int:
         """Pass messages to the scene that add to the set of the one before; return how many."""
-        name = settings.name
         if (header := self._headers.get(name)) is None:
             return 0
         start, points_at, stamp, frame_id = header
@@ -102,7 +100,8 @@ class Ingest:
         plane = None
         if self._transforms and frame_id != self._fixed:
             self._watch_clock(now)
-            found = self._transforms.plane(frame_id, stamp, now, settings.timeout)
+            found = self._transforms.plane(frame_id, stamp, now,
+                                           self._scene.settings_of(name).timeout)
             if isinstance(found, NoTransform):
                 return 0
             plane, frame_id = found.plane, self._fixed

@@ -25,6 +25,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 import math
 import time
 from typing import Any, NamedTuple, Protocol
@@ -144,9 +145,9 @@ class Loop:
     """
     Runs a node in this thread.
 
-    In each turn it waits for messages, takes those of each topic in turn, footprints first, for
-    no longer than a budget, and has published once what has changed by all of them; after a long
-    wait it takes one of each topic. Where messages are many it rests between turns instead of
+    In each turn it waits for messages, takes those of each topic in turn, for no longer than a
+    budget, and has published what has changed: by footprints, which come first, and then by all
+    else; after a long wait it takes one of each topic. Where messages are many it rests between turns instead of
     waiting: fewer wakes, larger batches; a footprint ends the rest. Services and events of the
     middleware are looked at once a tick: each thing waited for costs with every wake. What a
     service asks for is done by an executor of rclpy's.
@@ -161,7 +162,8 @@ class Loop:
         self._receiver = receiver
         self._max_batch_delay = max_batch_delay
         self._inputs = inputs
-        self._topics: list[_Topic] = []
+        # Up to the last one that ends rests, and the others.
+        self._topics: tuple[list[_Topic], list[_Topic]] = [], []
         self._budget = _LONGEST_TURN / len(inputs)
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
@@ -185,14 +187,15 @@ class Loop:
         """Run until `ended` is true, which is looked at after each turn."""
         while not ended():
             with ExitStack() as held:
-                self._topics = [_Topic(one, self._receiver) for one in self._inputs]
-                pointers = [topic.pointer for topic in self._topics]
-                ending_rest = {topic.pointer for topic in self._topics if topic.ends_rest}
+                topics = [_Topic(one, self._receiver) for one in self._inputs]
+                pointers = [topic.pointer for topic in topics]
+                ending_rest = {topic.pointer for topic in topics if topic.ends_rest}
                 every = {one.handle.pointer for one in self._node.subscriptions}
                 self._gathered = every - ending_rest
                 # What is taken before a footprint may be the transform that it needs.
                 until = max((k for k, one in enumerate(pointers, 1) if one in ending_rest),
                             default=0)
+                self._topics = topics[:until], topics[until:]
                 self._at_once = every.difference(pointers[until:])
                 waiting = Waiting(self._node, {*pointers}, ending_rest, held)
                 # What is waited for changes seldom, such as with use_sim_time.
@@ -212,18 +215,21 @@ class Loop:
         present = self._receiver.present()
         are_alone = was_long and late < 0.0
         taken = 0
-        for topic in self._topics:
-            if late >= 0.0 or ready is None or topic.pointer in ready:
-                count = (topic.take_batch(1, present) if are_alone
-                         else topic.take(self._budget, present))
-                taken += count
-                self._taken_at_once += count if topic.ends_rest else 0
+        now = begun
+        for topics in self._topics:
+            since, before = now, taken
+            for topic in topics:
+                if late >= 0.0 or ready is None or topic.pointer in ready:
+                    count = (topic.take_batch(1, present) if are_alone
+                             else topic.take(self._budget, present))
+                    taken += count
+                    self._taken_at_once += count if topic.ends_rest else 0
+            if taken > before:
+                now = time.monotonic()
+                self._receiver.end_batch(taken - before, now - since)
+        self._taken += taken
         if not are_alone:
-            self._is_behind = any(topic.is_behind for topic in self._topics)
-        now = time.monotonic()
-        if taken:
-            self._taken += taken
-            self._receiver.end_batch(taken, now - begun)
+            self._is_behind = any(topic.is_behind for topic in chain(*self._topics))
         waiting.take_others(ready)
         if waiting.is_service_called:
             waiting.is_service_called = False
@@ -231,7 +237,7 @@ class Loop:
         if late >= 0.0:
             self._was_held_up = late > HELD_UP and not self._was_held_up
             self._receiver.tick(present, not (self._was_held_up or self._is_behind))
-            self._choose_rest(now)
+            self._choose_rest(time.monotonic())
             self._ticked = True
         if taken or late >= 0.0:
             self._next_tick = self._receiver.due(present, begun)

@@ -94,17 +94,18 @@ class Publishers:
     def _news_of(self, one: Input, is_behind: bool) -> list[Endpoint] | None:
         """Return the publishers of an input, None if they are those that were reported last."""
         name = one.name
-        count = self._node.count_publishers(one.subscription.topic_name)
+        reported = self.reported.get(name)
+        before = seen = self._seen.get(name, [])
+        # Not by its node, which would look at the name of the topic each time.
+        count = self._node.handle.get_count_publishers(one.subscription.topic_name)
         if name in self.changed or count != self._counts.get(name) or self._looks % _LOOKS == 0:
             self._counts[name] = count
             self.changed.discard(name)
-            seen = self._look(one)
+            seen = self._seen[name] = self._look(one)
             if any(not endpoint.node for endpoint in seen):
                 self.changed.add(name)
-        else:
-            seen = self._seen[name]
-        before, self._seen[name] = self._seen.get(name, []), seen
-        reported = self.reported.get(name)
+        elif seen == reported:
+            return None
         if self._have_passed(name):
             # One came and went between two looks: report what it sent.
             seen = [*(reported or ()), Endpoint(f'look {self._looks}', _PASSED)]

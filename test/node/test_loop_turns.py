@@ -121,6 +121,16 @@ def test_flood_leaves_the_others_their_turn(looped):
     assert all(backlog.seconds > 0.0 for backlog in backlogs[:-1])
 
 
+def test_footprints_are_published_before_obstacles_are_taken(looped):
+    """Their flag need not wait for all that has come beside them."""
+    peer, looped = looped
+    receiver = Recorder()
+    arrive(peer, flood=20, other=1)
+    with looped(receiver) as one:
+        one.run(lambda: 'flood' in receiver.names)
+    assert receiver.batches[:2] == [1, 20]
+
+
 def test_tick_tells_whether_all_was_taken(looped):
     """What waits may be of a map that seems to settle; so may what came while held up."""
     peer, looped = looped

@@ -161,6 +161,9 @@ def test_event_is_handled_when_it_comes(looped):
             matched=matched.append))
     with looped(receiver) as one:
         one.run(lambda: receiver.ticks)
+        # The wait after a tick looks at events anyway.
+        arrive(peer, flood=1)
+        one.run(lambda: 'flood' in receiver.names)
         publisher = threading.Timer(0.1, peer.publisher, ('another',))
         publisher.start()
         one.run(lambda: matched or time.monotonic() > receiver.ticked + 9.0)

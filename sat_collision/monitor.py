@@ -121,10 +121,10 @@ class Monitor:
         rejections: Sequence[Rejection] = _NOTHING
         if number is None:
             self.is_numbered = False
-        batch = Batch(messages, number)
+        batch = Batch(messages, number) if name in self.ingest.headers else None
         taken = 0
         while taken < len(messages):
-            if run := self.ingest.take_run(name, batch, taken, now):
+            if batch and (run := self.ingest.take_run(name, batch, taken, now)):
                 taken += run
             else:
                 if refused := self._admit(name, messages[taken], number and number + taken, now):
@@ -138,8 +138,6 @@ class Monitor:
 
         Returns how many were taken. The next one has to be received by itself.
         """
-        if name in self.commands.names:
-            return 0
         taken = self.ingest.take_run(name, batch, begin, now)
         self.received[name] += taken
         return taken

@@ -133,9 +133,9 @@ class Outputs:
     def configure(self, settings: Settings) -> None:
         """Apply settings, with which every flag may mean something else."""
         self._states.settings = self._brief_states.settings = settings
-        self._raising = {Status.COLLISION, Status.IMMINENT}
+        self._raising = [Status.COLLISION, Status.IMMINENT]
         if settings.unknown_is_collision:
-            self._raising.add(Status.UNKNOWN)
+            self._raising.append(Status.UNKNOWN)
         # If none is enabled, all are unknown.
         self._watched = ({footprint.name for footprint in settings.footprints if footprint.enabled}
                          or set(self._flags))

@@ -90,9 +90,10 @@ class Contacts:
             return False
         obstacle.moved()
         if met or obstacle.contacts:
+            footprints = self._footprints.bodies
             self.changed.update(update_contacts(obstacle, [
-                footprint for footprint in self._footprints.of_rows(met)
-                if footprint.settings.monitors(obstacle.name.source)]))
+                footprints[row] for row in met
+                if footprints[row].settings.monitors(obstacle.name.source)]))
         return True
 
     def place_run(self, run: Run, rows: Any, first: int, limit: int) -> int:
@@ -166,8 +167,9 @@ class Contacts:
 
     def _monitored(self, footprint: Footprint, rows: list[int]) -> list[Obstacle]:
         """Return the obstacles of some rows that concern a footprint."""
-        return [obstacle for obstacle in self._obstacles.of_rows(rows)
-                if footprint.settings.monitors(obstacle.name.source)]
+        obstacles = self._obstacles.bodies
+        return [obstacles[row] for row in rows
+                if footprint.settings.monitors(obstacles[row].name.source)]
 
 
 class _Placed(Generic[_Kind]):
@@ -193,9 +195,6 @@ class _Placed(Generic[_Kind]):
         body.row = None
         body.moved()
         return True
-
-    def of_rows(self, rows: list[int]) -> list[_Kind]:
-        return [self.bodies[row] for row in rows]
 
 
 def update_contacts(body: Body[Any], others: Iterable[_Other]) -> set[_Other]:

@@ -147,11 +147,11 @@ class Loop:
 
     In each turn it waits for messages, takes those of each topic in turn, for no longer than a
     budget, and has published what has changed: by footprints, which come first and between any
-    two batches, and then by all else; after a long wait it takes one of each topic. Where messages are many it rests between turns instead of
-    waiting: fewer wakes, larger batches; a footprint ends the rest. Services and events of the
-    middleware are looked at once a tick, and where a wait ends with nothing: each thing waited for
-    costs with every wake. What a
-    service asks for is done by an executor of rclpy's.
+    two batches, and by all else; after a long wait it takes one of each topic. Where messages are
+    many it rests between turns instead of waiting: fewer wakes, larger batches; a footprint ends
+    the rest. Services and events of the middleware are looked at once a tick, and where a wait
+    ends with nothing: each thing waited for costs with every wake. What a service asks for is
+    done by an executor of rclpy's.
 
     Inputs are taken in their order; their callback group is a `Reserved` one. `max_batch_delay`
     returns the longest rest, in s.

@@ -19,8 +19,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, Generic, TypeAlias, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
 from sat_collision.geometry.polygon import PackedBody, Polygon
 from sat_collision.geometry.polygon_set import PackedSet, Point
 from sat_collision.geometry.prediction import motion_of
@@ -111,7 +109,7 @@ class Contacts:
         if self._obstacles.remove(obstacle):
             self.changed.update(update_contacts(obstacle, ()))
 
-    def hide_obstacles(self, group: object, rows: NDArray[np.int64]) -> None:
+    def hide_obstacles(self, group: object, rows: Any) -> None:
         """Take all obstacles of a group away, which keep their rows to be placed again soon."""
         self._obstacles.polygons.hide(rows)
         for footprint in self._footprints.bodies.values():

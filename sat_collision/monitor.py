@@ -119,19 +119,15 @@ class Monitor:
         if name in self.commands.names:
             return self.commands.receive(name, messages, now)
         rejections: Sequence[Rejection] = _NOTHING
-        settings = self.scene.settings_of(name)
-        if not settings.enabled:
-            return rejections
         if number is None:
             self.is_numbered = False
-        batch = Batch(messages, number)
+        batch = Batch(messages, number) if name in self.ingest.headers else None
         taken = 0
         while taken < len(messages):
-            if run := self.ingest.take_run(settings, batch, taken, now):
+            if batch and (run := self.ingest.take_run(name, batch, taken, now)):
                 taken += run
             else:
-                if refused := self._admit(settings, messages[taken], number and number + taken,
-                                          now):
+                if refused := self._admit(name, messages[taken], number and number + taken, now):
                     rejections = [*rejections, *refused]
                 taken += 1
         return rejections
@@ -142,10 +138,7 @@ class Monitor:
 
         Returns how many were taken. The next one has to be received by itself.
         """
-        if name in self.commands.names:
-            return 0
-        settings = self.scene.settings_of(name)
-        taken = self.ingest.take_run(settings, batch, begin, now) if settings.enabled else 0
+        taken = self.ingest.take_run(name, batch, begin, now)
         self.received[name] += taken
         return taken
 
@@ -196,15 +189,18 @@ class Monitor:
             self.outlines.clear()
         self._now = now
 
-    def _admit(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
-               number: int | None, now: int) -> Sequence[Rejection]:
+    def _admit(self, name: str, data: bytes, number: int | None,
+               now: int) -> Sequence[Rejection]:
         """Take a message, or let it wait: for a transform, or behind what waits for one."""
-        if settings.name in self.outlines.names:
+        settings = self.scene.settings_of(name)
+        if not settings.enabled:
+            return _NOTHING
+        if name in self.outlines.names:
             self._watch_clock(now)
             if number is not None:
-                self.scene.receive_number(settings.name, number, now)
-            return self.outlines.receive(settings.name, data, now) + self._take_moved(now)
-        if self.waiting.earliest == NEVER or settings.name not in self.waiting:
+                self.scene.receive_number(name, number, now)
+            return self.outlines.receive(name, data, now) + self._take_moved(now)
+        if self.waiting.earliest == NEVER or name not in self.waiting:
             outcome = self.ingest.take(settings, data, number, now)
             if outcome is not WAIT:
                 return [outcome] if outcome else _NOTHING

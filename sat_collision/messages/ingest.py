@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -50,13 +50,10 @@ class Batch:
         self.number = number
         self.data = b''.join(messages)
         # Where in the data each message ends but the last one: (m - 1,) array of int64.
-        self.ends = _ends_of(*map(len, messages[:-1])) if len(messages) > 1 else _NO_ENDS
-
-
-@lru_cache(32)
-def _ends_of(*sizes: int) -> Any:
-    """Return where messages of some sizes end, one behind the other: (m,) array of int64."""
-    return indexable(np.cumsum(sizes))
+        self.ends: Any = _NO_ENDS
+        if len(messages) > 1:
+            self.ends = indexable(np.fromiter(accumulate(map(len, messages)), np.int64,
+                                              len(messages) - 1))
 
 
 _NO_ENDS = indexable(np.empty(0, np.int64))
@@ -85,15 +82,13 @@ class Ingest:
         self._packer = Packer(settings.max_vertices)
         # By source without ids, of the last obstacle taken: the bytes before the number of its
         # points, where in the message the points begin, its stamp, and the frame it came in.
-        self._headers: dict[str, tuple[bytes, int, int, str] | None] = {
+        self.headers: dict[str, tuple[bytes, int, int, str] | None] = {
             source.name: None for source in settings.obstacles
             if source.type != POLYGON_INSTANCE}
 
-    def take_run(self, settings: FootprintSettings | ObstacleSettings, batch: Batch, begin: int,
-                 now: int) -> int:
+    def take_run(self, name: str, batch: Batch, begin: int, now: int) -> int:
         """Pass messages to the scene that add to the set of the one before; return how many."""
-        name = settings.name
-        if (header := self._headers.get(name)) is None:
+        if (header := self.headers.get(name)) is None:
             return 0
         start, points_at, stamp, frame_id = header
         message = batch.messages[begin]
@@ -102,7 +97,8 @@ class Ingest:
         plane = None
         if self._transforms and frame_id != self._fixed:
             self._watch_clock(now)
-            found = self._transforms.plane(frame_id, stamp, now, settings.timeout)
+            found = self._transforms.plane(frame_id, stamp, now,
+                                           self._scene.settings_of(name).timeout)
             if isinstance(found, NoTransform):
                 return 0
             plane, frame_id = found.plane, self._fixed
@@ -170,8 +166,8 @@ class Ingest:
             if self._placements is not None:
                 self._placements.append(Placement(
                     name, stamp or now, stamp != 0, frame_id, points, plane, instance))
-            if name in self._headers and points[2] and points[0] is data:
-                self._headers[name] = data[:points[1] - COUNT_SIZE], points[1], stamp, sent_in
+            if name in self.headers and points[2] and points[0] is data:
+                self.headers[name] = data[:points[1] - COUNT_SIZE], points[1], stamp, sent_in
             return None
         return self.reject(settings, refusal, detail_of(
             refusal, frame_id, scene.frame_id, (now - stamp) / 1e9, settings.timeout))

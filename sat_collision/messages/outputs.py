@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import islice
 import math
 import sys
@@ -133,13 +133,14 @@ class Outputs:
     def configure(self, settings: Settings) -> None:
         """Apply settings, with which every flag may mean something else."""
         self._states.settings = self._brief_states.settings = settings
-        self._raising = {Status.COLLISION, Status.IMMINENT}
+        self._raising = [Status.COLLISION, Status.IMMINENT]
         if settings.unknown_is_collision:
-            self._raising.add(Status.UNKNOWN)
+            self._raising.append(Status.UNKNOWN)
         # If none is enabled, all are unknown.
         self._watched = ({footprint.name for footprint in settings.footprints if footprint.enabled}
                          or set(self._flags))
         self.update(self._flags)
+        self._find_subscribers()
 
     def update(self, names: Iterable[str]) -> None:
         """Update the states of footprints that have changed."""
@@ -161,30 +162,40 @@ class Outputs:
 
     def publish(self, names: Iterable[str] | None = None) -> None:
         """Publish the common flag, what is known of some footprints or all, and all states."""
-        is_periodic = names is None
-        names = list(self._flags if names is None else names)
         self._common_flag.publish(_FLAGS[not self._raised.isdisjoint(self._watched)])
-        for name in names:
+        changed = [*(self._flags if names is None else names)]
+        for name in changed:
             self._flags[name].publish(_FLAGS[name in self._raised])
-        measured = [name for name in names if self._separations[name].get_subscription_count()]
-        with_states = self._state_publisher.get_subscription_count() > 0
+        if names is None:
+            self._find_subscribers()
+        if self._with_states or self._measured or self._timed or self._clouded:
+            self._publish_figures(changed)
+
+    def _find_subscribers(self) -> None:
+        """Find out of which footprints what has subscribers: to ask takes as long as a flag."""
+        self._measured, self._timed, self._clouded = (
+            {name for name, publisher in publishers.items() if publisher.get_subscription_count()}
+            for publishers in (self._separations, self._times, self._clouds))
+        self._with_states = self._state_publisher.get_subscription_count() > 0
+        self._scene.tracks_motion = self._states.settings.horizon > 0.0 and bool(
+            self._with_states or self._timed or self._marker_publisher.get_subscription_count())
+
+    def _publish_figures(self, names: Sequence[str]) -> None:
+        """Publish all but flags, where it has subscribers: of some footprints, or all states."""
+        measured = [name for name in names if name in self._measured]
+        timed = [name for name in names if name in self._timed]
+        clouded = [name for name in names if self.measures and name in self._clouded]
         nearest = {name: self._nearest(name)
-                   for name in (self._flags if with_states else measured)}
-        timed = [name for name in names if self._times[name].get_subscription_count()]
-        if is_periodic:
-            self._scene.tracks_motion = self._states.settings.horizon > 0.0 and bool(
-                with_states or timed or self._marker_publisher.get_subscription_count())
+                   for name in (self._flags if self._with_states else measured)}
         predictions = {name: self._scene.prediction(name) if self._is_measured(name) else None
-                       for name in (self._flags if with_states else timed)}
+                       for name in (self._flags if self._with_states else timed)}
         for name in measured:
             self._publish_separation(name, nearest[name])
         for name in timed:
             self._publish_time(name, predictions[name])
-        clouded = [name for name in names
-                   if self.measures and self._clouds[name].get_subscription_count()]
-        if with_states or clouded:
+        if self._with_states or clouded:
             stamp = self._clock.now().to_msg()
-        if with_states:
+        if self._with_states:
             self._publish_states(nearest, predictions, stamp)
         for name in clouded:
             self._clouds[name].publish(contact_cloud(self._scene, name, stamp))

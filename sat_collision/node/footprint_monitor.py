@@ -29,7 +29,7 @@ from sat_collision.geometry.jit import KERNEL
 from sat_collision.geometry.preparation import Preparation
 from sat_collision.messages.outputs import Outputs
 from sat_collision.messages.rejections import Rejection
-from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
+from sat_collision.messages.transform_listener import stamped, TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
 from sat_collision.node.health import Health
 from sat_collision.node.loop import Backlog, Loop, Reserved
@@ -151,8 +151,10 @@ class FootprintMonitor(Node):
         if name in TRANSFORM_TOPICS:
             for k, data in enumerate(messages):
                 self._log(self._monitor.receive_transforms(name, data, now, number and number + k))
-        elif rejections := self._monitor.receive_batch(
-                name, self._commands.with_stamps(name, messages), now, number):
+            return
+        if name in self._commands.without_stamps:
+            messages = [stamped(data) for data in messages]
+        if rejections := self._monitor.receive_batch(name, messages, now, number):
             self._log(rejections)
 
     def begin_stream(self, name: str) -> None:
@@ -163,9 +165,9 @@ class FootprintMonitor(Node):
 
     def end_batch(self, messages: int, seconds: float) -> None:
         """Publish what a batch of messages has changed, which took some seconds."""
-        self._health.count_batch(messages, seconds)
-        self._outputs.markers_current = False
         self._publish_changes()
+        self._outputs.markers_current = False
+        self._health.count_batch(messages, seconds)
 
     def note_backlog(self, name: str, backlog: Backlog | None) -> None:
         """Record how far behind a topic is, None where it is not any more."""
@@ -259,6 +261,8 @@ class FootprintMonitor(Node):
 
     def _publish_changes(self) -> None:
         self._scene.look_ahead()
+        if not self._scene.evaluated:
+            return
         brief = self._scene.brief_contacts()
         changed = self._scene.changes()
         if changed:

@@ -25,6 +25,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 import math
 import time
 from typing import Any, NamedTuple, Protocol
@@ -144,12 +145,13 @@ class Loop:
     """
     Runs a node in this thread.
 
-    In each turn it waits for messages, takes those of each topic in turn, footprints first, for
-    no longer than a budget, and has published once what has changed by all of them; after a long
-    wait it takes one of each topic. Where messages are many it rests between turns instead of
-    waiting: fewer wakes, larger batches; a footprint ends the rest. Services and events of the
-    middleware are looked at once a tick: each thing waited for costs with every wake. What a
-    service asks for is done by an executor of rclpy's.
+    In each turn it waits for messages, takes those of each topic in turn, for no longer than a
+    budget, and has published what has changed: by footprints, which come first and between any
+    two batches, and by all else; after a long wait it takes one of each topic. Where messages are
+    many it rests between turns instead of waiting: fewer wakes, larger batches; a footprint ends
+    the rest. Services and events of the middleware are looked at once a tick, and where a wait
+    ends with nothing: each thing waited for costs with every wake. What a service asks for is
+    done by an executor of rclpy's.
 
     Inputs are taken in their order; their callback group is a `Reserved` one. `max_batch_delay`
     returns the longest rest, in s.
@@ -161,7 +163,8 @@ class Loop:
         self._receiver = receiver
         self._max_batch_delay = max_batch_delay
         self._inputs = inputs
-        self._topics: list[_Topic] = []
+        # Up to the last one that ends rests, and the others.
+        self._topics: tuple[list[_Topic], list[_Topic]] = [], []
         self._budget = _LONGEST_TURN / len(inputs)
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
@@ -172,7 +175,7 @@ class Loop:
         self._gathered: set[int] = set()
         # Whether there are messages that the last turn had no time for.
         self._is_behind = False
-        self._ticked = True
+        self._looks_at_others = True
         self._next_tick = 0.0
         self._was_held_up = False
         self._taken = 0
@@ -185,18 +188,19 @@ class Loop:
         """Run until `ended` is true, which is looked at after each turn."""
         while not ended():
             with ExitStack() as held:
-                self._topics = [_Topic(one, self._receiver) for one in self._inputs]
-                pointers = [topic.pointer for topic in self._topics]
-                ending_rest = {topic.pointer for topic in self._topics if topic.ends_rest}
+                topics = [_Topic(one, self._receiver) for one in self._inputs]
+                pointers = [topic.pointer for topic in topics]
+                ending_rest = {topic.pointer for topic in topics if topic.ends_rest}
                 every = {one.handle.pointer for one in self._node.subscriptions}
                 self._gathered = every - ending_rest
                 # What is taken before a footprint may be the transform that it needs.
                 until = max((k for k, one in enumerate(pointers, 1) if one in ending_rest),
                             default=0)
+                self._topics = topics[:until], topics[until:]
                 self._at_once = every.difference(pointers[until:])
                 waiting = Waiting(self._node, {*pointers}, ending_rest, held)
                 # What is waited for changes seldom, such as with use_sim_time.
-                while not ended() and not (self._ticked and waiting.is_outdated()):
+                while not ended() and not (self._looks_at_others and waiting.is_outdated()):
                     self._turn(waiting)
 
     def close(self) -> None:
@@ -212,18 +216,23 @@ class Loop:
         present = self._receiver.present()
         are_alone = was_long and late < 0.0
         taken = 0
-        for topic in self._topics:
-            if late >= 0.0 or ready is None or topic.pointer in ready:
-                count = (topic.take_batch(1, present) if are_alone
-                         else topic.take(self._budget, present))
-                taken += count
-                self._taken_at_once += count if topic.ends_rest else 0
+        now = begun
+        between = None
+        for topics in self._topics:
+            since, before = now, taken
+            for topic in topics:
+                if late >= 0.0 or ready is None or topic.pointer in ready:
+                    count = (topic.take_batch(1, present) if are_alone
+                             else topic.take(self._budget, present, between))
+                    taken += count
+                    self._taken_at_once += count if topic.ends_rest else 0
+            if taken > before:
+                now = time.monotonic()
+                self._receiver.end_batch(taken - before, now - since)
+            between = self._take_first
+        self._taken += taken
         if not are_alone:
-            self._is_behind = any(topic.is_behind for topic in self._topics)
-        now = time.monotonic()
-        if taken:
-            self._taken += taken
-            self._receiver.end_batch(taken, now - begun)
+            self._is_behind = any(topic.is_behind for topic in chain(*self._topics))
         waiting.take_others(ready)
         if waiting.is_service_called:
             waiting.is_service_called = False
@@ -231,13 +240,25 @@ class Loop:
         if late >= 0.0:
             self._was_held_up = late > HELD_UP and not self._was_held_up
             self._receiver.tick(present, not (self._was_held_up or self._is_behind))
-            self._choose_rest(now)
-            self._ticked = True
+            self._choose_rest(time.monotonic())
+            self._looks_at_others = True
         if taken or late >= 0.0:
             self._next_tick = self._receiver.due(present, begun)
         if (self._rest and taken and not self._is_behind
                 and (late >= 0.0 or ready is not self._at_once)):
             self._rests_until = time.monotonic() + self._rest
+
+    def _take_first(self, present: int) -> None:
+        """Take and publish what has come of footprints while many others are taken."""
+        begun = time.monotonic()
+        taken = 0
+        for topic in self._topics[0]:
+            count = topic.take_batch(1, present)
+            taken += count
+            self._taken_at_once += count if topic.ends_rest else 0
+        if taken:
+            self._taken += taken
+            self._receiver.end_batch(taken, time.monotonic() - begun)
 
     def _wait(self, waiting: Waiting) -> tuple[set[int] | None, bool]:
         """Return pointers of subscriptions to look at, None for all; and if the wait was long."""
@@ -249,16 +270,20 @@ class Loop:
                 time.sleep(rest)
             elif waiting.rest(rest):
                 return self._at_once, False
-            elif not self._ticked:
+            elif time.monotonic() - begun < rest:
+                self._looks_at_others = True  # an event has ended it
+            elif not self._looks_at_others:
                 self._rests_until = 0.0
                 return self._gathered, False
         look_at_all = self._rests_until > 0.0 or self._is_behind
         self._rests_until = 0.0
-        if look_at_all and not self._ticked:
+        if look_at_all and not self._looks_at_others:
             return None, False
-        ready = waiting.wait(0.0 if look_at_all else until_tick, self._ticked)
-        self._ticked = False
-        return ready, not look_at_all and time.monotonic() - begun > _LONG_WAIT
+        ready = waiting.wait(0.0 if look_at_all else until_tick, self._looks_at_others)
+        waited = time.monotonic() - begun
+        # An event ends each wait until it is handled.
+        self._looks_at_others = not (ready or look_at_all or waited >= until_tick)
+        return ready, not look_at_all and waited > _LONG_WAIT
 
     def _choose_rest(self, now: float) -> None:
         """Rest between turns where messages came often enough since this was last chosen."""
@@ -288,8 +313,13 @@ class _Topic:
         self._is_empty = True
         self._limit = _FEWEST_TOGETHER
 
-    def take(self, budget: float, now: int) -> int:
-        """Have what has come received, for so many s at most; return how many messages."""
+    def take(self, budget: float, now: int,
+             between: Callable[[int], None] | None = None) -> int:
+        """
+        Have what has come received, for so many s at most; return how many messages.
+
+        `between` is called between two batches, with `now`.
+        """
         was_behind, self.is_behind = self.is_behind, False
         end = time.monotonic() + budget
         total = 0
@@ -307,6 +337,8 @@ class _Topic:
                 total += self.take_batch(1, now) if self._next else 0
                 break
             self._limit = min(4 * self._limit, _MOST_TOGETHER)
+            if between:
+                between(now)
         if self.is_behind:
             self._receiver.note_backlog(self._name, self._backlog(total))
         elif was_behind:

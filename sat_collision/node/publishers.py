@@ -30,8 +30,9 @@ from sat_collision.scene.streams import Endpoint
 
 _UNKNOWN = '_NODE_NAME_UNKNOWN_'
 _PASSED = 'one that has gone'
-# Publishers are looked up at least every so many times, even if no change was reported.
-_LOOKS = 10
+# Publishers are looked up at least every so many times: no event tells of one from which nothing
+# can be received.
+_LOOKS = 5
 
 
 class Publishers:
@@ -52,7 +53,6 @@ class Publishers:
         self._unseen: Counter[str] = Counter()
         self._receivable: dict[str, set[str]] = {}
         self._met: dict[str, set[str]] = {one.name: set() for one in inputs}
-        self._counts: dict[str, int] = {}
         self._seen: dict[str, list[Endpoint]] = {}
         # The gids of all, those that have died among them, as they came.
         self._order: dict[str, list[str]] = {}
@@ -94,17 +94,15 @@ class Publishers:
     def _news_of(self, one: Input, is_behind: bool) -> list[Endpoint] | None:
         """Return the publishers of an input, None if they are those that were reported last."""
         name = one.name
-        count = self._node.count_publishers(one.subscription.topic_name)
-        if name in self.changed or count != self._counts.get(name) or self._looks % _LOOKS == 0:
-            self._counts[name] = count
+        reported = self.reported.get(name)
+        before = seen = self._seen.get(name, [])
+        if name in self.changed or self._looks % _LOOKS == 0:
             self.changed.discard(name)
-            seen = self._look(one)
+            seen = self._seen[name] = self._look(one)
             if any(not endpoint.node for endpoint in seen):
                 self.changed.add(name)
-        else:
-            seen = self._seen[name]
-        before, self._seen[name] = self._seen.get(name, []), seen
-        reported = self.reported.get(name)
+        elif seen == reported:
+            return None
         if self._have_passed(name):
             # One came and went between two looks: report what it sent.
             seen = [*(reported or ()), Endpoint(f'look {self._looks}', _PASSED)]

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped, Twist, TwistStamped
@@ -30,7 +30,7 @@ from rclpy.qos import (
     QoSReliabilityPolicy)
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
-from sat_collision.messages.transform_listener import stamped, TF_STATIC
+from sat_collision.messages.transform_listener import TF_STATIC
 from sat_collision.node.health import Health
 from sat_collision.node.loop import Input, leave
 from sat_collision.node.publishers import Publishers
@@ -178,13 +178,8 @@ class CommandSubscriptions:
         self._commands = [one.command for one in settings.footprints if one.command]
         self._subscribed: dict[str, Input] = {}
         self._reported: dict[str, set[str]] = {}
-
-    def with_stamps(self, name: str, messages: Sequence[bytes]) -> Sequence[bytes]:
-        """Return messages of an input as they are, but commands of type Twist with a header."""
-        one = self._subscribed.get(name)
-        if one and one.subscription.msg_type is Twist:
-            return [stamped(data) for data in messages]
-        return messages
+        # The inputs whose messages are of type Twist, without a header.
+        self.without_stamps: set[str] = set()
 
     def follow(self) -> None:
         """Subscribe to what is published, where nothing of the type subscribed to is."""
@@ -205,6 +200,7 @@ class CommandSubscriptions:
         self._reported[command.name] = published
         if one and types and one.subscription.msg_type not in map(_COMMAND_TYPES.get, types):
             del self._subscribed[command.name]
+            self.without_stamps.discard(command.name)
             self._inputs.remove(one)
             self._node.destroy_subscription(one.subscription)
         elif types and not one:
@@ -218,4 +214,6 @@ class CommandSubscriptions:
                 return
             one = self._subscribed[command.name] = Input(command.name, subscription)
             self._inputs.append(one)
+            if kind is Twist:
+                self.without_stamps.add(command.name)
             self._node.get_logger().info(f'{command.name}: {kind.__name__} on {command.topic}')

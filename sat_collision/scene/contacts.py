@@ -88,9 +88,10 @@ class Contacts:
             return False
         obstacle.moved()
         if met or obstacle.contacts:
+            footprints = self._footprints.bodies
             self.changed.update(update_contacts(obstacle, [
-                footprint for footprint in self._footprints.of_rows(met)
-                if footprint.settings.monitors(obstacle.name.source)]))
+                footprints[row] for row in met
+                if footprints[row].settings.monitors(obstacle.name.source)]))
         return True
 
     def place_run(self, run: Run, rows: Any, first: int, limit: int) -> int:
@@ -108,7 +109,7 @@ class Contacts:
         if self._obstacles.remove(obstacle):
             self.changed.update(update_contacts(obstacle, ()))
 
-    def hide_obstacles(self, group: object, rows: list[int]) -> None:
+    def hide_obstacles(self, group: object, rows: Any) -> None:
         """Take all obstacles of a group away, which keep their rows to be placed again soon."""
         self._obstacles.polygons.hide(rows)
         for footprint in self._footprints.bodies.values():
@@ -164,8 +165,9 @@ class Contacts:
 
     def _monitored(self, footprint: Footprint, rows: list[int]) -> list[Obstacle]:
         """Return the obstacles of some rows that concern a footprint."""
-        return [obstacle for obstacle in self._obstacles.of_rows(rows)
-                if footprint.settings.monitors(obstacle.name.source)]
+        obstacles = self._obstacles.bodies
+        return [obstacles[row] for row in rows
+                if footprint.settings.monitors(obstacles[row].name.source)]
 
 
 class _Placed(Generic[_Kind]):
@@ -191,9 +193,6 @@ class _Placed(Generic[_Kind]):
         body.row = None
         body.moved()
         return True
-
-    def of_rows(self, rows: list[int]) -> list[_Kind]:
-        return [self.bodies[row] for row in rows]
 
 
 def update_contacts(body: Body[Any], others: Iterable[_Other]) -> set[_Other]:

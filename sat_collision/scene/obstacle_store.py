@@ -88,6 +88,9 @@ class ObstacleGroup:
         """Go through all obstacles, those that stand for a refused message included."""
         raise NotImplementedError
 
+    def tell(self) -> None:
+        """Have the obstacles know where they are, if they do not yet."""
+
     def forget_refused(self) -> None:
         """Drop what stands for refused messages."""
         self._forget([one for one in self if one.refused])
@@ -140,9 +143,21 @@ class SetGroup(ObstacleGroup):
         # Of each place, -1 where nothing is placed.
         self._rows = indexable(np.empty(0, np.int64))
         self._taken = 0
+        # Of runs, as a rule until the set is dropped: places from one to another, and what their
+        # obstacles have not been told yet, frame and time.
+        self._untold: list[tuple[int, int, str, float]] = []
 
     def __iter__(self) -> Iterator[Obstacle]:
+        self.tell()
         return (one for one in self._places[:self._taken] if one.row is not None or one.refused)
+
+    def tell(self) -> None:
+        for begin, end, frame_id, time in self._untold:
+            for obstacle in self._places[begin:end]:
+                obstacle.moved()
+                obstacle.frame_id = frame_id
+                obstacle.time = time
+        self._untold.clear()
 
     def take_run(self, run: Run, limit: int, frame_id: str, time: int) -> int:
         """
@@ -158,10 +173,7 @@ class SetGroup(ObstacleGroup):
             self._taken += taken
             if time < self.oldest:
                 self.oldest = time
-            for obstacle in self._places[begin:self._taken]:
-                obstacle.moved()
-                obstacle.frame_id = frame_id
-                obstacle.time = time
+            self._untold.append((begin, self._taken, frame_id, time))
         return taken
 
     def take(self, key: Key, body: PackedBody | None, frame_id: str, time: int,
@@ -197,7 +209,9 @@ class SetGroup(ObstacleGroup):
         if self._store.refusals:
             for obstacle in places:
                 self._mark(obstacle, None)
-        self._contacts.hide_obstacles(self, [one.row for one in places if one.row is not None])
+        rows = np.asarray(self._rows)
+        self._contacts.hide_obstacles(self, rows[rows >= 0])
+        self._untold.clear()
         self._taken = 0
         self.oldest = NEVER
         self._store.drop(self)

@@ -79,7 +79,7 @@ class Obstacle(Body[Body[Any]]):
 
     __slots__ = ('group', 'key', 'name', 'time', 'listing', 'frame_id', 'refused', 'motion')
 
-    def __init__(self, group: object, source: str, key: Key, number: int) -> None:
+    def __init__(self, group: Any, source: str, key: Key, number: int) -> None:
         super().__init__()
         self.group = group
         self.key = key
@@ -90,3 +90,9 @@ class Obstacle(Body[Body[Any]]):
         self.refused: str | None = None
         # Its last places, if the obstacles of its source move.
         self.motion: MotionTracker | None = None
+
+    @property
+    def polygon(self) -> Polygon | None:
+        """Where the obstacle is, None if nowhere; the same Polygon while it stays there."""
+        self.group.tell()
+        return super().polygon

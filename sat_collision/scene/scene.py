@@ -107,7 +107,7 @@ class Scene:
             self._footprints, ('', ()))
         self._reported: dict[str, Evaluation] = {}
         # Since the last call of `changes`: what was evaluated, and what was in collision then.
-        self._evaluated: set[Footprint] = set()
+        self.evaluated: set[Footprint] = set()
         self._collided: set[str] = set()
         self._use(settings)
         for footprint in self._footprints.values():
@@ -236,7 +236,8 @@ class Scene:
             elif threshold < seconds < math.inf:
                 self.deadline = min(self.deadline,
                                     self._now + int((seconds - threshold) * 1e9) - 1)
-        self._evaluate()
+        if self._contacts.changed:
+            self._evaluate()
 
     def obstacle(self, name: str, body: PackedBody | None, frame_id: str, stamp: int, now: int,
                  instance: int | None = None, number: int | None = None) -> str | None:
@@ -409,17 +410,17 @@ class Scene:
 
     def changes(self) -> list[str]:
         """Return the names of footprints whose state, age apart, changed since the last call."""
-        if not self._evaluated:
+        if not self.evaluated:
             return []
         changed = []
         for name, footprint in self._footprints.items():
-            if footprint in self._evaluated:
+            if footprint in self.evaluated:
                 others = footprint.gained_or_lost and footprint.status is Status.COLLISION
                 if others or footprint.evaluation != self._reported.get(name):
                     self._reported[name] = footprint.evaluation
                     changed.append(name)
                 footprint.gained_or_lost.clear()
-        self._evaluated.clear()
+        self.evaluated.clear()
         self._collided.clear()
         return changed
 
@@ -560,5 +561,5 @@ class Scene:
             self.deadline = min(self.deadline, footprint.deadline)
             if footprint.status is Status.COLLISION:
                 self._collided.add(footprint.settings.name)
-        self._evaluated |= changed
+        self.evaluated |= changed
         changed.clear()

@@ -189,18 +189,19 @@ class Source:
         Return how many were taken; the next one may be refused, may meet something, or ends the
         set, and has to be received by itself.
         """
-        listing = self.listing
+        listing, stream = self.listing, self.stream
         current = listing.set_to_extend(stamp) if isinstance(listing, Sets) else None
-        expected = self.stream.next
-        if current is None or expected is None or not self.stream.is_next(number) or (
-                self._is_far or not stamp <= now <= stamp + self.timeout):
+        expected = stream.next
+        if (current is None or expected is None or number not in (None, expected)
+                or stream.awaits_endpoint
+                or self._is_far or not stamp <= now <= stamp + self.timeout):
             return 0
         # With max_count the set may end.
         limit = self.settings.max_count - 1 - current.count
         taken = current.group.take_run(run, limit, frame_id, stamp) if limit > 0 else 0
         if taken:
             current.count += taken
-            self.stream.next = expected + taken
+            stream.next = expected + taken
             if self.faults or listing.is_known is not self._was_known:
                 self._find_faults(now)
         return taken

@@ -81,7 +81,7 @@ class Stream:
         self._silent: set[str] = set()
         self._perhaps_silent: set[str] = set()
         # Whether the stream began before the news of its publisher; and who came next, then.
-        self._awaits_endpoint = False
+        self.awaits_endpoint = False
         self._presumed: str | None = None
         # The last number of the stream before.
         self._last_before = 0
@@ -110,7 +110,7 @@ class Stream:
             number = 2 if expected is None else expected
         self.next = number + 1
         # Only number 1 comes before the news of its publisher, so this one was known before.
-        self._awaits_endpoint = False
+        self.awaits_endpoint = False
         if number == expected:
             return CONTINUES
         last = self._last if expected is None else expected - 1
@@ -133,10 +133,6 @@ class Stream:
             self._speaker = None
         return LOST
 
-    def is_next(self, number: int | None) -> bool:
-        """Return whether a message of this number continues the stream, and does nothing else."""
-        return not self._awaits_endpoint and (number is None or number == self.next)
-
     def update(self, endpoints: Sequence[Endpoint]) -> bool:
         """Update the publishers; return whether what is known must be rebuilt."""
         before = [one.gid for one in self.publishers]
@@ -145,11 +141,11 @@ class Stream:
         new = [gid for gid in current if gid not in known]
         self._endpoints = {gid: current[gid]
                            for gid in (*(gid for gid in known if gid in current), *new)}
-        if self._awaits_endpoint and len(new) <= 1:
+        if self.awaits_endpoint and len(new) <= 1:
             # Those that left were not its publisher, and the one that came is.
             if new:
                 self._speaker = self._presumed = new[0]
-                self._awaits_endpoint = False
+                self.awaits_endpoint = False
             return False
         self._silent = (self._silent & current.keys()) | {*new}
         self._perhaps_silent &= current.keys()
@@ -158,7 +154,7 @@ class Stream:
             return False
         if [one.gid for one in self.publishers] == before:
             return False
-        self._awaits_endpoint = False
+        self.awaits_endpoint = False
         self.mixed_until = NEVER
         self.interrupt()
         return True
@@ -176,7 +172,7 @@ class Stream:
             if presumed in (self._endpoints or ()):
                 self._speaker = presumed
             else:
-                self._awaits_endpoint = True
+                self.awaits_endpoint = True
         elif not self._silent and expected is not None:
             self.mixed_until = now + min(self.timeout, _LONGEST_MIXED)
 
@@ -214,7 +210,7 @@ class Stream:
             faults.append(f'has {len(publishers)} publishers, '
                           f'{" and ".join(map(_named, publishers))}, which cannot be told '
                           'apart: give each a topic and a name here of its own')
-        elif self._awaits_endpoint:
+        elif self.awaits_endpoint:
             faults.append('has messages of a publisher that the middleware does not know yet')
         elif self.mixed_until < NEVER:
             faults.append('has messages whose numbers are those of two publishers: give each a '

@@ -26,6 +26,7 @@ import pytest
 from rcl_interfaces.srv import ListParameters
 import rclpy
 from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import QoSProfile
 from sat_collision.node import loop
 from streams import streaming
@@ -119,6 +120,55 @@ def test_flood_leaves_the_others_their_turn(looped):
     backlogs = [backlog for name, backlog in receiver.backlogs if name == 'flood']
     assert backlogs[-1] is None and {name for name, _ in receiver.backlogs} == {'flood'}
     assert all(backlog.seconds > 0.0 for backlog in backlogs[:-1])
+
+
+def test_footprints_are_published_before_obstacles_are_taken(looped):
+    """Their flag need not wait for all that has come beside them."""
+    peer, looped = looped
+    receiver = Recorder()
+    arrive(peer, flood=20, other=1)
+    with looped(receiver) as one:
+        one.run(lambda: 'flood' in receiver.names)
+    assert receiver.batches[:2] == [1, 20]
+
+
+def test_footprint_is_published_between_batches(looped):
+    """It waits for a batch of obstacles that is taken, not for all that have come."""
+    peer, looped = looped
+    receiver = Recorder()
+    receive = receiver.receive
+
+    def receive_and_meet_another(name, messages, now, number):
+        receive(name, messages, now, number)
+        if len(receiver.names) == 4:
+            arrive(peer, other=1)
+    receiver.receive = receive_and_meet_another
+    arrive(peer, flood=300)
+    with looped(receiver) as one:
+        one.run(lambda: 'other' in receiver.names)
+    assert receiver.names.index('other') == 4
+    assert receiver.batches[0] == 1
+
+
+def test_event_is_handled_when_it_comes(looped):
+    """Not with the next tick: until then each wait would end at once."""
+    peer, looped = looped
+    receiver = Recorder(are_put_off=True)
+    receiver.due = lambda now, steady: receiver.ticked + 10.0
+    matched = []
+    looped.node.create_subscription(
+        PolygonStamped, 'another', id, 1, event_callbacks=SubscriptionEventCallbacks(
+            matched=matched.append))
+    with looped(receiver) as one:
+        one.run(lambda: receiver.ticks)
+        # The wait after a tick looks at events anyway.
+        arrive(peer, flood=1)
+        one.run(lambda: 'flood' in receiver.names)
+        publisher = threading.Timer(0.1, peer.publisher, ('another',))
+        publisher.start()
+        one.run(lambda: matched or time.monotonic() > receiver.ticked + 9.0)
+        publisher.join()
+    assert matched and receiver.ticks == 1
 
 
 def test_tick_tells_whether_all_was_taken(looped):

@@ -19,6 +19,7 @@ from dataclasses import replace
 import pytest
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.footprints import Footprint
+from sat_collision.scene.obstacle_store import ObstacleStore
 from sat_collision.scene.obstacles import Obstacle
 from stage import CART, PATIENT_LIDAR, PATIENT_ROBOT, ROBOT, square, Stage
 
@@ -37,7 +38,8 @@ def robot():
 
 def obstacles(contacts, count):
     """Return obstacles that are nowhere."""
-    return [Obstacle(None, 'lidar', key, key) for key in range(count)]
+    group = ObstacleStore('lidar', contacts).new_keyed()
+    return [Obstacle(group, 'lidar', key, key) for key in range(count)]
 
 
 def test_each_side_knows_of_the_contact_whichever_is_placed_last(contacts, robot):

@@ -170,14 +170,19 @@ if COMPILED:
             return builder.gep(arguments[0], [arguments[1]])
         return numbers(numbers, place), generate
 
-    @numba.extending.intrinsic
-    def integers(typing_context, numbers):
-        """Return doubles taken as 64-bit integers, bit by bit."""
-        pointer = numba.types.CPointer(numba.types.int64)
+    def _taken_as(dtype, description):
+        def taken(typing_context, numbers):
+            pointer = numba.types.CPointer(dtype)
 
-        def generate(context, builder, signature, arguments):
-            return builder.bitcast(arguments[0], context.get_value_type(pointer))
-        return pointer(numbers), generate
+            def generate(context, builder, signature, arguments):
+                return builder.bitcast(arguments[0], context.get_value_type(pointer))
+            return pointer(numbers), generate
+        taken.__doc__ = description
+        return numba.extending.intrinsic(taken)
+
+    integers = _taken_as(numba.types.int64, 'Return doubles taken as 64-bit integers, bit by bit.')
+    _words = _taken_as(numba.types.uint32, 'Return bytes taken as 32-bit words.')
+    _float32s = _taken_as(numba.types.float32, 'Return bytes taken as float32 of this machine.')
 
     @kernel
     def scratch(size):
@@ -192,13 +197,12 @@ if COMPILED:
     @kernel
     def float32_values(data, start):
         """Return the numbers that stand in bytes from start on, as this machine writes float32."""
-        return np.frombuffer(data, np.uint8)[start:].view(np.float32)
+        return _float32s(beyond(elements(data), start))
 
     @kernel
     def words_and_floats(data):
-        """Return bytes, but for the last few, as 32-bit words, and as this machine's float32."""
-        whole = np.frombuffer(data, np.uint8)[:len(data) // 4 * 4]
-        return whole.view(np.uint32), whole.view(np.float32)
+        """Return the same from the start on, as 32-bit words and as this machine's float32."""
+        return _words(elements(data)), _float32s(elements(data))
 else:
     def prefetch(array, i):
         """Do nothing; only compiled code waits for memory more than for itself."""
@@ -228,6 +232,6 @@ else:
         return memoryview(data)[start:].cast('f')
 
     def words_and_floats(data):
-        """Return bytes, but for the last few, as 32-bit words, and as this machine's float32."""
+        """Return the same from the start on, as 32-bit words and as this machine's float32."""
         whole = memoryview(data)[:len(data) // 4 * 4]
         return whole.cast('I'), whole.cast('f')

@@ -27,7 +27,7 @@ from typing import Any, Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from sat_collision.geometry.compilation import report_problem
+from sat_collision.geometry.compilation import is_plain_python_chosen, report_problem
 
 
 def _step(x):
@@ -39,6 +39,9 @@ def _trial(x):
 
 
 try:
+    if is_plain_python_chosen():
+        # It takes half a second and 100 MB to import.
+        raise ModuleNotFoundError('nothing asks for numba', name='numba')
     import numba
     import numba.extending
     from llvmlite import ir
@@ -170,19 +173,20 @@ if COMPILED:
             return builder.gep(arguments[0], [arguments[1]])
         return numbers(numbers, place), generate
 
-    def _taken_as(dtype, description):
+    def _taken_as(element: Any) -> Any:
+        @numba.extending.intrinsic
         def taken(typing_context, numbers):
-            pointer = numba.types.CPointer(dtype)
+            """Return numbers taken as those of another type, bit by bit."""
+            pointer = numba.types.CPointer(element)
 
             def generate(context, builder, signature, arguments):
                 return builder.bitcast(arguments[0], context.get_value_type(pointer))
             return pointer(numbers), generate
-        taken.__doc__ = description
-        return numba.extending.intrinsic(taken)
+        return taken
 
-    integers = _taken_as(numba.types.int64, 'Return doubles taken as 64-bit integers, bit by bit.')
-    _words = _taken_as(numba.types.uint32, 'Return bytes taken as 32-bit words.')
-    _float32s = _taken_as(numba.types.float32, 'Return bytes taken as float32 of this machine.')
+    integers = _taken_as(numba.types.int64)
+    _words = _taken_as(numba.types.uint32)
+    _float32s = _taken_as(numba.types.float32)
 
     @kernel
     def scratch(size):

@@ -11,15 +11,31 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What users should know of compiling kernels: that it takes long, and what prevents it."""
+"""Whether kernels are to be compiled, and what users should know of it; numba is not needed."""
 
 from __future__ import annotations
 
 import logging
+import os
+
+_SWITCH = 'NUMBA_DISABLE_JIT'
 
 _is_said = False
 _is_reported_elsewhere = False
 _problems: list[str] = []
+
+
+def is_plain_python_chosen() -> bool:
+    """Return whether the environment says, as numba reads it, that nothing is to be compiled."""
+    try:
+        return int(os.environ.get(_SWITCH, 0)) != 0
+    except ValueError:
+        return False
+
+
+def use_plain_python() -> None:
+    """Compile nothing, here and in processes that are started: before any kernel is imported."""
+    os.environ[_SWITCH] = '1'
 
 
 def say_compiling(name: str, kept_in: str) -> None:

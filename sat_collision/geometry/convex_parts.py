@@ -22,7 +22,7 @@ decision is the exact sign of an orientation; see docs/exactness.md, lemma 13.
 
 import numpy as np
 
-from sat_collision.geometry.jit import inner, kernel
+from sat_collision.geometry.jit import inner, kernel, scratch_integers
 from sat_collision.geometry.predicates import orient
 
 
@@ -87,12 +87,17 @@ def _triangulate(vertices):
     two half-edges that run along them. A clipped corner that is flat makes no triangle.
     """
     count = len(vertices) // 2
-    after = np.arange(1, count + 1)
-    after[count - 1] = 0
-    before = np.arange(-1, count - 1)
-    before[0] = count - 1
+    after = scratch_integers(count)
+    before = scratch_integers(count)
     # The half-edge, inside a triangle already clipped, along the ring's edge that leaves a vertex.
-    twin = np.full(count, -1)
+    twin = scratch_integers(count)
+    # Why a vertex is no ear: that holds until a neighbour, or the vertex in its triangle, is cut.
+    in_the_way = scratch_integers(count)
+    for j in range(count):
+        after[j] = j + 1 if j + 1 < count else 0
+        before[j] = j - 1 if j > 0 else count - 1
+        twin[j] = -1
+        in_the_way[j] = _UNKNOWN
     corner_vertex = np.empty(3 * count, np.int64)
     following = np.empty(3 * count, np.int64)
     previous = np.empty(3 * count, np.int64)
@@ -100,8 +105,6 @@ def _triangulate(vertices):
     corners = 0
     cuts = 0
     left = count
-    # Why a vertex is no ear: that holds until a neighbour, or the vertex in its triangle, is cut.
-    in_the_way = np.full(count, _UNKNOWN)
     j = 0
     while left > 2:
         i = before[j]

@@ -27,7 +27,7 @@ from typing import Any, Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from sat_collision.geometry.compilation import report_problem
+from sat_collision.geometry.compilation import is_plain_python_chosen, report_problem
 
 
 def _step(x):
@@ -39,6 +39,9 @@ def _trial(x):
 
 
 try:
+    if is_plain_python_chosen():
+        # It takes half a second and 100 MB to import.
+        raise ModuleNotFoundError('nothing asks for numba', name='numba')
     import numba
     import numba.extending
     from llvmlite import ir
@@ -170,14 +173,20 @@ if COMPILED:
             return builder.gep(arguments[0], [arguments[1]])
         return numbers(numbers, place), generate
 
-    @numba.extending.intrinsic
-    def integers(typing_context, numbers):
-        """Return doubles taken as 64-bit integers, bit by bit."""
-        pointer = numba.types.CPointer(numba.types.int64)
+    def _taken_as(element: Any) -> Any:
+        @numba.extending.intrinsic
+        def taken(typing_context, numbers):
+            """Return numbers taken as those of another type, bit by bit."""
+            pointer = numba.types.CPointer(element)
 
-        def generate(context, builder, signature, arguments):
-            return builder.bitcast(arguments[0], context.get_value_type(pointer))
-        return pointer(numbers), generate
+            def generate(context, builder, signature, arguments):
+                return builder.bitcast(arguments[0], context.get_value_type(pointer))
+            return pointer(numbers), generate
+        return taken
+
+    integers = _taken_as(numba.types.int64)
+    _words = _taken_as(numba.types.uint32)
+    _float32s = _taken_as(numba.types.float32)
 
     @kernel
     def scratch(size):
@@ -192,13 +201,12 @@ if COMPILED:
     @kernel
     def float32_values(data, start):
         """Return the numbers that stand in bytes from start on, as this machine writes float32."""
-        return np.frombuffer(data, np.uint8)[start:].view(np.float32)
+        return _float32s(beyond(elements(data), start))
 
     @kernel
     def words_and_floats(data):
-        """Return bytes, but for the last few, as 32-bit words, and as this machine's float32."""
-        whole = np.frombuffer(data, np.uint8)[:len(data) // 4 * 4]
-        return whole.view(np.uint32), whole.view(np.float32)
+        """Return the same from the start on, as 32-bit words and as this machine's float32."""
+        return _words(elements(data)), _float32s(elements(data))
 else:
     def prefetch(array, i):
         """Do nothing; only compiled code waits for memory more than for itself."""
@@ -228,6 +236,6 @@ else:
         return memoryview(data)[start:].cast('f')
 
     def words_and_floats(data):
-        """Return bytes, but for the last few, as 32-bit words, and as this machine's float32."""
+        """Return the same from the start on, as 32-bit words and as this machine's float32."""
         whole = memoryview(data)[:len(data) // 4 * 4]
         return whole.cast('I'), whole.cast('f')

@@ -27,7 +27,6 @@ from __future__ import annotations
 
 from functools import lru_cache
 import hashlib
-import os
 from pathlib import Path
 import pickle
 import sys
@@ -59,12 +58,6 @@ def keep_compiled(kernel: Any) -> None:
             'compiled kernels cannot be kept, so each process compiles them again: '
             f'neither NUMBA_CACHE_DIR nor {_HERE / "__pycache__"} '
             "nor the user's cache directory can be written to")
-
-
-def use_plain_python() -> None:
-    """Compile nothing, here and in processes that are started: before any kernel is imported."""
-    os.environ['NUMBA_DISABLE_JIT'] = '1'
-    config.DISABLE_JIT = 1
 
 
 def prepared_mark(others: Path) -> Path | None:

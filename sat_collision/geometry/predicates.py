@@ -33,10 +33,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
-import numpy as np
 
 from sat_collision.geometry.arithmetic import require_nearest
-from sat_collision.geometry.jit import inner, kernel
+from sat_collision.geometry.jit import inner, kernel, scratch_integers
 
 # Shewchuk's ccwerrboundA, (3 + 16 u) u with u = 2^-53; the absolute term covers products that
 # underflow. See docs/exactness.md, lemma 1.
@@ -124,7 +123,9 @@ def product_error(a, b, product):
 
 @inner
 def _orient_exact(ax, ay, bx, by, cx, cy):
-    total = np.zeros(_LIMBS, np.int64)
+    total = scratch_integers(_LIMBS)
+    for k in range(_LIMBS):
+        total[k] = 0
     _accumulate(total, ax, by, 1)
     _accumulate(total, ax, cy, -1)
     _accumulate(total, cx, by, -1)

@@ -17,9 +17,10 @@ Kernels compiled, or loaded, before they are needed, so that no message has to w
 
 Compiling takes seconds where nothing is kept from an earlier process, see `kernel_cache`. Then
 other processes share the work: what one has compiled the others find on disk. One,
-``python -m sat_collision.geometry.preparation packing distances``, takes half of what decides and
-goes on with what measures; another one takes what looks ahead, once flags have a processor to
-spare. They end when they are done, or when their standard input does, which the node holds.
+``python -m sat_collision.geometry.preparation contacts distances``, takes what decides, while this
+one takes what packs, and goes on with what measures, which has much of the same in it; another one
+takes what looks ahead, once flags have a processor to spare. They end when they are done, or when
+their standard input does, which the node holds.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ _others: list[subprocess.Popen[bytes]] = []
 def begin() -> None:
     """Have another process begin, if this is a first start: early, before long imports."""
     if not (_others or is_prepared() or kernel_problem()):
-        _others.append(_process('packing', 'distances'))
+        _others.append(_process('contacts', 'distances'))
 
 
 class Preparation:
@@ -81,12 +82,11 @@ class Preparation:
             '; the first start after an installation compiles them' if _others else ''))
         # A tenth of compiling would be looking for garbage, of which there is little.
         gc.disable()
-        prepare_contacts()
-        prepare_parts()
+        prepare_packing()
         for other in _others:
             if other.stdout:
                 other.stdout.readline()
-        prepare_packing()
+        prepare_contacts()
         if _others:
             _others.append(_process('motion'))
         else:
@@ -136,22 +136,19 @@ def prepare_packing() -> None:
     Polygon.from_float32(*points)
     message = np.array((0, len(_TRIANGLE)), np.uint32).tobytes() + points[0]
     ends = indexable(np.array((len(message),)))
-    bodies = PackedSet([_origin()])
+    bodies = PackedSet()
+    bodies.new_row()
     bodies.place_run((2 * message, ends, 1, 4, UNMOVED, len(_TRIANGLE), packed),
                      indexable(np.zeros(1, np.int64)), 0, 1, PackedSet(), 0.0)
 
 
-def prepare_parts() -> None:
-    """Have ready what cuts bodies into convex parts."""
+def prepare_contacts() -> None:
+    """Have ready what cuts bodies into parts, and finds the bodies of a set that a body meets."""
     # Not by a Polygon, whose packing may still be in the making.
     convex_parts(indexable(np.array(_NOTCHED).ravel()))
-
-
-def prepare_contacts() -> None:
-    """Have ready what finds the bodies of a set that a body meets."""
     point = _origin()
-    bodies = PackedSet()
-    bodies.place(bodies.new_row(), point.packed, bodies)
+    bodies = PackedSet([point])
+    bodies.intersecting_rows(point)
 
 
 def prepare_distances() -> None:

@@ -31,6 +31,7 @@ import time
 from typing import cast, TYPE_CHECKING
 
 from sat_collision.extras import missing
+from sat_collision.geometry.compilation import is_plain_python_chosen, use_plain_python
 from sat_collision.replay.bag.storage import Limits, Message
 
 if TYPE_CHECKING:
@@ -59,7 +60,6 @@ def choose(bags: Iterable[str], limits: Limits) -> bool:
                         if kind in _TYPES)
         if left <= 0:
             return True
-    from sat_collision.geometry.kernel_cache import use_plain_python
     use_plain_python()
     return False
 
@@ -100,6 +100,8 @@ def main() -> int:
 
 def _mark() -> Path | None:
     """Return the file that is there if all is compiled; None if nothing can be."""
+    if is_plain_python_chosen():
+        return None
     try:
         from sat_collision.geometry.kernel_cache import prepared_mark
         return prepared_mark(Path(__file__).parent / 'motion')

@@ -22,6 +22,7 @@ import sys
 
 import families
 import numpy as np
+import pytest
 from sat_collision import (
     contact, intersects, intersects_pairs, Polygon, PolygonSet, separation, time_of_contact,
     time_to_contact)
@@ -82,3 +83,21 @@ def test_compiled_and_plain_python_answer_alike():
     assert kernel == 'plain Python'
     for name, expected in library_answers().items():
         assert answers[name] == expected, name
+
+
+@pytest.mark.parametrize('arguments, plain', [
+    (('-c', 'import sat_collision; dir(sat_collision), sat_collision.__version__'), '0'),
+    (('-m', 'sat_collision.replay', '--help'), '0'),
+    (('-m', 'sat_collision.replay', '--nonsense'), '0'),
+    (('-m', 'sat_collision.node', '--help'), '0'),
+    (('-m', 'sat_collision.node', 'nonsense'), '0'),
+    (('-c', 'import sat_collision; assert sat_collision.intersects([(0, 0)], [(0, 0)])'), '1'),
+])
+def test_numba_is_not_imported_until_a_kernel_needs_it(arguments, plain):
+    """It takes longer, and more memory, than all else."""
+    result = subprocess.run(
+        [sys.executable, '-X', 'importtime', *arguments], cwd=ROOT, capture_output=True, text=True,
+        env={**os.environ, 'NUMBA_DISABLE_JIT': plain})
+    imported = {line.rpartition('|')[2].strip() for line in result.stderr.splitlines()}
+    assert 'sat_collision' in imported and 'Traceback' not in result.stderr
+    assert not {'numba', 'llvmlite'} & imported

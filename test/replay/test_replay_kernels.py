@@ -96,9 +96,7 @@ def test_library_says_that_it_compiles(start, tmp_path):
 @pytest.fixture
 def unprepared(tmp_path, monkeypatch):
     """Have no kernels kept, and undo what is chosen."""
-    import numba
     monkeypatch.setattr(kernels, '_mark', lambda: tmp_path / 'mark')
-    monkeypatch.setattr(numba.config, 'DISABLE_JIT', 0)
     monkeypatch.setenv('NUMBA_DISABLE_JIT', '0')
     return tmp_path
 

@@ -26,7 +26,7 @@ from sat_collision.geometry.jit import inner, kernel
 from sat_collision.geometry.predicates import orient
 
 
-# What is known of a vertex beside the vertex that lies in its triangle: nothing; or it is reflex.
+# Stored for a vertex instead of one that lies in its triangle: nothing is known, or it is reflex.
 _UNKNOWN = -1
 _REFLEX = -2
 
@@ -46,7 +46,7 @@ def convex_parts(vertices):
     corners : (k,) array of int64
         Vertex indices of the parts, one counter-clockwise part after another.
     ends : (m,) array of int64
-        Where each part ends in corners.
+        The end of each part in corners.
 
     """
     corner_vertex, following, previous, diagonals = _triangulate(vertices)
@@ -91,7 +91,7 @@ def _triangulate(vertices):
     after[count - 1] = 0
     before = np.arange(-1, count - 1)
     before[0] = count - 1
-    # The half-edge, inside a triangle already clipped, along the ring's edge that leaves a vertex.
+    # Per vertex: the half-edge of a clipped triangle along the ring's edge that leaves the vertex.
     twin = np.full(count, -1)
     corner_vertex = np.empty(3 * count, np.int64)
     following = np.empty(3 * count, np.int64)
@@ -100,7 +100,7 @@ def _triangulate(vertices):
     corners = 0
     cuts = 0
     left = count
-    # Why a vertex is no ear: that holds until a neighbour, or the vertex in its triangle, is cut.
+    # Why a vertex is no ear; valid until a neighbour or the vertex in its triangle is clipped.
     in_the_way = np.full(count, _UNKNOWN)
     j = 0
     while left > 2:

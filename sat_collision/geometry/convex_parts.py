@@ -91,7 +91,7 @@ def _triangulate(vertices):
     after[count - 1] = 0
     before = np.arange(-1, count - 1)
     before[0] = count - 1
-    # Per vertex: the half-edge of a clipped triangle along the ring's edge that leaves the vertex.
+    # The half-edge, inside a triangle already clipped, along the ring's edge that leaves a vertex.
     twin = np.full(count, -1)
     corner_vertex = np.empty(3 * count, np.int64)
     following = np.empty(3 * count, np.int64)
@@ -100,7 +100,7 @@ def _triangulate(vertices):
     corners = 0
     cuts = 0
     left = count
-    # Why a vertex is no ear; valid until a neighbour or the vertex in its triangle is clipped.
+    # Why a vertex is no ear: that holds until a neighbour, or the vertex in its triangle, is cut.
     in_the_way = np.full(count, _UNKNOWN)
     j = 0
     while left > 2:

@@ -15,7 +15,7 @@
 """
 The choice of compiled kernels, or of plain Python if compiling would take longer.
 
-It must be made before any module of geometry is imported.
+It must be made before any kernel of geometry is imported.
 """
 
 from __future__ import annotations

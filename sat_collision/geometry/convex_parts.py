@@ -26,7 +26,7 @@ from sat_collision.geometry.jit import inner, kernel
 from sat_collision.geometry.predicates import orient
 
 
-# Stored for a vertex instead of one that lies in its triangle: nothing is known, or it is reflex.
+# Entries of `in_the_way` that are no vertices: nothing is known, or the vertex is reflex.
 _UNKNOWN = -1
 _REFLEX = -2
 

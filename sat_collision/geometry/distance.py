@@ -92,7 +92,7 @@ def goes_first(p, q):
 
 @inner
 def _measure_parts(p, q):
-    """Measure the pairs of parts that may be nearest, or deepest; return the result for these."""
+    """Measure the pairs of parts that may be nearest, or deepest; return the least result."""
     if p.n > 0 and q.n > 0:
         _, least, found = _measure_pair(p, q)
         return least, found

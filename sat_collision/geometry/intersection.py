@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Exact intersection tests: a search in plain doubles, then exact signs where that is open."""
+"""Exact intersection tests: a search in plain doubles, and exact signs where it is undecided."""
 
 from typing import Any, NamedTuple
 

@@ -99,7 +99,7 @@ def main() -> int:
 
 
 def _mark() -> Path | None:
-    """Return the file that exists once all is compiled; None if nothing can be compiled."""
+    """Return the file that is there if all is compiled; None if nothing can be."""
     try:
         from sat_collision.geometry.kernel_cache import prepared_mark
         return prepared_mark(Path(__file__).parent / 'motion')

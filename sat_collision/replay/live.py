@@ -195,7 +195,7 @@ def _name_and_place(contact: tuple[ObstacleId, Polygon, Polygon]) -> tuple[objec
 
 
 class Rows:
-    """Yields messages one by one as received, and skips what adds to a set in one call."""
+    """Yields messages one by one as received, and skips those of runs received in one call."""
 
     def __init__(self, messages: Iterable[Message]) -> None:
         self._messages = messages

@@ -192,7 +192,7 @@ def body_of(rows, row):
 
 
 def new_array(rows: int, doubles: int) -> NDArray[np.float64]:
-    """Return the array of an empty set with room for a number of rows, and of doubles for bodies."""
+    """Return the array of an empty set with room for so many rows, and doubles for bodies."""
     array = np.zeros(_HEAD + _COLUMNS * rows + doubles)
     array[0] = rows
     return array

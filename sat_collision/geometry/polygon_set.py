@@ -297,7 +297,7 @@ class PolygonSet:
         Returns
         -------
         int, float
-            The row, the first of several, and the time in seconds. None if there is no contact
+            The row, the first in a tie, and the time in seconds. None if there is no contact
             within the horizon.
 
         Examples

@@ -147,7 +147,7 @@ def first_row_met(set_array, body, count, motion, velocities, skipped):
     Find which row of a set a moving body meets first, of those that it does not meet at time 0.
 
     It takes a packed body, a `Motion` as an array, vx, vy of each row and the rows to leave out,
-    ascending. Returned are the row, the first of several, and the time in seconds, above 0; -1
+    ascending. Returned are the row, the first in a tie, and the time in seconds, above 0; -1
     and infinity if it meets none.
     """
     require_nearest(count)

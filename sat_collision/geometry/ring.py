@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Normalisation of a ring of received points to a clean counter-clockwise one, or what is wrong.
+Normalisation of received points to a clean counter-clockwise ring, or what is wrong with them.
 
 All decisions are exact: they compare coordinates or take the sign of `predicates.orient`.
 """

@@ -14,26 +14,26 @@
 """
 Exact collision checks between robot footprints and obstacles, for ROS 2.
 
-A body is a `Polygon`, or whatever makes one: points or a geometry such as shapely's. Coordinates
-are metres in one frame, and touching counts as contact.
+A body is a `Polygon`, or points or a geometry such as shapely's that make one. Coordinates are
+metres in one frame, and touching counts as contact.
 
 =============================================  =====================================
 Do bodies share a point?                       intersects, intersects_many,
                                                intersects_pairs
 How far apart are they, or how deep?           separation, separations
 Where are they nearest?                        closest_points
-How do they touch, and which way is out?       contact
+What are contact normal, points and depth?     contact
 When do moving bodies meet?                    time_of_contact
 When does a robot meet an obstacle?            time_to_contact
 One body against a set that changes            PolygonSet
 =============================================  =====================================
 
-With numba all is compiled, which takes some 25 s once after an installation; the command
-prepare_kernels does it ahead.
+With numba everything is compiled, which takes about 25 s once after an installation; the command
+prepare_kernels does this in advance.
 """
 
-# All is imported when it is first asked for: that takes a second, and before it the node must be
-# ready for signals.
+# Names are imported on first use: that takes a second, before which the node must be ready for
+# signals.
 from __future__ import annotations
 
 from importlib import import_module
@@ -67,19 +67,19 @@ __all__ = [
     'time_to_contact',
 ]
 
-# The modules of geometry that have them, if not query.
+# The modules in geometry of the names that are not in query.
 _HOMES = {'Contact': 'contact', 'contact': 'contact', 'KERNEL': 'jit', 'Polygon': 'polygon',
           'PolygonError': 'polygon', 'Reason': 'polygon', 'PolygonSet': 'polygon_set',
           'time_of_contact': 'sweep'}
 
 
 def __dir__() -> list[str]:
-    """Return what is offered, for completion and help."""
+    """Return the public names, for completion and help."""
     return sorted([*__all__, '__version__', *(one for one in globals() if one[:2] == '__')])
 
 
 def __getattr__(name: str) -> Any:
-    """Return what is offered by that name, or the version."""
+    """Return the public object of that name, imported on first use, or the version."""
     if name == '__version__':
         return _version()
     if name not in __all__:
@@ -88,7 +88,7 @@ def __getattr__(name: str) -> Any:
 
 
 def _version() -> str:
-    """Return the version that is installed; setup.py and package.xml have it."""
+    """Return the version that is installed, that of setup.py and package.xml."""
     from importlib.metadata import PackageNotFoundError, version
     try:
         return version(__name__)

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Exact decisions about polygons; NumPy only."""
+"""Exact predicates and queries on polygons, segments and points; needs only NumPy."""

@@ -12,12 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The arithmetic that the proofs assume, checked; where another is set, nothing is answered.
+Checks that the floating-point arithmetic is the one that the proofs assume; raises otherwise.
 
-Doubles must be rounded to nearest, below 2^-1022 too, and products before they are added, see
-docs/exactness.md. All is computed and compared once, when this is imported. The first two are
-modes of a thread, which any library may change at any time (one linked with ``-ffast-math`` does
-so when it is loaded), so every kernel that Python calls asks for them again.
+Results must be rounded to nearest, underflow must be gradual, and multiplications must not be
+fused with additions, see docs/exactness.md. All of this is checked once, at import. The first two
+are modes of a thread, which any library may change at any time (one linked with ``-ffast-math``
+does so when it is loaded), so every kernel that Python calls checks them again.
 """
 
 from sat_collision.geometry.jit import HAS_CONTROL_WORD, kernel
@@ -26,7 +26,7 @@ FLUSHED = ('floating point flushes numbers below 2^-1022 to zero in this thread,
            'answers would be wrong: a library built with -ffast-math has set this when it was '
            'loaded; load it in another process, or reset the mode')
 DIRECTED = ('floating point does not round to nearest in this thread, and collision answers would '
-            'be wrong: reset what fesetround, or its like, has set')
+            'be wrong: reset the rounding mode, which fesetround or the like has set')
 FUSED = ('kernels are compiled with fused multiply-add, and collision answers would be wrong: '
          'compile them without fastmath, or set NUMBA_DISABLE_JIT=1')
 
@@ -41,13 +41,13 @@ _ROUNDING_BITS = 0x6000
 _NORMAL = 2.0 ** -1022
 _NEXT = 2.0 ** -1022 + 2.0 ** -1074
 _LITTLE = 2.0 ** -60
-# Its square takes more bits than a double has.
+# Its square has more bits than a double.
 _UNEVEN = 1.0 + 2.0 ** -30
 
 
 def require_proved() -> None:
     """Raise FloatingPointError unless kernels compute as the proofs assume."""
-    # As Python first: what is compiled in the wrong mode would be kept, and be wrong for ever.
+    # In plain Python first: code compiled in a wrong mode would be cached and stay wrong.
     found = getattr(problem, 'py_func', problem)(1.0, _UNEVEN) or problem(1.0, _UNEVEN)
     if found:
         raise FloatingPointError({_FLUSHES: FLUSHED, _IS_DIRECTED: DIRECTED, _FUSES: FUSED}[found])
@@ -55,7 +55,7 @@ def require_proved() -> None:
 
 @kernel
 def problem(one, uneven):
-    """Tell what is wrong, 0 if nothing; given as arguments what a compiler must not foresee."""
+    """Return the code of what is wrong, else 0; arguments keep compilers from folding this."""
     if one + one * _LITTLE != one or one - one * _LITTLE != one:
         return _IS_DIRECTED
     low = one * _NORMAL
@@ -72,7 +72,7 @@ if HAS_CONTROL_WORD:
 
     @kernel
     def require_nearest(count):
-        """Raise FloatingPointError unless this thread rounds to nearest; the count is any."""
+        """Raise FloatingPointError if this thread's modes are wrong; any count will do."""
         word = control_word()
         if word & _FLUSHING_BITS:
             raise FloatingPointError(FLUSHED)
@@ -81,7 +81,7 @@ if HAS_CONTROL_WORD:
 else:
     @kernel
     def require_nearest(count):
-        """Raise FloatingPointError unless this thread rounds to nearest; the count is any."""
+        """Raise FloatingPointError if this thread's modes are wrong; any count will do."""
         found = problem(1.0 + abs(count), _UNEVEN)
         if found == _FLUSHES:
             raise FloatingPointError(FLUSHED)

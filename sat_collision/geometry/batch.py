@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Thousands of pairs in one call, with memory that is prefetched.
+Queries on the paired rows of two sets: thousands of pairs in one call, with prefetching.
 
-A pair that is not in the cache costs mostly the wait for memory, so headers are prefetched some
-rows ahead. Of polygons with many vertices only the few that the search visits are worth fetching,
-and these are known one axis at a time: all pairs of a batch advance in step, so that the vertices
-that one reads next are fetched while the others are computed.
+A pair that is not in the cache mostly waits for memory, so headers are prefetched some rows ahead.
+Of a polygon with many vertices only the few that the search visits are worth fetching, and these
+become known one axis at a time. So all pairs of a batch advance in lockstep: the vertices that one
+pair reads next are fetched while the others are computed.
 """
 
 import math
@@ -38,18 +38,18 @@ from sat_collision.geometry.separating_axis import (
 _CACHE_LINE = 8
 _AHEAD = 16
 _BATCH = 128
-# The doubles that a pair keeps between two axes: those of a Search.
+# Doubles that a pair keeps between two axes: the fields of a Search.
 _STATE = 8
 
 
 class Pairs(NamedTuple):
-    """Two sets whose rows are paired, and what is known of each pair."""
+    """Two sets paired row by row, and the state of each pair."""
 
     rows: Rows
     others: Rows
-    # Of each row: SEPARATE, MEET, UNCERTAIN, or OPEN.
+    # Per row: SEPARATE, MEET, UNCERTAIN, or OPEN.
     verdicts: Any
-    # Of a batch: the searches; two places a pair, the sectors or the support vertices; open rows.
+    # Per batch: the searches; two indices per pair, of sectors or of support vertices; open rows.
     searches: Any
     places: Any
     pending: Any
@@ -57,11 +57,11 @@ class Pairs(NamedTuple):
 
 @kernel
 def decide_rows(set_array, other_array, answers):
-    """Write for each row whether its bodies in two sets MEET or are SEPARATE; exact."""
+    """Write for each row whether its bodies in the two sets MEET or are SEPARATE; exact."""
     require_nearest(len(answers))
     pairs = Pairs(rows_of(set_array), rows_of(other_array), answers,
                   scratch(_STATE * _BATCH), scratch_integers(2 * _BATCH), scratch_integers(_BATCH))
-    # Batch by batch, so that what has to be decided exactly is still in the cache.
+    # Batch by batch, so that pairs left to the exact test are still in the cache.
     for start in range(0, len(answers), _BATCH):
         end = min(start + _BATCH, len(answers))
         count = _begin(pairs, start, end, len(answers))
@@ -73,7 +73,7 @@ def decide_rows(set_array, other_array, answers):
 
 @kernel
 def measure_rows(set_array, other_array, values):
-    """Write for each row the separation of its bodies in two sets, infinity where one is not."""
+    """Write for each row the separation of its bodies, infinity where a set has none."""
     require_nearest(len(values))
     rows = rows_of(set_array)
     others = rows_of(other_array)
@@ -85,7 +85,7 @@ def measure_rows(set_array, other_array, values):
 
 @inlined
 def _meet(pairs, row, slot):
-    """Decide exactly whether bodies meet; a search of convex ones ended at the slot's places."""
+    """Decide exactly whether bodies meet; the slot has where a search of convex ones ended."""
     p = body_of(pairs.rows, row)
     q = body_of(pairs.others, row)
     if p.n > 0 and q.n > 0:
@@ -95,14 +95,14 @@ def _meet(pairs, row, slot):
 
 @inlined
 def _unchecked(pairs):
-    """Return the same arrays for use inside a hot loop."""
+    """Return the same with bare arrays, see `elements`, for use inside a hot loop."""
     return Pairs(pairs.rows, pairs.others, elements(pairs.verdicts), elements(pairs.searches),
                  elements(pairs.places), elements(pairs.pending))
 
 
 @inner
 def _begin(pairs, start, end, used):
-    """Decide pairs with few vertices, begin with the others; list and count those still open."""
+    """Decide pairs with few vertices, start on the others; list and count those still open."""
     rows, others, verdicts, searches, places, pending = _unchecked(pairs)
     data = rows.packed
     other_data = others.packed
@@ -136,7 +136,7 @@ def _begin(pairs, start, end, used):
 
 @inner
 def _go_on(pairs, start, count):
-    """Search on as `find_separating_axis` does, all pending pairs one axis further a round."""
+    """Continue as `find_separating_axis` does, all pending pairs by one axis per round."""
     rows, others, verdicts, searches, places, pending = _unchecked(pairs)
     data = rows.packed
     other_data = others.packed
@@ -206,7 +206,7 @@ def _load(searches, slot):
 
 @inlined
 def _prefetch(packed, start, count):
-    """Fetch a header, and the vertices where they are few."""
+    """Prefetch a header, and the vertices if there are few."""
     end = HEADER + 2 * count if count <= SCAN_LIMIT else HEADER
     for k in range(0, end, _CACHE_LINE):
         prefetch(packed, start + k)
@@ -215,6 +215,6 @@ def _prefetch(packed, start, count):
 
 @inlined
 def _prefetch_neighbours(packed, i):
-    """Fetch a vertex and those before and after it."""
+    """Prefetch a vertex and those before and after it."""
     prefetch(packed, i - 2)
     prefetch(packed, i + 3)

@@ -13,17 +13,17 @@
 # limitations under the License.
 
 """
-How two bodies touch, or would touch: the normal, the points of contact, and the way out.
+Contacts of two bodies, touching or not: the normal, the points of contact, and the depth.
 
-The normal is that of `distance.measure_with_normal`: of two convex bodies the direction from the
-origin to the nearest point of the boundary of their Minkowski difference, outside or inside. It
-is that of an edge, or between two vertices, so that it has a length however near the bodies are.
-Where an edge of each faces the other, both are clipped to what lies before the other, as physics
-engines do (E. Catto, Box2D); the two ends are the points of contact.
+The normal is that of `distance.measure_with_normal`: for two convex bodies the direction from the
+origin to the nearest point on the boundary of their Minkowski difference, be it outside or inside.
+It is computed from an edge or from two vertices, so it is defined however near the bodies are.
+Where an edge of each faces the other, the edges are clipped against each other, as in physics
+engines (E. Catto, Box2D); the two ends are the points of contact.
 
-Bodies that are not convex touch where the pair of convex parts does that is nearest, or deepest.
-For the way out all pairs count: along a direction each pair overlaps for an interval of lengths,
-and the first length in none of them ends every overlap.
+Non-convex bodies have the points of contact of their nearest, or deepest, pair of convex parts.
+For the depth all pairs count: moved along a direction, each pair overlaps for an interval of
+lengths, and the first length that is in no interval ends every overlap.
 """
 
 from __future__ import annotations
@@ -43,39 +43,39 @@ from sat_collision.geometry.plane import unit
 from sat_collision.geometry.polygon import as_polygon, BodyLike
 from sat_collision.geometry.separating_axis import support
 
-# The sine of the angle up to which edges count as level: 1 cm for each metre.
+# Sine of the greatest angle at which an edge counts as perpendicular to the normal: 1 cm per m.
 FACING = 0.01
-# What rounding may do to a length, in parts of the largest coordinate.
+# Bound of the rounding error of a length, relative to the largest coordinate.
 _ROUNDING = 2.0 ** -48
 _LEAST = 5e-324
-# Of how many pairs of parts, the deepest, the normals are tried as ways out, and how many pushes
-# of pairs make one more.
+# How many of the deepest pairs of parts have their normals tried as directions out, and how many
+# pushes, each along the normal of a pair, are added up for one more direction.
 _WAYS = 16
 _PUSHES = 16
 
 
 class Contact(NamedTuple):
     """
-    How two bodies a and b touch, or would.
+    The contact of two bodies a and b, touching or not.
 
     Attributes
     ----------
     separation : float
-        As `separation` has it, metres: negative where they overlap.
+        As returned by `separation`, metres: negative if they overlap.
     normal : (2,) ndarray
-        Unit vector from b to a, also of bodies that touch.
+        Unit vector from b to a; defined for touching bodies, too.
     depth : float
         Metres, 0 unless they overlap: moved by depth * normal, a only touches b, up to rounding
-        (2^-46 of the largest coordinate). Of convex bodies this is minus the separation, and no
-        shorter move does. Of others it is the shortest move in the directions tried; none is
+        (2^-46 of the largest coordinate). For convex bodies it is minus the separation, and no
+        shorter move suffices. For others it is the shortest move in the directions tried; none is
         shorter than minus the separation, the depth of the deepest pair of convex parts. A body
-        that fits into another exactly has depth 0, one that is a little larger may have much.
+        that fits exactly into a notch has depth 0, a slightly larger one may have a large depth.
     points_a, points_b : (k, 2) ndarray
-        One or two points of a, and of b, of the pair of convex parts that is nearest or deepest.
-        Each is a vertex or a point of an edge, to 2^-50 of the largest coordinate: 1e-9 m at 1e6.
-        Two where an edge of each is across the normal, within 0.01 rad: the ends of what these
-        share, in the order of the normal turned left. From a point of b to that of a it is along
-        the normal of the two parts, for one of them as far as the separation.
+        One or two points of a, and of b, on the nearest or deepest pair of convex parts. Each is
+        a vertex or a point of an edge, to 2^-50 of the largest coordinate: 1e-9 m at 1e6. Two if
+        an edge of each is perpendicular to the normal, within 0.01 rad: the ends of the stretch
+        that these share, in the order of the normal turned left. The offset from a point of b to
+        that of a is along the normal of the two parts; for one of them it is the separation.
 
     Examples
     --------
@@ -96,8 +96,8 @@ def contact(a: BodyLike, b: BodyLike) -> Contact:
     """
     Return how two bodies touch, or would if they came nearer: normal, points and depth.
 
-    All but the number of points changes little where the bodies do, but where it cannot: where two
-    ways out are equally short, or two features equally near, the normal is one of both.
+    A small change of the bodies changes the result little, except for the number of points, and
+    where two moves out are equally short or two features equally near: the normal is one of both.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def contact(a: BodyLike, b: BodyLike) -> Contact:
     Returns
     -------
     Contact
-        Of two points at the same place the normal is (-1, 0).
+        For two points at the same place the normal is (-1, 0).
 
     Raises
     ------
@@ -130,15 +130,15 @@ def contact(a: BodyLike, b: BodyLike) -> Contact:
 @kernel
 def contact_of_arrays(p, n, q, m):
     """
-    Return the contact of two bodies that an array each holds, with counts n and m.
+    Return the contact of two packed bodies, each in an array of its own, with counts n and m.
 
-    Returned are separation, depth and normal, as `Contact` has them, how many points of contact
-    there are, and these: two tuples of x, y on P and x, y on Q.
+    Returned are separation, depth and normal as in `Contact`, the number of points of contact,
+    and the points: two tuples of x, y on P and x, y on Q.
     """
     require_nearest(n)
     p = packed_polygon(p, n)
     q = packed_polygon(q, m)
-    # Of what is equally good the same is taken, whichever body is named first.
+    # The bodies are put in a fixed order, so that ties do not depend on which is named first.
     if not goes_first(q, p):
         return _contact(p, q)
     least, depth, nx, ny, count, (one, other) = _contact(q, p)
@@ -147,7 +147,7 @@ def contact_of_arrays(p, n, q, m):
 
 @inner
 def _contact(p, q):
-    """Return the contact of two bodies in that order."""
+    """Return the contact of two bodies in this order."""
     least, a, b, found = _deciding_parts(p, q)
     nx = -found[4]
     ny = -found[5]
@@ -160,7 +160,7 @@ def _contact(p, q):
 
 @inner
 def _deciding_parts(p, q):
-    """Return the separation of two bodies, the convex parts that realise it, and how."""
+    """Return the separation, the convex parts that realise it, and their points and normal."""
     least, found = measure_with_normal(p, q)
     if p.n > 0 and q.n > 0:
         return least, p, q, found
@@ -168,7 +168,7 @@ def _deciding_parts(p, q):
     best = math.inf
     a = convex_part(p, 0)
     b = convex_part(q, 0)
-    # Those with boxes so far apart are open, too.
+    # The next double, to include pairs whose boxes are exactly that far apart.
     for pair in open_pairs(p, q, np.nextafter(least, math.inf)):
         one = convex_part(p, pair // parts)
         other = convex_part(q, pair % parts)
@@ -184,10 +184,10 @@ def _deciding_parts(p, q):
 @inner
 def _points_of_contact(p, q, found):
     """
-    Return how many points of contact two convex polygons have, and two, the first maybe twice.
+    Return the number of points of contact of two convex polygons, and two (the same if it is 1).
 
-    They are what their edges that face each other share across the normal, if both are level with
-    it, else the closest points.
+    They are the ends of the stretch where an edge of each faces the other, if both edges are
+    perpendicular to the normal to within `FACING`, else the closest points.
     """
     x, y, qx, qy, ux, uy = found
     closest = (x, y, qx, qy)
@@ -195,7 +195,7 @@ def _points_of_contact(p, q, found):
     c, d = _level_edge(q, -ux, -uy)
     if a < 0 or c < 0:
         return 1, (closest, closest)
-    # Where they are along u turned left, from the closest point of P on; that of Q is beside it.
+    # Positions along u turned left, relative to the closest points, which are both at 0.
     v = p.array
     w = q.array
     start = (v[a] - x) * -uy + (v[a + 1] - y) * ux
@@ -212,13 +212,13 @@ def _points_of_contact(p, q, found):
         high = _opposite(v, b, w, c, d, (end - other_start) / (other_end - other_start))
     else:
         high = _exchanged(_opposite(w, c, v, a, b, (other_start - start) / (end - start)))
-    # Turned left the normal, from Q to P, points the other way.
+    # The normal is from Q to P, opposite to u, so the order is reversed.
     return 2, (high, low)
 
 
 @inner
 def _level_edge(p, ux, uy):
-    """Return start and end of the edge of P that faces a direction most; -1, -1 if it slants."""
+    """Return start and end of the edge of P that faces u best; -1, -1 if none does to FACING."""
     v = p.array
     first = first_vertex(p)
     last = first + 2 * p.n - 2
@@ -237,24 +237,24 @@ def _level_edge(p, ux, uy):
 
 @inner
 def _opposite(v, k, w, start, end, share):
-    """Return a vertex of one body and the point at a share of an edge of the other."""
+    """Return a vertex of one body and the point at a fraction of an edge of the other."""
     return (v[k], v[k + 1], w[start] + share * (w[end] - w[start]),
             w[start + 1] + share * (w[end + 1] - w[start + 1]))
 
 
 @inner
 def _exchanged(pair):
-    """Return a pair of points with that of the other body first."""
+    """Return a pair of points in reverse order."""
     return pair[2], pair[3], pair[0], pair[1]
 
 
 @inner
 def _way_out(p, q, depth):
     """
-    Return a length and a direction x, y, by which P is moved out of Q: the shortest that is found.
+    Return the length and direction x, y of the shortest move found that takes P out of Q.
 
-    Tried are the normals of the pairs of parts that overlap deepest, and the direction in which
-    they push together. The depth is that of the deepest pair.
+    The directions tried are the normals of the pairs of parts that overlap deepest, and that of
+    their combined pushes. The depth is that of the deepest pair.
     """
     pairs = open_pairs(p, q, _LEAST)
     parts = max(1, -q.n)
@@ -290,7 +290,7 @@ def _way_out(p, q, depth):
 
 @inner
 def _pushed(pushes, count):
-    """Return the move made by letting, again and again, the pair push that overlaps most."""
+    """Return the sum of pushes, each by the pair that overlaps most after those before."""
     x = 0.0
     y = 0.0
     for _ in range(_PUSHES):
@@ -326,7 +326,7 @@ def _length_out(p, q, ux, uy, rounding):
     while moved:
         moved = False
         for k in range(0, count, 2):
-            # An interval that begins where another ends continues it: parts side by side.
+            # An interval that begins where another ends continues it, as for adjacent parts.
             if intervals[k] <= out + rounding and intervals[k + 1] > out:
                 out = intervals[k + 1]
                 moved = True
@@ -335,7 +335,7 @@ def _length_out(p, q, ux, uy, rounding):
 
 @inner
 def _overlap_along(a, b, ux, uy, rounding):
-    """Return from where to where A overlaps B as it moves along a direction; the same if never."""
+    """Return the lengths between which A, moved along u, overlaps B; equal if it never does."""
     enter = -math.inf
     leave = math.inf
     if a.n == 1 and b.n == 1:
@@ -348,7 +348,7 @@ def _overlap_along(a, b, ux, uy, rounding):
             end = k + 2 if k < first + 2 * p.n - 2 else first
             ex, ey = unit(v[end] - v[k], v[end + 1] - v[k + 1])
             j = _furthest(q, -ey, ex)
-            # So far Q reaches behind this edge, and so much more with each metre.
+            # How far Q reaches behind this edge, and by how much that grows per metre.
             reach = ex * (w[j + 1] - v[k + 1]) - ey * (w[j] - v[k])
             growth = side * (ux * ey - uy * ex)
             if reach <= rounding and growth <= 0.0:
@@ -362,7 +362,7 @@ def _overlap_along(a, b, ux, uy, rounding):
 
 @inner
 def _furthest(p, ux, uy):
-    """Return where the vertex of P furthest along u stands, to rounding."""
+    """Return the index of the vertex of P furthest along u, up to rounding."""
     summit = support(p, ux, uy)
     if summit < 0:
         v = p.array

@@ -26,7 +26,7 @@ from sat_collision.geometry.jit import inner, kernel, scratch_integers
 from sat_collision.geometry.predicates import orient
 
 
-# What is known of a vertex beside the vertex that lies in its triangle: nothing; or it is reflex.
+# Entries of `in_the_way` that are no vertices: nothing is known, or the vertex is reflex.
 _UNKNOWN = -1
 _REFLEX = -2
 
@@ -46,7 +46,7 @@ def convex_parts(vertices):
     corners : (k,) array of int64
         Vertex indices of the parts, one counter-clockwise part after another.
     ends : (m,) array of int64
-        Where each part ends in corners.
+        The end of each part in corners.
 
     """
     corner_vertex, following, previous, diagonals = _triangulate(vertices)

@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-How far apart two bodies are, or how deep they overlap: of their convex parts, the nearest.
+Signed distance of two bodies: the least of their pairs of convex parts.
 
 Whether two parts meet is decided exactly, and so is the sign. Values are those of
-`nearest_features` and `penetration`, for which coordinates of extreme magnitude are multiplied by
-a power of two. Rings begin with their least vertex, and the bodies are put in order before: each
-start vertex and either order of the bodies gives the same bits. How right they are, see
-docs/exactness.md, lemmas 15 to 20.
+`nearest_features` and `penetration`, which get coordinates of extreme magnitude multiplied by a
+power of two. Rings begin with their least vertex and the bodies are put in a fixed order, so that
+neither start vertices nor the order of the bodies change a bit of the result. For error bounds
+see docs/exactness.md, lemmas 15 to 20.
 """
 
 from sat_collision.geometry.arithmetic import require_nearest
@@ -33,16 +33,16 @@ from sat_collision.geometry.part_bounds import (
 from sat_collision.geometry.penetration import penetration
 from sat_collision.geometry.plane import scale_to_one
 
-# Where the depth, in parts of the largest coordinate, may be nothing but rounding.
+# Up to this depth, relative to the largest coordinate, an overlap may be a rounding error.
 _DOUBTFUL = 2.0 ** -94
 _LEAST = 5e-324
-# A prime beyond any number of pairs, so that steps of it come to each of them.
+# A prime greater than any number of pairs, so that steps of it visit every pair.
 _STRIDE = 2 ** 61 - 1
 
 
 @kernel
 def measure_arrays(p, n, q, m):
-    """Return the same as `measure` of bodies that an array each holds, with counts n and m."""
+    """Return `measure` of two bodies, each in an array of its own, with counts n and m."""
     require_nearest(n)
     return measure(packed_polygon(p, n), packed_polygon(q, m))
 
@@ -57,15 +57,15 @@ def measure(p, q):
 @kernel
 def measure_with_normal(p, q):
     """
-    Return the separation of two packed polygons, convex or not, and what realises it.
+    Return the separation of two packed polygons, convex or not, and the points that realise it.
 
     Returns
     -------
     value : float
-        As `query.separation` has it.
+        As returned by `query.separation`.
     points : (float, float, float, float, float, float)
         A point x, y of P, one of Q, and the unit vector from P to Q along which they are apart, or
-        Q leaves P: the way from the first point to the second is the value times it.
+        Q leaves P; the offset from the first point to the second is the value times this vector.
 
     """
     p = Packed(elements(p.array), p.start, p.n)
@@ -79,7 +79,7 @@ def measure_with_normal(p, q):
 
 @inner
 def goes_first(p, q):
-    """Return whether the numbers of P come before those of Q in lexicographic order."""
+    """Return whether the packed numbers of P are lexicographically before those of Q."""
     size = body_size(p)
     other_size = body_size(q)
     for k in range(min(size, other_size)):
@@ -92,7 +92,7 @@ def goes_first(p, q):
 
 @inner
 def _measure_parts(p, q):
-    """Measure the pairs of parts of which it is open whether they are nearest, or deepest."""
+    """Measure the pairs of parts that may be nearest, or deepest; return the least result."""
     if p.n > 0 and q.n > 0:
         _, least, found = _measure_pair(p, q)
         return least, found
@@ -110,7 +110,7 @@ def _measure_parts(p, q):
     place = 0
     for _ in range(count):
         pair = pairs[place]
-        # Here and there, not in a row, where each might be a little nearer than the one before.
+        # In scattered order: in sequence each might be a little nearer than the one before.
         place += stride if place + stride < count else stride - count
         i = pair // parts
         j = pair % parts
@@ -135,7 +135,7 @@ def _measure_parts(p, q):
 
 @inner
 def _measure_pair(a, b):
-    """Return whether two convex polygons meet, their separation and what realises it."""
+    """Return whether two convex polygons meet, their separation, and its points and normal."""
     meet = convex_meet(a, b)
     reach = reach_of(a, b)
     scale = scale_to_one(reach)
@@ -147,7 +147,7 @@ def _measure_pair(a, b):
         ax, ay = _within(a, points[0] / scale, points[1] / scale)
         bx, by = _within(b, points[2] / scale, points[3] / scale)
         points = ax, ay, bx, by, points[4], points[5]
-    # Rounding is not to say anything else than the boxes, which spare bodies and parts a look.
+    # Rounding must not contradict the boxes, by which bodies and parts are skipped.
     value = max(value / scale, -overlap(a, b))
     if not meet:
         return meet, max(value, _LEAST), points
@@ -158,7 +158,7 @@ def _measure_pair(a, b):
 
 @inner
 def _measure_usual(meet, p, q):
-    """Return the separation and what realises it, of polygons that are known to meet or not."""
+    """Return the separation of polygons, its points and normal, given whether they meet."""
     if meet:
         depth, ax, ay, bx, by, ux, uy = penetration(p, q)
         return -depth, (ax, ay, bx, by, ux, uy)
@@ -168,13 +168,13 @@ def _measure_usual(meet, p, q):
 
 @inner
 def _measure_scaled(meet, p, q, scale, array, other_array):
-    """Return the same of polygons times a power of two, which are written into arrays."""
+    """Return the same of polygons multiplied by a power of two and written into arrays."""
     return _measure_usual(meet, _scaled(p, scale, array), _scaled(q, scale, other_array))
 
 
 @inner
 def _scaled(p, scale, array):
-    """Return a convex polygon times a power of two; what underflows is rounded."""
+    """Return a convex polygon multiplied by a power of two; coordinates that underflow round."""
     for k in range(len(array)):
         array[k] = p.array[p.start + k]
     for k in range(2, 6):
@@ -189,7 +189,7 @@ def _scaled(p, scale, array):
 
 @inner
 def _within(p, x, y):
-    """Return a point, in the bounds of a polygon where rounding has taken it out of them."""
+    """Return a point clamped to the bounds of a polygon, which it may leave by rounding."""
     a = p.array
     i = p.start
     return min(max(x, a[i + 2]), a[i + 4]), min(max(y, a[i + 3]), a[i + 5])

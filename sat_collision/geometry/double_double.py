@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Numbers of twice the precision: the unevaluated sum of two doubles, a head and a tail.
+Double-double arithmetic: a number is the unevaluated sum of two doubles, a head and a tail.
 
-A number is a pair (head, tail) with the head the rounded sum of both. With u = 2^-53 and as long
-as no product underflows, differences of doubles are exact, sums are right to 4 u^2 of the sum of
-the magnitudes, products to 9 u^2 of themselves, quotients and roots to 16 u^2 of themselves
-(docs/exactness.md, lemma 15).
+A number is a pair (head, tail) with the head the rounded sum of both. With u = 2^-53 and unless a
+product underflows, differences of doubles are exact, the error of a sum is at most 4 u^2 times the
+sum of the magnitudes, and the relative error of products is at most 9 u^2, of quotients and roots
+16 u^2 (docs/exactness.md, lemma 15).
 """
 
 import math
@@ -36,7 +36,7 @@ def difference(a, b):
 
 @inner
 def _normalised(head, tail):
-    """Return the sum of two doubles, exactly."""
+    """Return the exact sum of two doubles as head and tail."""
     total = head + tail
     return total, difference_error(head, -tail, total)
 
@@ -72,7 +72,7 @@ def quotient(a, b):
 
 @inner
 def square_root(a):
-    """Return the root of a, which is not negative."""
+    """Return the square root of a; a is not negative."""
     head = math.sqrt(a[0])
     if head == 0.0:
         return head, head

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The exact answer for two bodies: what plain doubles leave open is decided here."""
+"""Exact intersection tests: a search in plain doubles, and exact signs where it is undecided."""
 
 from typing import Any, NamedTuple
 
@@ -27,16 +27,16 @@ from sat_collision.geometry.separating_axis import (
 class Ring(NamedTuple):
     """The vertices of a convex polygon."""
 
-    # Flat array of float64: holds them x, y, x, y, ..., counter-clockwise.
+    # Flat array of float64 with the vertices x, y, x, y, ..., counter-clockwise.
     array: Any
-    # Where in the array they start, and how many there are.
+    # The index at which they start, and their number.
     first: int
     n: int
 
 
 @kernel
 def arrays_meet(p, n, q, m):
-    """Return the same as `bodies_meet` of bodies that an array each holds, with counts n and m."""
+    """Return `bodies_meet` of two bodies, each in an array of its own, with counts n and m."""
     require_nearest(n)
     return bodies_meet(packed_polygon(p, n), packed_polygon(q, m))
 
@@ -59,9 +59,9 @@ def bodies_meet(p, q):
 @inlined
 def filtered_verdict(p, q):
     """
-    Return what the search in plain doubles says of two bodies: SEPARATE, MEET or UNCERTAIN.
+    Return the verdict of the search in plain doubles: SEPARATE, MEET or UNCERTAIN.
 
-    A count of 0 stands for no body. Bodies that are not convex and may meet are left UNCERTAIN.
+    A count of 0 means no body. Non-convex bodies whose boxes meet are UNCERTAIN.
     """
     p = Packed(elements(p.array), p.start, p.n)
     q = Packed(elements(q.array), q.start, q.n)
@@ -94,8 +94,8 @@ def meet_near(p, q, i, j):
     Two convex polygons are separate iff some edge of one has every vertex of the other strictly
     outside it (a segment counts as two edges, there and back). Two bodies without area may be
     separate along their common line only, so those are compared as segments (docs/exactness.md,
-    lemma 11). Most touching pairs
-    are recognised by their edges next to the vertices at i and j, where the search ended.
+    lemma 11). Most touching pairs are recognised by their edges next to the vertices at i and j,
+    where the search ended.
     """
     p = _ring(p)
     q = _ring(q)
@@ -112,7 +112,7 @@ def meet_near(p, q, i, j):
 
 @kernel
 def interiors_apart(p, q):
-    """Decide exactly whether some edge of two convex polygons has the other nowhere inside it."""
+    """Decide exactly whether an edge of one convex polygon has no point of the other inside it."""
     p = _ring(p)
     q = _ring(q)
     return _some_edge_separates(p, q, 0, 0, 1) or _some_edge_separates(q, p, 0, 0, 1)
@@ -125,7 +125,7 @@ def _ring(p):
 
 @inner
 def _edges_meet(p, i, q, j):
-    """Return whether the edge of P that leaves vertex i shares a point with that of Q and j."""
+    """Return whether the edges of P and Q that start at vertices i and j share a point."""
     a = p.first + 2 * i
     b = p.first + 2 * (i + 1 if i + 1 < p.n else 0)
     c = q.first + 2 * j
@@ -136,7 +136,7 @@ def _edges_meet(p, i, q, j):
 
 @inner
 def _some_edge_separates(p, q, i, j, inner):
-    """Decide exactly if all of Q is on the right of an edge of P: its turns less than inner."""
+    """Decide exactly whether, for some edge of P, `orient` of all of Q is less than inner."""
     if p.n < 2:
         return False
     inside = j

@@ -15,26 +15,25 @@
 """
 Memory layout of packed polygons, and of sets of them: flat arrays of doubles that kernels read.
 
-Every packed polygon begins with a header: two places whose meaning depends on the kind; the bounds
-(min x, min y, max x, max y); the radius of a disc inside the polygon; and a fingerprint, the same
-number for equal polygons and seldom for others.
+Every packed polygon begins with a header: two numbers whose meaning depends on the kind; the
+bounds (min x, min y, max x, max y); the radius of a disc inside the polygon; and a fingerprint,
+the same number for equal polygons and seldom for others.
 
-A *convex* polygon's count is its number of vertices. Its header begins with a point of the
-polygon, the centre of the disc: the centroid where that is certain to lie inside. Then follow, for
-more than SCAN_LIMIT vertices, a table from the direction of an axis to a support vertex near by,
-and the vertices x, y, x, y, ...
+The count of a *convex* polygon is its number of vertices. Its header begins with the centre of the
+disc, a point of the polygon: the centroid if that is certain to lie inside. Then follow, if there
+are more than SCAN_LIMIT vertices, a table that maps the direction of an axis to a vertex near its
+support vertex; and the vertices x, y, x, y, ...
 
-The count of a polygon that is *not convex* is minus the number of its convex parts. Its header
-begins with the places where its outline begins and ends. Then follow, for each part, where it
-starts in the packed polygon and its number of vertices; the packed parts; and the outline, which
-ends the packed polygon.
+The count of a *non-convex* polygon is minus the number of its convex parts. Its header begins with
+the indices at which its outline begins and ends. Then follow, for each part, the index at which it
+starts in the packed polygon and its number of vertices; the packed parts; and, last, the outline.
 
-The table cuts the directions into sectors, four for each double: a double holds four integers of
-13 bits without loss. It only says where to start looking, so rounding in it decides nothing.
+The table divides directions into sectors, four per double: a double holds four integers of 13 bits
+without loss. It only says where a search starts, so its rounding does not affect any result.
 
-A set is one array, because each that Python passes to a kernel costs 70 ns, a good part of the
-time of a message. It begins with the number of rows that there is room for and that are, or were,
-in use. Then follow the table of rows, column by column, and the packed bodies.
+A set is one array, because each array that Python passes to a kernel costs 70 ns, a good part of
+the time of a message. It begins with the number of rows that there is room for and the number that
+are, or were, in use. Then follow the table of rows, column by column, and the packed bodies.
 """
 
 from typing import Any, NamedTuple
@@ -51,7 +50,7 @@ LARGEST_TABLE = 128
 ENTRY_BITS = 13
 ENTRY_MASK = (1 << ENTRY_BITS) - 1
 
-# Of a set: the numbers before its columns, and the columns.
+# How many numbers a set has before its columns, and how many columns.
 _HEAD = 2
 _COLUMNS = 8
 
@@ -59,13 +58,13 @@ _INFINITY = float('inf')
 
 
 class Packed(NamedTuple):
-    """A packed polygon, as kernels pass it to each other."""
+    """A packed polygon, as passed between kernels."""
 
-    # Flat array of float64, or its `elements`: holds the polygon, and maybe others.
+    # Flat array of float64, or its `elements`: has the polygon, and maybe others.
     array: Any
-    # Where in the array it starts.
+    # The index at which it starts.
     start: int
-    # Its vertices if convex, else minus its convex parts.
+    # Number of vertices if convex, else minus the number of convex parts.
     n: int
 
 
@@ -91,40 +90,40 @@ def packed_polygon(array, n):
 
 @inlined
 def first_vertex(p):
-    """Return where in the array the vertices of a convex polygon start."""
+    """Return the index at which the vertices of a convex polygon start."""
     return p.start + HEADER + table_size(p.n)
 
 
 @inlined
 def table_sector(count, ux, uy):
-    """Return in which sector of the table of a polygon with count vertices an axis lies."""
+    """Return the sector of an axis in the table of a polygon with count vertices."""
     size = table_size(count)
     length = abs(ux) + abs(uy)
     if not 0.0 < length < _INFINITY:
         return 0
-    # A quarter of the directions, from -y to +x and on, for each unit of turn.
+    # One unit per quadrant, counter-clockwise from -y.
     turn = 1.0 + uy / length if ux >= 0.0 else 3.0 - uy / length
     return min(int(turn * size), 4 * size - 1)
 
 
 @inlined
 def table_place(start, sector):
-    """Return where the entry of a sector stands, given where the polygon starts."""
+    """Return the index of the entry of a sector, for a polygon that starts at an index."""
     return start + HEADER + (sector >> 2)
 
 
 @inlined
 def entry_step(count):
-    """Return how many vertices one step of a table entry stands for, so that 13 bits suffice."""
+    """Return how many vertices a unit of a table entry counts, so that 13 bits suffice."""
     return 1 + (count >> ENTRY_BITS)
 
 
 @inlined
 def near_support(p, sector):
     """
-    Return where in the array a vertex near the support along the axes of a sector stands.
+    Return the index of a vertex near the support vertex for the axes of a sector, by the table.
 
-    For more than SCAN_LIMIT vertices: it is looked up in the table.
+    Only polygons with more than SCAN_LIMIT vertices have a table.
     """
     entries = int(p.array[table_place(p.start, sector)])
     entry = (entries >> (ENTRY_BITS * (sector & 3))) & ENTRY_MASK
@@ -133,7 +132,7 @@ def near_support(p, sector):
 
 @kernel
 def convex_part(p, i):
-    """Return convex part i of a polygon, packed too; of a convex one itself."""
+    """Return convex part i of a packed polygon, packed too; a convex polygon is its own part."""
     if p.n > 0:
         return p
     entry = p.start + HEADER + 2 * i
@@ -154,8 +153,8 @@ class Rows(NamedTuple):
     min_y: NDArray[np.float64]
     max_x: NDArray[np.float64]
     max_y: NDArray[np.float64]
-    # (r,) array of int64: where the packed body starts, its count (0: no body), and how many
-    # doubles it may take.
+    # (r,) array of int64: the index at which the packed body starts, its count (0: no body), and
+    # how many doubles are reserved for it.
     start: NDArray[np.int64]
     n: NDArray[np.int64]
     space: NDArray[np.int64]
@@ -169,7 +168,7 @@ class Rows(NamedTuple):
 
 @inlined
 def rows_of(array):
-    """Name the parts of the array of a set."""
+    """Return the parts of the array of a set."""
     numbers = elements(array)
     whole = integers(numbers)
     room = int(numbers[0])
@@ -193,14 +192,14 @@ def body_of(rows, row):
 
 
 def new_array(rows: int, doubles: int) -> NDArray[np.float64]:
-    """Return the array of an empty set with room for so many rows, and doubles of bodies."""
+    """Return the array of an empty set with room for so many rows, and doubles for bodies."""
     array = np.zeros(_HEAD + _COLUMNS * rows + doubles)
     array[0] = rows
     return array
 
 
 def views_of(array: NDArray[np.float64]) -> Rows:
-    """Return the parts of the array of a set as NumPy has them, for plain Python."""
+    """Return the parts of the array of a set as NumPy views, for use outside kernels."""
     room = int(array[0])
     end = _HEAD + _COLUMNS * room
     columns = array[_HEAD:end].reshape(_COLUMNS, room)

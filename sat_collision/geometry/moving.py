@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-A body on its way between two poses, each vertex on a straight line at a steady speed.
+A body that moves between two poses, each vertex on a straight line at constant speed.
 
-It is bounded by its convex parts: those that it is cut into in one pose, each taken as the convex
-hull of its vertices wherever they are later. At no time is anything of the body left out. The
-outline is the sum of the parts' outlines, as what they have in common is run through both ways;
-where it winds around a point, so does that of a part, and its hull has the point. And the hulls
-hold nothing else while the parts stay convex: always, if the body is rigid or convex all the way.
+It is covered by the convex parts that it is cut into in one pose, each taken at any time as the
+convex hull of its vertices. No point of the body is ever left out: its outline is the sum of the
+parts' outlines, as edges that parts share are traversed in both directions; so if it winds around
+a point, the outline of some part does, and the hull of that part has the point. The hulls cover
+nothing else while the parts stay convex: always, if the body is rigid or convex all the way.
 """
 
 from __future__ import annotations
@@ -37,26 +37,26 @@ from sat_collision.geometry.predicates import orient
 
 # Doubles that a vertex takes: x and y at time 0, then at time 1.
 STRIDE = 4
-# Takes all coordinates to where nothing overflows.
+# Brings any coordinates to where nothing overflows.
 _LEAST_SCALE = 2.0 ** -1000
 
 
 class MovingBody(NamedTuple):
-    """What the kernels of `sweep` read of a body that moves."""
+    """A moving body as the kernels of `sweep` read it."""
 
     # Flat array of float64: x, y at time 0 and x, y at time 1 of each vertex of the convex parts,
     # part after part.
     array: Any
-    # (k,) array of int64: where in the array each part ends.
+    # (k,) array of int64: the index at which each part ends.
     ends: Any
 
 
 class Part(NamedTuple):
-    """A convex part of a body that moves, see `MovingBody`."""
+    """A convex part of a moving body, see `MovingBody`."""
 
-    # Flat array of float64, or its `elements`: holds its vertices, and maybe others.
+    # Flat array of float64, or its `elements`: has its vertices, and maybe others.
     array: Any
-    # Where in the array they start, and where they end.
+    # The indices at which they start and end.
     first: int
     end: int
 
@@ -64,26 +64,26 @@ class Part(NamedTuple):
 def moving_body(start: NDArray[np.float64], end: NDArray[np.float64],
                 polygon0: Polygon, polygon1: Polygon) -> MovingBody:
     """
-    Return a body that moves, cut in the pose that takes more convex parts.
+    Return a moving body, cut into the convex parts of the pose that has more of them.
 
-    For what is flat or convex in one pose may bend on the way to the other.
+    A body that is flat or convex in one pose may not be so in the other.
 
     Parameters
     ----------
     start, end : (n, 2) ndarray
         Vertices at times 0 and 1, the same ones in the same order.
     polygon0, polygon1 : Polygon
-        What they make.
+        The polygons that they make.
 
     Raises
     ------
     ValueError
-        Another number of vertices at time 1.
+        The numbers of vertices differ.
 
     """
     if len(start) != len(end):
-        raise ValueError(f'{len(start)} vertices at time 0, but {len(end)} at time 1: it has to '
-                         'be known where each has gone')
+        raise ValueError(f'{len(start)} vertices at time 0, but {len(end)} at time 1: each '
+                         'vertex needs a position at both')
     both = np.hstack([start, end])
     parts0, parts1 = (max(1, -polygon.packed[1]) for polygon in (polygon0, polygon1))
     polygon, pose = (polygon1, end) if parts1 > parts0 else (polygon0, start)
@@ -98,8 +98,8 @@ def moving_body(start: NDArray[np.float64], end: NDArray[np.float64],
 
 def _rows_of_parts(points: NDArray[np.float64],
                    polygon: Polygon) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return which points each convex part has, and where in these rows each part ends."""
-    # Of a copy, which may be written: for another kind of array all would be compiled again.
+    """Return the row of each point of each convex part, and where among them each part ends."""
+    # A writable copy: for a read-only array kernels would be compiled again.
     outline = indexable(polygon.vertices.flatten())
     corners, ends = convex_parts(outline)
     points = indexable(points.ravel())
@@ -110,7 +110,7 @@ def _rows_of_parts(points: NDArray[np.float64],
 
 @kernel
 def on_boundary(vertices, part, points):
-    """Return of each point whether it lies on the boundary of a part of vertices; exact."""
+    """Return for each point whether it is on the boundary of a part of the vertices; exact."""
     found = np.zeros(len(points) // 2, np.bool_)
     for k in range(len(part)):
         a = 2 * part[k - 1 if k > 0 else len(part) - 1]
@@ -130,16 +130,16 @@ def on_boundary(vertices, part, points):
 
 @kernel
 def stays_apart(a, b, apart):
-    """Return the same as `boxes_stay_apart` of moving bodies, given by their arrays."""
+    """Return `boxes_stay_apart` of two moving bodies, given by their arrays."""
     return boxes_stay_apart(Part(a, 0, len(a)), Part(b, 0, len(b)), apart)
 
 
 @kernel
 def boxes_stay_apart(p, q, apart):
     """
-    Return whether a level strip, or an upright one, is between two parts all the way.
+    Return whether a horizontal or vertical strip is between two parts at all times.
 
-    It is wider than `apart`; exact if that is 0, where it is a line.
+    It is wider than `apart` and moves with them; exact if `apart` is 0.
     """
     p = Part(elements(p.array), p.first, p.end)
     q = Part(elements(q.array), q.first, q.end)
@@ -149,7 +149,7 @@ def boxes_stay_apart(p, q, apart):
 
 @inner
 def _is_below(p, q, axis, apart):
-    """Return whether P is below Q by more than a length along x or y, 0 or 1, at both ends."""
+    """Return whether P is below Q by more than `apart` along axis 0 or 1 at times 0 and 1."""
     for k in (axis, axis + 2):
         most = -math.inf
         for i in range(p.first + k, p.end, STRIDE):
@@ -163,16 +163,16 @@ def _is_below(p, q, axis, apart):
 @inner
 def relative(a, b):
     """
-    Return moving bodies, given by their arrays, relative to a point of their surroundings.
+    Return moving bodies, given by their arrays, relative to their least x and y at time 0.
 
-    Where that makes coordinates of extreme magnitude they are multiplied by a power of two, so
-    that nothing overflows, and underflow takes nothing that is seen.
+    If the result is of extreme magnitude it is multiplied by a power of two, so that nothing
+    overflows, and underflow has no visible effect.
 
     Returns
     -------
     a, b : flat arrays of float64
     extent : float
-        The greatest relative coordinate, before it is multiplied; maybe infinite.
+        The greatest relative coordinate, before the multiplication; maybe infinite.
     scale : float
         The power of two.
 
@@ -186,7 +186,7 @@ def relative(a, b):
 
 @inner
 def _least_coordinate(array, k):
-    """Return the least of the numbers that stand at k for each vertex."""
+    """Return the least of the numbers at offset k of each vertex."""
     least = array[k]
     for i in range(k + STRIDE, len(array), STRIDE):
         least = min(least, array[i])
@@ -204,7 +204,7 @@ def _extent(x, y, array):
 
 @inner
 def _relative_to(x, y, array, scale):
-    """Return the coordinates relative to x, y, times a power of two."""
+    """Return the coordinates relative to x, y, multiplied by a power of two."""
     moved = scratch(len(array))
     before = min(scale, 1.0)
     after = max(scale, 1.0)

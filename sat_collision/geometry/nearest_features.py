@@ -12,16 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The nearest features, a vertex and an edge or two vertices, of two convex polygons apart.
+The nearest features of two disjoint convex polygons: a vertex and an edge, or two vertices.
 
 The point of their Minkowski difference Q - P nearest to the origin is sought with its support
-vertices (E. G. Gilbert, D. W. Johnson, S. S. Keerthi, "A fast procedure for computing the distance
-between complex objects in three-dimensional space", 1988), first in plain doubles. Then, in twice
-their precision, no vertex may be beyond the line through what was found, across the way between
-the bodies; where one is, the search goes on from there. Where it does not come to an end all pairs
-of features are tried. See docs/exactness.md, lemmas 16 (support in twice the precision) and 17.
+vertices (GJK: E. G. Gilbert, D. W. Johnson, S. S. Keerthi, "A fast procedure for computing the
+distance between complex objects in three-dimensional space", 1988), first in plain doubles. The
+result is checked with double-doubles: no vertex may lie on the origin's side of the line through
+the point found, perpendicular to the axis; from one that does the search goes on. If it does not
+end, all pairs of features are tried. See docs/exactness.md, lemmas 16 and 17.
 
-An axis in twice the precision is given as x and y, each a head and a tail, see `double_double`.
+An axis of double-doubles is given as x and y, each a head and a tail, see `double_double`.
 
 Coordinates are below 2^301 in magnitude, and the largest is above 2^-301, see `distance`.
 """
@@ -35,35 +35,35 @@ from sat_collision.geometry.layout import first_vertex
 from sat_collision.geometry.plane import nearest_of_segment, scale_to_one
 from sat_collision.geometry.separating_axis import support
 
-# How far, in parts of the largest coordinate, the rough distance may be from its lower bound: 4 u.
+# Largest excess of the rough distance over its bound, relative to the largest coordinate: 4 u.
 _TOLERANCE = 2.0 ** -51
-# How much less, in parts of itself, the distance may be than the one found: u / 2.
+# Largest relative excess of the distance found over its lower bound: u / 2.
 _NEGLIGIBLE = 2.0 ** -54
-# Of the products' magnitudes: what a scalar product in twice the precision may be wrong by.
+# Error bound of a scalar product of double-doubles, relative to its products' magnitudes.
 _HIDDEN = 16.0 * 2.0 ** -106
-# More than what underflow takes from a scalar product, or from coordinates made smaller.
+# Exceeds what underflow takes from a scalar product, or from coordinates that were scaled down.
 _LOST = 2.0 ** -1022
-# Below this length an edge may be nothing but what underflow left of it.
+# The direction of an edge below this length may be an artefact of underflow.
 SHORT = 2.0 ** -900
 
 
 class Features(NamedTuple):
-    """Two segments between vertices, one of which is a single one at least, and their distance."""
+    """A segment between vertices of each body, at least one of them a vertex, and the distance."""
 
     distance: float
-    # Where the ends of that of P stand in its array, and of that of Q.
+    # Indices of the ends of P's segment in its array, and of Q's.
     pa: int
     pb: int
     qa: int
     qb: int
-    # The way from P to Q: an axis of any length, in twice the precision.
+    # The direction from P to Q: an axis of any length, of double-doubles.
     nx: Any
     ny: Any
 
 
 @kernel
 def nearest_features(p, q):
-    """Return the nearest features of two convex polygons without a common point."""
+    """Return the nearest features of two disjoint convex polygons."""
     v = p.array
     w = q.array
     pa, pb, qa, qb = _roughly_nearest(p, q)
@@ -105,7 +105,7 @@ def of_all_features(p, q):
 @kernel
 def closest_of(p, q, features):
     """
-    Return the points of P and Q that are nearest, x, y, x, y, and the unit vector between them.
+    Return the nearest points of P and Q, x, y, x, y, and the unit vector from P to Q.
 
     Each coordinate of a point is rounded once.
     """
@@ -128,13 +128,13 @@ def closest_of(p, q, features):
 
 @inner
 def way(v, w, i, j):
-    """Return the way from the vertex at i of P to that at j of Q, exactly."""
+    """Return the offset from the vertex at i of P to that at j of Q, exactly."""
     return difference(w[j], v[i]), difference(w[j + 1], v[i + 1])
 
 
 @inner
 def _edge(v, w, pa, pb, qa, qb):
-    """Return how the way from P to Q changes along their features, of which one is a vertex."""
+    """Return how the offset from P to Q changes along features, one of them a vertex; scaled."""
     if pa == pb:
         ex = difference(w[qb], w[qa])
         ey = difference(w[qb + 1], w[qa + 1])
@@ -152,7 +152,7 @@ def between(a, b, share):
 
 @inner
 def _roughly_nearest(p, q):
-    """Return vertices pa, pb, qa, qb between which the nearest points are, in plain doubles."""
+    """Return vertices pa, pb, qa, qb between which the nearest points are, by plain doubles."""
     v = p.array
     w = q.array
     pa = pb = first_vertex(p)
@@ -189,7 +189,7 @@ def _roughly_nearest(p, q):
 
 @inner
 def _near_segment(p, q, pa, qa, pb, qb):
-    """Return `nearest_of_segment` of the one from q[qa] - p[pa] to q[qb] - p[pb]."""
+    """Return `nearest_of_segment` of the segment from q[qa] - p[pa] to q[qb] - p[pb]."""
     return nearest_of_segment(q[qa] - p[pa], q[qa + 1] - p[pa + 1],
                               q[qb] - p[pb], q[qb + 1] - p[pb + 1])
 
@@ -207,7 +207,7 @@ def reach_of(p, q):
 
 @inner
 def _of_segments(v, w, pa, pb, qa, qb):
-    """Return the nearest features of a segment of P and one of Q, apart, given by vertices."""
+    """Return the nearest features of disjoint segments of P and Q, given by vertices."""
     best = _of_segment(v, w, pa, pb, qa, qa)
     if qa != qb:
         found = _of_segment(v, w, pa, pa, qa, qb)
@@ -222,7 +222,7 @@ def _of_segments(v, w, pa, pb, qa, qb):
 
 @inner
 def _of_segment(v, w, pa, pb, qa, qb):
-    """Return the nearest features of two segments one of which is a vertex."""
+    """Return the nearest features of two segments, one of which is a vertex."""
     ax, ay = way(v, w, pa, qa)
     if pa == pb and qa == qb:
         return _of_vertices(pa, qa, ax, ay)
@@ -243,7 +243,7 @@ def _of_segment(v, w, pa, pb, qa, qb):
 
 @inner
 def _of_vertices(i, j, x, y):
-    """Return two vertices as features, given the way between them."""
+    """Return two vertices as features, given the offset between them."""
     scale = scale_to_one(max(abs(x[0]), abs(y[0])))
     x, y = scaled(x, y, scale)
     return Features(square_root(dot(x, y, x, y))[0] / scale, i, i, j, j, x, y)
@@ -251,7 +251,7 @@ def _of_vertices(i, j, x, y):
 
 @inner
 def furthest(p, i, nx, ny):
-    """Return where the vertex of P furthest along n stands, but for 2^-99 R; begin at i."""
+    """Return the index of the vertex of P furthest along n, to 2^-99 |n| R; start at i."""
     v = p.array
     first = first_vertex(p)
     last = first + 2 * p.n - 2
@@ -271,7 +271,7 @@ def furthest(p, i, nx, ny):
         rise_ahead = -1
     if p.n > 1 and ((rise_ahead == 0 and not _runs_left(v, i, ahead, nx[0], ny[0]))
                     or (rise_behind == 0 and not _runs_left(v, behind, i, nx[0], ny[0]))):
-        # At the bottom, or where underflow hides how edges run.
+        # At the lowest vertex, or where underflow hides the direction of edges.
         i = first
         most = along(v, first, first, nx, ny)
         for k in range(first, last + 2, 2):
@@ -284,7 +284,7 @@ def furthest(p, i, nx, ny):
 
 @inlined
 def along(v, i, k, nx, ny):
-    """Return the component along n of the way from the vertex at i to that at k."""
+    """Return the component along n of the offset from the vertex at i to that at k."""
     return dot(difference(v[k], v[i]), difference(v[k + 1], v[i + 1]), nx, ny)
 
 
@@ -299,5 +299,5 @@ def _rise(v, i, k, nx, ny):
 
 @inner
 def _runs_left(v, i, k, nx, ny):
-    """Return whether an edge whose rise is not certain runs to the left of n, and is not short."""
+    """Return whether an edge of uncertain rise runs to the left of n, and is not short."""
     return nx * (v[k + 1] - v[i + 1]) - ny * (v[k] - v[i]) > SHORT

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Make packed polygons, see `layout`, of received points."""
+"""Packed polygons, see `layout`, made from received points."""
 
 from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.jit import float32_values, inner, kernel, scratch
@@ -21,9 +21,9 @@ from sat_collision.geometry.plane import centroid, length
 from sat_collision.geometry.predicates import orient
 from sat_collision.geometry.ring import clean, CONVEX, NON_CONVEX
 
-# The disc's radius is shortened by 2^-45 of the radius and the extent, which is more than all
-# rounding takes; there is none where an edge or the radius is so short that underflow might take
-# more. See docs/exactness.md, lemma 10.
+# The disc's radius is shortened by 2^-45 of the radius and the extent, which exceeds all rounding
+# errors; there is no disc if an edge or the radius is so short that underflow might exceed this.
+# See docs/exactness.md, lemma 10.
 _SHORTER = 2.0 ** -45
 _LEAST_EDGE = 2.0 ** -500
 _LEAST_RADIUS = 1e-140
@@ -34,7 +34,7 @@ _INFINITY = float('inf')
 @kernel
 def pack(points, packed, most, most_notched):
     """
-    Pack a polygon, given as received points, see `layout`.
+    Pack a polygon given by received points, see `layout`.
 
     Parameters
     ----------
@@ -43,16 +43,16 @@ def pack(points, packed, most, most_notched):
     packed : flat array of float64
         Receives the polygon; of `packed_size(n)` at least.
     most, most_notched : int
-        The most vertices accepted, as `ring.clean` takes them.
+        The most vertices accepted, see `ring.clean`.
 
     Returns
     -------
     verdict, count, i, j : int
-        As `ring.clean` says. When the points are refused the array holds the vertices in the
-        ring's order from the start on; of a polygon that is not convex it has no meaning but for
-        its bounds, its fingerprint and its vertices.
+        As returned by `ring.clean`. If the points are refused, the array has the vertices in the
+        ring's order from its start on; for a non-convex polygon only its bounds, fingerprint and
+        vertices are valid.
     first : int
-        Where the vertices start in the array.
+        The index at which the vertices start in the array.
 
     """
     require_nearest(len(points))
@@ -70,7 +70,7 @@ def pack(points, packed, most, most_notched):
             _write_table(ring, count, packed)
         packed[FINGERPRINT] = _fingerprint(packed)
         if verdict == NON_CONVEX:
-            # Bounds and one vertex are the same for many bodies with notches.
+            # Many non-convex bodies have the same bounds and first vertex.
             for k in range(2 * count):
                 packed[FINGERPRINT] = 0.7 * packed[FINGERPRINT] + 0.2 * ring[k]
     for k in range(2 * count):
@@ -81,9 +81,9 @@ def pack(points, packed, most, most_notched):
 @kernel
 def pack_convex(data, start, received, packed, most, plane):
     """
-    Pack `moved_points`, if they make a convex polygon with that many vertices at most.
+    Pack `moved_points`, if they make a convex polygon of no more vertices than are accepted.
 
-    Returned is how many it has, 0 where they make none.
+    Returned is their number, 0 if they do not.
     """
     verdict, count, _, _, _ = pack(moved_points(data, start, received, plane), packed, most, 0)
     return count if verdict == CONVEX else 0
@@ -92,9 +92,9 @@ def pack_convex(data, start, received, packed, most, plane):
 @kernel
 def moved_points(data, start, received, plane):
     """
-    Return where a map of the plane takes the points of a message.
+    Return the points of a message, transformed by an affine map.
 
-    Each coordinate is rounded four times, see docs/exactness.md, lemma 14; by UNMOVED not at all.
+    Each coordinate is rounded four times, see docs/exactness.md, lemma 14; not at all by UNMOVED.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def moved_points(data, start, received, plane):
         Where in the data the points start, and how many there are, at least one: x, y and z of
         each as float32 in this machine's byte order.
     plane : PlaneMap
-        Takes the points to another frame.
+        The affine map of the points to another frame.
 
     Returns
     -------
@@ -147,11 +147,11 @@ def _write_bounds(ring, count, packed):
 @inner
 def _write_inner_disc(ring, count, packed):
     """
-    Write the centroid (paper section 2.2) where it is proved to lie in the polygon.
+    Write the centroid (paper section 2.2) if it is proved to lie in the polygon, and its disc.
 
-    That makes it a point to reason with, not only a direction. Of slivers, segments and points,
-    where rounding may put it outside, the vertex that stands there already serves instead. The
-    disc around it touches the nearest edge, but for `_SHORTER`.
+    The proofs need a point of the polygon. For slivers, segments and points, where rounding may
+    put the centroid outside, the vertex that was written before stays. The disc around it touches
+    the nearest edge, up to `_SHORTER`.
     """
     if count < 3:
         return
@@ -178,7 +178,7 @@ def _write_inner_disc(ring, count, packed):
 
 @inner
 def _write_table(ring, count, packed):
-    """March around the boundary once while the direction turns once, sector by sector."""
+    """March around the boundary once while the axis turns once, sector by sector."""
     size = table_size(count)
     i = 0
     for sector in range(4 * size):

@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-Bounds of the separation of convex parts by their boxes and by axes, much cheaper than measuring.
+Lower bounds of the separation of convex parts by boxes and axes, much cheaper than measuring.
 
-Parts are no nearer than their boxes, and overlap no deeper: the move that parts the boxes parts
-what is in them. `distance` sees to it that this is true of rounded separations, too.
+Parts are no nearer than their boxes, and overlap no deeper: a move that separates the boxes
+separates the parts. `distance` ensures that this is true of rounded separations, too.
 
 Along any axis the gap between bodies is at most their separation, and along the normal of an edge
-the overlap is at least their depth. Where rounding could make that wrong, nothing is concluded.
+the overlap is at least their depth. Where rounding could invalidate this, nothing is concluded.
 """
 
 import math
@@ -29,17 +29,17 @@ from sat_collision.geometry.jit import COMPILED, inner
 from sat_collision.geometry.layout import convex_part, first_vertex, HEADER
 from sat_collision.geometry.plane import length, scale_to_one
 
-# More than what rounding makes of a distance along an axis, in parts of the largest coordinate:
-# see docs/exactness.md, lemma 20.
+# Exceeds the rounding error of a distance along an axis, relative to the largest coordinate: see
+# docs/exactness.md, lemma 20.
 ROUNDING = 2.0 ** -47
-# Below this magnitude products may have lost what is below the smallest doubles.
+# Below this magnitude underflow may have taken too much from products.
 _LEAST_PRODUCT = 1e-290
 
 
 @inner
 def limit_of(least, reach):
     """
-    Return the separation from which on, seen along an axis, a pair cannot be what is sought.
+    Return the gap along an axis above which a pair cannot be the nearest or deepest.
 
     Parameters
     ----------
@@ -49,13 +49,13 @@ def limit_of(least, reach):
         The largest coordinate.
 
     """
-    # Where products of coordinates overflow or underflow axes prove nothing.
+    # Where products of coordinates may overflow or underflow, axes prove nothing.
     return least + ROUNDING * reach if scale_to_one(reach) == 1.0 else math.inf
 
 
 @inner
 def is_beyond_edge(p, q, limit):
-    """Return whether, from some edge of P, all of Q is so far outside, or not so deep inside."""
+    """Return whether the gap from some edge of P to Q, < 0 if Q is inside it, is above a limit."""
     v = p.array
     w = q.array
     first = first_vertex(p)
@@ -93,7 +93,7 @@ def reaches(p, ux, uy):
 
 @inner
 def overlap(p, q):
-    """Return how far to move P along x or y until its box leaves that of Q, < 0 if it has."""
+    """Return the least move along x or y that parts the boxes of P and Q; minus a gap between."""
     a = p.array
     b = q.array
     i = p.start
@@ -111,7 +111,7 @@ def may_be_less(gap, least):
 if COMPILED:
     @inner
     def nearest_boxes(p, q):
-        """Return the first pair of parts whose boxes overlap most, or are nearest, as below."""
+        """Return the first pair of parts, see `open_pairs`, with the greatest `overlap`."""
         best = -math.inf
         pair = 0
         parts = max(1, -q.n)
@@ -128,9 +128,9 @@ if COMPILED:
     @inner
     def open_pairs(p, q, least):
         """
-        Return the pairs of parts that may be nearer or deeper than what is found: an array.
+        Return the pairs of parts whose separation may be less than the least found: an array.
 
-        A pair is the number of the part of P, times the parts of Q, plus that of the part of Q.
+        Part i of P and part j of Q are the pair i m + j, where Q has m parts.
         """
         parts = max(1, -q.n)
         pairs = np.empty(max(1, -p.n) * parts, np.int64)
@@ -160,10 +160,10 @@ else:
         return array[p.start + np.add.outer(starts, np.arange(2, 6))]
 
     def nearest_boxes(p, q):
-        """Return the first pair of parts whose boxes overlap most, or are nearest."""
+        """Return the first pair of parts with the greatest `overlap`."""
         return int(np.argmax(_overlaps(p, q)))
 
     def open_pairs(p, q, least):
-        """Return the pairs of parts that may be nearer or deeper than what is found: a list."""
+        """Return the pairs of parts whose separation may be less than the least found: a list."""
         gaps = _overlaps(p, q)
         return np.flatnonzero(-gaps < least).tolist()

@@ -12,11 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-How deep two convex polygons overlap: the shortest move after which they only touch.
+Penetration depth of two convex polygons: the shortest move after which they only touch.
 
-That is along the normal of an edge of one of them, and as far as the other body reaches beyond it.
-All edges are looked at in plain doubles, and those that might have the least depth again in twice
-the precision: see docs/exactness.md, lemma 18.
+It is along the normal of an edge of one of them, as far as the other polygon reaches behind that
+edge. All edges are tried in plain doubles, and those that might have the least depth again with
+double-doubles: see docs/exactness.md, lemma 18.
 """
 
 import math
@@ -30,17 +30,17 @@ from sat_collision.geometry.part_bounds import ROUNDING
 from sat_collision.geometry.plane import scale_to_one, unit
 from sat_collision.geometry.separating_axis import support
 
-# A way along an edge, in parts of the largest coordinate, that counts as none.
+# Offsets along an edge up to this, relative to the largest coordinate, count as zero.
 _NEGLIGIBLE = 2.0 ** -92
 
 
 @kernel
 def penetration(p, q):
     """
-    Return how deep two convex polygons that meet overlap, and what realises it.
+    Return the depth of two convex polygons that meet, and the points that realise it.
 
-    The depth is rounded, and infinite if both are points, or like points by underflow. With it a
-    point of P and one of Q, the move between which takes P out of Q, and its direction for Q.
+    The depth is rounded, and infinite if both are points, or like points by underflow. Moving P
+    from its point to that of Q takes it out of Q; the unit vector is the opposite direction.
     """
     slack = 2.0 * ROUNDING * reach_of(p, q)
     depth, edge, vertex = _least_reach(p, q, slack)
@@ -59,11 +59,11 @@ def penetration(p, q):
 @inner
 def _least_reach(p, q, slack):
     """
-    Return how far Q reaches beyond the edge of P behind which it reaches least.
+    Find the edge of P behind which Q reaches least far.
 
-    Returned are this depth, in twice the precision (infinite if P is a point, or like one by
-    underflow), where the edge starts in P's array, and where the vertex of Q that reaches so far
-    stands.
+    Returned are this depth as a double-double (infinite if P is a point, or like one by
+    underflow), and the indices of the vertex at which the edge starts and of the vertex of Q that
+    reaches so far.
     """
     v = p.array
     w = q.array
@@ -93,7 +93,7 @@ def _least_reach(p, q, slack):
         ex, ey = _edge(p, a)
         if ex[0] == 0.0 and ey[0] == 0.0:
             continue
-        # No vertex of P is beyond its edge, but for one so short that underflow turns it.
+        # No vertex of P is beyond its edge, unless this is so short that underflow turns it.
         k = furthest(p, a, ey, negative(ex))
         j = furthest(q, first_vertex(q), negative(ey), ex)
         reach = cross(ex, ey, difference(w[j], v[k]), difference(w[j + 1], v[k + 1]))
@@ -107,14 +107,14 @@ def _least_reach(p, q, slack):
 
 @inner
 def _after(p, a):
-    """Return where the vertex after that at a stands."""
+    """Return the index of the vertex after that at a."""
     first = first_vertex(p)
     return a + 2 if a < first + 2 * p.n - 2 else first
 
 
 @inner
 def _edge(p, a):
-    """Return the edge of P that leaves the vertex at a, times a power of two."""
+    """Return the edge of P that starts at a, multiplied by a power of two."""
     v = p.array
     b = _after(p, a)
     ex = difference(v[b], v[a])
@@ -124,7 +124,7 @@ def _edge(p, a):
 
 @inner
 def _before(p, a):
-    """Return where the vertex before that at a stands."""
+    """Return the index of the vertex before that at a."""
     first = first_vertex(p)
     return a - 2 if a > first else first + 2 * p.n - 2
 
@@ -132,11 +132,11 @@ def _before(p, a):
 @inner
 def _move(p, q, a, j):
     """
-    Return a point of P, one of Q as far beyond P's edge at a as its vertex at j, and the normal.
+    Return a point of P, one of Q as far behind P's edge at a as its vertex at j, and the normal.
 
-    The vertex need not stand over that edge if another of either body is level with it, or all but
-    level: from the edge on the boundary of the Minkowski difference is followed to where a point
-    of Q is over one of P. Each coordinate is rounded once.
+    The vertex need not be opposite that edge if another vertex of either body is as far along the
+    normal, or nearly: the boundary of the Minkowski difference is followed from the edge on to
+    where a point of Q is opposite one of P. Each coordinate is rounded once.
     """
     v = p.array
     w = q.array
@@ -161,7 +161,7 @@ def _move(p, q, a, j):
         fx, fy = difference(v[c], v[i]), difference(v[c + 1], v[i + 1])
         gx, gy = difference(w[d], w[k]), difference(w[d + 1], w[k + 1])
         turn = cross(fx, fy, gx, gy)[0]
-        # Of the two edges, if both lead on, the one that turns less comes first.
+        # If both next edges lead on, the one that turns less comes first.
         if not dot(ex, ey, gx, gy)[0] < 0.0 or (
                 dot(ex, ey, fx, fy)[0] > 0.0 and (turn <= 0.0 if forward else turn >= 0.0)):
             d = k

@@ -11,14 +11,14 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Lengths and centres in the plane: rounded, but the same with and without numba, at any scale."""
+"""Lengths, directions and centroids: rounded, the same with and without numba, at any scale."""
 
 import math
 
 from sat_collision.geometry.jit import inner, kernel
 
 # Between these magnitudes the third powers of coordinates neither overflow nor underflow; others
-# are scaled by a power of two, which rounds nothing.
+# are multiplied by a power of two, which is exact.
 _LARGE = 2.0 ** 300
 _SMALL = 2.0 ** -300
 _MOST_SHIFT = 1000
@@ -37,7 +37,7 @@ def length(x, y):
 
 @kernel
 def unit(x, y):
-    """Return a vector's direction as a vector of length one, to a few ulp; of none the same."""
+    """Return the unit vector in the direction of a vector, to a few ulp; zero for zero."""
     scale = scale_to_one(max(abs(x), abs(y)))
     x *= scale
     y *= scale
@@ -49,7 +49,7 @@ def unit(x, y):
 
 @kernel
 def nearest_of_segment(ax, ay, bx, by):
-    """Return how near a segment a b comes to the origin, and its nearest point's direction."""
+    """Return the distance of a segment a b from the origin and its nearest point's direction."""
     ex, ey = unit(bx - ax, by - ay)
     if not ax * ex + ay * ey < 0.0:
         ux, uy = unit(ax, ay)
@@ -66,7 +66,7 @@ def nearest_of_segment(ax, ay, bx, by):
 @kernel
 def centroid(ring, count):
     """
-    Return the centre of gravity (x, y) of a polygon, of a segment its middle (paper section 2.2).
+    Return x, y of the centroid of a polygon, for a segment its midpoint (paper section 2.2).
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def centroid(ring, count):
         moment_x += double_area * (ax + bx)
         moment_y += double_area * (ay + by)
     if area > 0.0:
-        # Of slivers rounding may leave anything, even more than the largest double.
+        # For slivers rounding may give anything, even an overflow.
         return (_within_bounds(ring, 0, count, (x0 + moment_x / area / 3.0) / scale),
                 _within_bounds(ring, 1, count, (y0 + moment_y / area / 3.0) / scale))
     # A point, a segment, or so thin that its area is lost.
@@ -106,7 +106,7 @@ def centroid(ring, count):
 
 @inner
 def _within_bounds(ring, axis, count, x):
-    """Return a coordinate, brought back to between those of the vertices."""
+    """Return a coordinate clamped to the range of those of the vertices."""
     least = most = ring[axis]
     for k in range(2 + axis, 2 * count, 2):
         least = min(least, ring[k])
@@ -116,7 +116,7 @@ def _within_bounds(ring, axis, count, x):
 
 @kernel
 def scale_to_one(largest):
-    """Return a power of two that brings a magnitude to where products are safe; 1 where it is."""
+    """Return a power of two that scales a magnitude so that products are safe; 1 if they are."""
     if _SMALL < largest < _LARGE or largest in (0.0, _INFINITY):
         return 1.0
     _, exponent = math.frexp(largest)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bodies: checked, immutable polygons, segments and points."""
+"""Bodies: validated, immutable polygons, segments and points."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ from sat_collision.geometry.plane import centroid
 
 MAX_VERTICES = 1024
 
-# A packed polygon, see `layout`, and its count: vertices if convex, else minus the convex parts.
-# The array may be longer than the polygon.
+# A packed polygon, see `layout`, and its count: the number of vertices if convex, else minus that
+# of the convex parts. The array may be longer than the polygon.
 PackedBody: TypeAlias = tuple[NDArray[np.float64], int]
 
-# Takes (x, y) to (a x + b y + c, d x + e y + f), as a, b, c, d, e, f; c and f in metres.
+# The affine map of (x, y) to (a x + b y + c, d x + e y + f) as a, b, c, d, e, f; c, f in metres.
 PlaneMap: TypeAlias = tuple[float, float, float, float, float, float]
 UNMOVED: PlaneMap = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
@@ -83,7 +83,7 @@ class PolygonError(ValueError):
 
 
 class Geometry(Protocol):
-    """What shapely's geometries, and those of many other libraries, have: one GeoJSON geometry."""
+    """A geometry of shapely or another library that converts itself to one GeoJSON geometry."""
 
     @property
     def __geo_interface__(self) -> dict[str, Any]:
@@ -94,10 +94,10 @@ class Polygon:
     """
     An immutable simple polygon, segment or point: a closed set in the plane.
 
-    Repeated vertices, the closing vertex and those at which the boundary goes straight on are
-    dropped, clockwise order is reversed, and the vertex with the least x, of several the least y,
+    Repeated vertices, the closing vertex and vertices at which the boundary goes straight on are
+    dropped, clockwise order is reversed, and the lexicographically least vertex (by x, then y)
     goes first. Points that all lie on one line become a segment, equal points a single point; both
-    are legal bodies.
+    are valid bodies.
 
     Parameters
     ----------
@@ -106,20 +106,20 @@ class Polygon:
         `__geo_interface__`, such as shapely's geometries: a Polygon without holes, a LinearRing, a
         LineString of two points or a Point. A Polygon of this library is copied.
     max_vertices : int, optional
-        The most vertices accepted, counted after dropping the superfluous ones.
+        The most vertices accepted, counted after redundant ones are dropped.
 
     Attributes
     ----------
     packed : PackedBody
-        What the kernels read, see `layout`. Not to be changed.
+        The body as the kernels read it, see `layout`. Do not change it.
 
     Raises
     ------
     PolygonError
-        Empty, wrong shape, no numbers, a coordinate that is not finite, holes, a boundary that
+        No points, a wrong shape, values that are not numbers or not finite, holes, a boundary that
         crosses, touches or folds back on itself, or too many vertices.
     TypeError
-        A limit on vertices that is no integer, such as shapely's second argument, holes.
+        `max_vertices` is not an integer, such as holes, the second argument of shapely's Polygon.
 
     Examples
     --------
@@ -145,7 +145,7 @@ class Polygon:
     def from_float32(cls, data: bytes, start: int, count: int, max_vertices: int = MAX_VERTICES,
                      max_notched: int | None = None, plane: PlaneMap = UNMOVED) -> Polygon:
         """
-        Make a polygon of the points of a serialised message.
+        Make a polygon from the points of a serialised message.
 
         Parameters
         ----------
@@ -154,11 +154,11 @@ class Polygon:
             Where in the data the points start, and how many there are: x, y and z of each as
             float32 in this machine's byte order.
         max_vertices : int, optional
-            As for the constructor, as are the errors raised.
+            As for the constructor, which raises the same errors.
         max_notched : int, optional
-            The most vertices accepted of a polygon that is not convex, if that is fewer.
+            The most vertices accepted of a non-convex polygon, if fewer.
         plane : PlaneMap, optional
-            Takes the points to another frame.
+            The affine map of the points to another frame.
 
         """
         if count == 0:
@@ -171,13 +171,13 @@ class Polygon:
 
     @classmethod
     def _of_packed(cls, packed: NDArray[np.float64], count: int) -> Polygon:
-        """Make a polygon of a copy of what `packed` holds of it; there may be more behind."""
+        """Make a polygon from a copy of the packed body at the start of an array."""
         polygon = cls.__new__(cls)
         polygon.packed = indexable(packed[:size_of((packed, count))].copy()), count
         return polygon
 
     def _pack(self, points: NDArray[np.float64], max_vertices: int, max_notched: int) -> None:
-        """Pack (n, 2) points, or raise what is wrong with them."""
+        """Pack (n, 2) points; raise `PolygonError` if they do not make a polygon."""
         array = np.empty(packed_size(len(points)))
         verdict, count, i, j, first = pack(indexable(points.ravel()), indexable(array),
                                            max_vertices, max_notched)
@@ -209,7 +209,7 @@ class Polygon:
 
     @property
     def parts(self) -> tuple[Polygon, ...]:
-        """Convex polygons that cover this one, without new vertices: a tuple, itself if convex."""
+        """Convex polygons that cover this one, without new vertices; itself if it is convex."""
         packed, count = self.packed
         if count > 0:
             return self,
@@ -219,7 +219,7 @@ class Polygon:
 
     @property
     def __geo_interface__(self) -> dict[str, Any]:
-        """The same as a GeoJSON geometry, for shapely's `shape` and other libraries."""
+        """The body as a GeoJSON geometry, for shapely's `shape` and other libraries."""
         ring = tuple(map(tuple, self.vertices.tolist()))
         if len(ring) > 2:
             return {'type': 'Polygon', 'coordinates': ((*ring, ring[0]),)}
@@ -234,7 +234,7 @@ class Polygon:
 
     @property
     def centroid(self) -> NDArray[np.float64]:
-        """Centre of gravity (x, y), (2,) array; of a segment its middle (paper section 2.2)."""
+        """Centroid (x, y), (2,) array; for a segment its midpoint (paper section 2.2)."""
         vertices = self.vertices
         return np.array(centroid(indexable(vertices.flatten()), len(vertices)))
 
@@ -260,7 +260,7 @@ def _decompose(outline: NDArray[np.float64]) -> list[Polygon]:
 
 def _joined(header: NDArray[np.float64], parts: list[Polygon],
             outline: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Pack a body that is not convex: header, table of parts, the parts, the outline."""
+    """Pack a non-convex body: header, table of parts, the parts, the outline."""
     packed_parts = [np.asarray(part.packed[0]) for part in parts]
     ends = HEADER + 2 * len(parts) + np.cumsum([0] + [len(part) for part in packed_parts])
     table = np.column_stack([ends[:-1], [part.packed[1] for part in parts]])
@@ -276,7 +276,7 @@ def size_of(body: PackedBody) -> int:
 
 
 def as_polygon(body: BodyLike) -> Polygon:
-    """Return a Polygon as it is, and make one from what else is a body."""
+    """Return a Polygon unchanged; make one from any other body."""
     return body if isinstance(body, Polygon) else Polygon(body)
 
 
@@ -337,7 +337,7 @@ def _empty() -> PolygonError:
 
 
 def _error(verdict: int, vertices: list[list[float]], i: int, j: int) -> PolygonError:
-    """Put into words what `ring.clean` found wrong."""
+    """Return the error that says what `ring.clean` found wrong."""
     if verdict == ring.NOT_FINITE:
         return PolygonError(Reason.NOT_FINITE, f'vertex {i} is not finite')
     if verdict == ring.SPIKE:
@@ -354,7 +354,7 @@ def _error(verdict: int, vertices: list[list[float]], i: int, j: int) -> Polygon
 
 def _crossing(a: list[float], b: list[float], c: list[float],
               d: list[float]) -> tuple[float, float]:
-    """Return where two segments that meet do so, rounded, for a message."""
+    """Return the point at which two segments meet, rounded, for a message."""
     determinant = (b[0] - a[0]) * (d[1] - c[1]) - (b[1] - a[1]) * (d[0] - c[0])
     if determinant == 0.0:
         x, y = sorted((a, b, c, d))[1]

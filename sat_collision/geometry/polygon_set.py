@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Many bodies packed into flat arrays, so that one compiled call answers for all of them."""
+"""Sets of bodies packed into one array, so that one compiled call answers for all of them."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _NO_ROWS = np.empty(0, np.int64)
 
 class PolygonSet:
     """
-    A set of bodies by row number, that can grow, shrink and be replaced in place.
+    A set of bodies, each with a row number, that can be added, removed and replaced in place.
 
     All bodies are in one array. The space of a removed or outgrown body is reused when another
     fits, or freed when the array is next rebuilt, which keeps it below four times what the bodies
@@ -100,7 +100,7 @@ class PolygonSet:
         Raises
         ------
         PolygonError
-            Points that do not make a polygon; the set is as before.
+            Points that do not make a polygon; the set is unchanged.
 
         """
         packed = as_polygon(body).packed
@@ -109,7 +109,7 @@ class PolygonSet:
         return row
 
     def _new_row(self) -> int:
-        """Add a row that has no body yet and return it: the one freed last, if any."""
+        """Add a row without a body and return it: the one freed last, if any."""
         if self._free:
             return self._free.pop()
         row = self._used_rows
@@ -121,14 +121,14 @@ class PolygonSet:
 
     def replace(self, row: int, body: BodyLike) -> None:
         """
-        Put another body in place of that of a row.
+        Replace the body of a row.
 
         Raises
         ------
         IndexError
-            No body has that row.
+            The row has no body.
         PolygonError
-            Points that do not make a polygon; the set is as before.
+            Points that do not make a polygon; the set is unchanged.
 
         """
         self._place(self._checked(row), as_polygon(body).packed, _EMPTY)
@@ -136,7 +136,7 @@ class PolygonSet:
     def _place(self, row: int, body: PackedBody, others: PolygonSet,
                margin: float = 0.0) -> list[int] | None:
         """
-        Put a body in place of that of a row, and find which rows of another set it then meets.
+        Replace the body of a row, and find which rows of another set the new one meets.
 
         Parameters
         ----------
@@ -144,12 +144,12 @@ class PolygonSet:
         body : PackedBody
         others : PolygonSet
         margin : float, optional
-            Metres up to which bodies apart count as meeting, see `rows_within`.
+            Bodies no further apart than this count as meeting, metres; see `rows_within`.
 
         Returns
         -------
         list of int or None
-            Rows of the other set, ascending; None if this very body was in the row already.
+            Rows of the other set, ascending; None if the row had the same body already.
 
         """
         packed, count = body
@@ -169,18 +169,18 @@ class PolygonSet:
 
     def remove(self, row: int) -> None:
         """
-        Take the body of a row out; the row number may be given to a later body.
+        Remove the body of a row; the row number may be given to a later body.
 
         Raises
         ------
         IndexError
-            No body has that row.
+            The row has no body.
 
         """
         self._remove(self._checked(row))
 
     def _remove(self, row: int) -> None:
-        """Take the body of a row out, if there is one, and have the row ready for another."""
+        """Remove the body of a row, if it has one, and free the row for another."""
         self._rows.n[row] = 0
         self._free.append(row)
 
@@ -191,7 +191,7 @@ class PolygonSet:
         Raises
         ------
         IndexError
-            No body has that row.
+            The row has no body.
 
         """
         return self._polygon(self._checked(row))
@@ -202,7 +202,7 @@ class PolygonSet:
         return Polygon._of_packed(self._rows.packed[start:], int(self._rows.n[row]))
 
     def _checked(self, row: int) -> int:
-        """Return a row that has a body; raise `IndexError` for another."""
+        """Return a row as an int; raise `IndexError` if it has no body."""
         number = index(row)
         if not 0 <= number < self._used_rows:
             raise IndexError(f'no row {number} in a set of {self._used_rows} rows')
@@ -229,7 +229,7 @@ class PolygonSet:
         Return the rows whose bodies are no further than margin (m) from a body, ascending.
 
         A margin of 0 means contact and is exact; otherwise the rows are those whose `separation`
-        is no more.
+        is no more than the margin.
 
         Raises
         ------
@@ -254,19 +254,19 @@ class PolygonSet:
     def nearest(self, body: BodyLike, skipped: Iterable[int] = ()
                 ) -> tuple[int, float, Point, Point] | None:
         """
-        Return what is nearest to a body, or deepest in it.
+        Return the row whose body is nearest to a body, or deepest in it.
 
         Parameters
         ----------
         body : Polygon, (n, 2) array_like or geometry
         skipped : iterable of int, optional
-            Rows to leave out; one that has no body changes nothing.
+            Rows to leave out; rows without a body are ignored.
 
         Returns
         -------
         int, float, (x, y), (x, y)
             The row, its separation from the body and the points that realise it, one of the row's
-            body and one of the other, see `separation`. None if there is no row to choose.
+            body and one of the other, see `separation`. None if no row is left.
 
         Examples
         --------
@@ -289,15 +289,15 @@ class PolygonSet:
         Parameters
         ----------
         footprint, twist, horizon, velocities, pose, tolerance
-            As `time_to_contact` has them, which raises the same; one velocity a row, also of rows
-            that have no body.
+            As for `time_to_contact`, which raises the same errors; one velocity per row, also for
+            rows without a body.
         margin : float, optional
             Bodies no further apart than this count as in contact, metres.
 
         Returns
         -------
         int, float
-            The row, of several the first, and the time in seconds. None if there is no contact
+            The row, the first in a tie, and the time in seconds. None if there is no contact
             within the horizon.
 
         Examples
@@ -313,7 +313,7 @@ class PolygonSet:
     def _first_met(self, footprint: BodyLike, motion: NDArray[np.float64],
                    velocities: ArrayLike | None = None,
                    skipped: Iterable[int] = ()) -> tuple[int, float] | None:
-        """Return the same for a `prediction.Motion`, but for rows to leave out."""
+        """Return the same for a `prediction.Motion`, leaving out the rows skipped."""
         polygon = as_polygon(footprint)
         moves = velocities_of(velocities, self._used_rows)
         skipped = set(skipped)
@@ -349,12 +349,12 @@ class PolygonSet:
 
     def separations(self, other: PolygonSet) -> NDArray[np.float64]:
         """
-        Return for each row how far its body is from that of the same row of another set, metres.
+        Return for each row the signed distance of its body from that row's in another set, metres.
 
         Returns
         -------
         (m,) ndarray
-            As `separation` has them; infinite where a row has no body.
+            As returned by `separation`; infinite where a row has no body.
 
         Raises
         ------
@@ -373,7 +373,7 @@ class PolygonSet:
                              f'{other._used_rows}')
 
     def _make_room(self, row: int, size: int) -> None:
-        """Give a row space for a packed body, at the end of what is used."""
+        """Reserve space for a packed body of a row, at the end of the space in use."""
         rows = self._rows
         rows.n[row] = 0
         if self._used_doubles + size > len(rows.packed):
@@ -384,7 +384,7 @@ class PolygonSet:
         self._used_doubles += size
 
     def _rebuild(self, room: int, doubles: int) -> None:
-        """Move everything to an array with other room, the bodies in use side by side."""
+        """Move everything to an array with other room, without gaps between bodies."""
         old = self._rows
         self._use(new_array(room, doubles))
         end = 0
@@ -400,7 +400,7 @@ class PolygonSet:
 
 class PackedSet(PolygonSet):
     """
-    The same for a caller that keeps track of the rows itself: they are not checked.
+    A PolygonSet for callers that keep track of rows themselves: rows are not checked.
 
     A wrong row overwrites memory. Rows may be empty, and bodies are given packed.
     """
@@ -413,17 +413,17 @@ class PackedSet(PolygonSet):
 
     def place_run(self, run: Run, rows: Any, first: int, limit: int, others: PackedSet,
                   margin: float) -> int:
-        """Put polygons of a run in place of those of rows, see `write_run`; return how many."""
+        """Replace the bodies of rows by polygons of a run, see `write_run`; return how many."""
         count: int = write_run(run, self._array, rows, first, limit, others._array, margin)
         return count
 
     def hide(self, rows: Sequence[int]) -> None:
-        """Empty rows, each of which stays in use until it is filled again or removed."""
+        """Empty rows; each stays in use until it is filled again or removed."""
         self._rows.n[rows] = 0
 
 
 def _ascending(rows: Iterable[int]) -> NDArray[np.int64]:
-    """Return rows as the kernels read them."""
+    """Return rows in ascending order, as an array that kernels read."""
     array: NDArray[np.int64] = indexable(np.sort(np.fromiter(rows, np.int64)))
     return array
 

@@ -25,7 +25,7 @@ B. where the coordinate differences carry no rounding error, the two products co
 C. the six products of the expanded determinant summed in a fixed-point accumulator as wide as the
    whole exponent range (Kulisch), which is exact, and free of overflow and underflow.
 
-That each is right is proved in docs/exactness.md, lemmas 1 to 3.
+For the proofs see docs/exactness.md, lemmas 1 to 3.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _LIMBS = 184
 
 
 def orientation(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> int:
-    """Return 1 where points a, b, c turn left, -1 where right, 0 where collinear; exact."""
+    """Return 1 if points a, b, c turn left, -1 if right, 0 if they are collinear; exact."""
     require_nearest(0)
     return int(orient(float(a[0]), float(a[1]), float(b[0]), float(b[1]),
                       float(c[0]), float(c[1])))
@@ -93,7 +93,7 @@ def _orient_adaptive(ax, ay, bx, by, cx, cy):
         right = acy * bcx
         if ((abs(left) > _SMALLEST_PRODUCT or acx == 0.0 or bcy == 0.0)
                 and (abs(right) > _SMALLEST_PRODUCT or acy == 0.0 or bcx == 0.0)):
-            # Rounding is monotone, so heads that differ decide; equal heads leave it to the tails.
+            # Rounding is monotone, so heads decide if they differ; if they are equal, tails do.
             difference = left - right
             if difference == 0.0:
                 difference = product_error(acx, bcy, left) - product_error(acy, bcx, right)

@@ -13,18 +13,18 @@
 # limitations under the License.
 
 """
-When a body that moves by a constant twist meets bodies that stand or move straight.
+When a body that moves with a constant twist meets bodies that rest or move straight.
 
-The way is cut into pieces in which the body turns by at most 0.1 rad. In a piece each vertex is
-taken along its chord, as `sweep` has it, and the most that an arc leaves its chord, the sagitta,
-is added to the margin: what is clear by that is clear. Where a piece is not, it is cut finer from
-there on, until the sagitta is a part of the tolerance. So the time found is never late, and the
-bodies are within the tolerance then (docs/exactness.md, lemma 23). A straight way is one piece
-without a sagitta.
+The path is cut into pieces in which the body turns by at most 0.1 rad. In a piece each vertex is
+moved along its chord, as in `sweep`, and the sagitta, the greatest distance between an arc and its
+chord, is added to the margin: if the chords are clear by that, so is the piece. If not, the piece
+is cut finer from there on, until the sagitta is a fraction of the tolerance. So the time found is
+never late, and the bodies are within the tolerance then (docs/exactness.md, lemma 23). A straight
+path is one piece without a sagitta.
 
-Most bodies that stand near the way are beside it, which is seen at once: a point of a body that
-turns keeps its distance from the centre of the turn, and one that moves straight its distance from
-a line along the way.
+Most bodies at rest near the path are beside it and are left out at once: a point of a body that
+turns keeps its distance from the centre of rotation, and a point of one that moves straight its
+distance from a line along the path.
 """
 
 from __future__ import annotations
@@ -45,16 +45,16 @@ from sat_collision.geometry.predicates import UNDERFLOW_BOUND
 from sat_collision.geometry.scan import contains
 from sat_collision.geometry.sweep import first_contact_of_moving
 
-# The most that a body turns in a piece, rad, unless that takes too many.
+# The most that a body turns in a piece, rad, unless that takes too many pieces.
 _TURN = 0.1
 _MOST_PIECES = 4096
-# What rounding may do to a gap, in parts of the coordinates and ways of both bodies.
+# Bound of the rounding error of a gap, relative to the coordinates and paths of both bodies.
 _ROUNDING = 2.0 ** -44
 _LEAST = 5e-324
 
 
 class Motion(NamedTuple):
-    """How a body moves, and what is asked of it."""
+    """How a body moves, and the limits of the query."""
 
     # The origin of the body's frame at time 0, m.
     x: float
@@ -76,34 +76,34 @@ class Moving(NamedTuple):
     # Flat array of float64: x, y of each vertex at time 0, part after part, relative to the origin
     # of the motion.
     array: Any
-    # (k,) array of int64: where each part ends, in doubles of an array as `moving.MovingBody` has
-    # it.
+    # (k,) array of int64: the index at which each part would end in the array of a
+    # `moving.MovingBody`.
     ends: Any
 
 
 class Way(NamedTuple):
-    """The way of a body up to the horizon."""
+    """The path of a body up to the horizon."""
 
     motion: Motion
     body: Moving
-    # The greatest of a vertex, m/s; 0 just if it stands.
+    # An upper bound of the speeds of the vertices, m/s; 0 if and only if the body rests.
     speed: float
-    # How far from the origin a vertex gets at most, or its way is long, m.
+    # An upper bound of a vertex's distance from the origin and of the length of its path, m.
     reach: float
-    # How many it is cut into.
+    # How many pieces the path is cut into.
     pieces: int
-    # Flat array of float64: min x, min y, max x, max y of each piece, then of all; relative to the
-    # origin.
+    # Flat array of float64: min x, min y, max x, max y of each piece, then of the whole path;
+    # relative to the origin.
     boxes: Any
-    # The least and the greatest distance of the body from the centre of its turn; of a straight
-    # way from a line along it, negative on its right; m.
+    # The least and the greatest distance of the body from the centre of rotation; of one that
+    # moves straight from a line along its path, negative on the right; m.
     inner: float
     outer: float
 
 
 def motion_of(twist: ArrayLike, horizon: float, pose: ArrayLike, tolerance: float,
               margin: float) -> NDArray[np.float64]:
-    """Return a `Motion` as an array; raise `ValueError` naming what is wrong with it."""
+    """Return a `Motion` as an array; raise `ValueError` if a value is not valid."""
     vx, vy, turn = _finite(twist, 'twist', 'vx and vy in m/s, omega in rad/s').tolist()
     x, y, yaw = _finite(pose, 'pose', 'x and y in metres, yaw in rad').tolist()
     if not 0.0 <= horizon < math.inf:
@@ -121,12 +121,12 @@ def motion_of(twist: ArrayLike, horizon: float, pose: ArrayLike, tolerance: floa
 
 
 def velocities_of(velocities: ArrayLike | None, rows: int) -> NDArray[np.float64]:
-    """Return velocities of rows as a flat array; raise `ValueError` if these are none."""
+    """Return velocities of rows as a flat array; raise `ValueError` if they are not valid."""
     if velocities is None:
         return np.zeros(2 * rows)
     array = np.asarray(velocities, np.float64)
     if array.shape != (rows, 2):
-        raise ValueError(f'velocities of shape {array.shape}, but of {rows} rows it has to be '
+        raise ValueError(f'velocities of shape {array.shape}, but for {rows} rows it has to be '
                          f'({rows}, 2)')
     if not np.isfinite(array).all():
         raise ValueError(f'velocity {np.flatnonzero(~np.isfinite(array).all(axis=1))[0]} is not '
@@ -146,14 +146,14 @@ def first_row_met(set_array, body, count, motion, velocities, skipped):
     """
     Find which row of a set a moving body meets first, of those that it does not meet at time 0.
 
-    Given a packed body, a `Motion` as an array, vx, vy of each row and, ascending, the rows to
-    leave out. Returned are the row, of several the first, and the time in seconds, more than 0; -1
-    and infinity if there is none.
+    It takes a packed body, a `Motion` as an array, vx, vy of each row and the rows to leave out,
+    ascending. Returned are the row, the first in a tie, and the time in seconds, above 0; -1
+    and infinity if it meets none.
     """
     require_nearest(count)
     rows = rows_of(set_array)
     way = _way(packed_polygon(body, count), motion)
-    # Where it is at the end of the list of pieces is the whole way.
+    # The box after those of the pieces is that of the whole path.
     candidates = 0
     for row in range(rows.used):
         if (rows.n[row] != 0 and _may_meet(way, way.pieces, rows, row, velocities)
@@ -177,7 +177,7 @@ def first_row_met(set_array, body, count, motion, velocities, skipped):
 
 @inner
 def _way(p, motion):
-    """Return the way of a packed polygon."""
+    """Return the path of a packed polygon."""
     motion = Motion(motion[0], motion[1], motion[2], motion[3], motion[4], motion[5], motion[6],
                     motion[7])
     body = _parts(p, motion)
@@ -217,7 +217,7 @@ def _parts(p, motion):
 
 @inner
 def _distances(body, motion):
-    """Return `inner` and `outer` of a `Way`, or the same of a body that stands beside it."""
+    """Return `inner` and `outer` of a path, or the same of a body at rest."""
     v = elements(body.array)
     size = len(body.array)
     least = math.inf
@@ -236,7 +236,7 @@ def _distances(body, motion):
         end = body.ends[i] // 2
         nearest = math.inf
         nearest_x = nearest_y = 0.0
-        # Counter-clockwise, so that the part is on the left of each edge, and further away.
+        # The part is on the left of each edge: if the centre is on the right, beyond its line.
         height = -math.inf
         ax = v[end - 2] - x
         ay = v[end - 1] - y
@@ -263,7 +263,7 @@ def _distances(body, motion):
 
 @inner
 def _bound(way):
-    """Write the boxes of the pieces of a way, and of all of it."""
+    """Write the boxes of the pieces of a path, and of the whole path."""
     boxes = way.boxes
     chords = scratch(2 * len(way.body.array))
     whole = 4 * way.pieces
@@ -289,7 +289,7 @@ def _bound(way):
 
 @inlined
 def _times(way, piece):
-    """Return when a piece of a way begins and ends; that behind the last one is all of it."""
+    """Return when a piece of a path begins and ends; the piece after the last is all of it."""
     horizon = way.motion.horizon
     if piece == way.pieces:
         return 0.0, horizon
@@ -299,13 +299,13 @@ def _times(way, piece):
 
 @inlined
 def _sagitta(way, seconds):
-    """Return how far a vertex is at most from where it would be on a straight way of so long."""
+    """Return how far a vertex is at most from its place on the chord of so many seconds."""
     return abs(way.motion.turn) * way.speed * seconds * seconds / 8.0
 
 
 @inner
 def _write_pose(way, time, chords, place):
-    """Write x, y of each vertex at a time, to that place of those of its chord."""
+    """Write x, y of each vertex at a time as the start (place 0) or end (2) of its chord."""
     motion = way.motion
     half = motion.turn * time / 2.0
     c = math.cos(half)
@@ -323,7 +323,7 @@ def _write_pose(way, time, chords, place):
 
 @inner
 def _may_meet(way, piece, rows, row, velocities):
-    """Return whether boxes leave it open that a piece of the way comes to the body of a row."""
+    """Return whether, by their boxes, a piece of the path may come to the body of a row."""
     motion = way.motion
     start, end = _times(way, piece)
     vx = velocities[2 * row]
@@ -341,7 +341,7 @@ def _may_meet(way, piece, rows, row, velocities):
 
 @inner
 def _is_beside(way, rows, row, velocities):
-    """Return whether the body of a row stands, and is beside the way by more than tolerances."""
+    """Return whether a row's body is at rest and beside the path, beyond the tolerances."""
     motion = way.motion
     if velocities[2 * row] != 0.0 or velocities[2 * row + 1] != 0.0:
         return False
@@ -355,7 +355,7 @@ def _is_beside(way, rows, row, velocities):
 
 @inlined
 def _rounding(way, rows, row, vx, vy):
-    """Return what rounding may do to the gap between the body on its way and that of a row."""
+    """Return a bound of the rounding error of a gap between the moving body and that of a row."""
     x = max(abs(rows.min_x[row] - way.motion.x), abs(rows.max_x[row] - way.motion.x))
     y = max(abs(rows.min_y[row] - way.motion.y), abs(rows.max_y[row] - way.motion.y))
     reach = max(x, y) + (abs(vx) + abs(vy)) * way.motion.horizon + way.motion.margin
@@ -364,7 +364,7 @@ def _rounding(way, rows, row, vx, vy):
 
 @inner
 def _first_contact_in_piece(way, piece, rows, row, velocities, before):
-    """Return when in a piece the body meets that of a row; infinity if not before a time."""
+    """Return when in a piece the body meets that of a row; infinity if not before `before`."""
     vx = velocities[2 * row]
     vy = velocities[2 * row + 1]
     apart = way.motion.margin + _rounding(way, rows, row, vx, vy)
@@ -393,7 +393,7 @@ def _first_contact_in_piece(way, piece, rows, row, velocities, before):
         time = start + share * (stop - start)
         if time >= before or sagitta <= way.motion.tolerance / 4.0 or step <= finest:
             return max(time, _LEAST)
-        # What is clear is left out, but for what the next step has to look at.
+        # Go on from the time proved clear, but so that the next step ends no later than this one.
         step = max(step / 4.0, finest)
         start = max(start, min(time, stop - step))
     return math.inf

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Queries on any bodies: whether they touch, and how far apart or how deep they are."""
+"""Queries on bodies: whether they touch, how far apart or deep they are, and when they meet."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def intersects(a: BodyLike, b: BodyLike) -> bool:
     """
     Return whether two bodies share a point; touching counts.
 
-    Exact for the coordinates given, whatever they are, as long as they are finite doubles.
+    Exact for all coordinates that are finite doubles.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def separations(a: PolygonSet | Iterable[BodyLike],
     Returns
     -------
     (k,) ndarray
-        As `separation` has them.
+        As returned by `separation`.
 
     Raises
     ------
@@ -165,13 +165,13 @@ def separation(a: BodyLike, b: BodyLike) -> float:
     Returns
     -------
     float
-        Right to 2^-52 of itself and 2^-96 of the largest coordinate, and the same whatever the
-        start vertices and the order of the bodies; infinite where it is beyond the largest double.
         Apart: the distance, > 0. Touching: 0. Overlapping: minus the penetration depth, the length
-        of the shortest translation after which they only touch; of bodies that are not convex,
-        minus the greatest depth of a pair of their convex parts, which that translation is at
-        least as long as, and which is 0 for a point on a cut between parts, such as the inner
-        diagonal of an L. It is > 0 just when `intersects` is false.
+        of the shortest translation after which they only touch. For non-convex bodies the depth is
+        the greatest of a pair of their convex parts, a lower bound of that length; it is 0 for a
+        point on a cut between parts, such as the inner diagonal of an L. The value is > 0 if and
+        only if `intersects` is false. Its error is at most 2^-52 of itself plus 2^-96 of the
+        largest coordinate; it does not depend on the start vertices or the order of the bodies,
+        and is infinite if it is beyond the largest double.
 
     Raises
     ------
@@ -223,9 +223,9 @@ def time_to_contact(footprint: BodyLike, twist: ArrayLike,
                     velocities: ArrayLike | None = None, pose: ArrayLike = (0.0, 0.0, 0.0),
                     tolerance: float = 1e-3) -> float:
     """
-    Return when a body that moves by a constant twist first shares a point with an obstacle.
+    Return when a body that moves with a constant twist first shares a point with an obstacle.
 
-    The motion is checked at all times, not in steps. `PolygonSet.first_contact` also says which
+    The motion is checked at all times, not in steps. `PolygonSet.first_contact` also returns which
     obstacle it is.
 
     Parameters
@@ -236,27 +236,27 @@ def time_to_contact(footprint: BodyLike, twist: ArrayLike,
         vx and vy (m/s) along the axes of the body's own frame, x ahead and y to the left, which
         turn with it, and omega (rad/s, counter-clockwise).
     obstacles : PolygonSet or sequence of Polygon, (n, 2) array_like or geometry
-        The m bodies that it may meet, at time 0.
+        The m bodies that it may meet, where they are at time 0.
     horizon : float
-        Seconds up to which is looked ahead, with the end.
+        How far to look ahead, in seconds, including the end.
     velocities : (m, 2) array_like, optional
         vx and vy (m/s) of each obstacle in the common frame; they do not turn. By default all
-        stand.
+        are at rest.
     pose : (3,) array_like, optional
-        x, y (m) and yaw (rad) of the body's own frame at time 0, about whose origin it turns while
-        this moves. By default that of the coordinates.
+        x, y (m) and yaw (rad) of the body's own frame at time 0; the body turns about the moving
+        origin of this frame. By default the frame of the coordinates.
     tolerance : float, optional
-        Where the body turns: how near it may be, in metres, to what it meets at the time returned.
+        If the body turns: how far, in metres, it may be from the obstacle at the time returned.
 
     Returns
     -------
     float
-        Seconds. 0.0: they share a point at time 0, exactly when `intersects` says so. Infinity:
-        they share none up to the horizon. Else never later than the first contact. On a straight
-        way it is that, up to rounding: bodies are within 2^-40 of the coordinates and ways then.
-        On a way that turns they are within the tolerance and that, or within 2^-25 a T^2 if this
-        is more: T is the horizon and a = |omega| (|v| + |omega| r), with r the distance of the
-        farthest vertex from the origin of the pose, no less than the acceleration of a vertex.
+        Seconds. 0.0: they share a point at time 0, if and only if `intersects` says so. Infinity:
+        they share none up to the horizon. Otherwise a time no later than the first contact. If the
+        body moves straight it is that time, up to rounding: the bodies are then within 2^-40 of
+        the coordinates and path lengths. If it turns they are within that plus the tolerance, or
+        plus 2^-25 a T^2 if this is more: T is the horizon and a = |omega| (|v| + |omega| r) bounds
+        the accelerations, with r the distance of the farthest vertex from the origin of the pose.
 
     Raises
     ------
@@ -264,8 +264,8 @@ def time_to_contact(footprint: BodyLike, twist: ArrayLike,
         Points that do not make a polygon.
     ValueError
         A twist or pose that is not three finite numbers; a horizon that is negative or not finite;
-        velocities that are not finite or not one an obstacle; a tolerance that is not positive and
-        finite; a way beyond the largest double.
+        velocities that are not finite or not one per obstacle; a tolerance that is not positive
+        and finite; a path beyond the largest double.
 
     Examples
     --------

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-From a ring of received points to a clean counter-clockwise one, or to what is wrong with it.
+Normalisation of received points to a clean counter-clockwise ring, or what is wrong with them.
 
-All decisions here are exact: they compare coordinates or take the sign of `predicates.orient`.
+All decisions are exact: they compare coordinates or take the sign of `predicates.orient`.
 """
 
 from sat_collision.geometry.jit import inner, kernel, scratch, scratch_integers
@@ -35,9 +35,9 @@ def clean(points, ring, most, most_notched):
     Turn points into a clean counter-clockwise ring.
 
     Repeated points, the closing point and vertices at which the boundary goes straight on are
-    dropped, clockwise order is reversed, and the lexicographically least vertex goes first: equal
-    polygons have equal rings. Points that all lie on one line become a segment, equal points one
-    vertex.
+    dropped, clockwise order is reversed, and the lexicographically least vertex goes first, so
+    equal polygons have equal rings. Points that all lie on one line become a segment, equal points
+    one vertex.
 
     Parameters
     ----------
@@ -46,8 +46,8 @@ def clean(points, ring, most, most_notched):
     ring : (2 n,) flat array of float64
         Receives the clean vertices; its tail may stay unused.
     most, most_notched : int
-        The most vertices accepted, and of those the most where it is not convex; what has more is
-        not looked at any further.
+        The most vertices accepted of a convex and of a non-convex ring; larger ones are not
+        examined any further.
 
     Returns
     -------
@@ -77,11 +77,11 @@ def clean(points, ring, most, most_notched):
 @inner
 def _classify(points, ring):
     """
-    Write the clean ring; return verdict, vertex count, clockwise and place.
+    Write the clean ring; return verdict, vertex count, clockwise and index.
 
-    It is convex just when it only turns left, or only right, and has just one vertex that is
-    lexicographically smaller than both neighbours (docs/exactness.md, lemma 12). What is not is
-    NON_CONVEX here and has still to be checked for crossings.
+    It is convex if and only if it turns only left, or only right, and exactly one vertex is
+    lexicographically smaller than both neighbours (docs/exactness.md, lemma 12). A ring that is
+    NON_CONVEX here has still to be checked for crossings.
     """
     walk, count, least = _drop_repeated(points)
     if count < 0:
@@ -135,9 +135,9 @@ def _classify(points, ring):
 @inner
 def _drop_repeated(points):
     """
-    Return the points without consecutive repetitions.
+    Return the points without consecutive repetitions, their number and the index of the least.
 
-    With them how many there are, or -1 - i: i is not finite; and which is lexicographically least.
+    The number is -1 - i if point i is not finite; the least point is so by x, then y.
     """
     received = len(points) // 2
     walk = scratch(2 * received)
@@ -180,7 +180,7 @@ def _span(walk, count, ring):
 @inner
 def _first_crossing(ring, count):
     """
-    Return two edges of the ring that share a point they should not, or (-1, -1).
+    Return two edges of the ring that share a point without being neighbours, or (-1, -1).
 
     Edges are swept in order of their least x. Neighbours meet in their common vertex only,
     because neither spikes nor collinear vertices are left.
@@ -217,7 +217,7 @@ def _first_crossing(ring, count):
 
 @inner
 def _sorted(keys, count):
-    """Return the numbers from 0 to count in order of their keys, sorted as D. L. Shell does."""
+    """Return the indices of count keys in the order of the keys (Shell sort)."""
     order = scratch_integers(count)
     for i in range(count):
         order[i] = i
@@ -230,7 +230,7 @@ def _sorted(keys, count):
                 order[k] = order[k - gap]
                 k -= gap
             order[k] = moved
-        # Not halved, which might compare odd places among themselves only until the end.
+        # Not halved: that might compare odd indices only with each other until the last pass.
         gap = (5 * gap - 1) // 11 if gap > 2 else gap // 2
     return order
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A run of messages, which differ in nothing but their points, written into a set in one call."""
+"""Writing a run of messages, which differ only in their points, into a set in one call."""
 
 from typing import Any, TypeAlias
 
@@ -23,8 +23,8 @@ from sat_collision.geometry.packing import pack
 from sat_collision.geometry.ring import CONVEX
 from sat_collision.geometry.scan import box_gap, NO_ROOM, write_row
 
-# Messages that differ in nothing but their points, see `write_run`. A plain tuple reaches a kernel
-# half a microsecond sooner than a named one.
+# Messages that differ only in their points, see `write_run`. A plain tuple is passed to a kernel
+# half a microsecond faster than a named one.
 Run: TypeAlias = tuple[bytes, Any, int, int, tuple[float, float, float, float, float, float],
                        int, Any]
 
@@ -35,35 +35,35 @@ _POINT = 3
 @kernel
 def write_run(run, set_array, rows, row, limit, others, margin):
     """
-    Write the polygons of a run into rows, as long as each is ordinary and near nothing.
+    Write the polygons of a run into rows, as long as each is ordinary and not near another body.
 
-    Ordinary is a message whose bytes before the number of points are those of the first one, and
-    whose points make a convex polygon for which its row has room.
+    A message is ordinary if its bytes before the number of points are those of the first one, and
+    its points make a convex polygon for which its row has room.
 
     Parameters
     ----------
     run : tuple
-        Messages, one behind the other; where each of them ends but the last one, an array of
-        int64; the first message to write; where in a message the number of its points stands,
-        behind which are the points, x, y and z of each as float32 in this machine's byte order;
-        the PlaneMap by which they are moved; the most vertices accepted; an array with room for
-        one polygon, see `layout`.
+        The bytes of the messages, joined; the end of each but the last, an array of int64; the
+        number of the first message to write; the offset in a message of the number of its points,
+        which follow it, x, y and z of each as float32 in this machine's byte order; the affine map
+        of the points; the most vertices accepted; an array with room for one polygon, see
+        `layout`.
     set_array : flat array of float64
         The set.
     rows : array of int64
-        In which row each is written; -1 for none.
+        The row of each polygon, -1 for none.
     row, limit : int
-        Which of the rows is that of the first message, and how many messages may be written.
+        The index in rows for the first message to write, and how many messages may be written.
     others : flat array of float64
         The set that the polygons must not be near to.
     margin : float
-        Metres up to which bounds apart are near.
+        Bounds no further apart than this are near, metres.
 
     Returns
     -------
     int
         How many were written: all before the first that is not ordinary, has no row, or is near
-        something.
+        another body.
 
     """
     data, ends, first, count_at, plane, most, packed = run
@@ -104,7 +104,7 @@ def write_run(run, set_array, rows, row, limit, others, margin):
 
 @inner
 def _is_near(rows, body, margin):
-    """Tell whether the bounds of a body are within a margin of those of any row."""
+    """Return whether the bounds of a body are within a margin of those of any row."""
     for row in range(rows.used):
         if rows.n[row] != 0 and box_gap(rows, row, body) <= margin:
             return True

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-One body against all rows of a set: which it meets, which are within a margin, what is nearest.
+Queries of one body on a set: which rows it meets, which are within a margin, which is nearest.
 
 A set is given as its array, see `layout`, and a body as a packed polygon and its count.
 """
@@ -37,7 +37,7 @@ def write_row(set_array, row, body, count):
     """
     Write a packed body into a row.
 
-    Returned is UNCHANGED if the very same body is there, NO_ROOM if there is no space, else 0.
+    Returned is UNCHANGED if the row has the same body, NO_ROOM if its space is too small, else 0.
     """
     require_nearest(row)
     rows = rows_of(set_array)
@@ -91,7 +91,7 @@ def intersecting_rows(set_array, body, count):
 
 @inner
 def _candidates(rows, body, count):
-    """Write the rows that meet a body, and -1 - row where that has to be decided exactly."""
+    """Write the rows that meet a body, and -1 - row if that is still to be decided exactly."""
     found = rows.found
     near = _near_rows(rows, body)
     candidates = 0
@@ -115,7 +115,7 @@ if COMPILED:
         max_y = body[5]
         near = 0
         for row in range(rows.used):
-            # No branch, which a processor could not foresee: what is not near is overwritten.
+            # Without a branch, which would be mispredicted: rows not near are overwritten.
             found[near] = row
             near += ((rows.min_x[row] <= max_x) & (rows.max_x[row] >= min_x)
                      & (rows.min_y[row] <= max_y) & (rows.max_y[row] >= min_y))
@@ -148,19 +148,19 @@ def rows_within(set_array, body, count, margin):
 @kernel
 def nearest_row(set_array, body, count, skipped):
     """
-    Find what is nearest to a body, or deepest in it, among the rows that are not skipped.
+    Find the row nearest to a body, or deepest in it, among those that are not skipped.
 
-    Returned are the row, -1 if there is none, and what `distance.measure` has of the row's body
-    and the other.
+    Returned are the row, -1 if there is none, and `distance.measure` of the row's body and the
+    other.
     """
     require_nearest(count)
     rows = rows_of(set_array)
     body = elements(body)
-    # The body with the nearest box goes first, so that its separation spares most others.
+    # The body with the nearest box goes first, so that most others need not be measured.
     best = -1
     gap = math.inf
     for row in range(rows.used):
-        # A gap may be infinite.
+        # The gap may be infinite, hence the test of `best`.
         if (rows.n[row] != 0 and (best < 0 or box_gap(rows, row, body) < gap)
                 and not contains(skipped, row)):
             gap = box_gap(rows, row, body)
@@ -182,7 +182,7 @@ def nearest_row(set_array, body, count, skipped):
 
 @inlined
 def contains(numbers, number):
-    """Return whether a number is among others, which ascend."""
+    """Return whether a number is in an ascending array, by bisection."""
     begin, end = 0, len(numbers)
     while begin < end:
         middle = (begin + end) // 2
@@ -195,6 +195,6 @@ def contains(numbers, number):
 
 @inlined
 def box_gap(rows, row, body):
-    """Return how far along x or y bounds are apart, < 0 if not: never more than the separation."""
+    """Return the gap of bounds along x or y, < 0 if none: a lower bound of the separation."""
     return max(max(rows.min_x[row] - body[4], body[2] - rows.max_x[row]),
                max(rows.min_y[row] - body[5], body[3] - rows.max_y[row]))

@@ -13,19 +13,19 @@
 # limitations under the License.
 
 """
-The improved separating axis method: the paper's first moves, continued until proved.
+The improved separating axis method: the paper's first steps, continued until there is a proof.
 
-Let w = q - p range over the Minkowski difference of Q and P. An axis u separates P from Q when
-w . u > 0 for all its vertices. Where discs inside the polygons overlap, so do they. Otherwise the
+Let w = q - p range over the Minkowski difference of Q and P. An axis u separates P from Q if
+w . u > 0 for all its vertices. If discs inside the polygons overlap, so do they. Otherwise the
 search starts with the centre line u = d (paper section 3.2), which gives the potential nearest
 points and the w between them (section 3.1). The paper tries the axis along this w next. But d,
-between two inner points, is a w too, and the normal of the segment between the two bounds the cone
-of axes still possible: trying it instead needs fewer axes. So on, until an axis separates, or
-three w hold the origin in their triangle: a common point.
+between two inner points, is a w too; the axes still possible form the cone u . d > 0, u . w > 0,
+and trying the normal of the segment from d to w, which lies in it, needs fewer axes. The cone
+shrinks until an axis separates, or the origin is in the triangle of three w: a common point.
 
-Each sign is taken from plain doubles when it exceeds a forward error bound. Where one does not
-(touching, collinear, hair-thin gaps) the search says so, and `intersection` decides exactly. The
-bounds and verdicts are proved in docs/exactness.md, lemmas 4 to 10.
+A sign from plain doubles counts if the value exceeds a forward error bound. If one does not
+(touching, collinear, hair-thin gaps) the verdict is UNCERTAIN, and `intersection` decides exactly.
+The bounds and verdicts are proved in docs/exactness.md, lemmas 4 to 10.
 """
 
 from typing import NamedTuple
@@ -40,11 +40,11 @@ UNCERTAIN = 0
 MEET = 1
 OPEN = 2
 
-# Of the sum of the products' magnitudes; lemmas 4 and 5.
+# Relative to the sum of the products' magnitudes; lemmas 4 and 5.
 PRODUCT_BOUND = 8.0 * 2.0 ** -53
-# What the support vertices of both polygons may fall short of the true ones together; lemma 8.
+# By how much both support vertices together may fall short of the true ones; lemma 8.
 SUPPORT_BOUND = 64.0 * 2.0 ** -53
-# From here on underflow does not matter to whether an edge is level; lemma 7.
+# Above this, underflow does not affect whether an edge counts as level; lemma 7.
 _LEAST_LEVEL = 2.0 ** -1000
 _INFINITY = float('inf')
 
@@ -52,7 +52,7 @@ MOST_QUERIES = 48
 
 
 class Search(NamedTuple):
-    """What is known between two axes."""
+    """The state of a search between two axes."""
 
     # The cone of axes still possible, {u: u . a > 0, u . b > 0}, a to b a left turn.
     ax: float
@@ -72,7 +72,7 @@ def boxes_apart(p, q):
     """Return whether the bounding boxes of two packed polygons share no point."""
     a = p.array
     b = q.array
-    # Bitwise, to be one branch and not four that a processor cannot foresee.
+    # Bitwise, to have one branch instead of four that would be mispredicted.
     return ((a[p.start + 2] > b[q.start + 4]) | (b[q.start + 2] > a[p.start + 4])
             | (a[p.start + 3] > b[q.start + 5]) | (b[q.start + 3] > a[p.start + 5]))
 
@@ -82,8 +82,8 @@ def find_separating_axis(p, q):
     """
     Search for a separating axis or a common point of two convex polygons in plain doubles.
 
-    Returned are the verdict, SEPARATE or MEET where that is proved, else UNCERTAIN; where the last
-    support vertices of P and Q stand, in general; and how many axes were tried.
+    Returned are the verdict, SEPARATE or MEET if proved, else UNCERTAIN; the indices of the last
+    support vertices of P and Q, 0 or -1 if there are none; and how many axes were tried.
     """
     verdict, search = first_axis(p, q)
     i = j = 0
@@ -98,7 +98,7 @@ def find_separating_axis(p, q):
 
 @inlined
 def first_axis(p, q):
-    """Compare the discs inside two polygons; return MEET or OPEN, and the Search to begin with."""
+    """Compare the discs inside two polygons; return MEET or OPEN, and the Search to start with."""
     a = p.array
     b = q.array
     i = p.start
@@ -117,7 +117,7 @@ def first_axis(p, q):
 @inlined
 def refine(p, i, q, j, search):
     """
-    Judge an axis u by the support vertices along it, at i and j in their arrays.
+    Evaluate an axis u by the support vertices along it, at i and j in their arrays.
 
     Returned are the verdict, SEPARATE, MEET, UNCERTAIN or OPEN, and, if this is OPEN, the Search
     with the next axis.
@@ -149,11 +149,11 @@ def refine(p, i, q, j, search):
 @inlined
 def support(p, ux, uy):
     """
-    Return where the vertex of P furthest along u stands, or -1 where that is not certain.
+    Return the index of the vertex of P furthest along u, or -1 if that is not certain.
 
-    Of a few vertices all are projected, on many the boundary is climbed, see `hill_climb`. What it
-    may fall short by is less than half of what SUPPORT_BOUND allows, see docs/exactness.md,
-    lemmas 6 and 7.
+    Few vertices are all projected, on many the boundary is climbed, see `hill_climb`. The vertex
+    falls short of the true one by less than half of what SUPPORT_BOUND allows, see
+    docs/exactness.md, lemmas 6 and 7.
     """
     if p.n <= SCAN_LIMIT:
         v = p.array
@@ -172,11 +172,11 @@ def support(p, ux, uy):
 @inlined
 def hill_climb(p, i, ux, uy):
     """
-    Climb from the vertex at i to the one furthest along u; -1 where that is not certain.
+    Climb from the vertex at i to the one furthest along u; -1 if that is not certain.
 
-    Steps are taken that rise for certain. Where neither neighbour does, each of the two edges has
-    to fall for certain or to be level, see `_is_level`; then this is the summit, or too little
-    below it to matter, by docs/exactness.md, lemma 7.
+    Only steps that rise for certain are taken. If there is none, each of the two edges has to fall
+    for certain or to be level, see `_is_level`; then the vertex is the summit, or so little below
+    it that it does not matter, by docs/exactness.md, lemma 7.
     """
     v = p.array
     first = first_vertex(p)
@@ -205,11 +205,11 @@ def hill_climb(p, i, ux, uy):
 @inlined
 def _is_level(v, i, k, ux, uy):
     """
-    Return whether an edge whose rise is not certain is perpendicular to u, and runs to its left.
+    Return whether an edge of uncertain rise is perpendicular to u, and runs to its left.
 
-    Perpendicular up to rounding, which cannot be told where underflow or overflow hides the
-    rise; to its left as edges near the summit run, and those near the bottom do not. See
-    docs/exactness.md, lemma 7.
+    Perpendicular up to rounding, which is unknown if underflow or overflow hides the rise; to the
+    left, as edges do near the summit and do not near the lowest vertex. See docs/exactness.md,
+    lemma 7.
     """
     dx = v[k] - v[i]
     dy = v[k + 1] - v[i + 1]

@@ -13,19 +13,19 @@
 # limitations under the License.
 
 """
-When two bodies come into contact on their ways between two poses.
+When two bodies that move between two poses come into contact.
 
 Conservative advancement (B. Mirtich, "Impulse-based dynamic simulation of rigid body systems",
-1996) with the motion bounded along the separating axis. For a fixed axis u, how far a vertex has
-come along u is linear in time, so the gap between two convex parts along u, the least of one minus
-the most of the other, is concave: where it is positive at two times it is so between them. From
-the axis of the separation at a time proved clear, the last time at which this axis still separates
-is found; until then all is clear, and there the next axis is taken. No step is shorter than the
-separation over the fastest relative vertex.
+1996) with the motion bounded along the separating axis. For a fixed axis u, the position of a
+vertex along u is linear in time, so the gap between two convex parts along u, the least position
+of one minus the greatest of the other, is concave: if it is positive at two times it is so between
+them. For the axis of the separation at a time proved clear, the last time at which this axis still
+separates is found; until then all is clear, and there the next axis is taken. No step is shorter
+than the separation divided by the speed of the fastest relative vertex.
 
-Gaps are rounded; see `_MARGIN` for what makes them proofs. Coordinates are taken relative to a
-point of the surroundings, so that how far away the origin is costs no accuracy; and where they are
-of extreme magnitude times a power of two, so that nothing overflows or underflows.
+Gaps are rounded; see `_MARGIN` for why they are proofs all the same. Coordinates are taken
+relative to a point near the bodies, so that a distant origin costs no accuracy; if they are of
+extreme magnitude they are multiplied by a power of two, so that nothing overflows or underflows.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ from sat_collision.geometry.plane import nearest_of_segment
 from sat_collision.geometry.polygon import coordinates, Polygon
 from sat_collision.geometry.predicates import UNDERFLOW_BOUND
 
-# A gap counts as positive when it exceeds this share of the largest relative coordinate M. With
-# u = 2^-53 a coordinate at any time is wrong by at most 6 u M: u M by taking it relative, 5 u M by
-# x0 + t (x1 - x0) with |x1 - x0| <= 2 M. Along an axis of length one that makes a vertex wrong by
-# 12 u M and two support vertices fall short by 24 u M each; with 26 u M for the gap between them
-# a gap is wrong by at most 74 u M.
+# A gap counts as positive if it exceeds this fraction of the largest relative coordinate M. With
+# u = 2^-53 the error of a coordinate at any time is at most 6 u M: u M from taking it relative,
+# 5 u M from x0 + t (x1 - x0) with |x1 - x0| <= 2 M. Along an axis of length one that is an error
+# of 12 u M for a vertex, and two support vertices fall short by 24 u M each; with 26 u M for the
+# gap between them the error of a gap is at most 74 u M.
 _MARGIN = 128.0 * 2.0 ** -53
 # A relative vertex moves by at most 4 sqrt(2) M.
 _FASTEST = 6.0
@@ -58,10 +58,10 @@ def time_of_contact(a0: ArrayLike, a1: ArrayLike, b0: ArrayLike, b1: ArrayLike,
     """
     Return the first time at which two moving bodies share a point.
 
-    Every vertex moves on a straight line at a steady speed: what turns by an angle shrinks on the
-    way to the cosine of half of it, so give long ways in pieces. Vertices are matched by their
-    order. A body that is not convex moves as its convex parts do; if it changes its shape so that
-    these bend, or its outline crosses itself on the way, all of their convex hulls counts.
+    Every vertex moves on a straight line at constant speed: a body that turns by an angle shrinks
+    midway to the cosine of half the angle, so pass long motions in pieces. Vertices are matched by
+    their order. A non-convex body moves as its convex parts do; if its shape changes so that these
+    do not stay convex, or its outline crosses itself on the way, their whole convex hulls count.
 
     Parameters
     ----------
@@ -70,17 +70,17 @@ def time_of_contact(a0: ArrayLike, a1: ArrayLike, b0: ArrayLike, b1: ArrayLike,
     b0, b1 : (m, 2) array_like
         Vertices of the other, in the same frame.
     tolerance : float, optional
-        Bodies that come nearer than this count as in contact, metres.
+        Bodies that come nearer than this may count as in contact, metres.
     margin : float, optional
-        Bodies no further apart than this are sought, instead of those in contact; metres.
+        Bodies no further apart than this count as in contact, metres.
 
     Returns
     -------
     float or None
-        None: proved to share no point at any time from 0 to 1. 0.0: they do at time 0, exactly
-        when `intersects` says so. Another time in (0, 1]: they share no point before it, but for
+        None: proved to share no point at any time from 0 to 1. 0.0: they share one at time 0, if
+        and only if `intersects` says so. A time in (0, 1]: they share no point before it, up to
         rounding, and at it they are within the tolerance, or within 1e-12 of the extent of both
-        ways if that is more. The order of the bodies changes nothing.
+        paths if that is more. The order of the bodies does not matter.
 
     Raises
     ------
@@ -118,8 +118,8 @@ def first_contact(a, a_ends, b, b_ends, tolerance, apart):
     """
     Return when two moving bodies that are further apart at time 0 come within a distance.
 
-    It may be exceeded by the tolerance. The time is as `time_of_contact` has it, but never 0, and
-    infinity instead of None.
+    At that time they may be further apart by the tolerance. The time is as for `time_of_contact`,
+    but never 0, and infinity instead of None.
     """
     if _stands(a) and _stands(b):
         return math.inf
@@ -129,13 +129,13 @@ def first_contact(a, a_ends, b, b_ends, tolerance, apart):
 @inner
 def first_contact_of_moving(a, a_ends, b, b_ends, tolerance, apart):
     """
-    Return what `first_contact` does of bodies of which at least one moves.
+    Return what `first_contact` does, for bodies at least one of which moves.
 
-    Also of those that are within the distance at time 0: the least time above 0.
+    For bodies that are within the distance at time 0 it is the least time above 0.
     """
     a, b, extent, scale = relative(a, b)
     apart *= scale
-    # All bodies are within this tolerance, which does not overflow as the one given may.
+    # A greater tolerance is of no use, and might overflow when multiplied.
     tolerance = min(tolerance, 8.0 * extent) * scale
     time = math.inf
     first = 0
@@ -161,7 +161,7 @@ def _stands(array):
 
 @inner
 def _first_contact_of_parts(p, q, tolerance, apart, before):
-    """Return what `first_contact` does of two parts; infinity also if it is not before a time."""
+    """Return what `first_contact` does, for two parts; infinity, too, if not before `before`."""
     p = Part(elements(p.array), p.first, p.end)
     q = Part(elements(q.array), q.first, q.end)
     reach = max(_reach(p), _reach(q))
@@ -172,7 +172,7 @@ def _first_contact_of_parts(p, q, tolerance, apart, before):
     while clear < before:
         distance, ux, uy = _separation(p, q, clear, margin)
         if distance <= near and clear > 0.0:
-            # The time at which the gap closes, if they are still within the tolerance then.
+            # The time at which the gap closes, if they are sure to be within the tolerance then.
             return min(touching, clear + (near - apart) / (_FASTEST * reach))
         last = clear
         clear, touching = _separated_until(p, q, clear, ux, uy, margin, apart)
@@ -194,10 +194,10 @@ def _reach(p):
 @inner
 def _separation(p, q, time, enough):
     """
-    Return how far two parts are apart at a time and, if they are, the unit axis that shows it.
+    Return the distance of two parts at a time and, if they are apart, the unit axis that shows it.
 
-    The nearest point of the Minkowski difference is sought as in `distance`. The vertices of a
-    part need not be in order, nor all on its hull.
+    The nearest point of the Minkowski difference is sought as in `nearest_features`. The vertices
+    of a part need not be in order, nor all on its hull.
     """
     wx, wy = _between(p, p.first, q, q.first, time)
     ax = bx = wx
@@ -222,12 +222,12 @@ def _separation(p, q, time, enough):
 @inner
 def _separated_until(p, q, clear, ux, uy, margin, apart):
     """
-    Return until when an axis proves two parts apart by more than a distance, from when they are.
+    Return until when, from a clear time on, an axis proves two parts further apart than `apart`.
 
-    Returned with it is when the gap closes but for rounding. The gap is the least of those of
-    pairs of vertices, which are linear in time. From time 1 on, the time at which the pair with
-    the least one has a gap of twice the margin is the next to try (Newton's method): as the gap is
-    concave it falls until it is that of all. If the axis proves nothing the time stays.
+    Returned with it is when the gap closes, up to rounding. The gap is the least of those of pairs
+    of vertices, which are linear in time. From time 1 on, the next time to try is that at which
+    the pair with the least gap has a gap of twice the margin (Newton's method); as the gap is
+    concave, times decrease until that is the least gap. If nothing is proved, `clear` is returned.
     """
     touching = clear
     if not _gap(p, q, ux, uy, clear)[0] - apart > 3.0 * margin:
@@ -258,7 +258,7 @@ def _gap(p, q, ux, uy, time):
 
 @inner
 def _support(p, ux, uy, time):
-    """Return where the vertex of a part stands that is furthest along an axis at a time."""
+    """Return the index of the vertex of a part that is furthest along an axis at a time."""
     v = p.array
     summit = p.first
     most = -math.inf
@@ -273,7 +273,7 @@ def _support(p, ux, uy, time):
 
 @inlined
 def _between(p, i, q, j, time):
-    """Return the way from the vertex of P at i to that of Q at j, at a time."""
+    """Return the offset from the vertex of P at i to that of Q at j, at a time."""
     v = p.array
     w = q.array
     return (w[j] + time * (w[j + 2] - w[j]) - (v[i] + time * (v[i + 2] - v[i])),

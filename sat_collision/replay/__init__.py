@@ -17,9 +17,9 @@ Checks of recordings: what touched, and what the monitor would have said.
 cli      the command replay_check
 run      one recording through the monitor
 live     what the monitor would have said, over time
-motion   what touched by recorded motion
+motion   contacts by recorded motion
 output   results for people, machines and other nodes
 model    options, configuration, topics, results
 bag      reading and writing recordings
-kernels  compiled kernels, or plain Python where that is done before them
+kernels  compiled kernels, or plain Python if compiling would take longer
 """

@@ -35,19 +35,19 @@ def main(args: Sequence[str] | None = None) -> int:
     """Run the command and return the exit status."""
     try:
         with _insistent_interrupts():
-            # Not before: it takes so long to import that an interrupt may come meanwhile.
+            # Imported here, as an interrupt may come during these slow imports.
             from sat_collision.replay.cli.arguments import parse
             options = parse(args)
             from sat_collision.replay.kernels import choose, prepare
-            # A cluster has kernels of its own.
+            # The workers of a cluster have kernels of their own.
             if not options.dask and choose(options.bags, options.limits):
                 prepare(lambda words: print(f'replay_check: {words}', file=sys.stderr))
             from sat_collision.replay.cli.command import run
             return run(options)
     except KeyboardInterrupt:
         print('replay_check: interrupted', file=sys.stderr)
-        # Where an exec of a string was interrupted, Python would end by the signal all the same,
-        # unless another one follows.
+        # After an interrupted exec of a string Python would still exit by the signal, unless
+        # another one follows.
         exec('')
         return _STATUS_OF_INTERRUPTED
     except Exception as error:
@@ -63,11 +63,11 @@ def main(args: Sequence[str] | None = None) -> int:
 @contextlib.contextmanager
 def _insistent_interrupts() -> Iterator[None]:
     """
-    Have an interrupt raised again and again until it has ended what is under way.
+    Raise an interrupt again and again until it has ended what is running.
 
-    Nothing is printed of those that are swallowed, nor, from the first one on until the process
-    has ended, of objects that it left half made. A process that ignores interrupts, as one in the
-    background does, goes on to do so.
+    Interrupts that are swallowed are not printed, nor, from the first one until the process ends,
+    are errors of objects that were left half made. A process that ignores interrupts, such as one
+    in the background, goes on to ignore them.
     """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         yield

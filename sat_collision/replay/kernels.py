@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What replay computes with: compiled kernels, or plain Python where compiling would take longer.
+The choice of compiled kernels, or of plain Python if compiling would take longer.
 
-The choice must be made before anything of the geometry is imported.
+It must be made before any kernel of geometry is imported.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ if TYPE_CHECKING:
     from sat_collision.replay.bag.recording import Recording
 
 _TYPES = ('geometry_msgs/msg/PolygonStamped', 'geometry_msgs/msg/PolygonInstanceStamped')
-# Compiling takes some 25 s. So many messages take plain Python some 5 s where they are boxes, and
-# 40 s where they are polygons of 40 vertices that are not convex.
+# Compiling takes about 25 s. So many messages take plain Python about 5 s if they are boxes, and
+# 40 s if they are non-convex polygons of 40 vertices.
 _FEW = 20_000
 
 
 def choose(bags: Iterable[str], limits: Limits) -> bool:
     """
-    Return whether to compile; choose plain Python where that is slower, for few messages.
+    Return whether to compile; choose plain Python if compiling is slower, for few messages.
 
-    The choice holds for the processes that this one starts, too.
+    The choice also holds for the processes that this one starts.
     """
     mark = _mark()
     if mark is None or mark.exists():
@@ -65,7 +65,7 @@ def choose(bags: Iterable[str], limits: Limits) -> bool:
 
 
 def prepare(say: Callable[[str], object]) -> None:
-    """Compile or load all kernels, of the node and of replay, and say so."""
+    """Compile or load all kernels, of the node and of replay, and report it."""
     from sat_collision.geometry.preparation import prepare_pairs, Preparation
     begun = time.monotonic()
     preparation = Preparation(say, say)
@@ -75,12 +75,12 @@ def prepare(say: Callable[[str], object]) -> None:
     _warm_up()
     say(f'all kernels ready after {time.monotonic() - begun:.1f} s')
     if mark := _mark():
-        with contextlib.suppress(OSError):  # as problems of kernels say
+        with contextlib.suppress(OSError):  # kernels report a cache that cannot be written
             mark.touch()
 
 
 def main() -> int:
-    """Prepare all kernels, for a first start that compiles nothing; return the exit status."""
+    """Compile all kernels ahead of the first start; return the exit status."""
     try:
         import sat_collision.replay.run  # noqa: F401
     except ModuleNotFoundError as error:
@@ -105,7 +105,7 @@ def _mark() -> Path | None:
     try:
         from sat_collision.geometry.kernel_cache import prepared_mark
         return prepared_mark(Path(__file__).parent / 'motion')
-    except Exception:  # a numba that does not work may raise anything; kernels say so
+    except Exception:  # a broken numba may raise anything; kernels report it
         return None
 
 
@@ -115,7 +115,7 @@ _SQUARE = ((0, 0), (1, 0), (1, 1), (0, 1))
 
 
 class _WarmUp:
-    """A stand-in for a Recording: a robot with a notch, and two obstacles that pass it."""
+    """A stand-in for a Recording: a non-convex robot, and two obstacles that pass it."""
 
     path = Path('warm-up')
     start, end = _SECOND, 2 * _SECOND
@@ -134,7 +134,7 @@ class _WarmUp:
 
 
 def _warm_up() -> None:
-    """Answer both questions once, exactly and with a margin."""
+    """Check recorded motion and the live monitor once each, without and with a margin."""
     from sat_collision.replay.model.result import Options
     from sat_collision.replay.run import check_recording
     for as_live in (False, True):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The states of a scene over time, joined to intervals: what the monitor would have said."""
+"""The states of a scene over time, as intervals: what the monitor would have reported."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _LONGEST_ROW = 64
 
 
 class SceneTape(Tape):
-    """Scenes in a temporary file, of so many bytes at most; see Tape."""
+    """Scenes in a temporary file of limited size; see Tape."""
 
     def __init__(self, most: int, scene: Scene) -> None:
         super().__init__(most)
@@ -50,7 +50,7 @@ class SceneTape(Tape):
         self._times: list[int] = []
 
     def keep(self, now: int, depth: float = -inf) -> None:
-        """Keep the scene as it is; of several at one time that of the deepest contact counts."""
+        """Write the current scene; of several at one time that of the deepest contact counts."""
         if self._times[-1:] != [now]:
             self._times.append(now)
         self._write((now, depth, *(
@@ -58,12 +58,12 @@ class SceneTape(Tape):
             for bodies in (self._scene.footprints, self._scene.obstacles))))
 
     def develop(self, moments: Iterable[int], end: int) -> Keyframes:
-        """Return keyframes at the times of the scenes that there were at some moments."""
+        """Return keyframes at the times of the scenes that were current at some moments."""
         times = self._times
         keyframes = Keyframes(sorted({times[max(bisect_right(times, moment) - 1, 0)]
                                       for moment in moments}))
-        # By name, whether it is a footprint, and which one: while a set comes in, two obstacles
-        # may have the same name.
+        # By name, whether it is a footprint, and a number: while a set is being received, two
+        # obstacles may have the same name.
         held: dict[tuple[str, bool, int], ShownBody] = {}
         for now, scenes in groupby(self._events(), itemgetter(0)):
             number = keyframes.number(now)
@@ -94,7 +94,7 @@ class Timeline:
         self._scene = scene
         self._tape = tape
         self.contacts: list[Contact] = []
-        # Those that are open, by footprint and obstacle, only of footprints that have any.
+        # The open contacts by footprint and obstacle, only for footprints that have any.
         self.touching: dict[str, dict[ObstacleId, Contact]] = {}
         self.footprints = footprints
         self.notes: list[str] = []
@@ -110,7 +110,7 @@ class Timeline:
         return self._unknowns.intervals
 
     def change(self, names: Iterable[str], now: int) -> None:
-        """Take the new states of footprints."""
+        """Record the new states of footprints."""
         for name in names:
             state = self._scene.state(name)
             self._count_time(name, now)
@@ -124,13 +124,13 @@ class Timeline:
     def deepen(self, now: int) -> None:
         """Measure the open contacts of bodies that have moved."""
         for name, contacts in self.touching.items():
-            # In an order that is the same in each run: of equal depths the first counts.
+            # In the same order in each run, as of equal depths the first counts.
             for obstacle, *bodies in sorted(self._scene.contacts(name), key=_name_and_place):
                 contact = contacts.get(obstacle)
                 if contact is None or self._measured.get((name, obstacle)) == bodies:
                     continue
                 self._measured[name, obstacle] = bodies
-                # Taken from 0.0 rather than negated, which would make -0.0 of touching.
+                # Subtracted from 0.0 instead of negated, which would give -0.0 for touching.
                 depth = 0.0 - separation(*bodies)
                 if contact.deepen(depth, now, *bodies):
                     self._note_least(name, Least(0.0 - depth, now, contact.obstacle,
@@ -139,7 +139,7 @@ class Timeline:
                         self._tape.keep(now, depth)
 
     def sample(self, now: int) -> None:
-        """Record how far each footprint is from what is nearest to it, and where all is."""
+        """Record how far each footprint is from the nearest obstacle, and keep the scene."""
         if self._tape:
             self._tape.keep(now)
         for name, series in self._series.items():
@@ -153,7 +153,7 @@ class Timeline:
                                              (ax + bx) / 2, (ay + by) / 2))
 
     def finish(self, now: int) -> None:
-        """End all that is open."""
+        """End all open contacts and intervals."""
         for name in self._results:
             self._count_time(name, now)
         for contacts in self.touching.values():
@@ -195,7 +195,7 @@ def _name_and_place(contact: tuple[ObstacleId, Polygon, Polygon]) -> tuple[objec
 
 
 class Rows:
-    """Yields messages one by one as received, and skips what adds to a set in one call."""
+    """Yields messages one by one as received, and skips those of runs received in one call."""
 
     def __init__(self, messages: Iterable[Message]) -> None:
         self._messages = messages
@@ -215,7 +215,7 @@ class Rows:
 
     def receive_run(self, monitor: Monitor, name: str, now: int, bound: float) -> int:
         """
-        Have a monitor receive what only adds to the set of the message yielded last.
+        Have a monitor receive the next messages if they only add to the set of the last one.
 
         Until the bound, in ns, nothing happens by time alone. Returns the time of the last message
         that was received.

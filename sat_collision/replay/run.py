@@ -50,11 +50,11 @@ OnProgress: TypeAlias = Callable[[float], None]
 
 _APART = 3600 * 10**9
 _PROGRESS_EVERY = 500
-# So many placements are followed one after another, which is faster than one by one in between;
-# fewer of long messages, so that memory stays bounded.
+# So many placements are processed together, which is faster than each as it comes; fewer of long
+# messages, so that memory stays bounded.
 _TOGETHER = 64
 _MOST_BYTES = 2**22
-# Why a message tells of no body, whenever and wherever it is received.
+# Reasons for rejection that do not depend on when and where a message is received.
 _OF_CONTENT = {EMPTY_FRAME_ID, LONG_FRAME_ID, *(reason.value for reason in Reason)}
 _LONGEST_QUIET = 60 * 10**9
 
@@ -70,12 +70,12 @@ def check(path: str | Path, options: Options = Options(),
         A rosbag2 directory or storage file.
     options : Options
     progress : callable, optional
-        Called now and then with the share of messages that are done.
+        Called from time to time with the fraction of messages that are done.
 
     Returns
     -------
     Result
-        Whatever is wrong with the recording or the parameters is in its problems.
+        Its problems say what is wrong with the recording or the parameters.
 
     """
     with Recording(path, options.limits) as recording:
@@ -86,7 +86,7 @@ def check(path: str | Path, options: Options = Options(),
 
 def check_recording(recording: Recording, options: Options,
                     progress: OnProgress | None = None) -> Result:
-    """Check what is open, as `check` does."""
+    """Check an open recording, as `check` does."""
     path = recording.path
     result = Result(str(path), options)
     try:
@@ -100,7 +100,7 @@ def check_recording(recording: Recording, options: Options,
 
 
 class _Run:
-    """One recording on its way through the scene."""
+    """A run of one recording through the scene."""
 
     def __init__(self, recording: Recording, settings: Settings, options: Options,
                  result: Result) -> None:
@@ -112,7 +112,7 @@ class _Run:
                       for footprint in settings.footprints]
         self._transforms = [topic for topic in TRANSFORM_TOPICS if settings.frame_id
                             and recording.topics.get(topic) == TRANSFORM_TYPE]
-        # What recorded motion is yet to take. Where transforms must be asked for, that is at once.
+        # Not yet passed to recorded motion; outlines, which look up transforms, are at once.
         self._placements: list[Placement] = []
         self._together = 1 if any(one.has_outline for one in settings.footprints) else _TOGETHER
         self._untaken = 0
@@ -196,8 +196,8 @@ class _Run:
             result.origin = self._first_stamp(names.keys() - {*TRANSFORM_TOPICS})
         elif not by_header:
             result.origin = self._recording.start
-        # What metadata.yaml says of the recording's bounds is not taken as a reason to drop any.
-        # By stamps, what was received later may belong to the time that is checked.
+        # Messages outside the bounds that metadata.yaml gives are not dropped. By stamps, those
+        # received later may belong to the time that is checked.
         later = WINDOW if self._motion else 0
         messages: Iterable[Message] = self._with_clocks_compared(self._messages(
             names, start if self._options.start else None, stop and stop + later))
@@ -243,7 +243,7 @@ class _Run:
                 if len(batch) == 1 or name not in footprints:
                     self._receive(name, batch, now, number)
                     continue
-                # A footprint that is refused is nowhere until the next one, so each counts.
+                # A refused footprint has no place until the next one, so each message counts.
                 for k, data in enumerate(batch):
                     self._receive(name, [data], now, number and number + k)
             if rows and len(names[topic]) == 1 and now:
@@ -300,7 +300,7 @@ class _Run:
                 rejection.reason, rejection.text)
 
     def _follow(self, now: int) -> None:
-        """Take what was placed, and what has changed."""
+        """Process new placements and changed states."""
         untaken = self._untaken = len(self._placements)
         if untaken >= self._together or (
                 untaken and untaken * len(self._placements[-1].points[0]) > _MOST_BYTES):
@@ -312,14 +312,14 @@ class _Run:
             self._live.deepen(now)
 
     def _place(self, count: int) -> None:
-        """Have recorded motion take what was placed first."""
+        """Pass the first placements to recorded motion."""
         if self._motion and count:
             self._motion.place(self._placements[:count])
             del self._placements[:count]
             self._untaken = 0
 
     def _begin(self, start: int) -> None:
-        """Let the time begin."""
+        """Start the clock."""
         self._result.start = self._now = start
         if self._result.origin is None:
             self._result.origin = start
@@ -335,7 +335,7 @@ class _Run:
             self._outputs.change(changed, now)
 
     def _pass_until(self, now: int) -> None:
-        """Do all that is due before the messages of now: what time brings about, and timers."""
+        """Do all that is due before the messages of now: deadlines of the monitor, and timers."""
         while True:
             # A bound may lie in the past, but the scene's time must not go back.
             deadline = max(self._monitor.deadline + 1, self._now)
@@ -378,7 +378,7 @@ def _with_progress(messages: Iterable[Message], total: int,
 
 
 class Timer:
-    """Something that recurs with a period in s, and takes the time in ns."""
+    """An action that recurs with a period in s, called with the time in ns."""
 
     def __init__(self, period: float, action: Callable[[int], None]) -> None:
         self.action = action
@@ -386,7 +386,7 @@ class Timer:
         self._period = max(round(period * 1e9), 1)
 
     def act(self, until: float) -> None:
-        """Do it; of a long time in which nothing else happens, until then, leave the most out."""
+        """Call the action; if `until` is over a minute away, skip its calls until then."""
         self.action(int(self.due))
         self.due += self._period
         quiet = until - self.due

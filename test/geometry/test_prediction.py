@@ -396,8 +396,8 @@ def test_rows_that_have_no_body():
     ({'horizon': math.inf}, 'horizon inf'),
     ({'tolerance': 0.0}, 'tolerance 0.0'),
     ({'tolerance': math.nan}, 'tolerance nan'),
-    ({'velocities': (1, 0)}, r'velocities of shape \(2,\), but of 2 rows'),
-    ({'velocities': [(1, 0)]}, r'velocities of shape \(1, 2\), but of 2 rows'),
+    ({'velocities': (1, 0)}, r'velocities of shape \(2,\), but for 2 rows'),
+    ({'velocities': [(1, 0)]}, r'velocities of shape \(1, 2\), but for 2 rows'),
     ({'velocities': [(1, 0), (0, math.nan)]}, 'velocity 1 is not finite'),
     ({'footprint': []}, 'no points'),
 ])

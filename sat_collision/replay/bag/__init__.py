@@ -13,16 +13,16 @@
 # limitations under the License.
 
 """
-Recordings: what is read of a bag, whole or damaged, and bags written.
+Recordings: reading bags, whole or damaged, and writing them.
 
 recording    a bag, of one or more storage files, opened once
 mcap         MCAP storage
 sqlite       SQLite storage (.db3)
-libraries    what is left to those of ROS and pip: to unpack what nothing else does, to write
-storage      what the readers have in common: faults, limits, decompression
+libraries    libraries of ROS and pip, for writing and for compression that is not read here
+storage      common to the readers: faults, limits, decompression
 
-The readers are our own because those of others stop at damage: of files with random damage, in
-which a footprint touched something, these find 63 % of the contacts, the libraries mcap and
-rosbags 58 % and 21 %. They read MCAP 1.7 to 2.9 times as fast as those, read the log that a
-killed recorder left beside an SQLite file, and unpack within the limits of --max-memory.
+The readers are our own because others stop at damage: in randomly damaged files, in which a
+footprint touched something, ours find 63 % of the contacts, the libraries mcap and rosbags 58 %
+and 21 %. Ours also read MCAP 1.7 to 2.9 times as fast, read the log that a killed recorder left
+beside an SQLite file, and decompress within the limits of --max-memory.
 """

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What is left to libraries.
+Reading and writing with libraries.
 
-rosbag2_py of ROS reads what nothing else here unpacks; rosbags writes or, without it, rosbag2_py.
+rosbag2_py of ROS reads what cannot be decompressed here; rosbags, else rosbag2_py, writes bags.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from sat_collision.replay.bag.storage import (
 
 class Rosbag2Storage(Storage):
     """
-    A directory or storage file as rosbag2_py reads it, up to the first damage.
+    A directory or storage file read with rosbag2_py, up to the first damage.
 
-    It is copied where rosbag2 would unpack files beside the packed ones. `packed` says that files
-    or messages are compressed one by one.
+    Compressed files are copied, because rosbag2 would decompress them beside the originals.
+    `packed` says that files or messages are compressed one by one.
     """
 
     def __init__(self, path: Path, faults: Faults, packed: bool, scratch: Scratch) -> None:
@@ -86,19 +86,19 @@ def _files_of(path: Path) -> list[Path]:
 
 
 def check_bag_writer() -> None:
-    """Raise OSError if nothing is there that writes bags."""
+    """Raise OSError if no library that writes bags is installed."""
     if not (is_installed('rosbags.rosbag2') or is_installed('rosbag2_py')):
         raise OSError('writing a bag needs rosbags (pip install rosbags) or rosbag2_py of ROS')
 
 
 def new_bag(path: Path) -> BagWriter:
     """
-    Return what writes a new bag of MCAP storage into a directory, which must not exist.
+    Return a writer of a new bag, of MCAP storage, in a directory that must not exist.
 
     Raises
     ------
     OSError
-        If it exists, or cannot be made, or nothing is there that writes bags.
+        If it exists, or cannot be made, or no library that writes bags is installed.
 
     """
     check_bag_writer()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings: what is read of a bag, and of a damaged one what is left."""
+"""Recordings: bags opened once for reading, and as much of damaged ones as can be read."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ import yaml
 _STORAGE = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 _ROS_1 = b'#ROSBAG V'
 _LOW = 2**32 - 1
-# Transient local, in the words and numbers of rosbag2.
+# Transient local, as rosbag2 names and numbers it.
 _LATCHED = 'transient_local', 1
 
 
@@ -44,8 +44,8 @@ class Recording(Storage):
     A rosbag2 recording: a directory with metadata.yaml, or one storage file.
 
     A damaged recording is read as far as possible, and every fault of a file is recorded. What
-    metadata.yaml announces is compared with what is there. To be used as a context manager.
-    `latched` has the topics whose publishers were transient local.
+    metadata.yaml announces is compared with what is there. It is a context manager. `latched` has
+    the topics whose publishers were transient local.
     """
 
     def __init__(self, path: str | Path, limits: Limits = Limits()) -> None:
@@ -168,7 +168,7 @@ class Recording(Storage):
                        for file in self.path.glob(pattern)})
 
     def _open(self, file: Path) -> None:
-        """Open a storage file or, compressed as a whole, what it holds."""
+        """Open a storage file; one that is compressed as a whole is decompressed first."""
         faults = self._faults_of(file)
         plain = file
         try:
@@ -195,7 +195,7 @@ class Recording(Storage):
             faults.damaged('neither a .mcap nor a .db3 file')
 
     def _open_by_rosbag2(self, missing: str) -> None:
-        """Read all with rosbag2_py instead, which alone can decompress it here."""
+        """Read all with rosbag2_py instead, as nothing else here can decompress it."""
         for part in self._parts:
             part.close()
         self._parts.clear()
@@ -237,7 +237,7 @@ class Metadata(NamedTuple):
 
 
 def read_metadata(path: Path, most: int) -> Metadata:
-    """Read metadata.yaml of at most so many bytes; raise Damage if no recorder writes such."""
+    """Read metadata.yaml; raise Damage if it is not valid, or larger than a number of bytes."""
     if path.stat().st_size > most:
         raise Damage(f'more than {most} bytes')
     try:
@@ -259,7 +259,7 @@ def read_metadata(path: Path, most: int) -> Metadata:
 
 
 def _is_latched(profiles: Any) -> bool:
-    """Return whether one of the profiles, a list or the YAML text of one, has it."""
+    """Return whether one of the QoS profiles, a list or its YAML text, is transient local."""
     if isinstance(profiles, str):
         try:
             profiles = yaml.safe_load(profiles)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""SQLite storage files (.db3), whole or not, with what a recorder left in a log beside them."""
+"""SQLite storage files (.db3), whole or damaged, with the log that a recorder left beside them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _SURVEY = """
 SELECT topic_id, timestamp, CASE typeof(data) WHEN 'blob' THEN length(data) ELSE -1 END
 FROM messages NOT INDEXED"""
 _READ = 'SELECT topic_id, timestamp, {} FROM messages {} WHERE topic_id IN ({}) ORDER BY {}'
-# What is damaged may have values of any type and size.
+# A damaged file may have values of any type and size.
 _GUARDED = "CASE WHEN typeof(data) = 'blob' AND length(data) <= {} THEN data END"
 # After so many steps SQLite calls back, so that an interrupt is noticed.
 _STEPS = 100_000
@@ -40,10 +40,10 @@ _STEPS = 100_000
 
 class SqliteFile(Storage):
     """
-    A .db3 file, read through SQLite in the order of time; a copy where it cannot be in its place.
+    A .db3 file, read with SQLite in the order of time; copied if it cannot be read in its place.
 
-    Where SQLite finds the file damaged it is read in the order of writing, up to the damage. Rows
-    with a value of another type are counted: data of another type is yielded as b'', which cannot
+    If SQLite finds the file damaged, it is read in the order of writing, up to the damage. Rows
+    with a value of a wrong type are counted: data of a wrong type are yielded as b'', which cannot
     be decoded and so is refused; a row without a time is left out.
     """
 
@@ -95,7 +95,7 @@ class SqliteFile(Storage):
 
     def _read_topics(self, connection: sqlite3.Connection) -> None:
         for table, columns in _COLUMNS.items():
-            # A view or a column that is computed may have no end; a virtual table has no page.
+            # A view or a computed column may be endless; a virtual table has no page.
             found = connection.execute('SELECT type, rootpage FROM sqlite_master WHERE name = ?',
                                        (table,)).fetchall()
             plain = {name for _, name, _, _, _, _, hidden in connection.execute(
@@ -135,7 +135,7 @@ class SqliteFile(Storage):
                 self.counts[name] += counts.pop(key)
             self._faults.unknown('topics', counts)
         self._plain = shortest >= 0 and longest <= self._most
-        # Pages that many rows share would make much of a small file.
+        # Rows that share pages could make a small file yield far more data than it has.
         if announced > size:
             self.close()
             self._connection = None
@@ -154,7 +154,7 @@ def _connected(path: Path, scratch: Scratch) -> sqlite3.Connection:
         try:
             return _opened(f'{path.resolve().as_uri()}?mode=ro')
         except sqlite3.Error:
-            pass  # as in a folder that cannot be written to, where SQLite cannot read a log
+            pass  # such as in a read-only folder, where SQLite cannot read a log
     copy = scratch.copy(path)
     for log in logs:
         scratch.copy(log)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the readers have in common: faults, and unpacking within limits of memory and disk."""
+"""Common to the readers: faults, and decompression within limits of memory and disk."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Message: TypeAlias = tuple[str, int, bytes]  # topic, time in ns, data
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 _PIECE = 2**20
 _LIBRARIES = {'zstd': 'backports.zstd', 'lz4': 'lz4'}
-# How many differences are named for a file, and the length of the text about all its faults.
+# The most differences reported for a file, and the most characters about all its faults.
 _MOST = 3
 _LONGEST = 1000
 
@@ -39,7 +39,7 @@ def is_installed(library: str) -> bool:
     """Return whether a library can be imported; a folder of the same name does not count."""
     try:
         spec = find_spec(library)
-    except ModuleNotFoundError:  # what it lies in
+    except ModuleNotFoundError:  # its parent package
         return False
     return spec is not None and spec.origin is not None
 
@@ -73,7 +73,7 @@ class Faults:
                 self.differs(('count', key), words.format(names.get(key, key), *numbers))
 
     def unknown(self, what: str, counts: Mapping[Any, int]) -> None:
-        """Record the numbers of messages that belong to nothing that is announced, if any."""
+        """Record the messages of topics or channels that are not announced, if any."""
         if counts:
             listed = ', '.join(str(key)[:20] for key in sorted(counts, key=str)[:3])
             self.differs('unknown', f'{sum(counts.values())} messages of unknown {what} '
@@ -102,7 +102,7 @@ class Damage(Exception):
 
 class Storage:
     """
-    What a recording, or one file of it, holds; times in ns.
+    The content of a recording, or of one file of it; times in ns.
 
     Attributes
     ----------
@@ -126,7 +126,7 @@ class Storage:
         raise NotImplementedError
 
     def close(self) -> None:
-        """Close what is open."""
+        """Close open files."""
 
     def _add_topic(self, topic: str, kind: str) -> None:
         if self.topics.setdefault(topic, kind) != kind:
@@ -134,7 +134,7 @@ class Storage:
                                  f'{topic} has the types {self.topics[topic]} and {kind}')
 
     def _extend(self, *times: int | None) -> None:
-        """Have start and end include some times."""
+        """Extend start and end to include some times."""
         known = [time for time in (self.start, self.end, *times) if time is not None]
         if known:
             self.start, self.end = min(known), max(known)
@@ -144,29 +144,29 @@ class Storage:
 class Limits:
     """How much memory and disk a recording may take, in bytes."""
 
-    # For what is unpacked and indexed. Python itself comes on top of it.
+    # For decompressed data and indexes, not counting what Python itself takes.
     memory: int = 2 * 10**9
-    # For temporary files: storage files unpacked, and copies to be mended.
+    # For temporary files: decompressed storage files, and copies to be repaired.
     disk: int = 4 * 10**9
 
     @property
     def chunk(self) -> int:
         """
-        What may be unpacked at a time.
+        The most bytes that are decompressed at a time.
 
-        A message takes at least 31 bytes of a chunk, and some 200 as an entry of a list.
+        A message takes at least 31 bytes of a chunk, and about 200 as an entry of a list.
         """
         return self.memory // 8
 
 
 def unpacked(packed: bytes, compression: str, most: int) -> bytes:
     """
-    Return what data of a compression ('zstd', 'lz4' or '' for none) holds.
+    Return data decompressed from 'zstd', 'lz4' or '' (none).
 
     Raises
     ------
     Damage
-        If it is not whole, or holds more bytes than `most`.
+        If the data are incomplete or hold more bytes than `most`.
 
     """
     if not compression:
@@ -189,7 +189,7 @@ def unpacked(packed: bytes, compression: str, most: int) -> bytes:
 
 
 def why_not_unpacked(compressions: set[str]) -> str | None:
-    """Return what is missing here to unpack what is compressed so, None if nothing is."""
+    """Return which library for some compressions is missing, None if none is."""
     for compression in compressions & _LIBRARIES.keys():  # others are reported when read
         try:
             _library(compression)
@@ -199,7 +199,7 @@ def why_not_unpacked(compressions: set[str]) -> str | None:
 
 
 def _library(compression: str) -> Any:
-    """Return the module that unpacks; raise Damage if it is not installed."""
+    """Return the module for a compression; raise Damage if it is not installed."""
     try:
         if compression == 'lz4':
             from lz4 import frame
@@ -223,7 +223,7 @@ class Scratch:
         self._folder: tempfile.TemporaryDirectory[str] | None = None
 
     def close(self) -> None:
-        """Remove all."""
+        """Remove the files."""
         if self._folder:
             self._folder.cleanup()
 
@@ -235,7 +235,7 @@ class Scratch:
         return plain
 
     def unpack(self, packed: Path) -> tuple[Path, Damage | None]:
-        """Return a file with what a zstd-compressed one holds, and why that is not all."""
+        """Decompress a zstd file; return the new file, and what is wrong if it is incomplete."""
         plain = self._place(packed.stem)
         zstd = _library('zstd')
         try:
@@ -258,5 +258,5 @@ class Scratch:
 
 
 def in_words(error: BaseException) -> str:
-    """Return in one line what an exception says, or its kind if it says nothing."""
+    """Return an exception's message in one line, or its type if it has none."""
     return ' '.join(str(error).split()) or type(error).__name__

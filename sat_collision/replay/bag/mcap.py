@@ -19,6 +19,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Collection, Iterator
+from itertools import groupby, islice
 from operator import itemgetter
 import os
 from pathlib import Path
@@ -27,7 +28,7 @@ from typing import NamedTuple, TypeAlias
 import zlib
 
 from sat_collision.replay.bag.storage import (
-    Damage, Faults, in_words, Limits, Message, Storage, unpacked)
+    Damage, Faults, in_words, Limits, LONGEST_ROW, Row, Storage, unpacked)
 
 _MAGIC = b'\x89MCAP0\r\n'
 _FOOTER_KIND, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX = range(2, 8)
@@ -48,7 +49,7 @@ _PIECE = 2**20
 _ENTRY = 400
 # Time in ns, block, where its data begins and ends in the block, channel, bytes of the block.
 _Entry: TypeAlias = tuple[int, int, int, int, int, bytes]
-_channel_of = itemgetter(4)
+_time_of, _channel_of = itemgetter(0), itemgetter(4)
 
 
 class Block(NamedTuple):
@@ -134,8 +135,8 @@ class McapFile(Storage):
             os.close(self._file)
             self._file = -1
 
-    def messages(self, topics: Collection[str], start: int | None = None,
-                 stop: int | None = None) -> Iterator[Message]:
+    def rows(self, topics: Collection[str], start: int | None = None,
+             stop: int | None = None) -> Iterator[Row]:
         # Faults have been recorded already where all was read before.
         faults = Faults(Path()) if self._surveyed else self._faults
         wanted = {channel: topic for channel, (topic, _) in self._channels.items()
@@ -155,8 +156,10 @@ class McapFile(Storage):
             pending.sort()
             until = blocks[number + 1].first if number + 1 < len(blocks) else 2**64
             ready = bisect_left(pending, (until,))
-            for time, _, begin, end, channel, content in pending[:ready]:
-                yield wanted[channel], time, content[begin:end]
+            for channel, entries in groupby(pending[:ready], _channel_of):
+                while row := [*islice(entries, LONGEST_ROW)]:
+                    yield (wanted[channel], [*map(_time_of, row)],
+                           [content[begin:end] for _, _, begin, end, _, content in row])
             del pending[:ready]
         if start is None and stop is None:
             self._compare(read, 'can be read')
@@ -193,20 +196,22 @@ class McapFile(Storage):
         """Add the messages of a block up to any damage."""
         content = self._content(block, held)
         at, end = 0, len(content)
-        whole = end - _MESSAGE_RECORD.size
+        head_size, least, record_size = (
+            _RECORD_HEAD.size, _MESSAGE_HEAD.size, _MESSAGE_RECORD.size)
+        whole = end - record_size
         unpack, append = _MESSAGE_RECORD.unpack_from, entries.append
         while at < end:
             if at <= whole:
                 kind, size, channel, _, time, _ = unpack(content, at)
-                behind = at + _RECORD_HEAD.size + size
-                if kind == _MESSAGE and size >= _MESSAGE_HEAD.size and behind <= end:
-                    append((time, number, at + _MESSAGE_RECORD.size, behind, channel, content))
+                behind = at + head_size + size
+                if kind == _MESSAGE and size >= least and behind <= end:
+                    append((time, number, at + record_size, behind, channel, content))
                     at = behind
                     continue
-            if end - at < _RECORD_HEAD.size:
+            if end - at < head_size:
                 raise Damage('the head of a record is cut off')
             kind, size = _RECORD_HEAD.unpack_from(content, at)
-            at += _RECORD_HEAD.size
+            at += head_size
             if not kind or size > end - at:
                 raise Damage(f'{size} bytes announced, {end - at} left' if kind else 'no record')
             if kind == _MESSAGE:

@@ -148,12 +148,14 @@ def follow(described, longest, ways):
     points, rings, boxes, sets = described
     rows, next_rows, array, times, bounds, moved = ways
     first = row = first_point = point = way = 0
+    places = _places(boxes[:0])
     for s in range(len(sets)):
         next_row = sets[s, ROWS]
         next_point = sets[s, POINTS]
+        next_places = _places(boxes[row:next_row])
         if s > 0:
-            found = mutual_nearest(rings[first:row], boxes[first:row], rings[row:next_row],
-                                   boxes[row:next_row], longest, rows[way:], next_rows[way:])
+            found = _mutual(rings[first:row], places, rings[row:next_row], next_places, longest,
+                            rows[way:], next_rows[way:])
             if found > 0:
                 end = way + found
                 begun, ended = motions_between(
@@ -166,6 +168,7 @@ def follow(described, longest, ways):
                 way = end
         sets[s, WAYS] = way
         first, row, first_point, point = row, next_row, point, next_point
+        places = next_places
 
 
 @kernel
@@ -216,9 +219,14 @@ def mutual_nearest(rings, boxes, next_rings, next_boxes, longest, rows, next_row
     boxes. The other may be later by `longest` ns at most. Returns how many there are: `rows` and
     `next_rows` receive the rings of one set, and those of the other.
     """
-    centres = _middles(boxes)
-    others = _middles(next_boxes)
-    order, next_order = np.argsort(centres[:, 0]), np.argsort(others[:, 0])
+    return _mutual(rings, _places(boxes), next_rings, _places(next_boxes), longest, rows,
+                   next_rows)
+
+
+@kernel
+def _mutual(rings, places, next_rings, next_places, longest, rows, next_rows):
+    centres, order = places
+    others, next_order = next_places
     there = nearest_each(centres, order, others, next_order)
     back = nearest_each(others, next_order, centres, order)
     found = 0
@@ -233,12 +241,14 @@ def mutual_nearest(rings, boxes, next_rings, next_boxes, longest, rows, next_row
 
 
 @kernel
-def _middles(boxes):
+def _places(boxes):
+    """Return the middles of boxes, and what sorts them by x."""
     found = np.empty((len(boxes), 2))
     for i in range(len(boxes)):
         for axis in range(2):
             found[i, axis] = 0.5 * boxes[i, axis] + 0.5 * boxes[i, 2 + axis]
-    return found
+    order = np.argsort(found[:, 0]) if len(found) > 1 else np.zeros(len(found), np.int64)
+    return found, order
 
 
 @kernel

@@ -114,9 +114,8 @@ class Tracker(ABC):
     def _bodies(self, names: Sequence[ObstacleId], placements: Sequence[Placement],
                 block: Block, number: int = 0) -> Bodies:
         """Return what has come in, as a block has it; there may be more names than bodies."""
-        frame_id = placements[0].frame_id if placements else ''
-        if any(one.frame_id != frame_id for one in placements[1:]):
-            frame_id = ''
+        frames = {one.frame_id for one in placements}
+        frame_id = frames.pop() if len(frames) == 1 else ''
         return Bodies(names, block, number, self._max_vertices, frame_id)
 
     def _is_usable(self, placement: Placement) -> bool:

@@ -37,7 +37,6 @@ from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
 
 
-
 class SceneTape(Tape):
     """Scenes in a temporary file, of so many bytes at most; see Tape."""
 

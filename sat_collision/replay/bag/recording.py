@@ -28,7 +28,7 @@ from sat_collision.replay.bag.libraries import Rosbag2Storage
 from sat_collision.replay.bag.mcap import McapFile
 from sat_collision.replay.bag.sqlite import SqliteFile
 from sat_collision.replay.bag.storage import (
-    Damage, Faults, in_words, is_installed, Limits, Row, Scratch, Storage, unpacked,
+    Damage, Faults, in_words, is_installed, Limits, Message, Row, Scratch, Storage, unpacked,
     why_not_unpacked, ZSTD_MAGIC)
 import yaml
 
@@ -95,11 +95,26 @@ class Recording(Storage):
 
     def rows(self, topics: Collection[str], start: int | None = None,
              stop: int | None = None) -> Iterator[Row]:
+        for topic, times, messages in self._read(topics, start, stop):
+            self._sums[topic] += sum(map(
+                zlib.crc32, messages, [(time ^ time >> 32) & _LOW for time in times]))
+            yield topic, times, messages
+
+    def messages(self, topics: Collection[str], start: int | None = None,
+                 stop: int | None = None) -> Iterator[Message]:
+        # In the digest is what was taken, however much was read with it.
+        for topic, times, messages in self._read(topics, start, stop):
+            for time, data in zip(times, messages):
+                self._sums[topic] += zlib.crc32(data, (time ^ time >> 32) & _LOW)
+                yield topic, time, data
+
+    def _read(self, topics: Collection[str], start: int | None,
+              stop: int | None) -> Iterator[Row]:
         read: Counter[str] = Counter()
         unfit = 0
         for part in self._parts:
             for row in part.rows(topics, start, stop):
-                topic, times, messages = row
+                topic, _, messages = row
                 # One in CDR is less by its first byte.
                 if max(messages) >= ZSTD_MAGIC:
                     for k, data in enumerate(messages):
@@ -110,8 +125,6 @@ class Recording(Storage):
                                 unfit += 1
                                 messages[k] = b''
                 read[topic] += len(messages)
-                self._sums[topic] += sum(map(
-                    zlib.crc32, messages, [(time ^ time >> 32) & _LOW for time in times]))
                 yield row
         if unfit:
             self._faults.differs('unfit', f'{unfit} messages are compressed and damaged')

@@ -28,7 +28,7 @@ import numpy as np
 from published import load
 from sat_collision import intersects_pairs, Polygon, PolygonSet, separation
 from sat_collision.geometry.intersection import bodies_meet
-from sat_collision.geometry.jit import kernel
+from sat_collision.geometry.jit import indexable, kernel
 from sat_collision.geometry.layout import convex_part, Packed
 from sat_collision.geometry.separating_axis import (
     boxes_apart, find_separating_axis, SEPARATE, UNCERTAIN)
@@ -172,7 +172,8 @@ def seconds(a, b, repeats=7):
 def _packed(polygons):
     bodies = [np.asarray(polygon.packed[0]) for polygon in polygons]
     starts = np.cumsum([0] + [len(body) for body in bodies[:-1]])
-    return np.concatenate(bodies), starts, np.array([polygon.packed[1] for polygon in polygons])
+    counts = np.array([polygon.packed[1] for polygon in polygons])
+    return indexable(np.concatenate(bodies)), starts, counts
 
 
 @kernel

@@ -32,7 +32,7 @@ from typing import cast, TYPE_CHECKING
 
 from sat_collision.extras import missing
 from sat_collision.geometry.compilation import is_plain_python_chosen, use_plain_python
-from sat_collision.replay.bag.storage import Limits, Message
+from sat_collision.replay.bag.storage import Limits, Row
 
 if TYPE_CHECKING:
     from sat_collision.replay.bag.recording import Recording
@@ -124,13 +124,13 @@ class _WarmUp:
     topics = {'/footprint': _TYPES[0], '/obstacles': _TYPES[0]}
     counts: Counter[str] = Counter()
 
-    def messages(self, *_: object) -> Iterator[Message]:
+    def rows(self, *_: object) -> Iterator[Row]:
         for tick in range(21):
             time = _SECOND + tick * _SECOND // 20
-            yield '/footprint', time, _message(time, _NOTCHED, 0.01 * tick)
+            yield '/footprint', [time], [_message(time, _NOTCHED, 0.01 * tick)]
             for ring, x in ((_SQUARE, 0.3 * tick - 3.0), (_NOTCHED, 9.0 - 0.4 * tick)):
-                yield '/obstacles', time, _message(time, ring, x)
-            yield '/obstacles', time, _message(time, (), 0.0)
+                yield '/obstacles', [time], [_message(time, ring, x)]
+            yield '/obstacles', [time], [_message(time, (), 0.0)]
 
 
 def _warm_up() -> None:

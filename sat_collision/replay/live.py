@@ -19,7 +19,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from itertools import groupby, islice
+from itertools import groupby
 from math import inf
 from operator import itemgetter
 
@@ -28,17 +28,13 @@ from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.query import separation
 from sat_collision.messages.ingest import Batch
 from sat_collision.monitor import Monitor
-from sat_collision.replay.bag.storage import Message
+from sat_collision.replay.bag.storage import Row
 from sat_collision.replay.model.keyframes import Keyframes, ShownBody, Tape
 from sat_collision.replay.model.result import (
     Contact, FootprintResult, Least, Series, Unknown, Unknowns)
 from sat_collision.scene.footprints import Status
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
-
-
-# As many messages as the node takes together.
-_LONGEST_ROW = 64
 
 
 class SceneTape(Tape):
@@ -197,21 +193,18 @@ def _name_and_place(contact: tuple[ObstacleId, Polygon, Polygon]) -> tuple[objec
 class Rows:
     """Yields messages one by one as received, and skips those of runs received in one call."""
 
-    def __init__(self, messages: Iterable[Message]) -> None:
-        self._messages = messages
-        self._row: list[Message] = []
+    def __init__(self, rows: Iterable[Row]) -> None:
+        self._rows = rows
+        self._times: list[int] = []
         self._batch = Batch(())
         self._taken = 0
 
     def __iter__(self) -> Iterator[tuple[str, int, list[bytes]]]:
-        for topic, messages in groupby(self._messages, itemgetter(0)):
-            while row := [*islice(messages, _LONGEST_ROW)]:
-                self._row, self._taken = row, 0
-                self._batch = Batch([data for _, _, data in row])
-                while self._taken < len(row):
-                    _, time, data = row[self._taken]
-                    self._taken += 1
-                    yield topic, time, [data]
+        for topic, times, messages in self._rows:
+            self._times, self._batch, self._taken = times, Batch(messages), 0
+            while (taken := self._taken) < len(times):
+                self._taken += 1
+                yield topic, times[taken], [messages[taken]]
 
     def receive_run(self, monitor: Monitor, name: str, now: int, bound: float) -> int:
         """
@@ -220,9 +213,9 @@ class Rows:
         Until the bound, in ns, nothing happens by time alone. Returns the time of the last message
         that was received.
         """
-        if self._taken < len(self._row) and self._row[-1][1] <= bound:
+        if self._taken < len(self._times) and self._times[-1] <= bound:
             taken = monitor.receive_run(name, self._batch, self._taken, now)
             if taken:
                 self._taken += taken
-                now = max(now, self._row[self._taken - 1][1])
+                now = max(now, self._times[self._taken - 1])
         return now

@@ -28,7 +28,7 @@ from sat_collision.messages.rejections import EMPTY_FRAME_ID, LONG_FRAME_ID, Rej
 from sat_collision.messages.transform_listener import stamped, TF_STATIC, TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
 from sat_collision.replay.bag.recording import Recording
-from sat_collision.replay.bag.storage import Message
+from sat_collision.replay.bag.storage import Row
 from sat_collision.replay.live import Rows, SceneTape, Timeline
 from sat_collision.replay.model.configuration import (
     all_sources, is_subscribed, missing_topics, settings_for, TRANSFORM_TYPE, TWIST_TYPE,
@@ -199,16 +199,16 @@ class _Run:
         # Messages outside the bounds that metadata.yaml gives are not dropped. By stamps, those
         # received later may belong to the time that is checked.
         later = WINDOW if self._motion else 0
-        messages: Iterable[Message] = self._with_clocks_compared(self._messages(
+        read: Iterable[Row] = self._with_clocks_compared(self._rows(
             names, start if self._options.start else None, stop and stop + later))
         if progress:
             total = sum(self._recording.counts[topic] for topic in names)
-            messages = _with_progress(messages, total, progress)
-        ordered = StampOrder(messages, by_header) if self._motion else None
-        rows = None if ordered or by_header else Rows(messages)
+            read = _with_progress(read, total, progress)
+        ordered = StampOrder(read, by_header) if self._motion else None
+        rows = None if ordered or by_header else Rows(read)
         runs: Iterable[Timed] = ordered or rows or (
             (topic, 0 if topic in TRANSFORM_TOPICS else header_stamp(data), [data])
-            for topic, time, data in messages)
+            for topic, _, messages in read for data in messages)
         if self._options.write_bag:
             self._write_outputs(self._options.write_bag)
         # The first message of a latched topic is the first one that its publisher sent.
@@ -219,8 +219,9 @@ class _Run:
         footprints = {one.name for one in self._settings.footprints}
         if self._options.start and TF_STATIC in self._transforms:
             # What was told before would be latched.
-            for topic, _, data in self._recording.messages([TF_STATIC], None, start):
-                self._keep(monitor.receive_transforms(topic, data, now))
+            for topic, _, messages in self._recording.rows([TF_STATIC], None, start):
+                for data in messages:
+                    self._keep(monitor.receive_transforms(topic, data, now))
         for topic, time, batch in runs:
             if by_header and not now:
                 if not time or topic in TRANSFORM_TOPICS:
@@ -269,17 +270,18 @@ class _Run:
             self._motion.command(name, self._monitor.commands.last[name])
         self._follow(now)
 
-    def _messages(self, topics: Collection[str], start: int | None = None,
-                  stop: int | None = None) -> Iterator[Message]:
+    def _rows(self, topics: Collection[str], start: int | None = None,
+              stop: int | None = None) -> Iterator[Row]:
         """Return messages of the recording, with a header where a command has none."""
         twists = {topic for topic in topics if self._recording.topics.get(topic) == TWIST_TYPE}
-        messages = self._recording.messages(topics, start, stop)
-        return ((topic, time, stamped(data) if topic in twists else data)
-                for topic, time, data in messages) if twists else messages
+        rows = self._recording.rows(topics, start, stop)
+        return ((topic, times, [*map(stamped, messages)] if topic in twists else messages)
+                for topic, times, messages in rows) if twists else rows
 
     def _first_stamp(self, names: Collection[str]) -> int | None:
         """Return the header stamp with which the recording begins, None if there is none."""
-        stamps = (header_stamp(data) for _, _, data in self._messages(names))
+        stamps = (header_stamp(data) for topic, _, data in self._recording.messages(names)
+                  if self._recording.topics[topic] != TWIST_TYPE)
         return next(filter(None, stamps), None)
 
     def _write_outputs(self, path: str) -> None:
@@ -352,11 +354,12 @@ class _Run:
         self._now = now
         self._due = timer.due if timer else NEVER
 
-    def _with_clocks_compared(self, messages: Iterator[Message]) -> Iterable[Message]:
+    def _with_clocks_compared(self, rows: Iterator[Row]) -> Iterable[Row]:
         """Note clocks so far apart at the first message that one cannot be the robot's."""
         passed = []
-        for topic, time, data in messages:
-            passed.append((topic, time, data))
+        for row in rows:
+            passed.append(row)
+            topic, (time, *_), (data, *_) = row
             if topic in TRANSFORM_TOPICS:
                 continue
             stamp = header_stamp(data)
@@ -365,16 +368,18 @@ class _Run:
                     f'the first header stamp is {abs(time - stamp) / 1e9:.0f} s from the receive '
                     'time, as in recordings of simulations: try --clock header')
             break
-        return chain(passed, messages)
+        return chain(passed, rows)
 
 
-def _with_progress(messages: Iterable[Message], total: int,
-                   progress: OnProgress) -> Iterator[Message]:
-    """Yield messages, and tell now and then what share of the total has passed."""
-    for count, message in enumerate(messages):
-        if count % _PROGRESS_EVERY == 0:
+def _with_progress(rows: Iterable[Row], total: int, progress: OnProgress) -> Iterator[Row]:
+    """Yield rows, and tell now and then what share of all messages has passed."""
+    count = due = 0
+    for row in rows:
+        if count >= due:
             progress(min(count / max(total, 1), 1.0))
-        yield message
+            due = count + _PROGRESS_EVERY
+        count += len(row[1])
+        yield row
 
 
 class Timer:

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from sat_collision.replay.bag.storage import (
-    Faults, in_words, is_installed, Message, Scratch, Storage)
+    Faults, in_rows, in_words, is_installed, Message, Row, Scratch, Storage)
 
 
 class Rosbag2Storage(Storage):
@@ -54,8 +54,12 @@ class Rosbag2Storage(Storage):
             self.start = metadata.starting_time.nanoseconds
             self.end = self.start + metadata.duration.nanoseconds
 
-    def messages(self, topics: Collection[str], start: int | None = None,
-                 stop: int | None = None) -> Iterator[Message]:
+    def rows(self, topics: Collection[str], start: int | None = None,
+             stop: int | None = None) -> Iterator[Row]:
+        return in_rows(self._read(topics, start, stop))
+
+    def _read(self, topics: Collection[str], start: int | None,
+              stop: int | None) -> Iterator[Message]:
         import rosbag2_py
         there = [topic for topic in topics if topic in self.topics]
         if not there:

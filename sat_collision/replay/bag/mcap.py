@@ -19,15 +19,15 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Collection, Iterator
-from operator import itemgetter
+from itertools import groupby, zip_longest
 import os
 from pathlib import Path
 import struct
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 import zlib
 
 from sat_collision.replay.bag.storage import (
-    Damage, Faults, in_words, Limits, Message, Storage, unpacked)
+    Damage, Faults, in_words, Limits, LONGEST_ROW, Row, Storage, unpacked)
 
 _MAGIC = b'\x89MCAP0\r\n'
 _FOOTER_KIND, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX = range(2, 8)
@@ -46,9 +46,6 @@ _LONGEST_RUN = 2**20
 _PIECE = 2**20
 # About what an entry of a list or dict takes.
 _ENTRY = 400
-# Time in ns, block, where its data begins and ends in the block, channel, bytes of the block.
-_Entry: TypeAlias = tuple[int, int, int, int, int, bytes]
-_channel_of = itemgetter(4)
 
 
 class Block(NamedTuple):
@@ -134,79 +131,79 @@ class McapFile(Storage):
             os.close(self._file)
             self._file = -1
 
-    def messages(self, topics: Collection[str], start: int | None = None,
-                 stop: int | None = None) -> Iterator[Message]:
+    def rows(self, topics: Collection[str], start: int | None = None,
+             stop: int | None = None) -> Iterator[Row]:
         # Faults have been recorded already where all was read before.
         faults = Faults(Path()) if self._surveyed else self._faults
-        wanted = {channel: topic for channel, (topic, _) in self._channels.items()
-                  if topic in topics}
-        first = 0 if start is None else start
-        last = 2**64 if stop is None else stop
+        pending = _Pending({channel: topic for channel, (topic, _) in self._channels.items()
+                            if topic in topics}, start or 0, 2**64 if stop is None else stop)
         blocks = sorted(block for block in self._blocks
-                        if block.last >= first and block.first < last or not block.last)
-        pending: list[_Entry] = []
+                        if block.last >= pending.first and block.first < pending.last
+                        or not block.last)
         read: Counter[int] = Counter()
-        for number, block in enumerate(blocks):
-            held = {entry[1]: len(entry[5]) for entry in pending}
-            loaded = self._load(block, number, sum(held.values()), faults)
-            read.update(map(_channel_of, loaded))
-            pending += [entry for entry in loaded
-                        if entry[4] in wanted and first <= entry[0] < last]
-            pending.sort()
-            until = blocks[number + 1].first if number + 1 < len(blocks) else 2**64
-            ready = bisect_left(pending, (until,))
-            for time, _, begin, end, channel, content in pending[:ready]:
-                yield wanted[channel], time, content[begin:end]
-            del pending[:ready]
+        for block, following in zip_longest(blocks, blocks[1:]):
+            _, channels = self._load(block, pending, faults)
+            read.update(channels)
+            yield from pending.take(following.first if following else 2**64)
         if start is None and stop is None:
             self._compare(read, 'can be read')
 
     def _survey(self) -> Counter[int]:
         """Read all, of a file without a summary; return the counts by channel."""
         found: Counter[int] = Counter()
-        for number, block in enumerate(self._blocks):
-            loaded = self._load(block, number, 0, self._faults)
-            found.update(map(_channel_of, loaded))
-            self._extend(*(time for time, *_ in loaded[:1] + loaded[-1:]))
+        for block in self._blocks:
+            times, channels = self._load(block, _Pending({}, 0, 0), self._faults)
+            found.update(channels)
+            if times:
+                self._extend(min(times), max(times))
         self._compare(found, 'can be read')
         return found
 
-    def _load(self, block: Block, number: int, held: int, faults: Faults) -> list[_Entry]:
-        """Return the messages of a block, recording its faults."""
-        entries: list[_Entry] = []
+    def _load(self, block: Block, pending: _Pending, faults: Faults
+              ) -> tuple[list[int], list[int]]:
+        """Return times and channels of all messages of a block, recording its faults."""
+        times: list[int] = []
+        channels: list[int] = []
         try:
-            self._fill(entries, block, number, held)
+            self._fill(block, pending, times, channels)
         except Damage as damage:
             faults.damaged(f'damaged in the chunk at byte {block.where or block.at}: {damage}')
-            if not entries:
-                return entries
-        if block.announced not in (None, len(entries)):
-            faults.damaged(f'damaged in the chunk at byte {block.where}: {len(entries)} messages, '
+            if not times:
+                return times, channels
+        if block.announced not in (None, len(times)):
+            faults.damaged(f'damaged in the chunk at byte {block.where}: {len(times)} messages, '
                            f'but its index has {block.announced}')
-        entries.sort()
-        if entries and not (block.first <= entries[0][0] and entries[-1][0] <= block.last):
+        if times and not (block.first <= min(times) and max(times) <= block.last):
             faults.damaged(f'damaged in the chunk at byte {block.where}: it has messages of '
                            'another time than it announces')
-        return entries
+        return times, channels
 
-    def _fill(self, entries: list[_Entry], block: Block, number: int, held: int) -> None:
+    def _fill(self, block: Block, pending: _Pending, times: list[int],
+              channels: list[int]) -> None:
         """Add the messages of a block up to any damage."""
-        content = self._content(block, held)
+        content = self._content(block, sum(map(len, pending.messages)))
+        topics, first, last = pending.topics, pending.first, pending.last
         at, end = 0, len(content)
-        whole = end - _MESSAGE_RECORD.size
-        unpack, append = _MESSAGE_RECORD.unpack_from, entries.append
+        head_size, least, record_size = (
+            _RECORD_HEAD.size, _MESSAGE_HEAD.size, _MESSAGE_RECORD.size)
+        whole, unpack = end - record_size, _MESSAGE_RECORD.unpack_from
         while at < end:
             if at <= whole:
                 kind, size, channel, _, time, _ = unpack(content, at)
-                behind = at + _RECORD_HEAD.size + size
-                if kind == _MESSAGE and size >= _MESSAGE_HEAD.size and behind <= end:
-                    append((time, number, at + _MESSAGE_RECORD.size, behind, channel, content))
+                behind = at + head_size + size
+                if kind == _MESSAGE and size >= least and behind <= end:
+                    times.append(time)
+                    channels.append(channel)
+                    if channel in topics and first <= time < last:
+                        pending.times.append(time)
+                        pending.channels.append(channel)
+                        pending.messages.append(content[at + record_size:behind])
                     at = behind
                     continue
-            if end - at < _RECORD_HEAD.size:
+            if end - at < head_size:
                 raise Damage('the head of a record is cut off')
             kind, size = _RECORD_HEAD.unpack_from(content, at)
-            at += _RECORD_HEAD.size
+            at += head_size
             if not kind or size > end - at:
                 raise Damage(f'{size} bytes announced, {end - at} left' if kind else 'no record')
             if kind == _MESSAGE:
@@ -393,6 +390,40 @@ class McapFile(Storage):
         self._left -= _ENTRY
         if self._left < 0:
             raise Damage('too many chunks for --max-memory')
+
+
+class _Pending:
+    """
+    Messages from one time on and before another, in ns, that wait for what is from before them.
+
+    Those of channels that have topics here. They lie in lists of their own: of a tuple for each
+    Python would see again and again whether it is garbage.
+    """
+
+    def __init__(self, topics: dict[int, str], first: int, last: int) -> None:
+        self.topics = topics
+        self.first, self.last = first, last
+        self.times: list[int] = []
+        self.channels: list[int] = []
+        self.messages: list[bytes] = []
+
+    def take(self, until: int) -> Iterator[Row]:
+        """Yield and drop what is from before a time; of equal times in the order of adding."""
+        columns: tuple[list[Any], ...] = self.times, self.channels, self.messages
+        if self.times != sorted(self.times):
+            order = sorted(range(len(self.times)), key=self.times.__getitem__)
+            for column in columns:
+                column[:] = [column[k] for k in order]
+        ready = bisect_left(self.times, until)
+        begin = 0
+        for channel, run in groupby(self.channels[:ready]):
+            end = begin + len([*run])
+            for k in range(begin, end, LONGEST_ROW):
+                row = slice(k, min(k + LONGEST_ROW, end))
+                yield self.topics[channel], self.times[row], self.messages[row]
+            begin = end
+        for column in columns:
+            del column[:ready]
 
 
 class _Misplaced(Damage):

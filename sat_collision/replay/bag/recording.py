@@ -28,7 +28,7 @@ from sat_collision.replay.bag.libraries import Rosbag2Storage
 from sat_collision.replay.bag.mcap import McapFile
 from sat_collision.replay.bag.sqlite import SqliteFile
 from sat_collision.replay.bag.storage import (
-    Damage, Faults, in_words, is_installed, Limits, Message, Scratch, Storage, unpacked,
+    Damage, Faults, in_words, is_installed, Limits, Message, Row, Scratch, Storage, unpacked,
     why_not_unpacked, ZSTD_MAGIC)
 import yaml
 
@@ -93,25 +93,39 @@ class Recording(Storage):
             return None
         return hashlib.sha256(repr(sorted(self._sums.items())).encode()).hexdigest()[:16]
 
+    def rows(self, topics: Collection[str], start: int | None = None,
+             stop: int | None = None) -> Iterator[Row]:
+        for topic, times, messages in self._read(topics, start, stop):
+            self._sums[topic] += sum(map(
+                zlib.crc32, messages, [(time ^ time >> 32) & _LOW for time in times]))
+            yield topic, times, messages
+
     def messages(self, topics: Collection[str], start: int | None = None,
                  stop: int | None = None) -> Iterator[Message]:
-        sums, crc32 = self._sums, zlib.crc32
+        # In the digest is what was taken, however much was read with it.
+        for topic, times, messages in self._read(topics, start, stop):
+            for time, data in zip(times, messages):
+                self._sums[topic] += zlib.crc32(data, (time ^ time >> 32) & _LOW)
+                yield topic, time, data
+
+    def _read(self, topics: Collection[str], start: int | None,
+              stop: int | None) -> Iterator[Row]:
         read: Counter[str] = Counter()
         unfit = 0
         for part in self._parts:
-            for message in part.messages(topics, start, stop):
-                topic, time, data = message
-                # A message in CDR begins otherwise.
-                if data.startswith(ZSTD_MAGIC):
-                    try:
-                        data = unpacked(data, 'zstd', self._limits.chunk)
-                    except Damage:
-                        unfit += 1
-                        data = b''
-                    message = topic, time, data
-                read[topic] += 1
-                sums[topic] += crc32(data, (time ^ time >> 32) & _LOW)
-                yield message
+            for row in part.rows(topics, start, stop):
+                topic, _, messages = row
+                # One in CDR is less by its first byte.
+                if max(messages) >= ZSTD_MAGIC:
+                    for k, data in enumerate(messages):
+                        if data.startswith(ZSTD_MAGIC):
+                            try:
+                                messages[k] = unpacked(data, 'zstd', self._limits.chunk)
+                            except Damage:
+                                unfit += 1
+                                messages[k] = b''
+                read[topic] += len(messages)
+                yield row
         if unfit:
             self._faults.differs('unfit', f'{unfit} messages are compressed and damaged')
         if start is None and stop is None:

@@ -23,7 +23,7 @@ from pathlib import Path
 import sqlite3
 
 from sat_collision.replay.bag.storage import (
-    Damage, Faults, in_words, Limits, Message, Scratch, Storage)
+    Damage, Faults, in_rows, in_words, Limits, Message, Row, Scratch, Storage)
 
 _LOGS = ('-wal', '-journal')
 _COLUMNS = {'topics': {'id', 'name', 'type'},
@@ -65,8 +65,12 @@ class SqliteFile(Storage):
         if self._connection:
             self._connection.close()
 
-    def messages(self, topics: Collection[str], start: int | None = None,
-                 stop: int | None = None) -> Iterator[Message]:
+    def rows(self, topics: Collection[str], start: int | None = None,
+             stop: int | None = None) -> Iterator[Row]:
+        return in_rows(self._read(topics, start, stop))
+
+    def _read(self, topics: Collection[str], start: int | None,
+              stop: int | None) -> Iterator[Message]:
         if not self._connection:
             return
         read: Counter[str] = Counter()

@@ -17,15 +17,21 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
+from itertools import repeat
 from pathlib import Path
 import sys
 import tempfile
 from typing import Any, BinaryIO, TypeAlias
 
 Message: TypeAlias = tuple[str, int, bytes]  # topic, time in ns, data
+# Messages of one topic that follow one another: topic, their times in ns, which do not fall, data.
+Row: TypeAlias = tuple[str, list[int], list[bytes]]
+
+# As many messages as the node takes together.
+LONGEST_ROW = 64
 
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 _PIECE = 2**20
@@ -120,10 +126,16 @@ class Storage:
         self.end: int | None = None
         self._faults = faults
 
+    def rows(self, topics: Collection[str], start: int | None = None,
+             stop: int | None = None) -> Iterator[Row]:
+        """Yield the messages of some topics, from start on and before stop (ns)."""
+        raise NotImplementedError
+
     def messages(self, topics: Collection[str], start: int | None = None,
                  stop: int | None = None) -> Iterator[Message]:
-        """Yield (topic, time in ns, data) of some topics, from start on and before stop (ns)."""
-        raise NotImplementedError
+        """Yield the messages of `rows` one by one."""
+        for topic, times, messages in self.rows(topics, start, stop):
+            yield from zip(repeat(topic), times, messages)
 
     def close(self) -> None:
         """Close open files."""
@@ -138,6 +150,22 @@ class Storage:
         known = [time for time in (self.start, self.end, *times) if time is not None]
         if known:
             self.start, self.end = min(known), max(known)
+
+
+def in_rows(messages: Iterable[Message]) -> Iterator[Row]:
+    """Yield messages in rows, none later than it comes."""
+    row: Row = '', [], []
+    for topic, time, data in messages:
+        last_topic, times, row_data = row
+        if topic != last_topic or time < times[-1] or len(times) == LONGEST_ROW:
+            if times:
+                yield row
+            row = topic, [time], [data]
+        else:
+            times.append(time)
+            row_data.append(data)
+    if row[1]:
+        yield row
 
 
 @dataclass(frozen=True)

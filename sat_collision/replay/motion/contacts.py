@@ -154,9 +154,10 @@ class ContactTracker:
             rows = np.empty(len(motion), np.int64)
             near = rows[:rows_near(box, motion.boxes, self._margin, rows)].tolist()
         names = motion.before.names
-        if self._touching:
-            for i in {*range(len(motion))}.difference(near):
-                self._touching.pop(names[motion.rows[i]], None)
+        far = self._touching.keys() - {names[motion.rows[i]] for i in near}
+        if far:
+            for name in far.intersection(names[row] for row in motion.rows.tolist()):
+                del self._touching[name]
         for i in near:
             contact = self._touching.pop(names[motion.rows[i]], None)
             for begin, end, piece in self._trajectory.pieces(int(motion.starts[i]),

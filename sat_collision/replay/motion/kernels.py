@@ -97,34 +97,30 @@ def describe(data, messages, ends, planes, out):
                 at = (data_at + at) // _WORD
                 last = start + length - 1
                 key = length
-                for k in range(at, at + _POINT * length):
-                    key = (_FACTOR * key + np.int64(words[k])) & _KEY_BITS
-                keys[i] = key
+                left = bottom = math.inf
+                right = top = -math.inf
                 for k in range(start, last + 1):
-                    points[k, 0] = values[at]
-                    points[k, 1] = values[at + 1]
+                    for word in range(at, at + 2):
+                        key = (_FACTOR * key + np.int64(words[word])) & _KEY_BITS
+                    x = values[at]
+                    y = values[at + 1]
                     at += _POINT
                     if len(planes):
                         # As `packing.moved_points`.
-                        x = points[k, 0]
-                        y = points[k, 1]
-                        plane = planes[message]
-                        points[k, 0] = plane[0] * x + plane[1] * y + plane[2]
-                        points[k, 1] = plane[3] * x + plane[4] * y + plane[5]
+                        a, b, c, d, e, f = planes[message]
+                        x, y = a * x + b * y + c, d * x + e * y + f
+                    points[k, 0] = x
+                    points[k, 1] = y
+                    left, bottom = min(left, x), min(bottom, y)
+                    right, top = max(right, x), max(top, y)
+                keys[i] = key
+                boxes[i] = (left, bottom, right, top)
                 closed = (last > start and points[start, 0] == points[last, 0]
                           and points[start, 1] == points[last, 1])
                 rings[i, FIRST] = start - base
                 rings[i, COUNT] = length - (1 if closed else 0)
                 rings[i, STAMP] = stamp
                 rings[i, MOVED] = 0
-                for axis in range(2):
-                    least = points[start, axis]
-                    most = least
-                    for k in range(start + 1, last + 1):
-                        least = min(least, points[k, axis])
-                        most = max(most, points[k, axis])
-                    boxes[i, axis] = least
-                    boxes[i, 2 + axis] = most
                 start = last + 1
                 sets[s, EARLIEST] = min(sets[s, EARLIEST], stamp) if i > first else stamp
                 sets[s, LATEST] = max(sets[s, LATEST], stamp)
@@ -152,12 +148,14 @@ def follow(described, longest, ways):
     points, rings, boxes, sets = described
     rows, next_rows, array, times, bounds, moved = ways
     first = row = first_point = point = way = 0
+    places = _places(boxes[:0])
     for s in range(len(sets)):
         next_row = sets[s, ROWS]
         next_point = sets[s, POINTS]
+        next_places = _places(boxes[row:next_row])
         if s > 0:
-            found = mutual_nearest(rings[first:row], boxes[first:row], rings[row:next_row],
-                                   boxes[row:next_row], longest, rows[way:], next_rows[way:])
+            found = _mutual(rings[first:row], places, rings[row:next_row], next_places, longest,
+                            rows[way:], next_rows[way:])
             if found > 0:
                 end = way + found
                 begun, ended = motions_between(
@@ -170,30 +168,30 @@ def follow(described, longest, ways):
                 way = end
         sets[s, WAYS] = way
         first, row, first_point, point = row, next_row, point, next_point
+        places = next_places
 
 
 @kernel
-def nearest_each(centres, others, order):
+def nearest_each(centres, own_order, others, order):
     """
     Return for each centre which of the others is nearest to it; -1 if there are none.
 
-    `order` sorts the others by x, so that few of them have to be looked at.
+    The orders sort both by x, so that few of the others have to be looked at.
     """
     found = np.full(len(centres), -1, np.int64)
-    for i in range(len(centres)):
+    behind = 0
+    for i in own_order:
         x = centres[i, 0]
         y = centres[i, 1]
-        above = 0
-        size = len(order)
-        while size > 0:
-            half = size // 2
-            if others[order[above + half], 0] < x:
-                above += half + 1
-                size -= half + 1
-            else:
-                size = half
+        while behind < len(order) and others[order[behind], 0] < x:
+            behind += 1
+        above = behind
         below = above - 1
         best = math.inf
+        if i < len(others):
+            # Most often it is in the same place, which spares looking at others.
+            best = (others[i, 0] - x) ** 2 + (others[i, 1] - y) ** 2
+            found[i] = i
         while True:
             down = x - others[order[below], 0] if below >= 0 else math.inf
             up = others[order[above], 0] - x if above < len(order) else math.inf
@@ -221,10 +219,16 @@ def mutual_nearest(rings, boxes, next_rings, next_boxes, longest, rows, next_row
     boxes. The other may be later by `longest` ns at most. Returns how many there are: `rows` and
     `next_rows` receive the rings of one set, and those of the other.
     """
-    centres = _middles(boxes)
-    others = _middles(next_boxes)
-    there = nearest_each(centres, others, np.argsort(others[:, 0]))
-    back = nearest_each(others, centres, np.argsort(centres[:, 0]))
+    return _mutual(rings, _places(boxes), next_rings, _places(next_boxes), longest, rows,
+                   next_rows)
+
+
+@kernel
+def _mutual(rings, places, next_rings, next_places, longest, rows, next_rows):
+    centres, order = places
+    others, next_order = next_places
+    there = nearest_each(centres, order, others, next_order)
+    back = nearest_each(others, next_order, centres, order)
     found = 0
     for i in range(len(centres)):
         j = there[i]
@@ -237,12 +241,14 @@ def mutual_nearest(rings, boxes, next_rings, next_boxes, longest, rows, next_row
 
 
 @kernel
-def _middles(boxes):
+def _places(boxes):
+    """Return the middles of boxes, and what sorts them by x."""
     found = np.empty((len(boxes), 2))
     for i in range(len(boxes)):
         for axis in range(2):
             found[i, axis] = 0.5 * boxes[i, axis] + 0.5 * boxes[i, 2 + axis]
-    return found
+    order = np.argsort(found[:, 0]) if len(found) > 1 else np.zeros(len(found), np.int64)
+    return found, order
 
 
 @kernel
@@ -293,12 +299,13 @@ def motions_between(points, rings, rows, next_points, next_rings, next_rows, out
         shift = _least_motion(points, p, next_points, q, n, step)
         boxes[r] = (math.inf, math.inf, -math.inf, -math.inf)
         most = 0.0
+        j = shift
         for k in range(n):
-            j = q + (shift + step * k) % n
             x0 = points[p + k, 0]
             y0 = points[p + k, 1]
-            x1 = next_points[j, 0]
-            y1 = next_points[j, 1]
+            x1 = next_points[q + j, 0]
+            y1 = next_points[q + j, 1]
+            j = _next(j, step, n)
             array[at] = x0
             array[at + 1] = y0
             array[at + 2] = x1
@@ -338,16 +345,26 @@ def _least_motion(points, first, next_points, next_first, count, step):
     found = 0
     for shift in range(count):
         total = 0.0
+        j = shift
         for k in range(count):
-            j = next_first + (shift + step * k) % count
-            total += ((next_points[j, 0] - points[first + k, 0]) ** 2
-                      + (next_points[j, 1] - points[first + k, 1]) ** 2)
+            total += ((next_points[next_first + j, 0] - points[first + k, 0]) ** 2
+                      + (next_points[next_first + j, 1] - points[first + k, 1]) ** 2)
             if total >= best:
                 break
+            j = _next(j, step, count)
         if total < best:
             best = total
             found = shift
     return found
+
+
+@kernel
+def _next(vertex, step, count):
+    """Return the vertex that follows one in a ring; faster than a remainder."""
+    vertex += step
+    if vertex == count:
+        return 0
+    return count - 1 if vertex < 0 else vertex
 
 
 @kernel

@@ -16,13 +16,15 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator
+from itertools import groupby
+from operator import itemgetter
 from typing import TypeAlias
 
 from sat_collision.messages.cdr import header_stamp, STAMP_SIZE
 from sat_collision.messages.transform_listener import TF_STATIC
-from sat_collision.replay.bag.storage import Message
+from sat_collision.replay.bag.storage import Row
 from sat_collision.scene.settings import TF
 
 # Messages of one topic, one after the other, that count at one time, in ns.
@@ -30,6 +32,8 @@ Timed: TypeAlias = tuple[str, int, list[bytes]]
 
 # How late a message may be received to count at its own stamp, ns.
 WINDOW = 10 * 10**9
+
+_header_of = itemgetter(slice(STAMP_SIZE))
 
 
 class StampOrder:
@@ -41,56 +45,61 @@ class StampOrder:
     is 0 of what comes before the first stamp.
     """
 
-    def __init__(self, messages: Iterable[Message], by_header: bool) -> None:
+    def __init__(self, rows: Iterable[Row], by_header: bool) -> None:
         # How much later than its time the last message was received, ns; not by the header.
         self.delay = 0
-        self._messages = messages
+        self._rows = rows
         self._by_header = by_header
         # Messages of one topic and time that came one after another, with the count of the first.
         self._waiting: list[tuple[int, int, str, list[bytes]]] = []
 
     def __iter__(self) -> Iterator[Timed]:
         by_header, waiting = self._by_header, self._waiting
-        messages = self._messages
-        if by_header:
-            messages = ((topic, 0, data) for topic, _, data in messages)
         latest = released = time = before = count = 0
         # What adds to a run whose time is its stamp, received between two times.
         run, run_topic, head, begin, end = [b''], '', b'', 0, 0
-        for topic, received, data in messages:
-            if topic == run_topic and data.startswith(head) and begin <= received <= end:
-                run.append(data)
-                before = received
-                if received > latest:
-                    latest = received
-                continue
-            run, run_topic = [data], ''
-            count += 1
-            if topic == TF_STATIC:
-                # It holds at any time.
-                waiting.append((0, count, topic, run))
-                continue
-            time = stamp = _tf_stamp(data) if topic == TF else header_stamp(data)
+        for topic, times, messages in self._rows:
             if by_header:
-                if time and time < latest - WINDOW:
-                    # The clock was set back: what is from before comes first.
-                    yield from self._take(None)
-                    latest = released = 0
-                time = received = time or latest
-            elif not (time and -WINDOW <= received - time <= WINDOW):
-                time = received
-            if stamp and time == stamp and topic != TF:
-                run_topic, head = topic, data[:STAMP_SIZE]
-                begin, end = (0, 0) if by_header else (stamp - WINDOW, stamp + WINDOW)
-            before = received
-            if received > latest:
-                latest = received
-            waiting.append((time, count, topic, run))
-            if latest > released + 2 * WINDOW:
-                released = latest - WINDOW
-                self.delay = received - time
-                yield from self._take(released)
-                run_topic = ''
+                times = [0] * len(times)
+            k = 0
+            for own, same in groupby(messages, _header_of):
+                stop = k + len([*same])
+                while k < stop:
+                    received = times[k]
+                    if topic == run_topic and own == head and begin <= received <= end:
+                        first, k = k, bisect_right(times, end, k, stop)
+                        run += messages[first:k]
+                        before = times[k - 1]
+                        latest = max(latest, before)
+                        continue
+                    data = messages[k]
+                    k += 1
+                    run, run_topic = [data], ''
+                    count += 1
+                    if topic == TF_STATIC:
+                        # It holds at any time.
+                        waiting.append((0, count, topic, run))
+                        continue
+                    time = stamp = _tf_stamp(data) if topic == TF else header_stamp(data)
+                    if by_header:
+                        if time and time < latest - WINDOW:
+                            # The clock was set back: what is from before comes first.
+                            yield from self._take(None)
+                            latest = released = 0
+                        time = received = time or latest
+                    elif not (time and -WINDOW <= received - time <= WINDOW):
+                        time = received
+                    if stamp and time == stamp and topic != TF:
+                        run_topic, head = topic, own
+                        begin, end = (0, 0) if by_header else (stamp - WINDOW, stamp + WINDOW)
+                    before = received
+                    latest = max(latest, received)
+                    waiting.append((time, count, topic, run))
+                    if latest > released + 2 * WINDOW:
+                        released = latest - WINDOW
+                        self.delay = received - time
+                        yield from self._take(released)
+                        run_topic = ''
         self.delay = before - time
         yield from self._take(None)
 

@@ -32,7 +32,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from sat_collision.messages.placement import Placement
 from sat_collision.replay.motion.bodies import (
-    Block, Bodies, Integers, LinearMotion, motion_between, motion_in_block, stay)
+    Block, Bodies, LinearMotion, motion_between, motion_in_block, stay)
 from sat_collision.replay.motion.kernels import COUNT, MOVED, mutual_nearest, ROWS
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import NEVER, ObstacleSettings, POLYGON_INSTANCE
@@ -114,9 +114,8 @@ class Tracker(ABC):
     def _bodies(self, names: Sequence[ObstacleId], placements: Sequence[Placement],
                 block: Block, number: int = 0) -> Bodies:
         """Return what has come in, as a block has it; there may be more names than bodies."""
-        frame_id = placements[0].frame_id if placements else ''
-        if any(one.frame_id != frame_id for one in placements[1:]):
-            frame_id = ''
+        frames = {one.frame_id for one in placements}
+        frame_id = frames.pop() if len(frames) == 1 else ''
         return Bodies(names, block, number, self._max_vertices, frame_id)
 
     def _is_usable(self, placement: Placement) -> bool:
@@ -141,10 +140,10 @@ class SetTracker(Tracker):
         self._pending: list[Placement] = []
         self._described: Described | None = None
         self._names: list[ObstacleId] = []
-        # The last set, when each of it was seen, and the rows that may be seen again.
+        # The last set, the same as it was seen, and the rows that may be seen again.
         self._last: Bodies | None = None
+        self._seen: Bodies | None = None
         self._last_stamp = 0
-        self._seen_at: Integers = np.zeros(0, np.int64)
         self._alive: Sequence[int] = ()
 
     def describe(self, placements: Iterable[tuple[int, Placement]]) -> dict[int, Described]:
@@ -184,12 +183,12 @@ class SetTracker(Tracker):
     def rest(self, now: int, is_over: bool = False) -> None:
         if self._stamp is not None and (is_over or now > self._stamp + self._longest):
             self._close()
-        last = self._last
-        if last is None or not (is_over or now > self._last_stamp + self._longest) or (
-                not self._alive):
+        last, seen = self._last, self._seen
+        if last is None or seen is None or not self._alive or not (
+                is_over or now > self._last_stamp + self._longest):
             return
         alive, moving = self._alive, last.moving
-        stamps, seen_at = last.stamps.tolist(), self._seen_at.tolist()
+        stamps, seen_at = last.stamps.tolist(), seen.stamps.tolist()
         ends = {row: min(now, seen_at[row] + self._timeout) for row in alive}
         until = {row: round(end) for row, end in ends.items()
                  if not moving[row] and end > stamps[row]}
@@ -209,11 +208,11 @@ class SetTracker(Tracker):
         if stamp is None:
             return
         seen = self._take_set()
-        last = self._last
+        last, last_seen = self._last, self._seen
         motions: list[LinearMotion] = []
         until: dict[int, int] = {}
         is_in_block = False
-        if last is not None:
+        if last is not None and last_seen is not None:
             is_in_block = seen.follows(last)
             if not is_in_block:
                 motions = self._follow(last, seen)
@@ -226,7 +225,7 @@ class SetTracker(Tracker):
                 moving = last.moving
                 # What was forgotten before this set was there until then.
                 for row in sorted(lost):
-                    end = int(self._seen_at[row]) + self._timeout
+                    end = int(last_seen.stamps[row]) + self._timeout
                     if not moving[row] and last.stamps[row] < end < stamp:
                         until[row] = round(end)
                 if until:
@@ -236,7 +235,7 @@ class SetTracker(Tracker):
                 self.undetermined += min(max(stamp - self._last_stamp, 0), self._longest)
         self._emit(self, Step(motions, seen, None, max(stamp, seen.end, *until.values()),
                               last if is_in_block and not until else None))
-        self._last, self._last_stamp, self._seen_at = seen, stamp, seen.stamps
+        self._last, self._seen, self._last_stamp = seen, seen, stamp
         self._alive = range(len(seen))
 
     def _take_set(self) -> Bodies:

@@ -98,7 +98,7 @@ class Trajectory:
         if begin is None or time < begin:
             self._append(Piece(sample, sample))
         elif time > begin:
-            if time - begin <= self.longest and (
+            if sample.followed if sample.follows(last) else time - begin <= self.longest and (
                     last.rings[0, COUNT] == sample.rings[0, COUNT]):
                 self._append(Piece(last, sample))
             else:

@@ -140,9 +140,9 @@ def test_keyframes_changes_nothing_and_the_recording_is_read_once(tmp_path, monk
     path = write(tmp_path / 'bag', drive())
     plain = check(path, Options(as_live=as_live))
     read = []
-    messages = Recording.messages
-    monkeypatch.setattr(Recording, 'messages', lambda self, *arguments: (
-        read.append(self) or messages(self, *arguments)))
+    rows = Recording.rows
+    monkeypatch.setattr(Recording, 'rows', lambda self, *arguments: (
+        read.append(self) or rows(self, *arguments)))
     result = with_keyframes(path, as_live=as_live)
     assert plain.keyframes is None and result.keyframes and len(read) == 1
     result.keyframes = None

@@ -1,0 +1,117 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Messages in the order of their own stamps, however the rows are cut in which they are read."""
+
+from operator import itemgetter
+
+from builders import serialised, transforms
+import numpy as np
+import pytest
+from sat_collision.messages.cdr import header_stamp
+from sat_collision.replay.bag.storage import in_rows, LONGEST_ROW
+from sat_collision.replay.motion.order import StampOrder, WINDOW
+
+SECOND = 10**9
+START = 1000 * SECOND
+
+
+def message(topic, received, stamp, number=0):
+    """Return a message at seconds from the beginning, which has its number for its x."""
+    time = START + round(stamp * SECOND) if stamp else 0
+    data = (transforms(('map', 'base', time, number, 0.0)) if topic == '/tf' else
+            serialised([(number, 0), (1, 1), (0, 1)], time))
+    return topic, START + round(received * SECOND), data
+
+
+def numbers(messages):
+    """Return which messages come at which times, of messages read in rows."""
+    known = [data for _, _, data in messages]
+    return [(topic, (time - START) / SECOND, [known.index(data) for data in batch])
+            for topic, time, batch in StampOrder(in_rows(messages), False)]
+
+
+def test_runs_that_are_interleaved_in_a_row_are_sorted_out():
+    """Two publishers on a topic; and a footprint between the two stamps, received last."""
+    messages = [message('/obstacles', 1.0 + k / 100, stamp, k)
+                for k, stamp in enumerate((1.0, 1.0, 1.5, 1.5, 1.0, 1.0, 1.5))]
+    messages.append(message('/footprint', 1.2, 1.25, 7))
+    messages.append(message('/obstacles', 1.3, 1.0, 8))
+    assert numbers(messages) == [('/obstacles', 1.0, [0, 1, 4, 5, 8]), ('/footprint', 1.25, [7]),
+                                 ('/obstacles', 1.5, [2, 3, 6])]
+
+
+def test_run_ends_where_it_is_received_too_far_from_its_stamp():
+    messages = [message('/obstacles', received, 20.0, k)
+                for k, received in enumerate((11.0, 9.0, 20.0, 30.0, 30.1, 30.2))]
+    assert numbers(messages) == [
+        ('/obstacles', 9.0, [1]), ('/obstacles', 20.0, [0, 2, 3]), ('/obstacles', 30.1, [4]),
+        ('/obstacles', 30.2, [5])]
+
+
+def test_run_whose_beginning_has_gone_out_at_once_goes_on():
+    """It was received out of turn, so that it is older than all that waits."""
+    messages = [message('/obstacles', received, stamp, k) for k, (received, stamp) in enumerate(
+        ((0.5, 0.5), (35, 35), (44, 44), (46, 44), (2, 1), (3, 1), (4, 1)))]
+    assert sorted(sum((batch for _, _, batch in numbers(messages)), [])) == [*range(7)]
+
+
+def expected(messages, by_header):
+    """Return (topic, time, data) of messages one by one as they should come."""
+    found, waiting, latest = [], [], 0
+    for topic, received, data in messages:
+        stamp = header_stamp(data[:4] + data[8:16] if topic == '/tf' else data)
+        if by_header:
+            if stamp and stamp < latest - WINDOW:
+                found += sorted(waiting, key=itemgetter(1))
+                waiting, latest = [], 0
+            time = stamp or latest
+            latest = max(latest, time)
+        else:
+            time = stamp if stamp and abs(received - stamp) <= WINDOW else received
+        waiting.append((topic, time, data))
+    return found + sorted(waiting, key=itemgetter(1))
+
+
+@pytest.mark.parametrize('by_header', (False, True))
+@pytest.mark.parametrize('seed', range(40))
+def test_each_message_comes_at_its_stamp(seed, by_header):
+    """Late ones, far clocks, none, and one that is set back."""
+    rng = np.random.default_rng(seed)
+    messages = []
+    for tick in range(60):
+        stamp = tick - (30 if tick > 45 and seed % 2 else 0)
+        for topic, count in (('/footprint', 1), ('/obstacles', rng.integers(0, 5)), ('/tf', 2)):
+            late = rng.choice([0.0, 0.0, 0.0, 3.0, 9.99, 10.5])
+            for k in range(count):
+                odd = rng.random()
+                messages.append(message(
+                    topic, tick + late + k / 1000, 0 if odd < 0.02 else stamp + (
+                        0.25 if odd < 0.1 or topic == '/tf' and k else 0.0), len(messages)))
+    messages.sort(key=itemgetter(1))
+    order = StampOrder(in_rows(messages), by_header)
+    found = [(topic, time, data) for topic, time, batch in order for data in batch]
+    wanted = expected(messages, by_header)
+    assert found == wanted
+    topic, received, data = messages[-1]
+    assert by_header or order.delay == received - next(
+        time for _, time, other in wanted if other is data)
+
+
+def test_rows_are_of_one_topic_and_bounded_and_their_times_do_not_fall():
+    messages = [('/a', time, b'') for time in (1, 2, 2, 1)] + [('/b', 3, b'')] * (LONGEST_ROW + 1)
+    rows = [*in_rows(messages)]
+    assert [(topic, times) for topic, times, _ in rows] == [
+        ('/a', [1, 2, 2]), ('/a', [1]), ('/b', [3] * LONGEST_ROW), ('/b', [3])]
+    assert [len(data) for _, _, data in rows] == [3, 1, LONGEST_ROW, 1]

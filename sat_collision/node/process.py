@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 import gc
 import os
 from pathlib import Path
@@ -33,7 +32,7 @@ from sat_collision.node.footprint_monitor import FootprintMonitor, NAME
 from sat_collision.node.signals import Signalled
 from sat_collision.scene.parameters import ParameterError
 
-# How the name of the middleware's thread for timers begins.
+# How the names of such threads begin.
 _TIMERS = 'dds.ev.'
 
 
@@ -89,17 +88,16 @@ def _quieten_rcl() -> None:
 
 def _let_timers_wait() -> None:
     """
-    Have the thread of Fast DDS that is there for timers alone interrupt no other thread.
+    Have threads of Fast DDS that are there for timers alone interrupt no other thread.
 
-    Each flag sets several timers anew, for its deadline, its lease and its delivery, and wakes
-    the thread as often. None of them is so short that it could not wait until the loop does.
+    A flag sets its deadline and lease anew, which wakes them about eight times. So far apart are
+    the times that it does not matter if they run once the loop waits.
     """
     for task in Path('/proc/self/task').glob('*'):
         thread = int(task.name)
-        with suppress(OSError):  # one that has ended meanwhile
-            if ((task / 'comm').read_text().startswith(_TIMERS)
-                    and os.sched_getscheduler(thread) == os.SCHED_OTHER):
-                os.sched_setscheduler(thread, os.SCHED_BATCH, os.sched_param(0))
+        if ((task / 'comm').read_text().startswith(_TIMERS)
+                and os.sched_getscheduler(thread) == os.SCHED_OTHER):
+            os.sched_setscheduler(thread, os.SCHED_BATCH, os.sched_param(0))
 
 
 def _in_one_line(error: Exception) -> str:

@@ -30,8 +30,8 @@ from sat_collision.scene.streams import Endpoint
 
 _UNKNOWN = '_NODE_NAME_UNKNOWN_'
 _PASSED = 'one that has gone'
-# Publishers are looked up at least every so many times: no event tells of one from which nothing
-# can be received.
+# Publishers are looked up at least every so many times: none of whom nothing can be received
+# is reported. More often would cost more than all else that the node does now and then.
 _LOOKS = 5
 
 

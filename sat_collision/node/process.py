@@ -18,8 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import gc
-import os
-from pathlib import Path
 import sys
 
 import rclpy
@@ -31,9 +29,6 @@ from sat_collision.node.arguments import unused_files
 from sat_collision.node.footprint_monitor import FootprintMonitor, NAME
 from sat_collision.node.signals import Signalled
 from sat_collision.scene.parameters import ParameterError
-
-# How the names of such threads begin.
-_TIMERS = 'dds.ev.'
 
 
 def run(args: Sequence[str]) -> int:
@@ -52,7 +47,6 @@ def run(args: Sequence[str]) -> int:
         return 1
     for words in unused_files(args, node.get_fully_qualified_name()):
         node.get_logger().warning(words)
-    _let_timers_wait()
     # No later collection goes through all that the start has made, which takes some 70 ms.
     gc.freeze()
     node.loop.run(Signalled())
@@ -84,20 +78,6 @@ def _quieten_rcl() -> None:
     """Have rcl, which logs each take at level debug, do so only where its own level is given."""
     if get_logger_level('rcl') is LoggingSeverity.UNSET:
         set_logger_level('rcl', max(LoggingSeverity.INFO, get_logger_effective_level('rcl')))
-
-
-def _let_timers_wait() -> None:
-    """
-    Have threads of Fast DDS that are there for timers alone interrupt no other thread.
-
-    A flag sets its deadline and lease anew, which wakes them about eight times. So far apart are
-    the times that it does not matter if they run once the loop waits.
-    """
-    for task in Path('/proc/self/task').glob('*'):
-        thread = int(task.name)
-        if ((task / 'comm').read_text().startswith(_TIMERS)
-                and os.sched_getscheduler(thread) == os.SCHED_OTHER):
-            os.sched_setscheduler(thread, os.SCHED_BATCH, os.sched_param(0))
 
 
 def _in_one_line(error: Exception) -> str:

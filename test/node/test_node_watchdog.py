@@ -16,7 +16,6 @@
 
 import math
 import os
-from pathlib import Path
 import signal
 import socket
 import subprocess
@@ -160,18 +159,6 @@ def process(domain):
     for one in started:
         one.kill()
         one.wait()
-
-
-def test_timers_of_the_middleware_interrupt_nothing(process, domain):
-    """Each flag sets some, and their thread would interrupt the loop each time."""
-    monitor = process()
-    peer = Peer(domain)
-    flags = peer.listen('~/collision')
-    peer.until(lambda: flags, 'a flag')
-    tasks = [*Path(f'/proc/{monitor.pid}/task').glob('*')]
-    assert {((task / 'comm').read_text().startswith('dds.ev.'), os.sched_getscheduler(
-        int(task.name))) for task in tasks} == {(True, os.SCHED_BATCH), (False, os.SCHED_OTHER)}
-    peer.close()
 
 
 @pytest.mark.parametrize('number', (signal.SIGKILL, signal.SIGSTOP))

@@ -30,9 +30,8 @@ from sat_collision.scene.streams import Endpoint
 
 _UNKNOWN = '_NODE_NAME_UNKNOWN_'
 _PASSED = 'one that has gone'
-# Publishers are looked up at least every so many times: none of whom nothing can be received
-# is reported. More often would cost more than all else that the node does now and then.
-_LOOKS = 5
+# Publishers are looked up at least every so many times, even if no change was reported.
+_LOOKS = 10
 
 
 class Publishers:
@@ -53,6 +52,7 @@ class Publishers:
         self._unseen: Counter[str] = Counter()
         self._receivable: dict[str, set[str]] = {}
         self._met: dict[str, set[str]] = {one.name: set() for one in inputs}
+        self._counts: dict[str, int] = {}
         self._seen: dict[str, list[Endpoint]] = {}
         # The gids of all, those that have died among them, as they came.
         self._order: dict[str, list[str]] = {}
@@ -96,7 +96,10 @@ class Publishers:
         name = one.name
         reported = self.reported.get(name)
         before = seen = self._seen.get(name, [])
-        if name in self.changed or self._looks % _LOOKS == 0:
+        # Not by its node, which would look at the name of the topic each time.
+        count = self._node.handle.get_count_publishers(one.subscription.topic_name)
+        if name in self.changed or count != self._counts.get(name) or self._looks % _LOOKS == 0:
+            self._counts[name] = count
             self.changed.discard(name)
             seen = self._seen[name] = self._look(one)
             if any(not endpoint.node for endpoint in seen):

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 import copy
-from functools import cached_property
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -114,15 +113,17 @@ class Bodies:
                  max_vertices: int = MAX_VERTICES, frame_id: str = '',
                  is_between: bool = False) -> None:
         before, numbers = block.numbers[number], block.numbers[number + 1]
-        # From which to which they are of the points of the block, and of its rows.
-        self._points = before[POINTS], numbers[POINTS]
-        self._rows = before[ROWS], numbers[ROWS]
+        first, end = before[ROWS], numbers[ROWS]
+        self._count = end - first
         # None where they are at other times than in the block.
         self.block: Block | None = block
         self.number = number
         self.names = names
         self.frame_id = frame_id
         self.is_between = is_between
+        self.points = block.points[before[POINTS]:numbers[POINTS]]
+        self.rings = block.rings[first:end]
+        self.boxes = block.boxes[first:end]
         # When the first and the last one was there, 0 if there is none.
         self.begin, self.end = numbers[EARLIEST], numbers[LATEST]
         # Whether two outlines may be the same to the bit.
@@ -131,31 +132,10 @@ class Bodies:
         self._polygons: dict[int, Polygon] = {}
 
     def __len__(self) -> int:
-        return self._rows[1] - self._rows[0]
+        return self._count
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, 'points': self.points, 'rings': self.rings, 'boxes': self.boxes,
-                'block': None, '_polygons': {}}
-
-    # Most are seen together with their block, of which they need no part of their own.
-
-    @cached_property
-    def points(self) -> Floats:
-        """The points of all outlines, (v, 2)."""
-        assert self.block is not None
-        return self.block.points[slice(*self._points)]
-
-    @cached_property
-    def rings(self) -> Integers:
-        """What is known of each outline, (n, 4)."""
-        assert self.block is not None
-        return self.block.rings[slice(*self._rows)]
-
-    @cached_property
-    def boxes(self) -> Floats:
-        """What bounds each outline, (n, 4)."""
-        assert self.block is not None
-        return self.block.boxes[slice(*self._rows)]
+        return {**self.__dict__, 'block': None, '_polygons': {}}
 
     @property
     def stamps(self) -> Integers:
@@ -181,7 +161,7 @@ class Bodies:
     def at(self, stamps: Sequence[int]) -> Bodies:
         """Return the same bodies, in the same places at other times."""
         other = copy.copy(self)
-        other.points, other.boxes, other.block = self.points, self.boxes, None
+        other.block = None
         other.rings = self.rings.copy()
         other.rings[:, STAMP] = stamps
         other.begin, other.end = min(stamps), max(stamps)

@@ -35,7 +35,7 @@ import numpy as np
 from page_parts import replace_part
 from sat_collision import intersects, Polygon, separation
 from sat_collision.messages.cdr import decode
-from sat_collision.messages.packer import most_notched, Packer
+from sat_collision.messages.packer import max_non_convex, Packer
 from sat_collision.monitor import Monitor
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from traffic import regular
@@ -120,7 +120,7 @@ def measure(repeats, seed):
     """Return for each shape its times in this process's kernel, and its worst counterpart."""
     rng = np.random.default_rng(seed)
     packer = Packer(MAX_VERTICES)
-    outlines = shapes(most_notched(MAX_VERTICES), rng)
+    outlines = shapes(max_non_convex(MAX_VERTICES), rng)
     found = {}
     for name, outline in outlines.items():
         messages = [decode(serialised(_placed(outline, 0.0, 0.0, turn), 0), False)[2]

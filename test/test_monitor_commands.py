@@ -260,7 +260,7 @@ def test_no_time_by_command_is_late(seed):
         if seconds < math.inf:
             found += 1
             there = world.prediction.velocity.carry(
-                np.array(world.scene.footprints[0][1].vertices), world.prediction.way)
+                np.array(world.scene.footprints[0][1].vertices), world.prediction.duration)
             assert min(map(Polygon(there).distance, obstacles)) < 2e-3, 'early'
             assert touched == math.inf or touched - age - seconds <= 0.02 + 0.1, 'early'
     assert found > 5

@@ -82,7 +82,7 @@ def test_seconds_are_counted_from_now_and_not_from_the_stamp():
     assert world.seconds == pytest.approx(1.5, abs=1e-3)
     world.place(0.8, [(x + 0.4, y) for x, y in ROBOT], age=0.4)
     assert world.seconds == pytest.approx(1.2, abs=1e-3)
-    assert world.prediction.way == pytest.approx(1.6, abs=1e-3)
+    assert world.prediction.duration == pytest.approx(1.6, abs=1e-3)
 
 
 def test_zero_in_contact_and_where_contact_was_due():
@@ -382,6 +382,7 @@ def test_no_time_is_late_and_none_is_given_while_unknown(seed):
             assert seconds <= max(touched[0] - age, 0.0), 'late'
         if seconds < math.inf:
             found += 1
-            there = where(sent, twist, world.prediction.way)
-            assert min(map(there.distance, places(time + world.prediction.way))) < GRAZE, 'early'
+            there = where(sent, twist, world.prediction.duration)
+            at_contact = places(time + world.prediction.duration)
+            assert min(map(there.distance, at_contact)) < GRAZE, 'early'
     assert found or seed

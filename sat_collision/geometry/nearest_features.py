@@ -73,7 +73,7 @@ def nearest_features(p, q):
         j = furthest(q, best.qa, negative(best.nx), negative(best.ny))
         beyond = plus(along(w, best.qa, j, best.nx, best.ny),
                       negative(along(v, best.pa, i, best.nx, best.ny)))
-        height = dot(*way(v, w, best.pa, best.qa), best.nx, best.ny)
+        height = dot(*offset(v, w, best.pa, best.qa), best.nx, best.ny)
         if beyond[0] >= -_NEGLIGIBLE * height[0]:
             return best
         on_a = _of_segments(v, w, best.pa, i, best.qa, j)
@@ -120,14 +120,14 @@ def closest_of(p, q, features):
     if pa == pb and qa == qb:
         return v[pa], v[pa + 1], w[qa], w[qa + 1], ux, uy
     ex, ey = _edge(v, w, pa, pb, qa, qb)
-    back = negative(dot(*way(v, w, pa, qa), ex, ey))
-    share = quotient(back, plus(back, dot(*way(v, w, pb, qb), ex, ey)))
+    back = negative(dot(*offset(v, w, pa, qa), ex, ey))
+    share = quotient(back, plus(back, dot(*offset(v, w, pb, qb), ex, ey)))
     return (between(v[pa], v[pb], share), between(v[pa + 1], v[pb + 1], share),
             between(w[qa], w[qb], share), between(w[qa + 1], w[qb + 1], share), ux, uy)
 
 
 @inner
-def way(v, w, i, j):
+def offset(v, w, i, j):
     """Return the offset from the vertex at i of P to that at j of Q, exactly."""
     return difference(w[j], v[i]), difference(w[j + 1], v[i + 1])
 
@@ -223,13 +223,13 @@ def _of_segments(v, w, pa, pb, qa, qb):
 @inner
 def _of_segment(v, w, pa, pb, qa, qb):
     """Return the nearest features of two segments, one of which is a vertex."""
-    ax, ay = way(v, w, pa, qa)
+    ax, ay = offset(v, w, pa, qa)
     if pa == pb and qa == qb:
         return _of_vertices(pa, qa, ax, ay)
     ex, ey = _edge(v, w, pa, pb, qa, qb)
     if not dot(ax, ay, ex, ey)[0] < 0.0:
         return _of_vertices(pa, qa, ax, ay)
-    bx, by = way(v, w, pb, qb)
+    bx, by = offset(v, w, pb, qb)
     if not dot(bx, by, ex, ey)[0] > 0.0:
         return _of_vertices(pb, qb, bx, by)
     height = cross(ax, ay, ex, ey)

@@ -32,7 +32,7 @@ _INFINITY = float('inf')
 
 
 @kernel
-def pack(points, packed, most, most_notched):
+def pack(points, packed, max_vertices, max_non_convex):
     """
     Pack a polygon given by received points, see `layout`.
 
@@ -42,7 +42,7 @@ def pack(points, packed, most, most_notched):
         x, y of each point as received.
     packed : flat array of float64
         Receives the polygon; of `packed_size(n)` at least.
-    most, most_notched : int
+    max_vertices, max_non_convex : int
         The most vertices accepted, see `ring.clean`.
 
     Returns
@@ -57,7 +57,7 @@ def pack(points, packed, most, most_notched):
     """
     require_nearest(len(points))
     ring = scratch(len(points))
-    verdict, count, i, j = clean(points, ring, most, most_notched)
+    verdict, count, i, j = clean(points, ring, max_vertices, max_non_convex)
     first = 0
     if verdict == CONVEX or verdict == NON_CONVEX:
         first = HEADER + table_size(count)
@@ -79,18 +79,19 @@ def pack(points, packed, most, most_notched):
 
 
 @kernel
-def pack_convex(data, start, received, packed, most, plane):
+def pack_convex(data, start, received, packed, max_vertices, affine):
     """
     Pack `moved_points`, if they make a convex polygon of no more vertices than are accepted.
 
     Returned is their number, 0 if they do not.
     """
-    verdict, count, _, _, _ = pack(moved_points(data, start, received, plane), packed, most, 0)
+    points = moved_points(data, start, received, affine)
+    verdict, count, _, _, _ = pack(points, packed, max_vertices, 0)
     return count if verdict == CONVEX else 0
 
 
 @kernel
-def moved_points(data, start, received, plane):
+def moved_points(data, start, received, affine):
     """
     Return the points of a message, transformed by an affine map.
 
@@ -102,7 +103,7 @@ def moved_points(data, start, received, plane):
     start, received : int
         Where in the data the points start, and how many there are, at least one: x, y and z of
         each as float32 in this machine's byte order.
-    plane : PlaneMap
+    affine : Affine2D
         The affine map of the points to another frame.
 
     Returns
@@ -111,7 +112,7 @@ def moved_points(data, start, received, plane):
         x, y of each point.
 
     """
-    a, b, c, d, e, f = plane
+    a, b, c, d, e, f = affine
     values = float32_values(data, start)
     points = scratch(2 * received)
     for i in range(received):

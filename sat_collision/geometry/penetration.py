@@ -25,7 +25,7 @@ from sat_collision.geometry.double_double import (
     cross, difference, dot, negative, plus, quotient, scaled, square_root)
 from sat_collision.geometry.jit import inner, kernel, scratch
 from sat_collision.geometry.layout import first_vertex
-from sat_collision.geometry.nearest_features import between, furthest, reach_of, SHORT, way
+from sat_collision.geometry.nearest_features import between, furthest, offset, reach_of, SHORT
 from sat_collision.geometry.part_bounds import ROUNDING
 from sat_collision.geometry.plane import scale_to_one, unit
 from sat_collision.geometry.separating_axis import support
@@ -146,12 +146,12 @@ def _move(p, q, a, j):
     uy = -quotient(ex, size)[0]
     i, c = a, _after(p, a)
     k = d = j
-    forward = dot(ex, ey, *way(v, w, a, j))[0] >= 0.0
+    forward = dot(ex, ey, *offset(v, w, a, j))[0] >= 0.0
     if not forward:
         i, c = c, i
         ex, ey = negative(ex), negative(ey)
     slack = _NEGLIGIBLE * size[0] * reach_of(p, q)
-    left = dot(ex, ey, *way(v, w, c, d))
+    left = dot(ex, ey, *offset(v, w, c, d))
     for _ in range(p.n + q.n):
         if left[0] <= slack:
             break
@@ -167,10 +167,10 @@ def _move(p, q, a, j):
             d = k
         else:
             c = i
-        left = dot(ex, ey, *way(v, w, c, d))
+        left = dot(ex, ey, *offset(v, w, c, d))
     share = 1.0, 0.0
     if left[0] < 0.0:
-        begin = dot(ex, ey, *way(v, w, i, k))
+        begin = dot(ex, ey, *offset(v, w, i, k))
         share = quotient(begin, plus(begin, negative(left)))
     return (between(v[i], v[c], share), between(v[i + 1], v[c + 1], share),
             between(w[k], w[d], share), between(w[k + 1], w[d + 1], share), ux, uy)

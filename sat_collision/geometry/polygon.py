@@ -38,8 +38,8 @@ MAX_VERTICES = 1024
 PackedBody: TypeAlias = tuple[NDArray[np.float64], int]
 
 # The affine map of (x, y) to (a x + b y + c, d x + e y + f) as a, b, c, d, e, f; c, f in metres.
-PlaneMap: TypeAlias = tuple[float, float, float, float, float, float]
-UNMOVED: PlaneMap = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+Affine2D: TypeAlias = tuple[float, float, float, float, float, float]
+UNMOVED: Affine2D = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 
 class Reason(enum.Enum):
@@ -134,16 +134,16 @@ class Polygon:
 
     def __init__(self, points: BodyLike, max_vertices: int = MAX_VERTICES) -> None:
         try:
-            most = index(max_vertices)
+            limit = index(max_vertices)
         except TypeError:
             raise TypeError(f'max_vertices has to be an integer, but is {max_vertices!r}; holes '
                             'cannot be given: a body is all that its outline encloses') from None
         self._pack(points.vertices.copy() if isinstance(points, Polygon) else coordinates(points),
-                   most, most)
+                   limit, limit)
 
     @classmethod
     def from_float32(cls, data: bytes, start: int, count: int, max_vertices: int = MAX_VERTICES,
-                     max_notched: int | None = None, plane: PlaneMap = UNMOVED) -> Polygon:
+                     max_non_convex: int | None = None, affine: Affine2D = UNMOVED) -> Polygon:
         """
         Make a polygon from the points of a serialised message.
 
@@ -155,18 +155,18 @@ class Polygon:
             float32 in this machine's byte order.
         max_vertices : int, optional
             As for the constructor, which raises the same errors.
-        max_notched : int, optional
+        max_non_convex : int, optional
             The most vertices accepted of a non-convex polygon, if fewer.
-        plane : PlaneMap, optional
+        affine : Affine2D, optional
             The affine map of the points to another frame.
 
         """
         if count == 0:
             raise _empty()
-        points = np.asarray(moved_points(data, start, count, plane)).reshape(-1, 2)
+        points = np.asarray(moved_points(data, start, count, affine)).reshape(-1, 2)
         polygon = cls.__new__(cls)
         polygon._pack(points, max_vertices,
-                      max_vertices if max_notched is None else max_notched)
+                      max_vertices if max_non_convex is None else max_non_convex)
         return polygon
 
     @classmethod
@@ -176,11 +176,11 @@ class Polygon:
         polygon.packed = indexable(packed[:size_of((packed, count))].copy()), count
         return polygon
 
-    def _pack(self, points: NDArray[np.float64], max_vertices: int, max_notched: int) -> None:
+    def _pack(self, points: NDArray[np.float64], max_vertices: int, max_non_convex: int) -> None:
         """Pack (n, 2) points; raise `PolygonError` if they do not make a polygon."""
         array = np.empty(packed_size(len(points)))
         verdict, count, i, j, first = pack(indexable(points.ravel()), indexable(array),
-                                           max_vertices, max_notched)
+                                           max_vertices, max_non_convex)
         end = first + 2 * count
         if verdict == ring.CONVEX:
             self.packed = indexable(array[:end] if end != len(array) else array), count
@@ -189,11 +189,11 @@ class Polygon:
             parts = _decompose(outline)
             self.packed = indexable(_joined(array[:HEADER], parts, outline)), -len(parts)
         elif verdict == ring.TOO_MANY:
-            most = str(max_vertices)
+            limit = str(max_vertices)
             if count <= max_vertices:
-                most = f'{max_notched} of a polygon that is not convex, in {KERNEL},'
+                limit = f'{max_non_convex} of a polygon that is not convex, in {KERNEL},'
             raise PolygonError(Reason.TOO_MANY_VERTICES,
-                               f'{count} vertices, but at most {most} are accepted')
+                               f'{count} vertices, but at most {limit} are accepted')
         else:
             raise _error(verdict, array[:2 * count].reshape(-1, 2).tolist(), i, j)
 

@@ -81,7 +81,7 @@ class Moving(NamedTuple):
     ends: Any
 
 
-class Way(NamedTuple):
+class Path(NamedTuple):
     """The path of a body up to the horizon."""
 
     motion: Motion
@@ -152,22 +152,22 @@ def first_row_met(set_array, body, count, motion, velocities, skipped):
     """
     require_nearest(count)
     rows = rows_of(set_array)
-    way = _way(packed_polygon(body, count), motion)
+    path = _path(packed_polygon(body, count), motion)
     # The box after those of the pieces is that of the whole path.
     candidates = 0
     for row in range(rows.used):
-        if (rows.n[row] != 0 and _may_meet(way, way.pieces, rows, row, velocities)
-                and not contains(skipped, row) and not _is_beside(way, rows, row, velocities)):
+        if (rows.n[row] != 0 and _may_meet(path, path.pieces, rows, row, velocities)
+                and not contains(skipped, row) and not _is_beside(path, rows, row, velocities)):
             rows.found[candidates] = row
             candidates += 1
     first = -1
     time = math.inf
     piece = 0
-    while first < 0 and piece < way.pieces:
+    while first < 0 and piece < path.pieces:
         for k in range(candidates):
             row = rows.found[k]
-            if _may_meet(way, piece, rows, row, velocities):
-                found = _first_contact_in_piece(way, piece, rows, row, velocities, time)
+            if _may_meet(path, piece, rows, row, velocities):
+                found = _first_contact_in_piece(path, piece, rows, row, velocities, time)
                 if found < time:
                     time = found
                     first = row
@@ -176,7 +176,7 @@ def first_row_met(set_array, body, count, motion, velocities, skipped):
 
 
 @inner
-def _way(p, motion):
+def _path(p, motion):
     """Return the path of a packed polygon."""
     motion = Motion(motion[0], motion[1], motion[2], motion[3], motion[4], motion[5], motion[6],
                     motion[7])
@@ -189,9 +189,9 @@ def _way(p, motion):
     pieces = max(1, int(math.ceil(turned)))
     boxes = scratch(4 * pieces + 4)
     inner, outer = _distances(body, motion)
-    way = Way(motion, body, speed, radius + speed * motion.horizon, pieces, boxes, inner, outer)
-    _bound(way)
-    return way
+    path = Path(motion, body, speed, radius + speed * motion.horizon, pieces, boxes, inner, outer)
+    _bound(path)
+    return path
 
 
 @inner
@@ -262,16 +262,16 @@ def _distances(body, motion):
 
 
 @inner
-def _bound(way):
+def _bound(path):
     """Write the boxes of the pieces of a path, and of the whole path."""
-    boxes = way.boxes
-    chords = scratch(2 * len(way.body.array))
-    whole = 4 * way.pieces
-    for piece in range(way.pieces):
-        start, end = _times(way, piece)
-        sagitta = _sagitta(way, end - start)
-        _write_pose(way, start, chords, 0)
-        _write_pose(way, end, chords, 2)
+    boxes = path.boxes
+    chords = scratch(2 * len(path.body.array))
+    whole = 4 * path.pieces
+    for piece in range(path.pieces):
+        start, end = _times(path, piece)
+        sagitta = _sagitta(path, end - start)
+        _write_pose(path, start, chords, 0)
+        _write_pose(path, end, chords, 2)
         for axis in range(2):
             least = math.inf
             most = -math.inf
@@ -288,25 +288,25 @@ def _bound(way):
 
 
 @inlined
-def _times(way, piece):
+def _times(path, piece):
     """Return when a piece of a path begins and ends; the piece after the last is all of it."""
-    horizon = way.motion.horizon
-    if piece == way.pieces:
+    horizon = path.motion.horizon
+    if piece == path.pieces:
         return 0.0, horizon
-    start = horizon * (piece / way.pieces)
-    return start, horizon * ((piece + 1) / way.pieces)
+    start = horizon * (piece / path.pieces)
+    return start, horizon * ((piece + 1) / path.pieces)
 
 
 @inlined
-def _sagitta(way, seconds):
+def _sagitta(path, seconds):
     """Return how far a vertex is at most from its place on the chord of so many seconds."""
-    return abs(way.motion.turn) * way.speed * seconds * seconds / 8.0
+    return abs(path.motion.turn) * path.speed * seconds * seconds / 8.0
 
 
 @inner
-def _write_pose(way, time, chords, place):
+def _write_pose(path, time, chords, place):
     """Write x, y of each vertex at a time as the start (place 0) or end (2) of its chord."""
-    motion = way.motion
+    motion = path.motion
     half = motion.turn * time / 2.0
     c = math.cos(half)
     s = math.sin(half)
@@ -314,84 +314,84 @@ def _write_pose(way, time, chords, place):
     x = along * (c * motion.vx - s * motion.vy)
     y = along * (s * motion.vx + c * motion.vy)
     # Turned by 2 half: cosine 1 - 2 s^2, sine 2 s c.
-    v = elements(way.body.array)
+    v = elements(path.body.array)
     chords = elements(chords)
-    for k in range(0, len(way.body.array), 2):
+    for k in range(0, len(path.body.array), 2):
         chords[2 * k + place] = v[k] - 2.0 * s * (s * v[k] + c * v[k + 1]) + x
         chords[2 * k + place + 1] = v[k + 1] + 2.0 * s * (c * v[k] - s * v[k + 1]) + y
 
 
 @inner
-def _may_meet(way, piece, rows, row, velocities):
+def _may_meet(path, piece, rows, row, velocities):
     """Return whether, by their boxes, a piece of the path may come to the body of a row."""
-    motion = way.motion
-    start, end = _times(way, piece)
+    motion = path.motion
+    start, end = _times(path, piece)
     vx = velocities[2 * row]
     vy = velocities[2 * row + 1]
-    if way.speed == 0.0 and vx == 0.0 and vy == 0.0:
+    if path.speed == 0.0 and vx == 0.0 and vy == 0.0:
         return False
-    margin = motion.margin + _rounding(way, rows, row, vx, vy)
+    margin = motion.margin + _rounding(path, rows, row, vx, vy)
     box = 4 * piece
     return not (
-        rows.min_x[row] - motion.x + min(vx * start, vx * end) - way.boxes[box + 2] > margin
-        or rows.min_y[row] - motion.y + min(vy * start, vy * end) - way.boxes[box + 3] > margin
-        or way.boxes[box] - (rows.max_x[row] - motion.x + max(vx * start, vx * end)) > margin
-        or way.boxes[box + 1] - (rows.max_y[row] - motion.y + max(vy * start, vy * end)) > margin)
+        rows.min_x[row] - motion.x + min(vx * start, vx * end) - path.boxes[box + 2] > margin
+        or rows.min_y[row] - motion.y + min(vy * start, vy * end) - path.boxes[box + 3] > margin
+        or path.boxes[box] - (rows.max_x[row] - motion.x + max(vx * start, vx * end)) > margin
+        or path.boxes[box + 1] - (rows.max_y[row] - motion.y + max(vy * start, vy * end)) > margin)
 
 
 @inner
-def _is_beside(way, rows, row, velocities):
+def _is_beside(path, rows, row, velocities):
     """Return whether a row's body is at rest and beside the path, beyond the tolerances."""
-    motion = way.motion
+    motion = path.motion
     if velocities[2 * row] != 0.0 or velocities[2 * row + 1] != 0.0:
         return False
     least, most = _distances(_parts(body_of(rows, row), motion), motion)
     centre = length(motion.vx, motion.vy) / abs(motion.turn) if motion.turn != 0.0 else 0.0
     finest = motion.horizon / _MOST_PIECES
-    margin = (motion.margin + max(motion.tolerance, 4.0 * _sagitta(way, finest))
-              + _ROUNDING * centre + _rounding(way, rows, row, 0.0, 0.0))
-    return least - way.outer > margin or way.inner - most > margin
+    margin = (motion.margin + max(motion.tolerance, 4.0 * _sagitta(path, finest))
+              + _ROUNDING * centre + _rounding(path, rows, row, 0.0, 0.0))
+    return least - path.outer > margin or path.inner - most > margin
 
 
 @inlined
-def _rounding(way, rows, row, vx, vy):
+def _rounding(path, rows, row, vx, vy):
     """Return a bound of the rounding error of a gap between the moving body and that of a row."""
-    x = max(abs(rows.min_x[row] - way.motion.x), abs(rows.max_x[row] - way.motion.x))
-    y = max(abs(rows.min_y[row] - way.motion.y), abs(rows.max_y[row] - way.motion.y))
-    reach = max(x, y) + (abs(vx) + abs(vy)) * way.motion.horizon + way.motion.margin
-    return _ROUNDING * (way.reach + reach) + UNDERFLOW_BOUND
+    x = max(abs(rows.min_x[row] - path.motion.x), abs(rows.max_x[row] - path.motion.x))
+    y = max(abs(rows.min_y[row] - path.motion.y), abs(rows.max_y[row] - path.motion.y))
+    reach = max(x, y) + (abs(vx) + abs(vy)) * path.motion.horizon + path.motion.margin
+    return _ROUNDING * (path.reach + reach) + UNDERFLOW_BOUND
 
 
 @inner
-def _first_contact_in_piece(way, piece, rows, row, velocities, before):
+def _first_contact_in_piece(path, piece, rows, row, velocities, before):
     """Return when in a piece the body meets that of a row; infinity if not before `before`."""
     vx = velocities[2 * row]
     vy = velocities[2 * row + 1]
-    apart = way.motion.margin + _rounding(way, rows, row, vx, vy)
-    other = _parts(body_of(rows, row), way.motion)
-    chords = scratch(2 * len(way.body.array))
+    apart = path.motion.margin + _rounding(path, rows, row, vx, vy)
+    other = _parts(body_of(rows, row), path.motion)
+    chords = scratch(2 * len(path.body.array))
     other_chords = scratch(2 * len(other.array))
-    start, end = _times(way, piece)
+    start, end = _times(path, piece)
     step = end - start
-    finest = way.motion.horizon / _MOST_PIECES
+    finest = path.motion.horizon / _MOST_PIECES
     while start < end and start < before:
         stop = min(start + step, end)
-        sagitta = _sagitta(way, stop - start)
-        _write_pose(way, start, chords, 0)
-        _write_pose(way, stop, chords, 2)
+        sagitta = _sagitta(path, stop - start)
+        _write_pose(path, start, chords, 0)
+        _write_pose(path, stop, chords, 2)
         for k in range(0, len(other.array), 2):
             other_chords[2 * k] = other.array[k] + vx * start
             other_chords[2 * k + 1] = other.array[k + 1] + vy * start
             other_chords[2 * k + 2] = other.array[k] + vx * stop
             other_chords[2 * k + 3] = other.array[k + 1] + vy * stop
-        share = first_contact_of_moving(chords, way.body.ends, other_chords, other.ends, sagitta,
+        share = first_contact_of_moving(chords, path.body.ends, other_chords, other.ends, sagitta,
                                         sagitta + apart)
         if share == math.inf:
             start = stop
             step *= 2.0
             continue
         time = start + share * (stop - start)
-        if time >= before or sagitta <= way.motion.tolerance / 4.0 or step <= finest:
+        if time >= before or sagitta <= path.motion.tolerance / 4.0 or step <= finest:
             return max(time, _LEAST)
         # Go on from the time proved clear, but so that the next step ends no later than this one.
         step = max(step / 4.0, finest)

@@ -30,7 +30,7 @@ TOO_MANY = 5
 
 
 @kernel
-def clean(points, ring, most, most_notched):
+def clean(points, ring, max_vertices, max_non_convex):
     """
     Turn points into a clean counter-clockwise ring.
 
@@ -45,7 +45,7 @@ def clean(points, ring, most, most_notched):
         x, y of each point as received.
     ring : (2 n,) flat array of float64
         Receives the clean vertices; its tail may stay unused.
-    most, most_notched : int
+    max_vertices, max_non_convex : int
         The most vertices accepted of a convex and of a non-convex ring; larger ones are not
         examined any further.
 
@@ -63,7 +63,7 @@ def clean(points, ring, most, most_notched):
     """
     verdict, count, clockwise, i = _classify(points, ring)
     j = i
-    if count > most or (verdict == NON_CONVEX and count > most_notched):
+    if count > max_vertices or (verdict == NON_CONVEX and count > max_non_convex):
         return TOO_MANY, count, i, j
     if verdict == NON_CONVEX:
         i, j = _first_crossing(ring, count)

@@ -66,11 +66,11 @@ def write_run(run, set_array, rows, row, limit, others, margin):
         another body.
 
     """
-    data, ends, first, count_at, plane, most, packed = run
+    data, ends, first, count_at, affine, max_vertices, packed = run
     require_nearest(count_at)
     words, values = words_and_floats(data)
     near = rows_of(others)
-    a, b, c, d, e, f = plane
+    a, b, c, d, e, f = affine
     header = count_at // _WORD
     begin = ends[first - 1] if first else 0
     model = begin // _WORD
@@ -83,7 +83,7 @@ def write_run(run, set_array, rows, row, limit, others, margin):
         start = begin // _WORD
         begin = end
         received = size // (_POINT * _WORD)
-        same = words[start + header] == received and received <= most + 1
+        same = words[start + header] == received and received <= max_vertices + 1
         for i in range(header):
             same = same and words[start + i] == words[model + i]
         if not same:
@@ -95,7 +95,7 @@ def write_run(run, set_array, rows, row, limit, others, margin):
             y = values[start + _POINT * i + 1]
             points[2 * i] = a * x + b * y + c
             points[2 * i + 1] = d * x + e * y + f
-        verdict, vertices, _, _, _ = pack(points, packed, most, 0)
+        verdict, vertices, _, _, _ = pack(points, packed, max_vertices, 0)
         if verdict != CONVEX or _is_near(near, packed, margin) or (
                 write_row(set_array, rows[row + k], packed, vertices) == NO_ROOM):
             return k

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 from sat_collision.geometry.jit import indexable
-from sat_collision.geometry.polygon import PlaneMap, PolygonError, UNMOVED
+from sat_collision.geometry.polygon import Affine2D, PolygonError, UNMOVED
 from sat_collision.messages.cdr import COUNT_SIZE, decode, MessageError, Points
 from sat_collision.messages.packer import Packer, vertices_of
 from sat_collision.messages.placement import Placement
@@ -94,16 +94,16 @@ class Ingest:
         message = batch.messages[begin]
         if len(message) <= points_at or not message.startswith(start):
             return 0
-        plane = None
+        affine = None
         if self._transforms and frame_id != self._fixed:
             self._watch_clock(now)
-            found = self._transforms.plane(frame_id, stamp, now,
-                                           self._scene.settings_of(name).timeout)
+            found = self._transforms.lookup_affine(
+                frame_id, stamp, now, self._scene.settings_of(name).timeout)
             if isinstance(found, NoTransform):
                 return 0
-            plane, frame_id = found.plane, self._fixed
+            affine, frame_id = found.affine, self._fixed
         taken = self._scene.obstacle_run(
-            name, (batch.data, batch.ends, begin, points_at - COUNT_SIZE, plane or UNMOVED,
+            name, (batch.data, batch.ends, begin, points_at - COUNT_SIZE, affine or UNMOVED,
                    self._packer.max_vertices, self._packer.array),
             frame_id, stamp, now, batch.number and batch.number + begin)
         placements = self._placements
@@ -117,7 +117,7 @@ class Ingest:
             if first or begin + taken < len(batch.messages):
                 batch = Batch(batch.messages[first:begin + taken])
             placements.append(Placement(name, stamp, True, frame_id,
-                                        (batch.data, batch.ends, points_at), plane, None))
+                                        (batch.data, batch.ends, points_at), affine, None))
         return taken
 
     def take(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
@@ -128,7 +128,7 @@ class Ingest:
         try:
             stamp, sent_in, points, instance = decode(data, name in self._with_ids)
             frame_id = sent_in
-            plane: PlaneMap | None = None
+            affine: Affine2D | None = None
             if not frame_id:
                 return self.refuse(settings, EMPTY_FRAME_ID, 'its header names no frame', now,
                                    stamp, instance, number)
@@ -139,24 +139,24 @@ class Ingest:
             origin = None
             if self._transforms and frame_id != self._fixed and points[2]:
                 self._watch_clock(now)
-                found = self._transforms.plane(frame_id, stamp, now, settings.timeout)
+                found = self._transforms.lookup_affine(frame_id, stamp, now, settings.timeout)
                 if isinstance(found, NoTransform):
                     if found.may_come and may_wait and stamp:
                         return WAIT
                     return self.refuse(settings, found.reason, found.detail, now, stamp,
                                        instance, number)
-                plane, at = found
+                affine, at = found
                 origin, frame_id = (frame_id, at), self._fixed
             if isinstance(settings, FootprintSettings):
-                body = self._packer.pack(points, plane or UNMOVED)
+                body = self._packer.pack(points, affine or UNMOVED)
                 refusal = scene.footprint(name, body, frame_id, stamp, now, origin, number)
                 if refusal is None and scene.is_tracked(name):
-                    scene.track(name, vertices_of(points, plane))
+                    scene.track(name, vertices_of(points, affine))
             else:
-                obstacle = self._packer.pack(points, plane or UNMOVED) if points[2] else None
+                obstacle = self._packer.pack(points, affine or UNMOVED) if points[2] else None
                 refusal = scene.obstacle(name, obstacle, frame_id, stamp, now, instance, number)
                 if settings.moving and obstacle and instance is not None and refusal is None:
-                    scene.track_obstacle(name, instance, vertices_of(points, plane), stamp, now)
+                    scene.track_obstacle(name, instance, vertices_of(points, affine), stamp, now)
         except MessageError as error:
             return self.refuse(settings, UNDECODABLE, str(error), now, number=number)
         except PolygonError as error:
@@ -165,7 +165,7 @@ class Ingest:
         if refusal is None:
             if self._placements is not None:
                 self._placements.append(Placement(
-                    name, stamp or now, stamp != 0, frame_id, points, plane, instance))
+                    name, stamp or now, stamp != 0, frame_id, points, affine, instance))
             if name in self.headers and points[2] and points[0] is data:
                 self.headers[name] = data[:points[1] - COUNT_SIZE], points[1], stamp, sent_in
             return None
@@ -182,17 +182,17 @@ class Ingest:
         stamp = now if found.at is None else found.at
         try:
             refusal = self._scene.footprint(
-                settings.name, self._packer.pack(points, found.plane), self._fixed, stamp, now,
+                settings.name, self._packer.pack(points, found.affine), self._fixed, stamp, now,
                 (settings.frame_id, found.at))
         except PolygonError as error:
             return self.refuse(settings, error.reason.value, str(error), now, stamp)
         if refusal is None:
             if self._scene.is_tracked(settings.name):
-                self._scene.track(settings.name, vertices_of(points, found.plane),
+                self._scene.track(settings.name, vertices_of(points, found.affine),
                                   velocity_at(found))
             if self._placements is not None:
                 self._placements.append(Placement(
-                    settings.name, stamp, True, self._fixed, points, found.plane, None))
+                    settings.name, stamp, True, self._fixed, points, found.affine, None))
             return None
         return self.reject(settings, refusal, detail_of(
             refusal, self._fixed, self._fixed, (now - stamp) / 1e9, settings.timeout))

@@ -215,7 +215,7 @@ class Markers:
                 and 0.0 < prediction.seconds < math.inf):
             return
         vertices = self._shapes[name].polygon.vertices
-        rings = [prediction.velocity.carry(vertices, prediction.way * k / _PLACES_AHEAD)
+        rings = [prediction.velocity.carry(vertices, prediction.duration * k / _PLACES_AHEAD)
                  for k in range(1, _PLACES_AHEAD + 1)]
         self._add(f'{name}/ahead', 0, _OUTLINE, _AMBER, [
             end for ring in rings

@@ -117,16 +117,16 @@ class Outlines:
         With commands only the pose counts: the twist is that of the command.
         """
         if one.settings.cmd_vel or found.at is None:
-            return Velocity((0.0, 0.0, 0.0), pose_of(found.plane),
+            return Velocity((0.0, 0.0, 0.0), pose_of(found.affine),
                             COMMAND if one.settings.cmd_vel else TRANSFORMS)
         if not one.odometry:
             return None
         _, child, _, _ = decode_odometry(one.odometry)
         where = (found if child == one.settings.frame_id
-                 else self._transforms.plane(child, found.at, found.at, 0.0))
+                 else self._transforms.lookup_affine(child, found.at, found.at, 0.0))
         if isinstance(where, NoTransform):
             return None
-        return Velocity(decode_twist(one.odometry), pose_of(where.plane), ODOMETRY)
+        return Velocity(decode_twist(one.odometry), pose_of(where.affine), ODOMETRY)
 
 
 class _Placed:

@@ -22,19 +22,19 @@ from sat_collision.geometry.jit import COMPILED, indexable
 from sat_collision.geometry.layout import packed_size
 from sat_collision.geometry.packing import pack_convex
 from sat_collision.geometry.polygon import (
-    PackedBody, PlaneMap, Polygon, PolygonError, Reason, UNMOVED)
+    Affine2D, PackedBody, Polygon, PolygonError, Reason, UNMOVED)
 from sat_collision.messages.cdr import Points
 
 # The most vertices that plain Python cuts into convex parts and measures in time, see
 # docs/reliability.md.
-_MOST_NOTCHED = 128
+_MAX_NON_CONVEX = 128
 # Messages with more points than this for each vertex accepted are refused unread.
 _POINTS_FOR_A_VERTEX = 8
 
 
-def most_notched(max_vertices: int) -> int:
+def max_non_convex(max_vertices: int) -> int:
     """Return the most vertices of a polygon that is not convex, given those of any."""
-    return max_vertices if COMPILED else min(max_vertices, _MOST_NOTCHED)
+    return max_vertices if COMPILED else min(max_vertices, _MAX_NON_CONVEX)
 
 
 class Packer:
@@ -42,12 +42,12 @@ class Packer:
 
     def __init__(self, max_vertices: int) -> None:
         self.max_vertices = max_vertices
-        self._max_notched = most_notched(max_vertices)
+        self._max_non_convex = max_non_convex(max_vertices)
         # One more for a closing point; messages with yet more points may be slow.
         self._most_points = max_vertices + 1
         self.array = indexable(np.empty(packed_size(self._most_points)))
 
-    def pack(self, points: Points, plane: PlaneMap = UNMOVED) -> PackedBody:
+    def pack(self, points: Points, affine: Affine2D = UNMOVED) -> PackedBody:
         """
         Return the body that points make in another frame, good until the next call.
 
@@ -59,23 +59,24 @@ class Packer:
         """
         count = points[2]
         if 0 < count <= self._most_points:
-            vertices = pack_convex(*points, self.array, self.max_vertices, plane)
+            vertices = pack_convex(*points, self.array, self.max_vertices, affine)
             if vertices:
                 return self.array, vertices
-        most = _POINTS_FOR_A_VERTEX * self.max_vertices
-        if count > most:
+        limit = _POINTS_FOR_A_VERTEX * self.max_vertices
+        if count > limit:
             raise PolygonError(Reason.TOO_MANY_VERTICES,
-                               f'{count} points, of which at most {most} are looked at')
-        return Polygon.from_float32(*points, self.max_vertices, self._max_notched, plane).packed
+                               f'{count} points, of which at most {limit} are looked at')
+        return Polygon.from_float32(
+            *points, self.max_vertices, self._max_non_convex, affine).packed
 
 
-def vertices_of(points: Points, plane: PlaneMap | None = None) -> NDArray[np.float64]:
-    """Return points in the order sent as (n, 2) array, moved by a map of the plane if given."""
+def vertices_of(points: Points, affine: Affine2D | None = None) -> NDArray[np.float64]:
+    """Return points in the order sent as (n, 2) array, moved by an affine map if given."""
     data, start, count = points
     received = np.frombuffer(data, np.float32, 3 * count, start).reshape(-1, 3)
     vertices = received[:, :2].astype(np.float64)
-    if plane is None:
+    if affine is None:
         return vertices
-    a, b, x, c, d, y = plane
+    a, b, x, c, d, y = affine
     moved: NDArray[np.float64] = vertices @ np.array([(a, c), (b, d)]) + (x, y)
     return moved

@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any, cast, NamedTuple, TypeAlias
 
-from sat_collision.geometry.polygon import PlaneMap
+from sat_collision.geometry.polygon import Affine2D
 from sat_collision.messages.cdr import POINT_SIZE, Points
 
 # The bytes of the messages of a run; the end of each but the last, an array of int64; and where in
@@ -36,7 +36,7 @@ class Placement(NamedTuple):
     is_stamped: bool
     frame_id: str  # after the map is applied
     points: Points | RunPoints  # as received
-    plane: PlaneMap | None  # the map of the points to that frame, None if they are in it
+    affine: Affine2D | None  # the map of the points to that frame, None if they are in it
     instance: int | None  # the obstacle's id, of a source that gives ids
 
     @property

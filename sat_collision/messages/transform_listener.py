@@ -300,10 +300,10 @@ class TransformListener:
 
     def newest(self, frame_id: str, now: int) -> Mapped | NoTransform:
         """Return the map from a frame to the fixed frame at the latest time that is known."""
-        return self.frames.newest_plane(self._target, frame_id, now=now)
+        return self.frames.newest_affine(self._target, frame_id, now=now)
 
-    def plane(self, frame_id: str, stamp: int, now: int,
-              timeout: float) -> Mapped | NoTransform:
+    def lookup_affine(self, frame_id: str, stamp: int, now: int,
+                      timeout: float) -> Mapped | NoTransform:
         """
         Return the map from the frame of a message to the fixed frame.
 
@@ -311,9 +311,9 @@ class TransformListener:
         older than the timeout in s; 0.0 for any age.
         """
         if stamp:
-            return self.frames.plane(self._target, frame_id, stamp)
+            return self.frames.lookup_affine(self._target, frame_id, stamp)
         oldest = now - timeout * 1e9 if timeout > 0.0 else -NEVER
-        return self.frames.newest_plane(self._target, frame_id, oldest, now)
+        return self.frames.newest_affine(self._target, frame_id, oldest, now)
 
 
 def _ahead(child: str, stamp: int, now: int) -> str:

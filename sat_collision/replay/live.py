@@ -40,8 +40,8 @@ from sat_collision.scene.scene import Scene
 class SceneTape(Tape):
     """Scenes in a temporary file of limited size; see Tape."""
 
-    def __init__(self, most: int, scene: Scene) -> None:
-        super().__init__(most)
+    def __init__(self, max_bytes: int, scene: Scene) -> None:
+        super().__init__(max_bytes)
         self._scene = scene
         self._times: list[int] = []
 

@@ -22,10 +22,10 @@ from itertools import chain, takewhile
 import math
 from typing import NamedTuple
 
-from sat_collision.geometry.polygon import PlaneMap
+from sat_collision.geometry.polygon import Affine2D
 from sat_collision.scene.frame_tree import FrameTree, in_quotes, in_words, transform_to
 from sat_collision.scene.rotations import (
-    FixedTransform, IDENTITY, plane_map, relative, rounded, tilt, Transform)
+    affine_of, FixedTransform, IDENTITY, relative, rounded, tilt, Transform)
 from sat_collision.scene.settings import NEVER
 
 BAD_FRAME_ID = 'bad frame_id'
@@ -56,7 +56,7 @@ class Located(NamedTuple):
 class Mapped(NamedTuple):
     """The map from the plane of a frame to that of another."""
 
-    plane: PlaneMap
+    affine: Affine2D
     at: int | None  # as in `Located`
 
 
@@ -156,7 +156,7 @@ class Frames:
                 f'newest is past the timeout by {_seconds(oldest - time)}', True)
         return self.lookup(target, source, int(time))
 
-    def plane(self, target: str, source: str, stamp: int) -> Mapped | NoTransform:
+    def lookup_affine(self, target: str, source: str, stamp: int) -> Mapped | NoTransform:
         """Return as `lookup` does the map from the plane of a frame to that of another."""
         key = target, source, stamp
         known = self._maps.get(key)
@@ -169,8 +169,8 @@ class Frames:
             self._maps[key] = known = found
         return known
 
-    def newest_plane(self, target: str, source: str, oldest: float = -NEVER,
-                     now: float = NEVER) -> Mapped | NoTransform:
+    def newest_affine(self, target: str, source: str, oldest: float = -NEVER,
+                      now: float = NEVER) -> Mapped | NoTransform:
         """Return as `newest` does the map from the plane of a frame to that of another."""
         return self._projected(self.newest(target, source, oldest, now), target, source)
 
@@ -190,7 +190,7 @@ class Frames:
             return NoTransform(
                 TILTED, f'{in_words(source)} is tilted by {math.degrees(angle):.1f} degrees in '
                 f'{in_words(target)}, more than {math.degrees(self._max_tilt):g}', False)
-        return Mapped(plane_map(found.pose), found.at)
+        return Mapped(affine_of(found.pose), found.at)
 
     def _explain(self, target: str, source: str, stamp: int | None) -> NoTransform:
         """Say why there is no answer for a time, or for the newest."""

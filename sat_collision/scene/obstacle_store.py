@@ -88,8 +88,8 @@ class ObstacleGroup:
         """Go through all obstacles, those that stand for a refused message included."""
         raise NotImplementedError
 
-    def tell(self) -> None:
-        """Have the obstacles know where they are, if they do not yet."""
+    def flush(self) -> None:
+        """Write what runs have brought to the obstacles that they moved."""
 
     def forget_refused(self) -> None:
         """Drop what stands for refused messages."""
@@ -143,21 +143,21 @@ class SetGroup(ObstacleGroup):
         # Of each place, -1 where nothing is placed.
         self._rows = indexable(np.empty(0, np.int64))
         self._taken = 0
-        # Of runs, as a rule until the set is dropped: places from one to another, and what their
-        # obstacles have not been told yet, frame and time.
-        self._untold: list[tuple[int, int, str, float]] = []
+        # Of runs: places from one to another, with the frame and the time of their obstacles, to
+        # which these are written only when they are asked for: most sets are dropped before.
+        self._pending: list[tuple[int, int, str, float]] = []
 
     def __iter__(self) -> Iterator[Obstacle]:
-        self.tell()
+        self.flush()
         return (one for one in self._places[:self._taken] if one.row is not None or one.refused)
 
-    def tell(self) -> None:
-        for begin, end, frame_id, time in self._untold:
+    def flush(self) -> None:
+        for begin, end, frame_id, time in self._pending:
             for obstacle in self._places[begin:end]:
                 obstacle.moved()
                 obstacle.frame_id = frame_id
                 obstacle.time = time
-        self._untold.clear()
+        self._pending.clear()
 
     def take_run(self, run: Run, limit: int, frame_id: str, time: int) -> int:
         """
@@ -173,7 +173,7 @@ class SetGroup(ObstacleGroup):
             self._taken += taken
             if time < self.oldest:
                 self.oldest = time
-            self._untold.append((begin, self._taken, frame_id, time))
+            self._pending.append((begin, self._taken, frame_id, time))
         return taken
 
     def take(self, key: Key, body: PackedBody | None, frame_id: str, time: int,
@@ -211,7 +211,7 @@ class SetGroup(ObstacleGroup):
                 self._mark(obstacle, None)
         rows = np.asarray(self._rows)
         self._contacts.hide_obstacles(self, rows[rows >= 0])
-        self._untold.clear()
+        self._pending.clear()
         self._taken = 0
         self.oldest = NEVER
         self._store.drop(self)

@@ -94,5 +94,5 @@ class Obstacle(Body[Body[Any]]):
     @property
     def polygon(self) -> Polygon | None:
         """Where the obstacle is, None if nowhere; the same Polygon while it stays there."""
-        self.group.tell()
+        self.group.flush()
         return super().polygon

@@ -43,7 +43,7 @@ class Prediction(NamedTuple):
     obstacle: ObstacleId | None  # that it is in contact with then
     # From the stamp of the footprint on; None only while in contact, where none is needed.
     velocity: Velocity | None
-    way: float  # from the stamp until the contact, in s
+    duration: float  # from the stamp until the contact, in s
     # Obstacles of unknown motion, sorted: they are assumed to stand, so the contact may be sooner.
     # Empty where it cannot.
     unknown: tuple[ObstacleId, ...] = ()
@@ -136,8 +136,8 @@ def _course(obstacle: Obstacle, motion: Translation, ahead: float) -> Course | N
     polygon, velocity = obstacle.polygon, np.array((motion.vx, motion.vy))
     if polygon is None:
         return None
-    way = ahead * velocity
+    moved = ahead * velocity
     try:
-        return (Polygon(polygon.vertices + way) if way.any() else polygon), velocity
+        return (Polygon(polygon.vertices + moved) if moved.any() else polygon), velocity
     except PolygonError:  # so thin that rounding makes it none
         return None

@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 from typing import TypeAlias
 
-from sat_collision.geometry.polygon import PlaneMap
+from sat_collision.geometry.polygon import Affine2D
 
 # Translation x, y, z in m, then rotation x, y, z, w, a quaternion of any length above zero. It
 # takes the coordinates of a point in the child frame to those in the parent frame.
@@ -150,7 +150,7 @@ def rounded(transform: FixedTransform) -> Transform:
     return (x / _ONE, y / _ONE, z / _ONE, a / length, b / length, c / length, d / length)
 
 
-def plane_map(transform: FixedTransform) -> PlaneMap:
+def affine_of(transform: FixedTransform) -> Affine2D:
     """Return the map of the plane z = 0 by a transform, projected onto z = 0."""
     x, y, _, a, b, c, d = transform
     aa, bb, cc, ab, cd = a * a, b * b, c * c, 2 * a * b, 2 * c * d

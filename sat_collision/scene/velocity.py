@@ -29,7 +29,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from sat_collision.geometry.polygon import PlaneMap
+from sat_collision.geometry.polygon import Affine2D
 
 ODOMETRY = 'odometry'
 TRANSFORMS = 'transforms'
@@ -215,9 +215,9 @@ def is_plausible(twist: Twist) -> bool:
     return all(abs(value) <= FASTEST for value in twist)
 
 
-def pose_of(plane: PlaneMap) -> Pose:
+def pose_of(affine: Affine2D) -> Pose:
     """Return x, y and yaw of a frame, from the map that takes it to the fixed frame."""
-    a, _, x, d, _, y = plane
+    a, _, x, d, _, y = affine
     return x, y, math.atan2(d, a)
 
 

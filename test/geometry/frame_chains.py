@@ -71,9 +71,9 @@ def evaluate(name, chain):
     for k, transform in enumerate(downs):
         frames.insert('common' if k == down - 1 else f'down{k + 1}', f'down{k}', 0, transform,
                       True)
-    plane = frames.plane('down0' if down else 'common', 'up0', 0).plane
+    affine = frames.lookup_affine('down0' if down else 'common', 'up0', 0).affine
     point = np.array([*chain[-2:], 0.0], np.float32)
-    found = moved_points(point.tobytes(), 0, 1, plane)
+    found = moved_points(point.tobytes(), 0, 1, affine)
     (x, y, _), origin, w = moved(ups, downs, point[:2].tolist())
     r = math.hypot(*point[:2].tolist())
     travelled = sum(abs(part) for transform in transforms for part in transform[:3])

@@ -18,7 +18,7 @@ from fractions import Fraction
 import frame_chains
 import numpy as np
 import pytest
-from sat_collision.scene.rotations import accepted, composed, fixed, plane_map, rounded
+from sat_collision.scene.rotations import accepted, affine_of, composed, fixed, rounded
 
 EVALUATIONS = 2000
 
@@ -58,7 +58,7 @@ def test_a_quaternion_of_any_length_means_its_direction(length):
     """As in tf2, and as `static_transform_publisher --qz 0.7 --qw 0.7` sends it."""
     found = accepted((1.0, 2.0, 3.0, 0.0, 0.0, 0.7 * length, 0.7 * length))
     quarter = 0.0, -1.0, 1.0, 1.0, 0.0, 2.0
-    assert plane_map(fixed(found)) == pytest.approx(quarter, abs=2.0 ** -60)
+    assert affine_of(fixed(found)) == pytest.approx(quarter, abs=2.0 ** -60)
     assert rounded(fixed(found))[5:] == pytest.approx((0.5 ** 0.5, 0.5 ** 0.5))
 
 
@@ -68,6 +68,6 @@ def test_ten_thousand_frames_in_a_chain_neither_grow_nor_shrink(length):
     pose = step = fixed(accepted((0.0, 0.0, 0.0, 0.0, 0.0, 0.6 * length, 0.8 * length)))
     for _ in range(9_999):
         pose = composed(step, pose)
-    a, b, _, d, e, _ = plane_map(pose)
+    a, b, _, d, e, _ = affine_of(pose)
     assert a * a + b * b == pytest.approx(1.0, abs=1e-15) and (a, b) == (e, -d)
     assert max(part.bit_length() for part in pose) <= 130

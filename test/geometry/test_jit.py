@@ -34,7 +34,7 @@ PROGRAM = ('import json, sat_collision, test_jit as t; '
 
 
 def moved_messages(seed):
-    """Return points of messages, convex ones and others, and maps of the plane to other frames."""
+    """Return points of messages, convex ones and others, and affine maps to other frames."""
     rng = np.random.default_rng(seed)
     for name, family in ALL.items():
         for ring, _ in family(rng, 10, 9) if name != 'extreme_scales' else ():
@@ -66,8 +66,8 @@ def library_answers():
                                                 [twist, (0, 0)]).hex()
                                 for twist in np.ptp(q, axis=0) * [(-1, 0), (1, -2)]),
                               *(np.asarray(one).tobytes().hex() for one in contact(p, q))]
-    answers['moved'] = [np.asarray(Polygon.from_float32(*message, plane=plane).packed[0])
-                        .tobytes().hex() for message, plane in moved_messages(9)]
+    answers['moved'] = [np.asarray(Polygon.from_float32(*message, affine=affine).packed[0])
+                        .tobytes().hex() for message, affine in moved_messages(9)]
     return json.loads(json.dumps(answers))
 
 

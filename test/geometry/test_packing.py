@@ -159,8 +159,8 @@ UNMOVED = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 U = Fraction(1, 2**53)
 
 
-def random_plane(rng, reach=1e3):
-    """Return a map of the plane: a turn, at times mirrored or tilted, and a translation."""
+def random_affine(rng, reach=1e3):
+    """Return an affine map: a turn, at times mirrored or tilted, and a translation."""
     angle = rng.uniform(-np.pi, np.pi)
     cosine, sine = np.cos(angle), np.sin(angle)
     squeezed = rng.choice([1.0, -1.0, 0.997])
@@ -183,9 +183,9 @@ def rounded(value):
     return Fraction(float(value))
 
 
-def moved_by_rationals(ring, plane):
+def moved_by_rationals(ring, affine):
     """Return the doubles that four roundings give, and the largest error in parts of its bound."""
-    a, b, c, d, e, f = map(Fraction, plane)
+    a, b, c, d, e, f = map(Fraction, affine)
     points = []
     worst = Fraction(0)
     for x, y in received(ring):
@@ -207,9 +207,9 @@ def test_each_coordinate_is_rounded_four_times(name):
     rng = np.random.default_rng(11)
     largest = 0
     for ring, _ in ALL[name](rng, 40, 9):
-        plane = random_plane(rng)
-        wanted, error = moved_by_rationals(ring, plane)
-        found = np.asarray(moved_points(*message(ring), plane)).reshape(-1, 2)
+        affine = random_affine(rng)
+        wanted, error = moved_by_rationals(ring, affine)
+        found = np.asarray(moved_points(*message(ring), affine)).reshape(-1, 2)
         assert found.tolist() == wanted
         largest = max(largest, error)
     assert 0.2 < largest <= 1
@@ -219,19 +219,19 @@ def test_each_coordinate_is_rounded_four_times(name):
 def test_the_answer_is_exact_for_the_moved_doubles(name):
     """Of convex bodies and of others, by integers of any length."""
     rng = np.random.default_rng(12)
-    plane = random_plane(rng, 10.0)
+    affine = random_affine(rng, 10.0)
     answers = set()
     for first, second in ALL[name](rng, 40, 7):
-        moved = [moved_by_rationals(ring, plane)[0] for ring in (first, second)]
+        moved = [moved_by_rationals(ring, affine)[0] for ring in (first, second)]
         bodies = []
         for ring, points in zip((first, second), moved):
             try:
                 bodies.append(Polygon(points))
             except ValueError as error:
                 with pytest.raises(ValueError, match=str(error)[:12]):
-                    Polygon.from_float32(*message(ring), plane=plane)
+                    Polygon.from_float32(*message(ring), affine=affine)
                 continue
-            found = Polygon.from_float32(*message(ring), plane=plane)
+            found = Polygon.from_float32(*message(ring), affine=affine)
             assert found.vertices.tolist() == bodies[-1].vertices.tolist()
         if len(bodies) == 2:
             answer = intersects(*bodies)
@@ -240,17 +240,17 @@ def test_the_answer_is_exact_for_the_moved_doubles(name):
     assert answers
 
 
-@pytest.mark.parametrize('plane', [UNMOVED, random_plane(np.random.default_rng(13))])
-def test_convex_bodies_of_messages_pack_as_polygons_do(plane):
+@pytest.mark.parametrize('affine', [UNMOVED, random_affine(np.random.default_rng(13))])
+def test_convex_bodies_of_messages_pack_as_polygons_do(affine):
     """What is not convex or refused has no vertices here."""
     rng = np.random.default_rng(14)
     kinds = set()
     for _ in range(300):
         ring = rng.integers(-9, 9, (rng.integers(1, 6), 2))
         array = np.empty(packed_size(len(ring)))
-        count = pack_convex(*message(ring), indexable(array), 1000, plane)
+        count = pack_convex(*message(ring), indexable(array), 1000, affine)
         try:
-            polygon = Polygon.from_float32(*message(ring), plane=plane)
+            polygon = Polygon.from_float32(*message(ring), affine=affine)
         except ValueError:
             assert count == 0
             kinds.add('refused')
@@ -265,21 +265,21 @@ def test_convex_bodies_of_messages_pack_as_polygons_do(plane):
 def test_a_mirrored_body_is_one_too():
     """A laser that hangs upside down sends them clockwise."""
     polygon = Polygon.from_float32(*message([(0, 0), (2, 0), (2, 1)]),
-                                   plane=(1.0, 0.0, 5.0, 0.0, -1.0, 0.0))
+                                   affine=(1.0, 0.0, 5.0, 0.0, -1.0, 0.0))
     assert polygon.vertices.tolist() == [[5, 0], [7, -1], [7, 0]]
 
 
 @pytest.mark.parametrize('coordinate', (np.nan, np.inf, -np.inf))
 def test_coordinates_that_are_not_finite_stay_so(coordinate):
     rng = np.random.default_rng(15)
-    for plane in (UNMOVED, random_plane(rng)):
+    for affine in (UNMOVED, random_affine(rng)):
         data = message([(0, 0), (1, coordinate), (1, 1)])
-        assert pack_convex(*data, indexable(np.empty(50)), 10, plane) == 0
+        assert pack_convex(*data, indexable(np.empty(50)), 10, affine) == 0
         with pytest.raises(ValueError, match='not finite'):
-            Polygon.from_float32(*data, plane=plane)
+            Polygon.from_float32(*data, affine=affine)
 
 
 def test_a_map_that_leads_beyond_all_doubles_is_refused():
     with pytest.raises(ValueError, match='vertex 1 is not finite'):
         Polygon.from_float32(*message([(0, 0), (3e38, 0), (0, 1)]),
-                             plane=(1e300, 0.0, 0.0, 0.0, 1.0, 0.0))
+                             affine=(1e300, 0.0, 0.0, 0.0, 1.0, 0.0))

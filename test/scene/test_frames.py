@@ -23,7 +23,7 @@ from sat_collision.scene import frames
 from sat_collision.scene.frame_tree import BAD_NAMES, BAD_TRANSFORM, OLD_TRANSFORM
 from sat_collision.scene.frames import Frames, Mapped, NoTransform
 from sat_collision.scene.rotations import (
-    accepted, composed, fixed, IDENTITY, interpolated, plane_map, relative, rounded, tilt)
+    accepted, affine_of, composed, fixed, IDENTITY, interpolated, relative, rounded, tilt)
 
 SECOND = 10**9
 START = 1000 * SECOND
@@ -63,8 +63,8 @@ class Tree:
         found = self.frames.newest(target, source, nanoseconds(oldest))
         return found if isinstance(found, NoTransform) else (found.transform[0], found.at)
 
-    def plane(self, source, time, target='odom'):
-        return self.frames.plane(target, source, nanoseconds(time))
+    def lookup_affine(self, source, time, target='odom'):
+        return self.frames.lookup_affine(target, source, nanoseconds(time))
 
 
 @pytest.fixture
@@ -129,7 +129,7 @@ def test_a_quaternion_need_not_have_length_one(tree):
     """As `static_transform_publisher --qz 0.7 --qw 0.7` sends it: a quarter to the left."""
     tree.static('laser', 'arm', 1.0, rotation=(0.0, 0.0, 0.7, 0.7))
     tree.static('arm', 'hand', 2.0)
-    assert tree.plane('hand', 0.5).plane == (0.0, -1.0, 1.75, 1.0, 0.0, 2.0)
+    assert tree.lookup_affine('hand', 0.5).affine == (0.0, -1.0, 1.75, 1.0, 0.0, 2.0)
 
 
 @pytest.mark.parametrize('name', ['', '/base'])
@@ -202,22 +202,22 @@ def test_static_frames_have_no_age(tree):
 def test_what_is_tilted_out_of_the_plane_is_not_projected(degrees, good):
     tree = Tree()
     tree.static('odom', 'ramp', 1.0, rolled(degrees))
-    found = tree.plane('ramp', 0)
+    found = tree.lookup_affine('ramp', 0)
     assert isinstance(found, Mapped) == good
     if good:
-        assert found.plane == pytest.approx(
+        assert found.affine == pytest.approx(
             (1, 0, 1, 0, math.cos(math.radians(degrees)), 0), abs=1e-15)
     else:
         tilted = min(abs(degrees), 180 - abs(degrees))
         assert found == (frames.TILTED,
                          f'ramp is tilted by {tilted:.1f} degrees in odom, more than 5', False)
-        assert tree.frames.newest_plane('odom', 'ramp', 0.0).reason == frames.TILTED
+        assert tree.frames.newest_affine('odom', 'ramp', 0.0).reason == frames.TILTED
 
 
 def test_a_map_is_found_once_until_what_it_rests_on_changes(tree):
-    first = tree.plane('laser', 0.53)
+    first = tree.lookup_affine('laser', 0.53)
     tree.moving('odom', 'base', (1.1, 1.1))
-    assert tree.plane('laser', 0.53) is first
+    assert tree.lookup_affine('laser', 0.53) is first
     changes = [lambda: tree.moving('odom', 'base', (0.52, 0)),
                lambda: tree.moving('odom', 'base', (0.52, 1)),
                lambda: tree.static('base', 'laser', 0.5),
@@ -227,7 +227,7 @@ def test_a_map_is_found_once_until_what_it_rests_on_changes(tree):
                lambda: tree.frames.clear()]
     for change in changes:
         change()
-        after = tree.plane('laser', 0.53)
+        after = tree.lookup_affine('laser', 0.53)
         assert after != first
         first = after
     assert first.reason == frames.UNKNOWN_FRAME
@@ -235,21 +235,21 @@ def test_a_map_is_found_once_until_what_it_rests_on_changes(tree):
 
 def test_static_frames_told_again_and_again_cost_no_map(tree):
     """As robot descriptions are."""
-    first = tree.plane('laser', 0.53)
+    first = tree.lookup_affine('laser', 0.53)
     tree.static('base', 'laser', 0.25)
-    assert tree.plane('laser', 0.53) is first
+    assert tree.lookup_affine('laser', 0.53) is first
 
 
 def test_another_frame_or_stamp_is_another_map(tree):
     tree.moving('map', 'odom', *((k / 10, 100) for k in range(11)))
-    planes = {tree.plane(*asked).plane[2] for asked in
-              [('laser', 0.5), ('laser', 0.6), ('base', 0.5), ('laser', 0.5, 'map')]}
-    assert len(planes) == 4
+    affines = {tree.lookup_affine(*asked).affine[2] for asked in
+               [('laser', 0.5), ('laser', 0.6), ('base', 0.5), ('laser', 0.5, 'map')]}
+    assert len(affines) == 4
 
 
 def test_maps_do_not_pile_up(tree):
     for k in range(2000):
-        assert isinstance(tree.plane('laser', k / 2000), Mapped)
+        assert isinstance(tree.lookup_affine('laser', k / 2000), Mapped)
     assert len(tree.frames._maps) <= 256
 
 
@@ -371,7 +371,7 @@ def test_half_way_is_half_the_angle_and_half_the_distance(angle, sign):
 
 def test_the_plane_is_mapped_by_the_matrix(random_turns):
     for transform, matrix in random_turns:
-        np.testing.assert_allclose(plane_map(fixed(transform)), matrix[:2, [0, 1, 3]].ravel(),
+        np.testing.assert_allclose(affine_of(fixed(transform)), matrix[:2, [0, 1, 3]].ravel(),
                                    atol=1e-14)
 
 

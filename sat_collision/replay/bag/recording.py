@@ -250,10 +250,10 @@ class Metadata(NamedTuple):
     packed: bool
 
 
-def read_metadata(path: Path, most: int) -> Metadata:
+def read_metadata(path: Path, max_bytes: int) -> Metadata:
     """Read metadata.yaml; raise Damage if it is not valid, or larger than a number of bytes."""
-    if path.stat().st_size > most:
-        raise Damage(f'more than {most} bytes')
+    if path.stat().st_size > max_bytes:
+        raise Damage(f'more than {max_bytes} bytes')
     try:
         content = yaml.safe_load(path.read_text(encoding='utf-8'))
     except Exception as error:  # whatever the constructors of YAML's types raise

@@ -187,14 +187,14 @@ class Limits:
         return self.memory // 8
 
 
-def unpacked(packed: bytes, compression: str, most: int) -> bytes:
+def unpacked(packed: bytes, compression: str, max_bytes: int) -> bytes:
     """
     Return data decompressed from 'zstd', 'lz4' or '' (none).
 
     Raises
     ------
     Damage
-        If the data are incomplete or hold more bytes than `most`.
+        If the data are incomplete or hold more bytes than `max_bytes`.
 
     """
     if not compression:
@@ -206,11 +206,11 @@ def unpacked(packed: bytes, compression: str, most: int) -> bytes:
     decompressor = (library.ZstdDecompressor if compression == 'zstd'
                     else library.LZ4FrameDecompressor)()
     try:
-        content: bytes = decompressor.decompress(packed, max_length=most + 1)
+        content: bytes = decompressor.decompress(packed, max_length=max_bytes + 1)
     except errors as error:
         raise Damage(in_words(error)) from error
-    if len(content) > most:
-        raise Damage(f'it holds more than {most} bytes')
+    if len(content) > max_bytes:
+        raise Damage(f'it holds more than {max_bytes} bytes')
     if not decompressor.eof:
         raise Damage('compressed data that is cut off')
     return content
@@ -246,8 +246,8 @@ def _library(compression: str) -> Any:
 class Scratch:
     """A folder for temporary files of at most so many bytes in all."""
 
-    def __init__(self, most: int) -> None:
-        self._most = self._left = most
+    def __init__(self, max_bytes: int) -> None:
+        self._max_bytes = self._left = max_bytes
         self._folder: tempfile.TemporaryDirectory[str] | None = None
 
     def close(self) -> None:
@@ -280,7 +280,7 @@ class Scratch:
     def _write(self, read: Callable[[int], bytes], target: BinaryIO) -> None:
         while piece := read(_PIECE):
             if len(piece) > self._left:
-                raise Damage(f'temporary files would take more than {self._most / 1e9:g} GB: '
+                raise Damage(f'temporary files would take more than {self._max_bytes / 1e9:g} GB: '
                              'allow more with --max-disk')
             self._left -= target.write(piece)
 

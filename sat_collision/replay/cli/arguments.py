@@ -150,12 +150,12 @@ def _topic(text: str) -> str:
     return text
 
 
-def _number(words: str, least: float, most: float, text: str) -> float:
+def _number(words: str, least: float, greatest: float, text: str) -> float:
     try:
         value = float(text)
     except ValueError:
         value = float('nan')
-    if not least <= value <= most:
+    if not least <= value <= greatest:
         raise argparse.ArgumentTypeError(f"'{text}' is not {words}")
     return value
 

@@ -113,19 +113,19 @@ class Tape:
     """
     A temporary file of where bodies were, until the moments of keyframes are known.
 
-    It may have `most` bytes; beyond that nothing is kept, and `is_full` is true.
+    It may have `max_bytes` bytes; beyond that nothing is kept, and `is_full` is true.
     """
 
-    def __init__(self, most: int) -> None:
+    def __init__(self, max_bytes: int) -> None:
         self.is_full = False
-        self._most = most
+        self._max_bytes = max_bytes
         self._file = tempfile.TemporaryFile(prefix='replay_check_')
 
     def _write(self, event: tuple[Any, ...]) -> None:
         if self.is_full:
             return
         pickle.dump(event, self._file, pickle.HIGHEST_PROTOCOL)
-        if self._file.tell() > self._most:
+        if self._file.tell() > self._max_bytes:
             self.is_full = True
             self._file.truncate(0)
 

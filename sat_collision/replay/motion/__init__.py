@@ -12,13 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Recorded motion: where everything was between two messages, and what touched on the way.
+Recorded motion: where everything was between two messages, and what touched meanwhile.
 
 order         messages in the order of their own stamps
 bodies        outlines set after set, and between two moments
 trajectories  the trajectory of a footprint
 tracker       who is who from one message to the next
-contacts      where and when a footprint touches obstacles on the way
+contacts      where and when a footprint touches obstacles meanwhile
 kernels       rings by the thousand: bounds, neighbours, motions
 nearness      what of them is near to a footprint
 prediction    how soon a footprint would touch something as it moves

@@ -23,12 +23,12 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 from sat_collision.geometry.moving import STRIDE
-from sat_collision.geometry.polygon import MAX_VERTICES, PlaneMap, Polygon
+from sat_collision.geometry.polygon import Affine2D, MAX_VERTICES, Polygon
 from sat_collision.messages.cdr import POINT_SIZE
 from sat_collision.messages.placement import Placement
 from sat_collision.replay.motion.kernels import (
-    COUNT, describe, EARLIEST, END, FINISH, FIRST, follow, LAST, LATEST, MAY_REPEAT,
-    motions_between, MOVED, POINTS, ROWS, STAMP, START, WAYS, WAYS_BEGIN, WAYS_END)
+    COUNT, describe, EARLIEST, END, FINISH, FIRST, follow, LAST, LATEST, MAY_REPEAT, MOTIONS,
+    MOTIONS_BEGIN, motions_between, MOTIONS_END, MOVED, POINTS, ROWS, STAMP, START)
 from sat_collision.scene.obstacles import ObstacleId
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -37,11 +37,11 @@ Integers: TypeAlias = NDArray[np.int64]
 _IDENTITY = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0
 _NO_PLANES = np.empty((0, len(_IDENTITY)))
 _NO_ENDS = np.empty(0, np.int64)
-_NO_NUMBERS = [0] * (WAYS_END + 1)
+_NO_NUMBERS = [0] * (MOTIONS_END + 1)
 
 
-class Ways(NamedTuple):
-    """The ways of m bodies from one set to the next, as `motions_between` has them."""
+class MotionArrays(NamedTuple):
+    """The motions of m bodies from one set to the next, as `motions_between` has them."""
 
     rows: Integers  # (m,)
     next_rows: Integers  # (m,)
@@ -51,8 +51,8 @@ class Ways(NamedTuple):
     moved: Floats  # (m,)
 
     @classmethod
-    def of(cls, rows: Integers, next_rows: Integers, points: int) -> Ways:
-        """Return room for the ways between some rows, which have so many points."""
+    def of(cls, rows: Integers, next_rows: Integers, points: int) -> MotionArrays:
+        """Return room for the motions between some rows, which have so many points."""
         count = len(rows)
         return cls(rows, next_rows, np.empty(STRIDE * points), np.empty((count, 3), np.int64),
                    np.empty((count, 4)), np.empty(count))
@@ -62,17 +62,17 @@ class Block:
     """
     Sets of bodies, described in one call, and followed from each to the next.
 
-    Sets are given by their messages. A way may take `longest` ns; for 0 nothing is followed. See
-    `describe` and `follow` for what the arrays hold.
+    Sets are given by their messages. A motion may take `longest` ns; for 0 nothing is followed.
+    See `describe` and `follow` for what the arrays hold.
     """
 
     def __init__(self, sets: Sequence[Sequence[Placement]], longest: int = 0) -> None:
         pieces, ends = [], [_NO_ENDS]
         messages: list[int] = []
-        planes: list[PlaneMap | None] = []
+        affines: list[Affine2D | None] = []
         rings = at = 0
         for number, placements in enumerate(sets):
-            for _, stamp, _, _, (data, where, count), plane, _ in placements:
+            for _, stamp, _, _, (data, where, count), affine, _ in placements:
                 run, points_at = 1, 0
                 if isinstance(where, int):
                     data = data[where:where + POINT_SIZE * count]
@@ -83,10 +83,10 @@ class Block:
                 rings += run
                 at += len(data)
                 pieces.append(data)
-                planes.append(plane)
+                affines.append(affine)
         maps: Floats = _NO_PLANES
-        if any(planes):
-            maps = np.array([plane or _IDENTITY for plane in planes])
+        if any(affines):
+            maps = np.array([affine or _IDENTITY for affine in affines])
         self.points = np.empty((at // POINT_SIZE, 2))
         self.rings: Integers = np.empty((rings, 4), np.int64)
         self.boxes = np.empty((rings, 4))
@@ -96,8 +96,8 @@ class Block:
                  np.concatenate(ends), maps, described)
         if longest:
             rows, next_rows = np.empty((2, rings), np.int64)
-            self.ways = Ways.of(rows, next_rows, len(self.points))
-            follow(described, longest, tuple(self.ways))
+            self.motions = MotionArrays.of(rows, next_rows, len(self.points))
+            follow(described, longest, tuple(self.motions))
         self.numbers: list[list[int]] = [_NO_NUMBERS, *self.sets.tolist()]
 
 
@@ -177,7 +177,7 @@ class Bodies:
         """How many of the set before it in the block become one of it."""
         assert self.block is not None
         last, numbers = self.block.numbers[self.number:self.number + 2]
-        return numbers[WAYS] - last[WAYS]
+        return numbers[MOTIONS] - last[MOTIONS]
 
     def ring(self, row: int) -> Floats:
         """Return the vertices of a body as received, (n, 2)."""
@@ -196,43 +196,44 @@ class LinearMotion:
     """
     Bodies that move from one moment to the next, each vertex on a straight line.
 
-    There is at least one way. The first one begins at `begin`, and the last one ends at `end`.
+    There is at least one motion. The first one begins at `begin`, and the last one ends at `end`.
     """
 
-    def __init__(self, before: Bodies, after: Bodies, ways: Ways, begin: int, end: int) -> None:
+    def __init__(self, before: Bodies, after: Bodies, motions: MotionArrays, begin: int,
+                 end: int) -> None:
         self.before = before
         self.after = after
         self.begin, self.end = begin, end
-        self.rows, self.next_rows, self._array, self._times, self.boxes, self.moved = ways
+        self.rows, self.next_rows, self._array, self._times, self.boxes, self.moved = motions
 
     @property
     def starts(self) -> Integers:
-        """When each way begins, ns."""
+        """When each motion begins, ns."""
         return self._times[:, START]
 
     @property
     def finishes(self) -> Integers:
-        """When each way ends, ns."""
+        """When each motion ends, ns."""
         return self._times[:, FINISH]
 
     def __len__(self) -> int:
         return len(self.rows)
 
     def ring(self, i: int, time: int) -> Floats:
-        """Return the vertices of a body at a time on its way, (n, 2)."""
+        """Return the vertices of a body at a time, (n, 2)."""
         end, start, finish = self._times[i].tolist()
         first = self._times[i - 1, END] if i else 0
-        way: Floats = self._array[first:end].reshape(-1, STRIDE)
+        moving: Floats = self._array[first:end].reshape(-1, STRIDE)
         if time <= start:
-            return way[:, :2]
+            return moving[:, :2]
         if time >= finish:
-            return way[:, 2:]
-        moved: Floats = (time - start) / (finish - start) * (way[:, 2:] - way[:, :2])
-        return way[:, :2] + moved
+            return moving[:, 2:]
+        moved: Floats = (time - start) / (finish - start) * (moving[:, 2:] - moving[:, :2])
+        return moving[:, :2] + moved
 
     def polygon(self, i: int, time: int) -> Polygon:
         """
-        Return a body at a time on its way.
+        Return a body at a time.
 
         Raises
         ------
@@ -250,24 +251,24 @@ class LinearMotion:
 def motion_between(before: Bodies, after: Bodies, rows: Integers,
                    next_rows: Integers) -> LinearMotion:
     """Return the motion of bodies from one moment to another, given which one becomes which."""
-    ways = Ways.of(rows, next_rows, len(before.points))
+    motions = MotionArrays.of(rows, next_rows, len(before.points))
     begin, end = motions_between(before.points, before.rings, rows, after.points, after.rings,
-                                 next_rows, ways[2:])
-    return LinearMotion(before, after, ways, int(begin), int(end))
+                                 next_rows, motions[2:])
+    return LinearMotion(before, after, motions, int(begin), int(end))
 
 
 def motion_in_block(before: Bodies, after: Bodies) -> list[LinearMotion]:
     """Return the motion from the set before in a block, nothing if none of it is followed."""
     assert after.block is not None
-    numbers, ways = after.block.numbers, after.block.ways
+    numbers, motions = after.block.numbers, after.block.motions
     former, last, own = numbers[before.number:before.number + 3]
-    if last[WAYS] == own[WAYS]:
+    if last[MOTIONS] == own[MOTIONS]:
         return []
-    found = slice(last[WAYS], own[WAYS])
-    return [LinearMotion(before, after, Ways(
-        ways.rows[found], ways.next_rows[found],
-        ways.array[STRIDE * former[POINTS]:STRIDE * last[POINTS]], ways.times[found],
-        ways.boxes[found], ways.moved[found]), own[WAYS_BEGIN], own[WAYS_END])]
+    found = slice(last[MOTIONS], own[MOTIONS])
+    return [LinearMotion(before, after, MotionArrays(
+        motions.rows[found], motions.next_rows[found],
+        motions.array[STRIDE * former[POINTS]:STRIDE * last[POINTS]], motions.times[found],
+        motions.boxes[found], motions.moved[found]), own[MOTIONS_BEGIN], own[MOTIONS_END])]
 
 
 def stay(bodies: Bodies, until: Mapping[int, int]) -> LinearMotion:

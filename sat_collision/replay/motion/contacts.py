@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where and when a footprint on its way touches the obstacles of a source."""
+"""Where and when a footprint on its trajectory touches the obstacles of a source."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ class ContactTracker:
     """
 
     def __init__(self, trajectory: Trajectory, contacts: Contacts, margin: float) -> None:
-        # What is to be decided once the way is known.
+        # What is to be decided once the trajectory is known.
         self.waiting: deque[Step] = deque()
         # Whether footprint and source were ever known at the same time.
         self.decided = False
-        # For how long a body had no outline on its way, ns.
+        # For how long a body had no outline while it moved, ns.
         self.undetermined = 0
         self._trajectory = trajectory
         self._series = contacts.series()
@@ -61,7 +61,7 @@ class ContactTracker:
         self._looks: _Looks | None = None
 
     def decide(self, step: Step) -> None:
-        """Decide a step; the footprint's way through it must be known, as far as it ever is."""
+        """Decide a step, through which the trajectory is known as far as it ever will be."""
         if step.last is not None and step.seen is not None and not self._touching and (
                 self._look_together(step.last, step.seen)):
             return
@@ -97,7 +97,7 @@ class ContactTracker:
                 return False
             looks = self._looks = _Looks(seen.block, self._trajectory.block, self._margin)
         first, end, low, high = looks.steps[seen.number]
-        if first < 0 or not self._trajectory.is_in_block(looks.way, low, high, last.begin,
+        if first < 0 or not self._trajectory.is_in_block(looks.trajectory, low, high, last.begin,
                                                          seen.begin):
             return False
         self.decided = True
@@ -202,7 +202,7 @@ class ContactTracker:
                     self._series.add(time, least[0])
 
     def _cross(self, pair: _Pair, contact: Contact | None) -> Contact | None:
-        """Decide a piece of the way of a pair; return the contact in which it ends, if in one."""
+        """Decide a piece of the motion of a pair; return the contact in which it ends, if any."""
         own, other = pair.at(pair.end)
         value = separation(own, other)
         touches = value <= self._margin
@@ -236,7 +236,7 @@ class ContactTracker:
         return None
 
     def _first(self, pair: _Pair) -> int | None:
-        """Return when a pair first touches on a piece of its way."""
+        """Return when a pair first touches on a piece of its motion."""
         own, other = pair.at(pair.begin)
         value = separation(own, other)
         if value <= self._margin:
@@ -251,18 +251,18 @@ class _Looks:
     """
     What is nearest to a footprint at each step of a block of obstacles, as `look` has it.
 
-    The way is the block of the footprint's samples.
+    The trajectory is the block of the footprint's samples.
     """
 
-    def __init__(self, block: Block | None, way: Block, margin: float) -> None:
+    def __init__(self, block: Block | None, trajectory: Block, margin: float) -> None:
         assert block is not None
         self.block = block
-        self.way = way
+        self.trajectory = trajectory
         steps = np.empty((len(block.sets), 4), np.int64)
-        most = len(block.sets) + len(way.sets)
-        times, values = np.empty((most, 3), np.int64), np.empty(most)
-        look(*((one.points, one.rings, one.boxes, one.sets, *one.ways) for one in (way, block)),
-             margin, steps, times, values)
+        room = len(block.sets) + len(trajectory.sets)
+        times, values = np.empty((room, 3), np.int64), np.empty(room)
+        look(*((one.points, one.rings, one.boxes, one.sets, *one.motions)
+               for one in (trajectory, block)), margin, steps, times, values)
         self.steps, self.times, self.values = steps.tolist(), times.tolist(), values.tolist()
 
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Rings of points by the thousand: their bounds, who follows whom, and the ways between them.
+Rings of points by the thousand: their bounds, who follows whom, and the motions between them.
 
 Arrays are written to, not returned: numba takes a microsecond to hand one to Python.
 """
@@ -36,19 +36,19 @@ _KEY_BITS = 2**42 - 1
 # What the numbers of a ring are: where its points start, how many they are, when it is there, and
 # whether it has come there from somewhere else.
 FIRST, COUNT, STAMP, MOVED = range(4)
-# Of a way: where its vertices end, when it begins, and when it ends.
+# Of a motion: where its vertices end, when it begins, and when it ends.
 END, START, FINISH = range(3)
 # Of a message, or a run of some: which set it is of, how many rings it has, where its data begins,
 # its stamp, where in each message points start, and where in the data the last ones end.
 SET, RINGS, DATA, TIME, POINTS_AT, LAST = range(6)
 # Of a set among others: where its rings end, and its points; when its first and its last ring is
 # there, 0 if there is none; whether two may be the same to the bit (if they are, it is never
-# denied); where the ways that lead to it end, when the first begins, and when the last one ends.
-ROWS, POINTS, EARLIEST, LATEST, MAY_REPEAT, WAYS, WAYS_BEGIN, WAYS_END = range(8)
+# denied); where the motions that lead to it end, when the first begins, and when the last ends.
+ROWS, POINTS, EARLIEST, LATEST, MAY_REPEAT, MOTIONS, MOTIONS_BEGIN, MOTIONS_END = range(8)
 
 
 @kernel
-def describe(data, messages, ends, planes, out):
+def describe(data, messages, ends, affines, out):
     """
     Write the points of the rings of some sets, and where each is.
 
@@ -61,15 +61,15 @@ def describe(data, messages, ends, planes, out):
         float32.
     ends : array of int64
         Where in the data of each run its messages end but the last one.
-    planes : (m, 6) array of float64
-        The map that takes the rings of each to the frame that counts, as a PlaneMap; empty if none
+    affines : (m, 6) array of float64
+        The map that takes the rings of each to the frame that counts, as a Affine2D; empty if none
         is needed.
     out : tuple
         What is written: points, rings, boxes, sets.
     points : (v, 2) array of float64
     rings : (n, 4) array of int64
         FIRST of the points of its set and COUNT of each, without one that closes it, STAMP and
-        MOVED, which is 0 until its way there is known.
+        MOVED, which is 0 until its motion there is known.
     boxes : (n, 4) array of float64
         min x, min y, max x, max y.
     sets : (s, 8) array of int64
@@ -105,9 +105,9 @@ def describe(data, messages, ends, planes, out):
                     x = values[at]
                     y = values[at + 1]
                     at += _POINT
-                    if len(planes):
+                    if len(affines):
                         # As `packing.moved_points`.
-                        a, b, c, d, e, f = planes[message]
+                        a, b, c, d, e, f = affines[message]
                         x, y = a * x + b * y + c, d * x + e * y + f
                     points[k, 0] = x
                     points[k, 1] = y
@@ -135,19 +135,19 @@ def describe(data, messages, ends, planes, out):
 
 
 @kernel
-def follow(described, longest, ways):
+def follow(described, longest, motions):
     """
-    Write the ways of the rings of each set to those of the next.
+    Write the motions of the rings of each set to those of the next.
 
-    `described` are points, rings, boxes and sets, as `describe` has them, of which WAYS,
-    WAYS_BEGIN and WAYS_END are written. A way may take `longest` ns. Written are, too, the rows in
-    their set of the rings that are followed and of those that they become, and array, ways, boxes
-    and moved, as `motions_between` has them; the array has room for each way where the points of
-    the set are at which it begins.
+    `described` are points, rings, boxes and sets, as `describe` has them, of which MOTIONS,
+    MOTIONS_BEGIN and MOTIONS_END are written. A motion may take `longest` ns. Also written are the
+    rows, in their set, of the rings that are followed and of those that they become, and array,
+    times, boxes and moved, as `motions_between` has them; the array has room for each motion where
+    the points of the set are at which it begins.
     """
     points, rings, boxes, sets = described
-    rows, next_rows, array, times, bounds, moved = ways
-    first = row = first_point = point = way = 0
+    rows, next_rows, array, times, bounds, moved = motions
+    first = row = first_point = point = count = 0
     places = _places(boxes[:0])
     for s in range(len(sets)):
         next_row = sets[s, ROWS]
@@ -155,18 +155,18 @@ def follow(described, longest, ways):
         next_places = _places(boxes[row:next_row])
         if s > 0:
             found = _mutual(rings[first:row], places, rings[row:next_row], next_places, longest,
-                            rows[way:], next_rows[way:])
+                            rows[count:], next_rows[count:])
             if found > 0:
-                end = way + found
+                end = count + found
                 begun, ended = motions_between(
-                    points[first_point:point], rings[first:row], rows[way:end],
-                    points[point:next_point], rings[row:next_row], next_rows[way:end],
-                    (array[STRIDE * first_point:STRIDE * point], times[way:end], bounds[way:end],
-                     moved[way:end]))
-                sets[s, WAYS_BEGIN] = begun
-                sets[s, WAYS_END] = ended
-                way = end
-        sets[s, WAYS] = way
+                    points[first_point:point], rings[first:row], rows[count:end],
+                    points[point:next_point], rings[row:next_row], next_rows[count:end],
+                    (array[STRIDE * first_point:STRIDE * point], times[count:end],
+                     bounds[count:end], moved[count:end]))
+                sets[s, MOTIONS_BEGIN] = begun
+                sets[s, MOTIONS_END] = ended
+                count = end
+        sets[s, MOTIONS] = count
         first, row, first_point, point = row, next_row, point, next_point
         places = next_places
 
@@ -254,7 +254,7 @@ def _places(boxes):
 @kernel
 def motions_between(points, rings, rows, next_points, next_rings, next_rows, out):
     """
-    Write the ways of rings from one set to the next, vertex by vertex.
+    Write the motions of rings from one set to the next, vertex by vertex.
 
     Which vertex becomes which is not said by a ring that may begin anywhere: of all starts the
     one is taken with the least motion, and of equal ones that of the rings as received. A ring
@@ -268,16 +268,16 @@ def motions_between(points, rings, rows, next_points, next_rings, next_rows, out
     rows, next_rows : (m,) array of int64
         Which ring becomes which, of as many points.
     out : tuple
-        What is written: array, ways, boxes, moved.
+        What is written: array, times, boxes, moved.
     array : flat array of float64
         x, y before and x, y after of each vertex, ring after ring, as
         `moving.MovingBody` has it.
-    ways : (m, 3) array of int64
-        Where in it each ring ends, and when each way begins and ends, ns.
+    times : (m, 3) array of int64
+        Where in it each ring ends, and when each motion begins and ends, ns.
     boxes : (m, 4) array of float64
-        What bounds all of the way.
+        What bounds all of the motion.
     moved : (m,) array of float64
-        The way of the vertex that moves furthest, metres.
+        How far the vertex that moves furthest goes, metres.
 
     Returns
     -------
@@ -285,7 +285,7 @@ def motions_between(points, rings, rows, next_points, next_rings, next_rows, out
         When the first begins and the last ends.
 
     """
-    array, ways, boxes, moved = out
+    array, times, boxes, moved = out
     at = 0
     begin = rings[rows[0], STAMP]
     end = next_rings[next_rows[0], STAMP]
@@ -317,11 +317,11 @@ def motions_between(points, rings, rows, next_points, next_rings, next_rows, out
             boxes[r, 2] = max(boxes[r, 2], max(x0, x1))
             boxes[r, 3] = max(boxes[r, 3], max(y0, y1))
         moved[r] = math.sqrt(most)
-        ways[r, END] = at
-        ways[r, START] = rings[rows[r], STAMP]
-        ways[r, FINISH] = next_rings[next_rows[r], STAMP]
-        begin = min(begin, ways[r, START])
-        end = max(end, ways[r, FINISH])
+        times[r, END] = at
+        times[r, START] = rings[rows[r], STAMP]
+        times[r, FINISH] = next_rings[next_rows[r], STAMP]
+        begin = min(begin, times[r, START])
+        end = max(end, times[r, FINISH])
         if moved[r] > 0.0:
             next_rings[next_rows[r], MOVED] = 1
     return begin, end
@@ -340,7 +340,7 @@ def _twice_area(points, first, count):
 
 @kernel
 def _least_motion(points, first, next_points, next_first, count, step):
-    """Return the start in the next ring with the least sum of squared ways."""
+    """Return the start in the next ring with the least sum of squared distances."""
     best = math.inf
     found = 0
     for shift in range(count):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is near to a footprint: of single sets, and of blocks of them as it goes on its way."""
+"""What is near to a footprint: of single sets, and of blocks of them as it moves."""
 
 import math
 
@@ -22,9 +22,9 @@ from sat_collision.geometry.jit import kernel, scratch
 from sat_collision.geometry.layout import Packed, packed_size
 from sat_collision.geometry.moving import STRIDE
 from sat_collision.replay.motion.kernels import (
-    COUNT, EARLIEST, END, FINISH, FIRST, LATEST, pack_ring, POINTS, ROWS, START, WAYS)
+    COUNT, EARLIEST, END, FINISH, FIRST, LATEST, MOTIONS, pack_ring, POINTS, ROWS, START)
 
-# What rounding may take from a separation or add to a way, in parts of the largest coordinate.
+# What rounding may take from a separation or add to a motion, in parts of the largest coordinate.
 SLACK = 1e-12
 
 
@@ -102,13 +102,13 @@ def _separation(outline, n, points, ring):
 
 
 @kernel
-def look(way, bodies, margin, steps, times, values):
+def look(trajectory, bodies, margin, steps, times, values):
     """
-    Look at the sets of a block from a footprint on its way, as long as it touches nothing.
+    Look at the sets of a block from a footprint on its trajectory, as long as it touches nothing.
 
     Parameters
     ----------
-    way, bodies : tuple
+    trajectory, bodies : tuple
         The blocks of the samples of the footprint and of the obstacles: points, rings, boxes and
         sets as `describe` has them, then what `follow` writes.
     margin : float
@@ -116,7 +116,7 @@ def look(way, bodies, margin, steps, times, values):
     steps : (s, 4) array of int64
         Receives of the step to each set which of the looks is its first one, or -1 if something
         may touch, or is not ordinary; where its looks end; and the numbers of the samples to which
-        the first and the last piece lead of the footprint's way in it.
+        the first and the last piece lead of the footprint's trajectory in it.
     times : (n, 3) array of int64
         Receives of each look its time, the row of what is nearest, and whether that is one of the
         later set, 2, or stands still in the one before, 1, as all of that does, or else 0.
@@ -124,15 +124,15 @@ def look(way, bodies, margin, steps, times, values):
         Receives of each look the least separation.
 
     """
-    own, own_rings, own_boxes, samples = way[:4]
+    own, own_rings, own_boxes, samples = trajectory[:4]
     points, rings, boxes, sets, rows, _, _, _, bounds, moved = bodies
-    most = 1
+    longest = 1
     for i in range(len(own_rings)):
-        most = max(most, own_rings[i, COUNT])
-    packed = scratch(packed_size(most))
+        longest = max(longest, own_rings[i, COUNT])
+    packed = scratch(packed_size(longest))
     for i in range(len(rings)):
-        most = max(most, rings[i, COUNT])
-    other = scratch(packed_size(most))
+        longest = max(longest, rings[i, COUNT])
+    other = scratch(packed_size(longest))
     found = np.empty((len(boxes), 3))
     numbers = np.arange(len(boxes))
     still = np.empty(len(boxes), np.int64)
@@ -142,8 +142,8 @@ def look(way, bodies, margin, steps, times, values):
         steps[s, 0] = -1
         begin = sets[s - 1, EARLIEST]
         finish = sets[s, EARLIEST]
-        ways, ways_end = sets[s - 1, WAYS], sets[s, WAYS]
-        if (ways == ways_end or begin >= finish or sets[s - 1, LATEST] != begin
+        motions, motions_end = sets[s - 1, MOTIONS], sets[s, MOTIONS]
+        if (motions == motions_end or begin >= finish or sets[s - 1, LATEST] != begin
                 or sets[s, LATEST] != finish):
             continue
         while low < len(samples) and samples[low, EARLIEST] <= begin:
@@ -157,11 +157,11 @@ def look(way, bodies, margin, steps, times, values):
         box = around(own_boxes[low - 1], own_boxes[low])
         may_touch = False
         for k in range(low, high + 1):
-            may_touch = may_touch or samples[k, WAYS] == samples[k - 1, WAYS]
+            may_touch = may_touch or samples[k, MOTIONS] == samples[k - 1, MOTIONS]
             box = around(box, own_boxes[k])
-        for k in range(ways, ways_end):
+        for k in range(motions, motions_end):
             may_touch = may_touch or _gap(box, bounds[k]) <= margin and not _stays_apart(
-                way, (low, high), bodies, s, k, (packed, other), margin)
+                trajectory, (low, high), bodies, s, k, (packed, other), margin)
         if may_touch:
             continue
         first = sets[s - 2, ROWS] if s > 1 else 0
@@ -169,7 +169,7 @@ def look(way, bodies, margin, steps, times, values):
         point = sets[s - 2, POINTS] if s > 1 else 0
         next_point = sets[s - 1, POINTS]
         count = 0
-        for k in range(ways, ways_end):
+        for k in range(motions, motions_end):
             if moved[k] == 0.0:
                 still[count] = rows[k]
                 count += 1
@@ -183,7 +183,7 @@ def look(way, bodies, margin, steps, times, values):
                 times[at] = (samples[k, EARLIEST], nearest, 1 if count == row - first else 0)
                 may_touch = may_touch or math.isnan(values[at])
                 at += 1
-        n = _pack_at(way, high, samples[high - 1, WAYS], finish, packed)
+        n = _pack_at(trajectory, high, samples[high - 1, MOTIONS], finish, packed)
         after = boxes[row:end], points[next_point:sets[s, POINTS]], rings[row:end]
         nearest, values[at] = _least((packed, n), around(own_boxes[high - 1], own_boxes[high]),
                                      numbers[:end - row], after, margin, found)
@@ -194,24 +194,25 @@ def look(way, bodies, margin, steps, times, values):
 
 
 @kernel
-def _stays_apart(way, pieces, bodies, s, k, arrays, margin):
+def _stays_apart(trajectory, pieces, bodies, s, k, arrays, margin):
     """
-    Tell whether a footprint surely stays apart from an obstacle on way k of those to a set.
+    Tell whether a footprint surely stays apart from an obstacle on motion k of those to a set.
 
-    On each piece of the footprint's way, the first to the last, the two begin further apart than
-    they can move, and end apart. They are packed into arrays that have room for them.
+    On each piece of the footprint's trajectory, the first to the last, the two begin further apart
+    than they can move, and end apart. They are packed into arrays that have room for them.
     """
-    samples, sets = way[3], bodies[3]
+    samples, sets = trajectory[3], bodies[3]
     packed, other = arrays
     for piece in range(pieces[0], pieces[1] + 1):
-        own = samples[piece - 1, WAYS]
+        own = samples[piece - 1, MOTIONS]
         begin = max(samples[piece - 1, EARLIEST], sets[s - 1, EARLIEST])
         end = min(samples[piece, EARLIEST], sets[s, EARLIEST])
         # As `_Pair.most_motion`.
-        room = SLACK * max(_farthest(way[8][own]), _farthest(bodies[8][k])) + (1.0 + SLACK) * (
-            _motion(way, own, end - begin) + _motion(bodies, k, end - begin))
+        moved = _motion(trajectory, own, end - begin) + _motion(bodies, k, end - begin)
+        room = (SLACK * max(_farthest(trajectory[8][own]), _farthest(bodies[8][k]))
+                + (1.0 + SLACK) * moved)
         for time in (begin, end):
-            n = _pack_at(way, piece, own, time, packed)
+            n = _pack_at(trajectory, piece, own, time, packed)
             m = _pack_at(bodies, s, k, time, other)
             if n == 0 or m == 0:
                 return False
@@ -223,7 +224,7 @@ def _stays_apart(way, pieces, bodies, s, k, arrays, margin):
 
 @kernel
 def _motion(block, k, passed):
-    """Return how far a body can move on its way in some ns."""
+    """Return how far a body can move in some ns."""
     times = block[7]
     return block[9][k] * passed / (times[k, FINISH] - times[k, START])
 
@@ -235,7 +236,7 @@ def _farthest(box):
 
 @kernel
 def _pack_at(block, s, k, time, packed):
-    """Pack a body where it is on way k of those to a set; 0 if it is not convex there."""
+    """Pack a body where it is on motion k of those to a set; 0 if it is not convex there."""
     points, rings, _, sets, rows, next_rows, array, times, _, _ = block
     i = rows[k] + (sets[s - 2, ROWS] if s > 1 else 0)
     first = sets[s - 2, POINTS] if s > 1 else 0
@@ -246,7 +247,7 @@ def _pack_at(block, s, k, time, packed):
         i = next_rows[k] + sets[s - 1, ROWS]
         return pack_ring(points, sets[s - 1, POINTS] + rings[i, FIRST], rings[i, COUNT], packed)
     n = rings[i, COUNT]
-    at = STRIDE * first + (times[k - 1, END] if k > sets[s - 1, WAYS] else 0)
+    at = STRIDE * first + (times[k - 1, END] if k > sets[s - 1, MOTIONS] else 0)
     share = (time - start) / (finish - start)
     ring = np.empty((n, 2))
     for v in range(n):

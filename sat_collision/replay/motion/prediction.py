@@ -16,9 +16,9 @@
 """
 How soon a footprint would have touched something, had all gone on as it moved then.
 
-At a message of a footprint its velocity is that of its way from there on, a constant twist, or if
-it has commands that of the last one before. Each obstacle moves on straight at the velocity with
-which it was on its own way.
+At a message of a footprint its velocity is that of its trajectory from there on, a constant twist,
+or if it has commands that of the last one before. Each obstacle moves on straight at the velocity
+that it had between two messages.
 """
 
 from __future__ import annotations
@@ -81,12 +81,12 @@ class Prediction:
         del self._commands[:bisect_right(self._commands, time - VELOCITY_LASTS, key=_time_of)]
 
     def look_ahead(self, step: Step) -> None:
-        """Predict from where bodies are in a step; the footprint's way through it is known."""
+        """Predict from where bodies are in a step, through which the trajectory is known."""
         for motion in step.motions:
             for time in self._times(motion.begin, motion.end):
-                way = self._trajectory.way_from(time)
+                piece = self._trajectory.piece_from(time)
                 own = self._trajectory.outline(time)
-                velocity = way and self._velocity(way, time)
+                velocity = piece and self._velocity(piece, time)
                 if own and velocity:
                     found = self._first(own, velocity, motion, time)
                     self._found[time] = min(found, self._found.get(time, found))
@@ -106,18 +106,18 @@ class Prediction:
         for sample in sorted(samples.items(), key=_time):
             series.add(*sample)
 
-    def _velocity(self, way: LinearMotion, time: int) -> Velocity | None:
-        """Return the velocity at the beginning of a way, which is a time."""
+    def _velocity(self, piece: LinearMotion, time: int) -> Velocity | None:
+        """Return the velocity at the beginning of a piece, which is a time."""
         if not self._settings:
             # That of its end, gone backwards.
-            start, finish = way.begin, way.end
-            return fitted(way.ring(0, finish), way.ring(0, start), (start - finish) / 1e9,
+            start, finish = piece.begin, piece.end
+            return fitted(piece.ring(0, finish), piece.ring(0, start), (start - finish) / 1e9,
                           FOOTPRINTS)
         k = bisect_right(self._commands, time, key=_time_of)
         command = self._commands[k - 1] if k else None
         if not (command and command.holds(time, self._settings.timeout)):
             return None
-        return Velocity(command.twist, pose_between(self._outline, way.ring(0, time)), COMMAND)
+        return Velocity(command.twist, pose_between(self._outline, piece.ring(0, time)), COMMAND)
 
     def _times(self, start: int, finish: int) -> list[int]:
         """Return the messages of the footprint to look at, from a time until before another."""

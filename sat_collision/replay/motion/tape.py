@@ -30,8 +30,8 @@ from sat_collision.scene.obstacles import ObstacleId
 class MotionTape(Tape):
     """The motion by which contacts are decided, in a temporary file; see Tape."""
 
-    def __init__(self, most: int) -> None:
-        super().__init__(most)
+    def __init__(self, max_bytes: int) -> None:
+        super().__init__(max_bytes)
         self._numbers: dict[Tracker, int] = {}
         self._timeouts: dict[str, float] = {}
 
@@ -85,7 +85,7 @@ class _Developer:
     """
     Fills keyframes with recorded motion, the same by which contacts are decided.
 
-    A body whose way is not known is shown where it was last, and marked so.
+    A body whose motion is not known is shown where it was last, and marked so.
     """
 
     def __init__(self, keyframes: Keyframes) -> None:
@@ -125,7 +125,7 @@ class _Developer:
             sights[name] = _Sight(stamp, str(name), seen.ring(row), body or self._keyframes.add())
 
     def walk(self, name: str, trajectory: Trajectory) -> None:
-        """Show a footprint on its way, as far as that is known now."""
+        """Show a footprint on its trajectory, as far as that is known now."""
         if trajectory.latest is None:
             return
         until = bisect_right(self._keyframes.moments, trajectory.latest)

@@ -249,7 +249,7 @@ class SetTracker(Tracker):
         if seen.may_repeat or not all(map(self._is_usable, pending)):
             shapes = {}
             for one in chain.from_iterable(placement.each() for placement in pending):
-                shapes[one.shape, one.plane] = one
+                shapes[one.shape, one.affine] = one
             usable = [*map(self._is_usable, shapes.values())]
             pending = [*compress(shapes.values(), usable)]
             seen = self._bodies([*compress(self._names, usable)], pending, Block([pending]))
@@ -320,7 +320,7 @@ class KeyTracker(Tracker):
     def _name(self, placement: Placement) -> ObstacleId:
         if self._by_id:
             return ObstacleId(self._source, placement.instance or 0)
-        return self._shapes.setdefault((placement.shape, placement.plane),
+        return self._shapes.setdefault((placement.shape, placement.affine),
                                        ObstacleId(self._source, -1 - len(self._shapes)))
 
     def _stand(self, now: int, least: int, is_over: bool = False) -> None:

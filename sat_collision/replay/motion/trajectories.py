@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The trajectory of a footprint, and where an outline was on its way."""
+"""The trajectory of a footprint, and where an outline was in between."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from typing import TypeAlias
 import numpy as np
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.layout import packed_size
-from sat_collision.geometry.polygon import PackedBody, PlaneMap, Polygon, PolygonError
+from sat_collision.geometry.polygon import Affine2D, PackedBody, Polygon, PolygonError
 from sat_collision.messages.cdr import Points
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.motion.bodies import (
@@ -40,7 +40,7 @@ Box: TypeAlias = tuple[float, float, float, float]
 
 
 class Piece:
-    """The way of a footprint from one sample to the next, or one sample alone."""
+    """The motion of a footprint from one sample to the next, or one sample alone."""
 
     def __init__(self, before: Bodies, after: Bodies) -> None:
         self.before = before
@@ -55,11 +55,11 @@ class Piece:
 
     @cached_property
     def motion(self) -> LinearMotion:
-        """The way, vertex by vertex."""
+        """The motion, vertex by vertex."""
         return motion_between(self.before, self.after, _ONE, _ONE)
 
     def ring(self, time: int) -> Floats:
-        """Return the vertices at a time on the way, (n, 2); those of a sample as received."""
+        """Return the vertices at a time, (n, 2); those of a sample as received."""
         if self.begin < time < self.end:
             return self.motion.ring(0, time)
         return (self.before if time <= self.begin else self.after).ring(0)
@@ -67,7 +67,7 @@ class Piece:
 
 class Trajectory:
     """
-    The samples of a footprint, and the pieces of its way.
+    The samples of a footprint, and the pieces of its motion.
 
     A piece leads from one sample to the next if no refused footprint came between them, if they
     are no further apart in time than the timeout, and if they have as many vertices. A sample
@@ -82,7 +82,7 @@ class Trajectory:
         self.block: Block | None = None
         # The stamp of the last sample.
         self.latest: int | None = None
-        # For how long the way is not known though the footprint was there.
+        # For how long the motion is not known though the footprint was there.
         self.undetermined = 0
         self._pieces: list[Piece] = []
         self._starts: list[int] = []
@@ -109,14 +109,14 @@ class Trajectory:
         """Mark that the footprint is nowhere until its next sample."""
         self._last = None
 
-    def lose_way(self, until: int) -> None:
+    def lose_piece(self, until: int) -> None:
         """Mark that it is not known where the footprint was until its next sample."""
         if self._last is not None:
             self.undetermined += until - self._last[0]
         self.lose()
 
-    def begin_of_way(self, until: int) -> int | None:
-        """Return when the way began that leads to a sample at a time, None if none does."""
+    def begin_of_piece(self, until: int) -> int | None:
+        """Return when the piece began that leads to a sample at a time, None if none does."""
         if self._last is None or not 0 < until - self._last[0] <= self.longest:
             return None
         return self._last[0]
@@ -132,7 +132,7 @@ class Trajectory:
             del self._pieces[0], self._starts[0]
 
     def pieces(self, start: int, finish: int) -> list[tuple[int, int, Piece]]:
-        """Return the beginning and the end of each piece between two times, with its way."""
+        """Return the beginning and the end of each piece between two times, with its motion."""
         starts, pieces = self._starts, self._pieces
         k = max(bisect_right(starts, start) - 1, 0)
         if starts and starts[k] <= start < finish <= pieces[k].end and (
@@ -178,7 +178,7 @@ class Trajectory:
             found.add(self.latest)
         return sorted(found)
 
-    def way_from(self, time: int) -> LinearMotion | None:
+    def piece_from(self, time: int) -> LinearMotion | None:
         """Return the piece that begins at a time and leads on from there, None if none does."""
         for k in range(bisect_left(self._starts, time), bisect_right(self._starts, time)):
             if self._pieces[k].end > time:
@@ -227,8 +227,7 @@ class Trajectory:
         self._starts.append(piece.begin)
 
 
-# How far a vertex may be from the straight line that stands for its way, in m: to this the sweep
-# decides, too.
+# How far a vertex may be from the straight line that stands for its motion, in m, as in the sweep.
 TOLERANCE = 1e-6
 
 _SHORTEST = 4
@@ -250,7 +249,7 @@ class Poses:
         # As the maps take them: x, y, 1.
         self._vertices[:, 2] = 1.0
 
-    def between(self, begin: int, end: int) -> list[tuple[int, PlaneMap]] | None:
+    def between(self, begin: int, end: int) -> list[tuple[int, Affine2D]] | None:
         """
         Return the times between two at which the outline must be placed, and the maps then.
 
@@ -259,33 +258,33 @@ class Poses:
         if it is not known where the frame was all the time.
         """
         times = [begin, *self._transforms.stamps(self._frame_id, begin, end), end]
-        found: list[tuple[int, PlaneMap]] = []
+        found: list[tuple[int, Affine2D]] = []
         try:
             for one, other in zip(times, times[1:]):
                 if one != begin:
-                    found.append((one, self._plane(one)))
+                    found.append((one, self._affine(one)))
                 self._refine(one, other, found)
         except _UnknownError:
             return None
         return found
 
-    def _refine(self, begin: int, end: int, found: list[tuple[int, PlaneMap]]) -> None:
+    def _refine(self, begin: int, end: int, found: list[tuple[int, Affine2D]]) -> None:
         """Add what is needed between two times."""
         if end - begin < _SHORTEST:
             return
         middle = (begin + end) // 2
-        first, last = np.array(self._plane(begin)), np.array(self._plane(end))
+        first, last = np.array(self._affine(begin)), np.array(self._affine(end))
         for time in ((begin + middle) // 2, middle, (middle + end) // 2):
             straight = first + (time - begin) / (end - begin) * (last - first)
-            off = (np.array(self._plane(time)) - straight).reshape(2, NUMBERS) @ self._vertices.T
+            off = (np.array(self._affine(time)) - straight).reshape(2, NUMBERS) @ self._vertices.T
             if np.hypot(*off).max() > TOLERANCE:
                 self._refine(begin, middle, found)
-                found.append((middle, self._plane(middle)))
+                found.append((middle, self._affine(middle)))
                 self._refine(middle, end, found)
                 return
 
-    def _plane(self, time: int) -> PlaneMap:
-        found = self._transforms.plane(self._frame_id, time, time, 0.0)
+    def _affine(self, time: int) -> Affine2D:
+        found = self._transforms.lookup_affine(self._frame_id, time, time, 0.0)
         if isinstance(found, NoTransform):
             raise _UnknownError
-        return found.plane
+        return found.affine

@@ -15,8 +15,8 @@
 What touched as it was recorded: everything where it was at each time, by its own stamps.
 
 Placements come in, in the order of stamps. A tracker for each source makes steps of them, each
-footprint's sweep decides the steps once the footprint's way through them is known, and nothing is
-kept for long after that.
+footprint's sweep decides the steps once the footprint's trajectory through them is known, and
+nothing is kept for long after that.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Sweep:
     """
     Decides one footprint against the steps of all sources that it monitors.
 
-    The contacts are of all footprints. Its way is of interest for `keep` ns, and collisions are
+    The contacts are of all footprints. Its trajectory is kept for `keep` ns, and collisions are
     looked for up to the horizon, in s, if there is one. Bodies apart by up to the margin, in
     metres, count as in contact.
     """
@@ -85,12 +85,12 @@ class Sweep:
 
     @property
     def undetermined(self) -> int:
-        """For how long the way was not known though the footprint was there, ns."""
+        """For how long the trajectory was not known though the footprint was there, ns."""
         return self.trajectory.undetermined + sum(
             one.undetermined for one in self._contact_trackers.values())
 
     def queue(self, tracker: Tracker, step: Step, now: int) -> None:
-        """Take a step, to be decided when the way is known."""
+        """Take a step, to be decided when the trajectory is known."""
         one = self._contact_trackers.get(tracker)
         if one is None:
             if step.seen is not None and not len(step.seen):
@@ -136,7 +136,7 @@ class Sweep:
             self.prediction.look_ahead(step)
 
     def _known_until(self, now: int) -> int:
-        """Return until when the way is known, or no sample of it will come."""
+        """Return until when the trajectory is known, or no sample of it will come."""
         over, latest = now - self._longest - 1, self.trajectory.latest
         return over if latest is None else max(latest, over)
 
@@ -265,17 +265,17 @@ class Motion:
                 sweep.use_frame(self._frame_id)
         sweep = self._sweeps[placement.name]
         trajectory, stamp = sweep.trajectory, placement.stamp
-        begin = trajectory.begin_of_way(stamp) if sweep.settings.has_outline else None
+        begin = trajectory.begin_of_piece(stamp) if sweep.settings.has_outline else None
         if begin is not None:
             poses = Poses(self._transforms, sweep.settings.frame_id,
                           placement.single).between(begin, stamp)
             if poses is None:
-                trajectory.lose_way(stamp)
+                trajectory.lose_piece(stamp)
                 if self._tape:
                     self._tape.place(placement.name, None)
-            for time, plane in poses or ():
+            for time, affine in poses or ():
                 self._add(sweep, time, sweep.sample(Block(
-                    [[placement._replace(stamp=time, plane=plane)]]), is_between=True))
+                    [[placement._replace(stamp=time, affine=affine)]]), is_between=True))
         self._add(sweep, stamp, sample)
         for tracker in self._trackers.values():
             tracker.rest(self._now)
@@ -288,7 +288,7 @@ class Motion:
             self._tape.place(sweep.settings.name, sample)
 
     def _emit_of(self, source: str) -> Emit:
-        """Return what takes a step of a source, to be decided when the ways are known."""
+        """Return what takes a step of a source, to be decided when the trajectories are known."""
         concerned = [sweep for sweep in self._sweeps.values() if sweep.settings.monitors(source)]
 
         def emit(tracker: Tracker, step: Step) -> None:

@@ -78,8 +78,8 @@ def _as_json(value: Any) -> str:
     return json.dumps(value, separators=(',', ':'), allow_nan=False).replace('<', '\\u003c')
 
 
-def _fitted(result: Result, most: int) -> str:
-    """Return a recording as JSON of at most `most` characters."""
+def _fitted(result: Result, limit: int) -> str:
+    """Return a recording as JSON of at most `limit` characters."""
     keyframes = result.keyframes or Keyframes([])
     needed = {keyframes.number(time) for contact in deepest_contacts(result)
               for time in (contact.first, contact.deepest)}
@@ -89,9 +89,9 @@ def _fitted(result: Result, most: int) -> str:
         # A lower bound of the size: what is surely too large need not be encoded.
         least = sum(_LEAST_OF_VERTEX * len(body.spans[0].ring) * min(len(body.spans), len(numbers))
                     for body in bodies)
-        if least <= most or not bodies:
+        if least <= limit or not bodies:
             text = _as_json(_recording(result, keyframes, numbers, bodies))
-            if len(text) <= most or not bodies:
+            if len(text) <= limit or not bodies:
                 return text
         if len(numbers) > _FEWEST_MOMENTS:
             kept = [k for place, k in enumerate(numbers) if k in needed or place % 2 == 0]
@@ -149,9 +149,9 @@ def _recording(result: Result, keyframes: Keyframes, numbers: list[int],
         'beginAt': [names[name], least.x, least.y] if least else None}
 
 
-def _thinned(samples: list[Sample], most: int) -> list[Sample]:
-    """Return at most `most` samples, the least of each run of neighbours."""
-    step = -(-len(samples) // most)
+def _thinned(samples: list[Sample], limit: int) -> list[Sample]:
+    """Return at most `limit` samples, the least of each run of neighbours."""
+    step = -(-len(samples) // limit)
     if step <= 1:
         return samples
     runs = [samples[k:k + step] for k in range(0, len(samples), step)]

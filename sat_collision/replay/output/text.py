@@ -193,7 +193,7 @@ def report_all(results: list[Result]) -> list[str]:
     return lines
 
 
-def summary(results: list[Result], most: int = 5) -> dict[str, Any]:
+def summary(results: list[Result], limit: int = 5) -> dict[str, Any]:
     """Return the figures over several recordings, the least separations among them."""
     hours = sum(result.duration for result in results) / 3600
     contacts = sum(len(result.contacts) for result in results)
@@ -207,7 +207,7 @@ def summary(results: list[Result], most: int = 5) -> dict[str, Any]:
         'verdicts': {word: count for word, count in verdicts.items() if count},
         'worst': [{'separation': separation, 'bag': bag, 'footprint': footprint,
                    'obstacle': obstacle}
-                  for separation, bag, footprint, obstacle in sorted(leasts)[:most]]}
+                  for separation, bag, footprint, obstacle in sorted(leasts)[:limit]]}
 
 
 def _counts(result: Result) -> str:

@@ -37,7 +37,7 @@ from separations import distance_to_edges, reach_beyond_edges, UNIT
 from steering import nudge
 
 NORMAL, POINTS, GAP, WAY_OUT = range(4)
-NAMES = ('length of the normal', 'points outside their body', 'way between the points',
+NAMES = ('length of the normal', 'points outside their body', 'offset of the points',
          'overlap once moved by depth × normal')
 BOUNDS = '4 u', '8 u R', '32 u R', '2⁻⁴⁶ R'
 COUNTS = (1, 2), (2, 2), (1, 4), (3, 3), (4, 6), (4, 20), (1, 6), (2, 7), (4, 8), (8, 8)

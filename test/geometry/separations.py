@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Pairs of polygons changed in steps of ulps to where separation, way or axis err most.
+Pairs of polygons changed in steps of ulps to where separation, offset or axis err most.
 
 Errors are computed in twice the precision of doubles, of all pairs of vertices and edges without
 any search, and the largest are confirmed in rationals.
@@ -33,7 +33,7 @@ from sat_collision.geometry.plane import scale_to_one
 import steering
 
 DISTANCE, DEPTH, WAY, AXIS = range(4)
-NAMES = 'distance', 'depth', 'way', 'axis'
+NAMES = 'distance', 'depth', 'offset', 'axis'
 UNIT = 2.0 ** -53
 BOUNDS = '2 u d + 2⁻⁹⁶ R', '2 u d + 2⁻⁹⁶ R', '6 u R', '6 u R'
 COUNTS = (1, 2), (2, 2), (1, 4), (3, 3), (4, 6), (4, 20)

@@ -12,16 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Recorded motion: where everything was between two messages, and what touched meanwhile.
+Recorded motion: where everything was between two messages, and which contacts that made.
 
 order         messages in the order of their own stamps
-bodies        outlines set after set, and between two moments
+bodies        sets of outlines, and their linear motion from one set to the next
 trajectories  the trajectory of a footprint
-tracker       who is who from one message to the next
-contacts      where and when a footprint touches obstacles meanwhile
-kernels       rings by the thousand: bounds, neighbours, motions
-nearness      what of them is near to a footprint
-prediction    how soon a footprint would touch something as it moves
-walk          all of this over a recording
-tape          what is kept to draw it
+tracker       which body is which from one message to the next
+contacts      where and when a footprint touches obstacles in between
+kernels       operations on many rings: bounds, nearest neighbours, motions
+nearness      which bodies are near to a footprint
+prediction    predicted time to collision of a footprint
+walk          all of this applied to a recording
+tape          the motion kept for drawing
 """

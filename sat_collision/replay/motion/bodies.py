@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bodies at a moment, in sets one after the other, and between two moments."""
+"""Bodies at one moment, in consecutive sets, and in linear motion between two moments."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _NO_NUMBERS = [0] * (MOTIONS_END + 1)
 
 
 class MotionArrays(NamedTuple):
-    """The motions of m bodies from one set to the next, as `motions_between` has them."""
+    """The motions of m bodies from one set to the next, as `motions_between` writes them."""
 
     rows: Integers  # (m,)
     next_rows: Integers  # (m,)
@@ -52,7 +52,7 @@ class MotionArrays(NamedTuple):
 
     @classmethod
     def of(cls, rows: Integers, next_rows: Integers, points: int) -> MotionArrays:
-        """Return room for the motions between some rows, which have so many points."""
+        """Allocate arrays for the motions of some rows with at most so many points in total."""
         count = len(rows)
         return cls(rows, next_rows, np.empty(STRIDE * points), np.empty((count, 3), np.int64),
                    np.empty((count, 4)), np.empty(count))
@@ -60,10 +60,10 @@ class MotionArrays(NamedTuple):
 
 class Block:
     """
-    Sets of bodies, described in one call, and followed from each to the next.
+    Sets of bodies, described in one call, with the motions from each set to the next.
 
-    Sets are given by their messages. A motion may take `longest` ns; for 0 nothing is followed.
-    See `describe` and `follow` for what the arrays hold.
+    Sets are given by their messages. A motion takes at most `longest` ns; with 0 there are no
+    motions. See `describe` and `follow` for the contents of the arrays.
     """
 
     def __init__(self, sets: Sequence[Sequence[Placement]], longest: int = 0) -> None:
@@ -103,10 +103,10 @@ class Block:
 
 class Bodies:
     """
-    The outlines of some bodies: one footprint, or the obstacles of a set, as a block has it.
+    The outlines of some bodies in a block: one footprint, or the obstacles of a set.
 
-    There may be more names than bodies. The frame is that of all, empty if they have none in
-    common. What is between was not received, but lies between what was.
+    There may be more names than bodies. The frame is empty if the bodies are in different ones.
+    With `is_between` the bodies were not received, but computed at a time between two messages.
     """
 
     def __init__(self, names: Sequence[ObstacleId], block: Block, number: int = 0,
@@ -115,7 +115,7 @@ class Bodies:
         before, numbers = block.numbers[number], block.numbers[number + 1]
         first, end = before[ROWS], numbers[ROWS]
         self._count = end - first
-        # None where they are at other times than in the block.
+        # None if the stamps are not those of the block.
         self.block: Block | None = block
         self.number = number
         self.names = names
@@ -124,9 +124,9 @@ class Bodies:
         self.points = block.points[before[POINTS]:numbers[POINTS]]
         self.rings = block.rings[first:end]
         self.boxes = block.boxes[first:end]
-        # When the first and the last one was there, 0 if there is none.
+        # The first and the last stamp, 0 if there are no bodies.
         self.begin, self.end = numbers[EARLIEST], numbers[LATEST]
-        # Whether two outlines may be the same to the bit.
+        # Whether two outlines may be equal bit by bit.
         self.may_repeat = bool(numbers[MAY_REPEAT])
         self._max_vertices = max_vertices
         self._polygons: dict[int, Polygon] = {}
@@ -139,12 +139,12 @@ class Bodies:
 
     @property
     def stamps(self) -> Integers:
-        """When each was there, ns."""
+        """The stamp of each body, ns."""
         return self.rings[:, STAMP]
 
     @property
     def moving(self) -> NDArray[np.bool_]:
-        """Which bodies are known to have come here from somewhere else."""
+        """Whether each body is known to have moved to where it is."""
         moving: NDArray[np.bool_] = self.rings[:, MOVED] != 0
         return moving
 
@@ -155,7 +155,7 @@ class Bodies:
 
     @property
     def moments(self) -> Sequence[int]:
-        """All times at which one of them was there."""
+        """The stamps of the bodies; just one if all are equal."""
         return [self.begin] if self.begin == self.end else self.stamps.tolist()
 
     def at(self, stamps: Sequence[int]) -> Bodies:
@@ -168,13 +168,13 @@ class Bodies:
         return other
 
     def follows(self, before: Bodies) -> bool:
-        """Return whether other bodies are the set before this one in a block."""
+        """Return whether `before` is the set before this one in the same block."""
         return (self.block is not None and before.block is self.block
                 and before.number == self.number - 1)
 
     @property
     def followed(self) -> int:
-        """How many of the set before it in the block become one of it."""
+        """How many bodies of the set before it in the block were matched to one of it."""
         assert self.block is not None
         last, numbers = self.block.numbers[self.number:self.number + 2]
         return numbers[MOTIONS] - last[MOTIONS]
@@ -238,7 +238,7 @@ class LinearMotion:
         Raises
         ------
         PolygonError
-            If its vertices do not make one there.
+            If its vertices do not make a valid polygon at that time.
 
         """
         if time <= self.starts[i] or not self.moved[i]:
@@ -250,7 +250,7 @@ class LinearMotion:
 
 def motion_between(before: Bodies, after: Bodies, rows: Integers,
                    next_rows: Integers) -> LinearMotion:
-    """Return the motion of bodies from one moment to another, given which one becomes which."""
+    """Return the motion of bodies from one moment to another, given which row becomes which."""
     motions = MotionArrays.of(rows, next_rows, len(before.points))
     begin, end = motions_between(before.points, before.rings, rows, after.points, after.rings,
                                  next_rows, motions[2:])
@@ -258,7 +258,7 @@ def motion_between(before: Bodies, after: Bodies, rows: Integers,
 
 
 def motion_in_block(before: Bodies, after: Bodies) -> list[LinearMotion]:
-    """Return the motion from the set before in a block, nothing if none of it is followed."""
+    """Return the motion from the set before in the block; nothing if no body was matched."""
     assert after.block is not None
     numbers, motions = after.block.numbers, after.block.motions
     former, last, own = numbers[before.number:before.number + 3]
@@ -272,7 +272,7 @@ def motion_in_block(before: Bodies, after: Bodies) -> list[LinearMotion]:
 
 
 def stay(bodies: Bodies, until: Mapping[int, int]) -> LinearMotion:
-    """Return the motion of bodies that stand where they are, of each row until a time."""
+    """Return the motion of bodies that stand still, each of the rows until its time."""
     rows = np.array(list(until), np.int64)
     motion = motion_between(bodies, bodies, rows, rows)
     motion.finishes[:] = list(until.values())

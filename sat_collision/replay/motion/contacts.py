@@ -47,11 +47,11 @@ class ContactTracker:
     """
 
     def __init__(self, trajectory: Trajectory, contacts: Contacts, margin: float) -> None:
-        # What is to be decided once the trajectory is known.
+        # Steps to be decided once the trajectory is known.
         self.waiting: deque[Step] = deque()
         # Whether footprint and source were ever known at the same time.
         self.decided = False
-        # For how long a body had no outline while it moved, ns.
+        # For how long the vertices of a moving body made no valid polygon, ns.
         self.undetermined = 0
         self._trajectory = trajectory
         self._series = contacts.series()
@@ -61,7 +61,7 @@ class ContactTracker:
         self._looks: _Looks | None = None
 
     def decide(self, step: Step) -> None:
-        """Decide a step, through which the trajectory is known as far as it ever will be."""
+        """Decide a step; the trajectory must be complete up to the end of the step."""
         if step.last is not None and step.seen is not None and not self._touching and (
                 self._look_together(step.last, step.seen)):
             return
@@ -90,7 +90,7 @@ class ContactTracker:
             contact.at_end = True
 
     def _look_together(self, last: Bodies, seen: Bodies) -> bool:
-        """Look at a step as part of its block; return False if it needs to be looked at alone."""
+        """Decide a step from the results of its block; return False if these do not have it."""
         looks = self._looks
         if looks is None or looks.block is not seen.block:
             if self._trajectory.block is None:
@@ -108,7 +108,7 @@ class ContactTracker:
         return True
 
     def _look(self, seen: Bodies, before: dict[ObstacleId, Contact]) -> dict[ObstacleId, Contact]:
-        """Decide a moment: return what touches, and note how deep, and what is nearest."""
+        """Decide a moment: return the contacts, and record their depths and the nearest body."""
         touching: dict[ObstacleId, Contact] = {}
         box = self._trajectory.bounds(seen.begin, seen.end) if len(seen) else None
         if box is None:
@@ -146,7 +146,7 @@ class ContactTracker:
 
     def _follow(self, motion: LinearMotion, followed: dict[ObstacleId, Contact],
                 seen: Bodies | None) -> None:
-        """Decide a motion of known bodies; put what touches at its end to the rest."""
+        """Decide a motion of matched bodies; add the contacts open at its end to `followed`."""
         box = self._trajectory.bounds(motion.begin, motion.end)
         near: list[int] = []
         if box is not None:
@@ -175,7 +175,7 @@ class ContactTracker:
             self._look_at_still(motion, seen)
 
     def _look_at_still(self, motion: LinearMotion, seen: Bodies | None) -> None:
-        """Find what is nearest of all that does not move, at the samples of the footprint."""
+        """Find the nearest of the bodies that stand still, at the samples of the footprint."""
         times = [time for time in self._trajectory.samples(motion.begin, motion.end)
                  if seen is None or time not in seen.moments]
         if not times:
@@ -202,7 +202,7 @@ class ContactTracker:
                     self._series.add(time, least[0])
 
     def _cross(self, pair: _Pair, contact: Contact | None) -> Contact | None:
-        """Decide a piece of the motion of a pair; return the contact in which it ends, if any."""
+        """Decide a piece of the motion of a pair; return the contact open at its end, if any."""
         own, other = pair.at(pair.end)
         value = separation(own, other)
         touches = value <= self._margin
@@ -231,7 +231,7 @@ class ContactTracker:
             ((0.0 - separation(*bodies), time, bodies) for time, bodies in (
                 (time, pair.at(time)) for time in _between(begun, contact.last))),
             key=itemgetter(0))
-        # Nearer than the sweep can tell from contact is no depth.
+        # Not less than for touching: the sweep reports contact within its tolerance.
         self._contacts.deepen(contact, pair.name, max(depth, 0.0 - self._margin), time, bodies)
         return None
 
@@ -249,7 +249,7 @@ class ContactTracker:
 
 class _Looks:
     """
-    What is nearest to a footprint at each step of a block of obstacles, as `look` has it.
+    The obstacles nearest to a footprint at each step of a block, as `look` finds them.
 
     The trajectory is the block of the footprint's samples.
     """
@@ -267,7 +267,7 @@ class _Looks:
 
 
 class _Pair(NamedTuple):
-    """A footprint and an obstacle from one time to another, both on straight motion; or back."""
+    """A footprint and an obstacle in linear motion from one time to another, or backwards."""
 
     piece: Piece
     motion: LinearMotion
@@ -281,7 +281,7 @@ class _Pair(NamedTuple):
 
     @property
     def end_name(self) -> ObstacleId:
-        """What the obstacle is called at the end."""
+        """The name of the obstacle at the end."""
         if self.end < self.motion.finishes[self.i]:
             return self.name
         return self.motion.after.names[int(self.motion.next_rows[self.i])]
@@ -303,7 +303,7 @@ class _Pair(NamedTuple):
                 self.motion.ring(self.i, self.begin), self.motion.ring(self.i, self.end))
 
     def most_motion(self) -> float:
-        """Return how far the two can come towards each other, metres."""
+        """Return how far the two move towards each other at most, metres."""
         both = (self.piece.motion, 0), (self.motion, self.i)
         passed = abs(self.end - self.begin)
         moved: float = sum(motion.moved[i] * passed / max(motion.finishes[i] - motion.starts[i], 1)
@@ -313,16 +313,16 @@ class _Pair(NamedTuple):
 
 
 def _between(first: int, last: int) -> list[int]:
-    """Return times in a contact at which to measure how deep it is, the middle before others."""
+    """Return the times at which to measure the depth of a contact, the middle first."""
     return [first + (last - first) * part // 8 for part in (4, 2, 6, 1, 3, 5, 7)]
 
 
 def _by_gap(body: PackedBody | None, box: Box, bodies: Bodies, rows: Integers | None,
             margin: float) -> list[tuple[float, int, float]]:
     """
-    Return what `measure_near` finds, the nearest boxes first: gap, row and separation.
+    Return (gap, row, separation) of what `measure_near` finds, the nearest boxes first.
 
-    Without a body nothing is measured; without rows all bodies are looked at.
+    Without a body nothing is measured; without rows all bodies are candidates.
     """
     if rows is None:
         rows = np.arange(len(bodies))
@@ -333,7 +333,7 @@ def _by_gap(body: PackedBody | None, box: Box, bodies: Bodies, rows: Integers | 
 
 
 class Contacts:
-    """Collects what is found of a footprint, in its result and among the contacts of all."""
+    """Collects the results of one footprint; contacts also go to the list of all footprints."""
 
     def __init__(self, result: FootprintResult, contacts: list[Contact],
                  trajectory: Trajectory) -> None:
@@ -343,26 +343,26 @@ class Contacts:
         self._series: list[Series] = []
 
     def begin(self, obstacle: ObstacleId, time: int) -> Contact:
-        """Note a contact that begins, and return it."""
+        """Record a contact that begins, and return it."""
         contact = Contact(self._result.name, str(obstacle), time, time, found=BETWEEN_SAMPLES)
         self._contacts.append(contact)
         return contact
 
     def deepen(self, contact: Contact, name: ObstacleId, depth: float, time: int,
                bodies: tuple[Polygon, Polygon]) -> None:
-        """Note how deep a contact is at a time, and where; and what the obstacle is called."""
+        """Record how deep a contact is at a time, and where; and the obstacle's name then."""
         if contact.deepen(depth, time, *bodies):
             contact.deepest_as = str(name)
             self._note_least(Least(0.0 - depth, time, contact.obstacle, contact.x, contact.y,
                                    contact.found))
 
     def series(self) -> Series:
-        """Return where the separations from the nearest obstacles of one kind are to go."""
+        """Return a new series, for the separations from the nearest obstacles of one tracker."""
         self._series.append(Series([]))
         return self._series[-1]
 
     def measure(self, bodies: Bodies, row: int, time: int, value: float) -> None:
-        """Note how far an obstacle is."""
+        """Record the separation from an obstacle if it is the least so far."""
         least = self._result.least
         if least is not None and value >= least.separation:
             return
@@ -374,12 +374,12 @@ class Contacts:
                                    (ay + by) / 2, AT_A_SAMPLE))
 
     def draw_curve(self, unknown: Iterable[Unknown]) -> None:
-        """Make the curve of all sources, interrupted where nothing was known."""
+        """Merge the series of all sources, with gaps where the state was unknown."""
         samples = list(least_of(series.samples for series in self._series))
         times = [time for time, _ in samples]
         for one in unknown:
             k = bisect_left(times, one.first)
-            # Shorter than half of the time between two moments, it is within what is known.
+            # Up to half of the time between two samples, it is not shown as a gap.
             if one.footprint == self._result.name and 0 < k == bisect_left(times, one.last) and (
                     k == len(times) or 2 * (one.last - one.first) > times[k] - times[k - 1]):
                 samples.append((one.first, None))

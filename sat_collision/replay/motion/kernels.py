@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Rings of points by the thousand: their bounds, who follows whom, and the motions between them.
+Operations on many rings of points: their bounds, and their motions from one set to the next.
 
-Arrays are written to, not returned: numba takes a microsecond to hand one to Python.
+Arrays are written to, not returned: numba takes a microsecond to return one to Python.
 """
 
 import math
@@ -26,54 +26,53 @@ from sat_collision.geometry.moving import STRIDE
 from sat_collision.geometry.packing import pack
 from sat_collision.geometry.ring import CONVEX
 
-# The bytes of a float32, and how many of them a point has in a message.
+# The bytes of a float32, and the float32s of a point in a message.
 _WORD = 4
 _POINT = 3
-# So many times a key of these bits fits into 64 bits with any word.
+# A key of these bits times the factor, plus any 32-bit word, fits into 64 bits.
 _FACTOR = 1_000_003
 _KEY_BITS = 2**42 - 1
 
-# What the numbers of a ring are: where its points start, how many they are, when it is there, and
-# whether it has come there from somewhere else.
+# Columns of rings: where the points start, how many there are, the stamp, and whether the ring has
+# moved to where it is.
 FIRST, COUNT, STAMP, MOVED = range(4)
-# Of a motion: where its vertices end, when it begins, and when it ends.
+# Columns of motions: where the vertices end, when the motion begins, and when it ends.
 END, START, FINISH = range(3)
-# Of a message, or a run of some: which set it is of, how many rings it has, where its data begins,
-# its stamp, where in each message points start, and where in the data the last ones end.
+# Columns of messages, or runs of them: the set, how many rings there are, where the data begins,
+# the stamp, where in each message points start, and where in the data the last ones end.
 SET, RINGS, DATA, TIME, POINTS_AT, LAST = range(6)
-# Of a set among others: where its rings end, and its points; when its first and its last ring is
-# there, 0 if there is none; whether two may be the same to the bit (if they are, it is never
-# denied); where the motions that lead to it end, when the first begins, and when the last ends.
+# Columns of sets: where the rings end, and the points; the first and the last stamp of a ring, 0
+# if there is none; whether two rings may be equal bit by bit (always 1 if two are); where the
+# motions that lead to the set end, when the first begins, and when the last ends.
 ROWS, POINTS, EARLIEST, LATEST, MAY_REPEAT, MOTIONS, MOTIONS_BEGIN, MOTIONS_END = range(8)
 
 
 @kernel
 def describe(data, messages, ends, affines, out):
     """
-    Write the points of the rings of some sets, and where each is.
+    Write the points, rings and bounds of some sets.
 
     Parameters
     ----------
     data : bytes
-        Of all messages.
+        The data of all messages.
     messages : (m, 6) array of int64
-        What is known of each message or run, in the order of the sets. Points are x, y and z as
+        SET to LAST of each message or run, in the order of the sets. Points are x, y and z as
         float32.
     ends : array of int64
-        Where in the data of each run its messages end but the last one.
+        Where in the data of each run its messages end, except the last one.
     affines : (m, 6) array of float64
-        The map that takes the rings of each to the frame that counts, as a Affine2D; empty if none
-        is needed.
+        The map of the rings of each to the common frame, as an Affine2D; empty if none is needed.
     out : tuple
         What is written: points, rings, boxes, sets.
     points : (v, 2) array of float64
     rings : (n, 4) array of int64
-        FIRST of the points of its set and COUNT of each, without one that closes it, STAMP and
-        MOVED, which is 0 until its motion there is known.
+        FIRST, among the points of the set; COUNT, without a point that closes the ring; STAMP;
+        and MOVED, which is 0 until the motion is known.
     boxes : (n, 4) array of float64
         min x, min y, max x, max y.
     sets : (s, 8) array of int64
-        ROWS, POINTS, EARLIEST, LATEST and MAY_REPEAT are written; all is 0 before.
+        ROWS, POINTS, EARLIEST, LATEST and MAY_REPEAT are written; all must be 0 before.
 
     """
     words, values = words_and_floats(data)
@@ -139,11 +138,11 @@ def follow(described, longest, motions):
     """
     Write the motions of the rings of each set to those of the next.
 
-    `described` are points, rings, boxes and sets, as `describe` has them, of which MOTIONS,
-    MOTIONS_BEGIN and MOTIONS_END are written. A motion may take `longest` ns. Also written are the
-    rows, in their set, of the rings that are followed and of those that they become, and array,
-    times, boxes and moved, as `motions_between` has them; the array has room for each motion where
-    the points of the set are at which it begins.
+    `described` are points, rings, boxes and sets, as `describe` writes them; MOTIONS,
+    MOTIONS_BEGIN and MOTIONS_END of the sets are written. A motion takes at most `longest` ns.
+    `motions` receive the rows of matched rings in the one set and in the next, and array, times,
+    boxes and moved, as `motions_between` writes them; in the array the motions from a set start at
+    STRIDE times the start of its points.
     """
     points, rings, boxes, sets = described
     rows, next_rows, array, times, bounds, moved = motions
@@ -189,7 +188,7 @@ def nearest_each(centres, own_order, others, order):
         below = above - 1
         best = math.inf
         if i < len(others):
-            # Most often it is in the same place, which spares looking at others.
+            # Most often the nearest has the same row, and the search ends soon.
             best = (others[i, 0] - x) ** 2 + (others[i, 1] - y) ** 2
             found[i] = i
         while True:
@@ -213,11 +212,11 @@ def nearest_each(centres, own_order, others, order):
 @kernel
 def mutual_nearest(rings, boxes, next_rings, next_boxes, longest, rows, next_rows):
     """
-    Write which rings of two sets are nearest to each other and have as many points.
+    Match the rings of two sets that are nearest to each other and have equally many points.
 
-    Rings and boxes of the two sets are as `describe` has them; what counts are the middles of the
-    boxes. The other may be later by `longest` ns at most. Returns how many there are: `rows` and
-    `next_rows` receive the rings of one set, and those of the other.
+    Rings and boxes of the two sets are as `describe` writes them; distances are those of the
+    centres of the boxes. The second ring must be later, by at most `longest` ns. Returned is the
+    number of matches: `rows` and `next_rows` receive the rings of the one set and of the other.
     """
     return _mutual(rings, _places(boxes), next_rings, _places(next_boxes), longest, rows,
                    next_rows)
@@ -242,7 +241,7 @@ def _mutual(rings, places, next_rings, next_places, longest, rows, next_rows):
 
 @kernel
 def _places(boxes):
-    """Return the middles of boxes, and what sorts them by x."""
+    """Return the centres of boxes, and their order by x."""
     found = np.empty((len(boxes), 2))
     for i in range(len(boxes)):
         for axis in range(2):
@@ -256,26 +255,25 @@ def motions_between(points, rings, rows, next_points, next_rings, next_rows, out
     """
     Write the motions of rings from one set to the next, vertex by vertex.
 
-    Which vertex becomes which is not said by a ring that may begin anywhere: of all starts the
-    one is taken with the least motion, and of equal ones that of the rings as received. A ring
-    that has changed its sense is read backwards.
+    A ring may begin at any of its vertices, so those of two rings are matched by the cyclic shift
+    with the least sum of squared distances, and of equal ones by the smallest. A ring whose
+    orientation has changed is read backwards.
 
     Parameters
     ----------
     points, rings, next_points, next_rings : array
-        Of each set, as `describe` has them; MOVED is set of those of the next set that come
-        from somewhere else.
+        Of each set, as `describe` writes them; MOVED is set for rings of the next set that have
+        moved.
     rows, next_rows : (m,) array of int64
-        Which ring becomes which, of as many points.
+        Which ring becomes which; both have equally many points.
     out : tuple
         What is written: array, times, boxes, moved.
     array : flat array of float64
-        x, y before and x, y after of each vertex, ring after ring, as
-        `moving.MovingBody` has it.
+        x, y before and x, y after of each vertex, ring after ring, as in `moving.MovingBody`.
     times : (m, 3) array of int64
         Where in it each ring ends, and when each motion begins and ends, ns.
     boxes : (m, 4) array of float64
-        What bounds all of the motion.
+        The bounds of the whole motion.
     moved : (m,) array of float64
         How far the vertex that moves furthest goes, metres.
 

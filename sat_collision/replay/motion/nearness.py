@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is near to a footprint: of single sets, and of blocks of them as it moves."""
+"""Which bodies are near to a footprint: in one set, and in a block of sets as it moves."""
 
 import math
 
@@ -24,7 +24,7 @@ from sat_collision.geometry.moving import STRIDE
 from sat_collision.replay.motion.kernels import (
     COUNT, EARLIEST, END, FINISH, FIRST, LATEST, MOTIONS, pack_ring, POINTS, ROWS, START)
 
-# What rounding may take from a separation or add to a motion, in parts of the largest coordinate.
+# Bound of the rounding error of a separation or a motion, relative to the largest coordinate.
 SLACK = 1e-12
 
 
@@ -42,15 +42,15 @@ def rows_near(box, boxes, margin, rows):
 @kernel
 def measure_near(body, box, rows, bodies, margin, found):
     """
-    Measure how far a body is from rings, of all that may be nearest or within a margin in metres.
+    Measure how far a body is from the rings that may be nearest or within a margin in metres.
 
-    The body is packed, with its count, and bounded by the box; where the count is 0 nothing is
-    measured, because each ring has another body to be measured with. Of bodies, their boxes,
-    points and rings as `describe` has them, those in some rows are looked at.
+    The body is packed, with its count, and has the box as bounds; with a count of 0 nothing is
+    measured, because the body has another outline for each ring. `bodies` are boxes, points and
+    rings as `describe` writes them, of which only `rows` are considered.
 
-    Returns how many rings there are. Of each, `found`, (m, 3), receives how far the boxes are
-    apart, which is never more than the bodies are, its row, and its separation as
-    `distance.measure` has it; NaN of what is not measured, or not convex.
+    Returned is the number of rings found. For each, `found`, (m, 3), receives the gap of the boxes
+    (a lower bound of the separation), the row, and the separation as `distance.measure` returns
+    it, NaN if it was not measured or the ring is not convex.
     """
     outline, n = body
     boxes, points, rings = bodies
@@ -58,7 +58,7 @@ def measure_near(body, box, rows, bodies, margin, found):
     least = math.inf
     nearest = -1
     if n != 0:
-        # What has the nearest box goes first, so that its separation spares most others.
+        # The ring with the nearest box goes first, so that most others need not be measured.
         for row in rows:
             gap = _gap(box, boxes[row])
             if gap < least:
@@ -85,7 +85,7 @@ def measure_near(body, box, rows, bodies, margin, found):
 
 @kernel
 def _gap(box, other):
-    """Return how far two boxes are apart: 0 just when they share a point."""
+    """Return the distance of two boxes, 0 if they share a point."""
     x = max(max(other[0] - box[2], box[0] - other[2]), 0.0)
     y = max(max(other[1] - box[3], box[1] - other[3]), 0.0)
     return math.sqrt(x * x + y * y)
@@ -104,7 +104,7 @@ def _separation(outline, n, points, ring):
 @kernel
 def look(trajectory, bodies, margin, steps, times, values):
     """
-    Look at the sets of a block from a footprint on its trajectory, as long as it touches nothing.
+    Find the body nearest to a moving footprint in each step of a block that is free of contacts.
 
     Parameters
     ----------
@@ -114,14 +114,14 @@ def look(trajectory, bodies, margin, steps, times, values):
     margin : float
         In metres.
     steps : (s, 4) array of int64
-        Receives of the step to each set which of the looks is its first one, or -1 if something
-        may touch, or is not ordinary; where its looks end; and the numbers of the samples to which
-        the first and the last piece lead of the footprint's trajectory in it.
+        Receives for the step to each set the index of its first look in `times`, or -1 if
+        something may touch or the step is a special case; where its looks end; and the numbers of
+        the footprint's samples at the ends of its first and of its last trajectory piece.
     times : (n, 3) array of int64
-        Receives of each look its time, the row of what is nearest, and whether that is one of the
-        later set, 2, or stands still in the one before, 1, as all of that does, or else 0.
+        Receives for each look its time, the row of the nearest body, and 2 if that is in the later
+        set; else it stands still in the earlier set: 1 if all bodies there do, 0 if not.
     values : (n,) array of float64
-        Receives of each look the least separation.
+        Receives the least separation for each look.
 
     """
     own, own_rings, own_boxes, samples = trajectory[:4]
@@ -196,10 +196,10 @@ def look(trajectory, bodies, margin, steps, times, values):
 @kernel
 def _stays_apart(trajectory, pieces, bodies, s, k, arrays, margin):
     """
-    Tell whether a footprint surely stays apart from an obstacle on motion k of those to a set.
+    Return whether a footprint is certain to stay apart from an obstacle on motion k to a set.
 
-    On each piece of the footprint's trajectory, the first to the last, the two begin further apart
-    than they can move, and end apart. They are packed into arrays that have room for them.
+    It is if on each of the trajectory's pieces, the first to the last, the two begin further apart
+    than they can move, and end apart. They are packed into the arrays, which must have room.
     """
     samples, sets = trajectory[3], bodies[3]
     packed, other = arrays
@@ -224,7 +224,7 @@ def _stays_apart(trajectory, pieces, bodies, s, k, arrays, margin):
 
 @kernel
 def _motion(block, k, passed):
-    """Return how far a body can move in some ns."""
+    """Return how far a body moves at most in some ns."""
     times = block[7]
     return block[9][k] * passed / (times[k, FINISH] - times[k, START])
 
@@ -236,7 +236,7 @@ def _farthest(box):
 
 @kernel
 def _pack_at(block, s, k, time, packed):
-    """Pack a body where it is on motion k of those to a set; 0 if it is not convex there."""
+    """Pack a body at a time on motion k to a set; return its count, 0 if it is not convex then."""
     points, rings, _, sets, rows, next_rows, array, times, _, _ = block
     i = rows[k] + (sets[s - 2, ROWS] if s > 1 else 0)
     first = sets[s - 2, POINTS] if s > 1 else 0
@@ -259,13 +259,13 @@ def _pack_at(block, s, k, time, packed):
 
 @kernel
 def _least(body, box, rows, bodies, margin, found):
-    """Return what is nearest to a body, and its separation; NaN if something is not convex."""
+    """Return the row nearest to a body, and its separation; NaN if something is not convex."""
     if body[1] == 0:
         return -1, math.nan
     least = math.inf
     nearest = -1
     count = measure_near(body, box, rows, bodies, margin, found)
-    # The nearest boxes first.
+    # In ascending order of the gaps of boxes.
     for i in range(count):
         k = i
         for j in range(i + 1, count):
@@ -287,6 +287,6 @@ def _least(body, box, rows, bodies, margin, found):
 
 @kernel
 def around(box, other):
-    """Return what bounds two boxes."""
+    """Return the bounds of two boxes."""
     return (min(box[0], other[0]), min(box[1], other[1]),
             max(box[2], other[2]), max(box[3], other[3]))

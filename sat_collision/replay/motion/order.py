@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Messages in the order of their own stamps, whenever they were received."""
+"""Messages in the order of their own stamps instead of the order received."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from sat_collision.messages.transform_listener import TF_STATIC
 from sat_collision.replay.bag.storage import Row
 from sat_collision.scene.settings import TF
 
-# Messages of one topic, one after the other, that count at one time, in ns.
+# Consecutive messages of one topic with the same time, in ns.
 Timed: TypeAlias = tuple[str, int, list[bytes]]
 
-# How late a message may be received to count at its own stamp, ns.
+# How far apart stamp and time received may be for a message to count at its stamp, ns.
 WINDOW = 10 * 10**9
 
 _header_of = itemgetter(slice(STAMP_SIZE))
@@ -38,25 +38,25 @@ _header_of = itemgetter(slice(STAMP_SIZE))
 
 class StampOrder:
     """
-    Yields messages by the time of the stamp, from messages by time received.
+    Yields messages in the order of stamps, given in the order received.
 
-    A message without a stamp counts when it is received; so does one whose stamp is further than
-    WINDOW from that, as those of another clock are, unless the stamps are the clock. Then the time
-    is 0 of what comes before the first stamp.
+    A message without a stamp counts at the time received; so does one whose stamp is more than
+    WINDOW off that, as it is from another clock. With `by_header` the stamps are the clock, and a
+    message without one counts at the latest stamp so far, 0 before the first.
     """
 
     def __init__(self, rows: Iterable[Row], by_header: bool) -> None:
-        # How much later than its time the last message was received, ns; not by the header.
+        # How much later than its time the last message was received, ns; unused by header.
         self.delay = 0
         self._rows = rows
         self._by_header = by_header
-        # Messages of one topic and time that came one after another, with the count of the first.
+        # Consecutive messages of one topic and time, with the count of the first.
         self._waiting: list[tuple[int, int, str, list[bytes]]] = []
 
     def __iter__(self) -> Iterator[Timed]:
         by_header, waiting = self._by_header, self._waiting
         latest = released = time = before = count = 0
-        # What adds to a run whose time is its stamp, received between two times.
+        # The run that a message extends if it has its topic and header, received in begin to end.
         run, run_topic, head, begin, end = [b''], '', b'', 0, 0
         for topic, times, messages in self._rows:
             if by_header:
@@ -77,13 +77,13 @@ class StampOrder:
                     run, run_topic = [data], ''
                     count += 1
                     if topic == TF_STATIC:
-                        # It holds at any time.
+                        # Static transforms are valid at any time.
                         waiting.append((0, count, topic, run))
                         continue
                     time = stamp = _tf_stamp(data) if topic == TF else header_stamp(data)
                     if by_header:
                         if time and time < latest - WINDOW:
-                            # The clock was set back: what is from before comes first.
+                            # The clock was set back: earlier messages come first.
                             yield from self._take(None)
                             latest = released = 0
                         time = received = time or latest
@@ -104,7 +104,7 @@ class StampOrder:
         yield from self._take(None)
 
     def _take(self, until: int | None) -> Iterator[Timed]:
-        """Take what is from before a time, or all, out of what waits."""
+        """Yield and drop the waiting messages from before a time, or all."""
         waiting = self._waiting
         waiting.sort()
         end = len(waiting) if until is None else bisect_left(waiting, (until,))
@@ -123,6 +123,6 @@ class StampOrder:
 
 
 def _tf_stamp(data: bytes) -> int:
-    """Return the stamp of the first transform in ns; 0 where there is none."""
-    # Behind the number of transforms comes the header of the first one.
+    """Return the stamp of the first transform in ns; 0 if there is none."""
+    # The header of the first transform follows the number of transforms.
     return header_stamp(data[:4] + data[8:16]) if data[4:8] != bytes(4) else 0

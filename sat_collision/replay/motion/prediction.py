@@ -14,11 +14,11 @@
 
 
 """
-How soon a footprint would have touched something, had all gone on as it moved then.
+Times to collision of a footprint, if all bodies had kept their velocities.
 
-At a message of a footprint its velocity is that of its trajectory from there on, a constant twist,
-or if it has commands that of the last one before. Each obstacle moves on straight at the velocity
-that it had between two messages.
+The velocity of a footprint at a message is a constant twist: that of its trajectory from there on,
+or if it has commands that of the last one before. Each obstacle moves on straight at its velocity
+between two messages.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ from sat_collision.scene.velocity import (
 
 # How far ahead to look unless a longer time is asked for, s.
 HORIZON = 3.0
-# Of the messages of a footprint in each such time, ns, the first is looked at.
+# Collisions are predicted at the first message of a footprint in each interval of so many ns.
 _EVERY = 10**8
-# What is further away than it can come by more than this, m, is not met.
+# Obstacles out of reach by more than this, m, are skipped.
 _SLACK = 1e-3
 _time_of = attrgetter('time')
 
@@ -64,7 +64,7 @@ class Prediction:
     def __init__(self, settings: FootprintSettings, trajectory: Trajectory, horizon: float,
                  margin: float) -> None:
         self._settings = settings.command
-        # Its vertices were counted before.
+        # The limit of vertices was checked before.
         self._outline = np.array(outline_of(settings, maxsize) if settings.command else ())
         self._commands: list[Command] = []
         self._trajectory = trajectory
@@ -73,15 +73,15 @@ class Prediction:
         self._found: dict[int, _Found] = {}
 
     def command(self, command: Command) -> None:
-        """Take what the footprint is told to do from a time on."""
+        """Add a command, which holds from its time on."""
         insort(self._commands, command, key=_time_of)
 
     def drop_before(self, time: int) -> None:
-        """Drop the commands that do not hold any more at a time."""
+        """Drop the commands that no longer hold at a time."""
         del self._commands[:bisect_right(self._commands, time - VELOCITY_LASTS, key=_time_of)]
 
     def look_ahead(self, step: Step) -> None:
-        """Predict from where bodies are in a step, through which the trajectory is known."""
+        """Predict collisions in a step; the trajectory through it must be known."""
         for motion in step.motions:
             for time in self._times(motion.begin, motion.end):
                 piece = self._trajectory.piece_from(time)
@@ -92,7 +92,7 @@ class Prediction:
                     self._found[time] = min(found, self._found.get(time, found))
 
     def finish(self, result: FootprintResult, unknown: Iterable[Unknown]) -> None:
-        """Fill in the times to collision, but for when the footprint is unknown."""
+        """Fill in the times to collision, except while the footprint is unknown."""
         gaps = [(one.first, one.last) for one in unknown if one.footprint == result.name]
         samples: dict[int, float | None] = {first: None for first, _ in gaps}
         for time, (seconds, obstacle) in self._found.items():
@@ -107,9 +107,9 @@ class Prediction:
             series.add(*sample)
 
     def _velocity(self, piece: LinearMotion, time: int) -> Velocity | None:
-        """Return the velocity at the beginning of a piece, which is a time."""
+        """Return the velocity at a time, at which the piece begins."""
         if not self._settings:
-            # That of its end, gone backwards.
+            # Fitted backwards in time, so that its frame is at the beginning.
             start, finish = piece.begin, piece.end
             return fitted(piece.ring(0, finish), piece.ring(0, start), (start - finish) / 1e9,
                           FOOTPRINTS)
@@ -120,7 +120,7 @@ class Prediction:
         return Velocity(command.twist, pose_between(self._outline, piece.ring(0, time)), COMMAND)
 
     def _times(self, start: int, finish: int) -> list[int]:
-        """Return the messages of the footprint to look at, from a time until before another."""
+        """Return the times to predict at, from one time until before another."""
         samples = self._trajectory.samples(start - start % _EVERY - 1, finish - 1)
         firsts = {time // _EVERY: time for time in reversed(samples)}
         return [time for time in firsts.values() if time >= start]
@@ -149,7 +149,7 @@ class Prediction:
 
 
 def _gaps(box: Floats, boxes: Floats) -> Floats:
-    """Return by how much boxes are apart from one along the axes, at most."""
+    """Return the larger of the gaps along x and y of each box from one, < 0 if they overlap."""
     gaps: Floats = np.maximum(boxes[:, :2] - box[2:], box[:2] - boxes[:, 2:]).max(axis=1)
     return gaps
 

@@ -45,7 +45,7 @@ class MotionTape(Tape):
         self._write((number, step))
 
     def place(self, footprint: str, sample: Bodies | None) -> None:
-        """Keep a sample of a footprint; None if it is nowhere until its next one."""
+        """Keep a sample of a footprint; None if its pose is unknown until the next one."""
         self._write((footprint, sample))
 
     def develop(self, moments: Sequence[int], end: int) -> Keyframes:
@@ -73,7 +73,7 @@ class MotionTape(Tape):
 
 
 class _Sight(NamedTuple):
-    """Where and when an obstacle was seen last, and as what."""
+    """Where and when an obstacle was last, its name, and the body that shows it."""
 
     time: int
     name: str
@@ -83,9 +83,9 @@ class _Sight(NamedTuple):
 
 class _Developer:
     """
-    Fills keyframes with recorded motion, the same by which contacts are decided.
+    Fills keyframes with the recorded motion that contacts are decided by.
 
-    A body whose motion is not known is shown where it was last, and marked so.
+    A body whose motion is not known is shown at its last place, and marked so.
     """
 
     def __init__(self, keyframes: Keyframes) -> None:
@@ -125,7 +125,7 @@ class _Developer:
             sights[name] = _Sight(stamp, str(name), seen.ring(row), body or self._keyframes.add())
 
     def walk(self, name: str, trajectory: Trajectory) -> None:
-        """Show a footprint on its trajectory, as far as that is known now."""
+        """Show a footprint on its trajectory, as far as that is known so far."""
         if trajectory.latest is None:
             return
         until = bisect_right(self._keyframes.moments, trajectory.latest)
@@ -140,7 +140,7 @@ class _Developer:
         self._next[name] = max(until, self._next.get(name, 0))
 
     def finish(self, end: int) -> None:
-        """Let what is left be where it was last until the end."""
+        """Show the remaining bodies at their last places until the end."""
         for sights in self._sights.values():
             for sight in sights.values():
                 self._hold(sight, end + 1)
@@ -158,14 +158,14 @@ class _Developer:
             sight.body.show(number, number + 1, sight.name, ring)
 
     def _hold(self, sight: _Sight, end: int) -> None:
-        """Show an obstacle where it was last, until before a time."""
+        """Show an obstacle at its last place, until before a time."""
         first, until = self._keyframes.number(sight.time), self._keyframes.number(end)
         if first < until and self._keyframes.moments[first] == sight.time:
             sight.body.show(first, first + 1, sight.name, sight.ring)
         sight.body.show(first, until, sight.name, sight.ring, known=False)
 
     def _lose(self, name: str, end: int) -> None:
-        """Show a footprint where it was last, until before a moment."""
+        """Show a footprint at its last place, until before a moment."""
         body = self._footprints.get(name)
         if body is not None and body.spans:
             body.show(0, end, name, body.spans[-1].ring, known=False)

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Who is who from one message to the next: bodies of a source, by id, by shape, or set after set.
+Match the bodies of a source from one message to the next: by id, by shape, or set by set.
 
 A tracker turns the placements of a source into steps, each from one moment at which bodies were
-seen to the next. A body that is not seen again stands where it was until it is forgotten, unless
-it is known to move.
+received to the next. A body that is not received again stands still until it times out, unless it
+is known to move.
 """
 
 from __future__ import annotations
@@ -37,27 +37,27 @@ from sat_collision.replay.motion.kernels import COUNT, MOVED, mutual_nearest, RO
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import NEVER, ObstacleSettings, POLYGON_INSTANCE
 
-# No motion is made up over more than this, whatever the timeout, ns.
+# The longest motion that is interpolated, whatever the timeout, ns.
 LONGEST = 10 * 10**9
-# Messages of ids stamped so near each other, ns, are looked at together.
+# Bodies known by id or shape are processed together if stamped within this of the first, ns.
 _TOGETHER = 10**8
 
 
 @dataclass(slots=True)
 class Step:
-    """What is known of a source's bodies from one moment to the next."""
+    """The motion of a source's bodies from one moment to the next."""
 
-    made: list[LinearMotion]  # the motions, as far as they are made
-    seen: Bodies | None  # at the later moment, None if nothing was
-    gone: Sequence[ObstacleId] | None  # are there no longer; None for all that was not seen
-    finish: int  # the last time of which anything is known, ns
-    # The set before that which was seen in their block, if these two are all of the step: then the
-    # motions are made when they are asked for.
+    made: list[LinearMotion]  # the motions computed so far
+    seen: Bodies | None  # received at the later moment, None if nothing was
+    gone: Sequence[ObstacleId] | None  # no longer there; None for all that are not in `seen`
+    finish: int  # the end of the step, ns
+    # The set before `seen` in the same block, if the step has no motion but that between the two:
+    # it is then computed on first use.
     last: Bodies | None = None
 
     @property
     def motions(self) -> list[LinearMotion]:
-        """The bodies that are known to be the same at both moments."""
+        """The motions of the bodies that are matched from one moment to the other."""
         if self.last is not None and self.seen is not None and not self.made:
             self.made = motion_in_block(self.last, self.seen)
         return self.made
@@ -67,13 +67,13 @@ class Step:
 
     @property
     def frame_id(self) -> str:
-        """The frame that its bodies are in, empty if there is none."""
+        """The frame of its bodies, empty if there is none."""
         bodies = [motion.before for motion in self.motions] if self.seen is None else [self.seen]
         return bodies[0].frame_id if bodies else ''
 
 
 class Described(NamedTuple):
-    """A set, and how many messages it was made of."""
+    """A set, and how many messages it was made from."""
 
     bodies: Bodies
     messages: int
@@ -86,7 +86,7 @@ class Tracker(ABC):
     """Follows the bodies of a source."""
 
     def __init__(self, settings: ObstacleSettings, max_vertices: int, emit: Emit) -> None:
-        # For how long it was not known how something moved, ns.
+        # For how long the motion of some body was not known, ns.
         self.undetermined = 0
         self._source = settings.name
         self._timeout = round(settings.timeout * 1e9) or NEVER
@@ -98,28 +98,28 @@ class Tracker(ABC):
     @abstractmethod
     def place(self, placement: Placement, described: Described | None = None) -> None:
         """
-        Take where bodies were; no points say that the publisher has sent all.
+        Process a placement; one without points ends the publisher's set.
 
-        A set that begins may have been described before.
+        `described` is the set that begins with it, if that was described before.
         """
 
     @abstractmethod
     def rest(self, now: int, is_over: bool = False) -> None:
-        """Let what has not been seen for long, or all if that is all there is, have stood."""
+        """Let bodies not received for long, or all if the recording is over, have stood still."""
 
     def use_frame(self, frame_id: str) -> None:
-        """Drop what is in another frame than this."""
+        """Set the current frame, and drop bodies in other frames."""
         self._frame_id = frame_id
 
     def _bodies(self, names: Sequence[ObstacleId], placements: Sequence[Placement],
                 block: Block, number: int = 0) -> Bodies:
-        """Return what has come in, as a block has it; there may be more names than bodies."""
+        """Return the received bodies of a block; there may be more names than bodies."""
         frames = {one.frame_id for one in placements}
         frame_id = frames.pop() if len(frames) == 1 else ''
         return Bodies(names, block, number, self._max_vertices, frame_id)
 
     def _is_usable(self, placement: Placement) -> bool:
-        """Return whether a placement is in the frame that counts, if there is one yet."""
+        """Return whether a placement is in the current frame, if there is one yet."""
         return not self._frame_id or placement.frame_id == self._frame_id
 
 
@@ -127,27 +127,27 @@ class SetTracker(Tracker):
     """
     Follows a source that publishes sets.
 
-    A set is a run of messages whose stamps lie within `set_window` of its first. A place in a set
-    may be taken by another body each time, so bodies of two sets are the same where they are
-    nearest to each other and have as many vertices.
+    A set is a run of messages whose stamps lie within `set_window` of its first. The order of
+    bodies may differ from set to set, so bodies of two sets are matched if they are nearest to
+    each other and have equally many vertices.
     """
 
     def __init__(self, settings: ObstacleSettings, max_vertices: int, emit: Emit) -> None:
         super().__init__(settings, max_vertices, emit)
         self._window = round(settings.set_window * 1e9)
         self._stamp: int | None = None
-        # What comes in, until the set is whole.
+        # The set that is being received.
         self._pending: list[Placement] = []
         self._described: Described | None = None
         self._names: list[ObstacleId] = []
-        # The last set, the same as it was seen, and the rows that may be seen again.
+        # The last set as far as it has stood, the same as received, and the rows not timed out.
         self._last: Bodies | None = None
         self._seen: Bodies | None = None
         self._last_stamp = 0
         self._alive: Sequence[int] = ()
 
     def describe(self, placements: Iterable[tuple[int, Placement]]) -> dict[int, Described]:
-        """Describe sets that are about to come, by the numbers of the messages that begin them."""
+        """Describe sets about to be placed, by the numbers of the messages that begin them."""
         sets: dict[int, list[Placement]] = {}
         one: list[Placement] = []
         stamp = None
@@ -203,7 +203,7 @@ class SetTracker(Tracker):
         self._last_stamp = now
 
     def _close(self) -> None:
-        """Take the set that came in for whole, and follow the bodies of the one before to it."""
+        """End the set that is being received, and match the bodies of the one before to it."""
         stamp, self._stamp = self._stamp, None
         if stamp is None:
             return
@@ -223,7 +223,7 @@ class SetTracker(Tracker):
                     motions = motion_in_block(last, seen)
                 lost = {*self._alive}.difference(*(motion.rows.tolist() for motion in motions))
                 moving = last.moving
-                # What was forgotten before this set was there until then.
+                # Bodies that timed out before this set stood until then.
                 for row in sorted(lost):
                     end = int(last_seen.stamps[row]) + self._timeout
                     if not moving[row] and last.stamps[row] < end < stamp:
@@ -239,7 +239,7 @@ class SetTracker(Tracker):
         self._alive = range(len(seen))
 
     def _take_set(self) -> Bodies:
-        """Return the set that came in; of bodies in the same place the last message counts."""
+        """Return the received set; of identical bodies the last message counts."""
         pending, self._pending = self._pending, []
         described = self._described
         if described and described.messages == len(pending):
@@ -262,8 +262,8 @@ class SetTracker(Tracker):
         return self._bodies(self._names, placements, block, number)
 
     def _follow(self, last: Bodies, seen: Bodies) -> list[LinearMotion]:
-        """Return the motion from one set to the next, nothing if none of it is the same."""
-        # What the block has is from another set.
+        """Return the motion from one set to the next, nothing if no body was matched."""
+        # In the block, MOVED is that of the motion from another set.
         seen.rings[:, MOVED] = 0
         rows, next_rows = np.empty((2, len(last)), np.int64)
         found = mutual_nearest(last.rings, last.boxes, seen.rings, seen.boxes, self._longest,
@@ -272,7 +272,7 @@ class SetTracker(Tracker):
 
 
 class _Sighting(NamedTuple):
-    """A body among those that were seen together, when it was seen, and until when it stood."""
+    """A body in its group, when it was received, and until when it has stood."""
 
     bodies: Bodies
     row: int
@@ -282,13 +282,13 @@ class _Sighting(NamedTuple):
 
 
 class KeyTracker(Tracker):
-    """Follows bodies with ids, or that stand still because they are known by shape."""
+    """Follows bodies that have ids, or are known by shape and so stand still."""
 
     def __init__(self, settings: ObstacleSettings, max_vertices: int, emit: Emit) -> None:
         super().__init__(settings, max_vertices, emit)
         self._by_id = settings.type == POLYGON_INSTANCE
         self._seen: dict[ObstacleId, _Sighting] = {}
-        # What comes in, until it is seen together.
+        # The group of bodies that is being received.
         self._pending: dict[ObstacleId, Placement] = {}
         self._shapes: dict[tuple[bytes, object], ObstacleId] = {}
         self._first_stamp = self._rested = 0
@@ -324,7 +324,7 @@ class KeyTracker(Tracker):
                                        ObstacleId(self._source, -1 - len(self._shapes)))
 
     def _stand(self, now: int, least: int, is_over: bool = False) -> None:
-        """Let what was seen at least so long ago have stood until now, or until forgotten."""
+        """Let bodies that stood until over `least` ns ago stand until now, or their timeout."""
         standing: defaultdict[int, dict[int, int]] = defaultdict(dict)
         found: dict[int, Bodies] = {}
         gone = []
@@ -356,7 +356,7 @@ class KeyTracker(Tracker):
                     self._seen[name] = self._seen[name]._replace(bodies=rested, stamp=end)
 
     def _close(self) -> None:
-        """Follow the bodies that were seen together from where they were seen last."""
+        """End the group that is being received, and match its bodies to where they were last."""
         pending = {name: one for name, one in self._pending.items() if self._is_usable(one)}
         self._pending = {}
         if not pending:

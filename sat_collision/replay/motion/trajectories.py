@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The trajectory of a footprint, and where an outline was in between."""
+"""The trajectory of a footprint, and the poses of an outline between two messages."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Piece:
 
     @cached_property
     def box(self) -> Box:
-        """What bounds all of it."""
+        """The bounds of all of it."""
         box: Box = around(*(tuple(one.boxes[0].tolist()) for one in (self.before, self.after)))
         return box
 
@@ -71,14 +71,14 @@ class Trajectory:
 
     A piece leads from one sample to the next if no refused footprint came between them, if they
     are no further apart in time than the timeout, and if they have as many vertices. A sample
-    alone is a piece without length. Times are in ns; the timeout may be NEVER, and no motion is
-    made up over more than `longest`.
+    alone is a piece without length. Times are in ns; the timeout may be NEVER, and no motion
+    longer than `longest` is interpolated.
     """
 
     def __init__(self, timeout: float, longest: int) -> None:
         self._never_stale = timeout == NEVER
         self.longest = round(min(timeout, longest))
-        # Has the samples that are being added, where there is one.
+        # The block of the samples that are being added, if any.
         self.block: Block | None = None
         # The stamp of the last sample.
         self.latest: int | None = None
@@ -90,7 +90,7 @@ class Trajectory:
         self._outline: tuple[int, Polygon | None] = -1, None
 
     def add(self, time: int, sample: Bodies) -> None:
-        """Take a footprint as received; one that comes late tells nothing new."""
+        """Add a sample; one that is older than the last by up to `longest` is ignored."""
         begin, last = self._last or (None, sample)
         if begin is not None and begin - self.longest <= time < begin:
             return
@@ -106,23 +106,23 @@ class Trajectory:
                 self._append(Piece(sample, sample))
 
     def lose(self) -> None:
-        """Mark that the footprint is nowhere until its next sample."""
+        """Reset the pose: it is unknown until the next sample."""
         self._last = None
 
     def lose_piece(self, until: int) -> None:
-        """Mark that it is not known where the footprint was until its next sample."""
+        """Reset the pose, and count it as undetermined from the last sample to the next."""
         if self._last is not None:
             self.undetermined += until - self._last[0]
         self.lose()
 
     def begin_of_piece(self, until: int) -> int | None:
-        """Return when the piece began that leads to a sample at a time, None if none does."""
+        """Return when the piece that leads to a sample at a time begins, None if none does."""
         if self._last is None or not 0 < until - self._last[0] <= self.longest:
             return None
         return self._last[0]
 
     def stand(self, until: int) -> None:
-        """Let a footprint that never times out have stood where it is until a time."""
+        """Extend a footprint that never times out until a time, standing still."""
         if self._never_stale and self._last is not None and self._last[0] < until:
             self.add(until, self._last[1].at([until]))
 
@@ -144,7 +144,7 @@ class Trajectory:
         found: list[tuple[int, int, Piece]] = []
         while k < len(starts) and starts[k] <= finish:
             begin, end = max(starts[k], start), min(pieces[k].end, finish)
-            # An instant that is the end of the piece before, or begins the next, adds nothing.
+            # An instant at which the piece before ends or the next begins is left out.
             if begin < end or begin == end and not (found and found[-1][1] == end) and not (
                     k + 1 < len(starts) and max(starts[k + 1], start) == end
                     and end < min(pieces[k + 1].end, finish)):
@@ -153,7 +153,7 @@ class Trajectory:
         return found
 
     def is_in_block(self, block: Block, low: int, high: int, start: int, finish: int) -> bool:
-        """Return whether it leads between two times to samples low to high of a block, only."""
+        """Return whether the pieces between two times lead just to samples low to high of it."""
         k = bisect_right(self._starts, start) - 1
         last = bisect_left(self._starts, finish) - 1
         if k < 0 or last - k != high - low:
@@ -163,7 +163,7 @@ class Trajectory:
                 and begin.number == low - 1 and end.number == high)
 
     def bounds(self, start: int, finish: int) -> Box | None:
-        """Return what bounds the footprint between two times, None if it is nowhere then."""
+        """Return the bounds of the footprint between two times, None if it is unknown then."""
         if start == finish:
             piece = self._piece_at(start)
             return None if piece is None else piece.box
@@ -186,7 +186,7 @@ class Trajectory:
         return None
 
     def packed(self, time: int) -> PackedBody | None:
-        """Return where the footprint was at a time as `outline` does, packed."""
+        """Return the packed outline at a time, None if it is not known."""
         piece = self._piece_at(time)
         if piece is not None and self._outline[0] != time:
             ring = piece.ring(time)
@@ -197,7 +197,7 @@ class Trajectory:
         return None if outline is None else outline.packed
 
     def outline(self, time: int) -> Polygon | None:
-        """Return where the footprint was at a time, None if that is not known."""
+        """Return the outline at a time, None if it is not known."""
         if self._outline[0] != time:
             self._outline = time, self._find_outline(time)
         return self._outline[1]
@@ -210,7 +210,7 @@ class Trajectory:
             return None
 
     def _piece_at(self, time: int) -> Piece | None:
-        """Return the first piece that has a time; those that meet there end in one sample."""
+        """Return the first piece that includes a time; pieces that meet share the sample there."""
         found = None
         for k in range(bisect_right(self._starts, time) - 1, -1, -1):
             if self._pieces[k].end < time:
@@ -220,21 +220,21 @@ class Trajectory:
 
     def _append(self, piece: Piece) -> None:
         if self._starts and piece.begin < self._starts[-1]:
-            # The clock of the stamps was set back: what was before belongs to another time.
+            # The clock of the stamps was set back: the pieces so far belong to another time.
             self._pieces.clear()
             self._starts.clear()
         self._pieces.append(piece)
         self._starts.append(piece.begin)
 
 
-# How far a vertex may be from the straight line that stands for its motion, in m, as in the sweep.
+# The most that a vertex may be off the line that approximates its motion, in m, as in the sweep.
 TOLERANCE = 1e-6
 
 _SHORTEST = 4
 
 
 class _UnknownError(Exception):
-    """It is not known where the frame was at some time."""
+    """The pose of the frame is unknown at some time."""
 
 
 class Poses:
@@ -246,16 +246,16 @@ class Poses:
         data, start, count = points
         self._vertices: Floats = np.frombuffer(data, np.float32, NUMBERS * count, start).reshape(
             -1, NUMBERS).astype(np.float64)
-        # As the maps take them: x, y, 1.
+        # Homogeneous coordinates: x, y, 1.
         self._vertices[:, 2] = 1.0
 
     def between(self, begin: int, end: int) -> list[tuple[int, Affine2D]] | None:
         """
         Return the times between two at which the outline must be placed, and the maps then.
 
-        From each to the next the vertices move on straight lines, to TOLERANCE: there is one
-        wherever a transform says where the frame was, and as many more as its turning needs. None
-        if it is not known where the frame was all the time.
+        From each to the next the vertices move on straight lines, to TOLERANCE: there is one at
+        the stamp of each transform, and as many more as rotation needs. None if the pose of the
+        frame is not known all the time.
         """
         times = [begin, *self._transforms.stamps(self._frame_id, begin, end), end]
         found: list[tuple[int, Affine2D]] = []
@@ -269,7 +269,7 @@ class Poses:
         return found
 
     def _refine(self, begin: int, end: int, found: list[tuple[int, Affine2D]]) -> None:
-        """Add what is needed between two times."""
+        """Add the times and maps needed between two times."""
         if end - begin < _SHORTEST:
             return
         middle = (begin + end) // 2

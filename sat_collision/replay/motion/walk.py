@@ -12,11 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-What touched as it was recorded: everything where it was at each time, by its own stamps.
+Contacts in recorded motion: each body is where it was at each time, by its own stamps.
 
-Placements come in, in the order of stamps. A tracker for each source makes steps of them, each
-footprint's sweep decides the steps once the footprint's trajectory through them is known, and
-nothing is kept for long after that.
+Placements arrive in the order of stamps. A tracker for each source turns them into steps, and each
+footprint's sweep decides a step once the footprint's trajectory through it is known. Data that is
+no longer needed is dropped soon after.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ class Sweep:
     """
     Decides one footprint against the steps of all sources that it monitors.
 
-    The contacts are of all footprints. Its trajectory is kept for `keep` ns, and collisions are
-    looked for up to the horizon, in s, if there is one. Bodies apart by up to the margin, in
-    metres, count as in contact.
+    `contacts` collects those of all footprints. The trajectory is kept for `keep` ns, and
+    collisions are predicted up to the horizon, in s, if there is one. Bodies apart by up to the
+    margin, in metres, count as in contact.
     """
 
     def __init__(self, settings: FootprintSettings, result: FootprintResult,
@@ -75,7 +75,7 @@ class Sweep:
         return {number: self.sample(block, k) for k, number in enumerate(numbers)}
 
     def sample(self, block: Block, number: int = 0, is_between: bool = False) -> Bodies:
-        """Return a sample of the footprint that a block has."""
+        """Return a sample of the footprint from a block."""
         return Bodies(self._names, block, number, self._max_vertices, is_between=is_between)
 
     @property
@@ -90,7 +90,7 @@ class Sweep:
             one.undetermined for one in self._contact_trackers.values())
 
     def queue(self, tracker: Tracker, step: Step, now: int) -> None:
-        """Take a step, to be decided when the trajectory is known."""
+        """Queue a step, which is decided once the trajectory is known."""
         one = self._contact_trackers.get(tracker)
         if one is None:
             if step.seen is not None and not len(step.seen):
@@ -103,7 +103,7 @@ class Sweep:
             self._decide_until(known)
 
     def advance(self, now: int) -> None:
-        """Decide what can be decided, and forget what is not needed any more."""
+        """Decide the steps that can be decided, and drop data that is no longer needed."""
         self._decide_until(self._known_until(now))
         if self.trajectory.latest is not None:
             self.trajectory.drop_before(self.trajectory.latest - self._keep)
@@ -117,7 +117,7 @@ class Sweep:
                 self._decide(one)
 
     def use_frame(self, frame_id: str) -> None:
-        """Drop what is to be decided in another frame than this."""
+        """Drop the queued steps in other frames."""
         for one in self._contact_trackers.values():
             one.waiting = deque(step for step in one.waiting if step.frame_id == frame_id)
 
@@ -136,17 +136,17 @@ class Sweep:
             self.prediction.look_ahead(step)
 
     def _known_until(self, now: int) -> int:
-        """Return until when the trajectory is known, or no sample of it will come."""
+        """Return until when the trajectory is complete: known, or too old for another sample."""
         over, latest = now - self._longest - 1, self.trajectory.latest
         return over if latest is None else max(latest, over)
 
 
 class Motion:
     """
-    Answers whether footprints touched obstacles, from where messages say that they were.
+    Decides whether footprints touched obstacles, from the placements in messages.
 
-    Results are filled in, and a tape for a drawing, if given. Transforms say where footprints are
-    that have an outline. Without a horizon, in s, no collisions are predicted.
+    Results are filled in, and a tape for drawing, if given. Footprints with an outline in the
+    parameters are placed by transforms. Without a horizon, in s, no collisions are predicted.
     """
 
     def __init__(self, settings: Settings, transforms: TransformListener,
@@ -160,7 +160,7 @@ class Motion:
         self._max_vertices = settings.max_vertices
         self._frame_id = settings.frame_id
         self._sources = {source.name: source for source in settings.obstacles}
-        # A source of sets has bodies with stamps and without.
+        # By source, and whether the bodies have stamps: a source of sets may have both.
         self._trackers: dict[tuple[str, bool], Tracker] = {}
         keep = 3 * max(map(_longest, settings.obstacles), default=0)
         footprints = {one.name: one for one in settings.footprints}
@@ -172,7 +172,7 @@ class Motion:
                 tape.name(name, sweep.timeout)
 
     def place(self, placements: Sequence[Placement]) -> None:
-        """Take where bodies were, in the order of stamps."""
+        """Process placements, given in the order of stamps."""
         samples, sets = self._describe(placements)
         for number, placement in enumerate(placements):
             if placement.stamp > self._now:
@@ -202,7 +202,7 @@ class Motion:
         return samples, sets
 
     def _tracker(self, name: str, is_stamped: bool) -> Tracker:
-        """Return what follows the bodies of a source, those with stamps or those without."""
+        """Return the tracker of a source's bodies with stamps, or of those without."""
         source = self._sources[name]
         in_sets = is_stamped and not source.accumulate and source.type != POLYGON_INSTANCE
         tracker = self._trackers.get((name, in_sets))
@@ -214,21 +214,21 @@ class Motion:
         return tracker
 
     def command(self, name: str, command: Command) -> None:
-        """Take what a footprint is told to do, and the name of its commands."""
+        """Pass a command to the footprints whose commands have a name."""
         for sweep in self._sweeps.values():
             settings = sweep.settings.command
             if sweep.prediction and settings and settings.name == name:
                 sweep.prediction.command(command)
 
     def lose(self, name: str) -> None:
-        """Update that it is not known where a footprint is, until its next message."""
+        """Reset the pose of a footprint until its next message."""
         if name in self._sweeps:
             self._sweeps[name].trajectory.lose()
             if self._tape:
                 self._tape.place(name, None)
 
     def finish(self, end: int) -> None:
-        """Decide all that is left, now that the recording is over."""
+        """Decide all remaining steps at the end of the recording."""
         self._now = end
         latest = [sweep.trajectory.latest for sweep in self._sweeps.values()]
         # Obstacles after the last footprint are of no interest.
@@ -239,21 +239,21 @@ class Motion:
             sweep.finish(end)
 
     def draw_curves(self, unknown: Iterable[Unknown]) -> None:
-        """Fill in separations and times to collision, given when nothing was known."""
+        """Fill in separations and times to collision, with gaps at Unknown intervals."""
         for sweep in self._sweeps.values():
             sweep.contacts.draw_curve(unknown)
             if sweep.prediction:
                 sweep.prediction.finish(sweep.result, unknown)
 
     def undetermined(self, name: str) -> int:
-        """Return for how long (ns) it was not known how a footprint or obstacles moved."""
+        """Return for how long (ns) the motion of a footprint or of obstacles was not known."""
         if name in self._sweeps:
             return self._sweeps[name].undetermined
         return sum(tracker.undetermined for (source, _), tracker in self._trackers.items()
                    if source == name)
 
     def is_decided(self, name: str) -> bool:
-        """Return whether a footprint was ever decided against all obstacles that there were."""
+        """Return whether a footprint was ever decided against each source that had bodies."""
         return self._sweeps[name].is_decided
 
     def _place_footprint(self, placement: Placement, sample: Bodies) -> None:
@@ -288,7 +288,7 @@ class Motion:
             self._tape.place(sweep.settings.name, sample)
 
     def _emit_of(self, source: str) -> Emit:
-        """Return what takes a step of a source, to be decided when the trajectories are known."""
+        """Return the callback for the steps of a source, which queues them for footprints."""
         concerned = [sweep for sweep in self._sweeps.values() if sweep.settings.monitors(source)]
 
         def emit(tracker: Tracker, step: Step) -> None:
@@ -300,7 +300,7 @@ class Motion:
 
 
 class MotionTimeline:
-    """Joins what recorded motion finds with the times at which the scene does not know."""
+    """Joins the contacts of recorded motion with the Unknown intervals of the scene."""
 
     def __init__(self, scene: Scene, motion: Motion, footprints: list[FootprintResult]) -> None:
         self._scene = scene
@@ -308,7 +308,7 @@ class MotionTimeline:
         # In the order of their beginning, once all is decided.
         self.contacts: list[Contact] = motion.contacts
         self.footprints = footprints
-        # What a reader should know.
+        # Remarks for the report.
         self.notes: list[str] = []
         self._results = {result.name: result for result in footprints}
         self._unknowns = Unknowns()
@@ -320,7 +320,7 @@ class MotionTimeline:
         return self._unknowns.intervals
 
     def change(self, names: Iterable[str], now: int) -> None:
-        """Update what is not known of footprints."""
+        """Update the Unknown intervals of footprints."""
         if self._start is None:
             self._start = now
         for name in names:
@@ -330,7 +330,7 @@ class MotionTimeline:
                 self._results[name].ever_known = True
 
     def finish(self, now: int) -> None:
-        """Decide what is left, and end all that is open."""
+        """Decide the remaining steps, and end open intervals."""
         self._unknowns.finish(now)
         self._motion.finish(now)
         self._motion.draw_curves(self.unknown)
@@ -350,7 +350,7 @@ class MotionTimeline:
 
 
 def _longest(source: ObstacleSettings) -> int:
-    """Return over how long a motion of a source's obstacles is made up at most, ns."""
+    """Return the longest motion of a source's obstacles that is interpolated, ns."""
     return min(round(source.timeout * 1e9) or LONGEST, LONGEST)
 
 
@@ -359,7 +359,7 @@ def _times(intervals: Iterable[Contact | Unknown], name: str) -> Iterator[tuple[
 
 
 def _length(intervals: Iterable[tuple[int, int]], start: int, end: int) -> int:
-    """Return how much of a time is in any of some intervals."""
+    """Return the total length of the union of intervals, within start and end."""
     total, reached = 0, start
     for first, last in sorted(intervals):
         first, last = max(first, reached), min(last, end)

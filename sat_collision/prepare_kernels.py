@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The command prepare_kernels: compiles all kernels that are installed with what they need."""
+"""The command prepare_kernels: compiles all kernels whose dependencies are installed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from sat_collision.extras import missing
 
 
 def main() -> int:
-    """Prepare the kernels of all, or of the library alone where replay_check cannot run."""
+    """Prepare all kernels, or those of the library alone if replay_check cannot run."""
     try:
         import sat_collision.replay.run  # noqa: F401
     except ModuleNotFoundError as error:

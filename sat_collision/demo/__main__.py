@@ -37,9 +37,9 @@ def main(args: Sequence[str] | None = None) -> int:
 
 def compile_nothing() -> None:
     """
-    Have the node run in plain Python, which is fast enough, unless its kernels are compiled.
+    Run the node in plain Python, which is fast enough, unless its kernels are compiled.
 
-    Flags come after a second then, and not after six or more.
+    The first flags then come after a second instead of six or more.
     """
     from sat_collision.geometry.preparation import is_prepared
     if not is_prepared():

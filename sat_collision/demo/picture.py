@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from visualization_msgs.msg import MarkerArray
 
-# Texts are drawn larger than in the markers, as nobody can zoom into a picture.
+# Texts are drawn larger than in the markers, because a picture cannot be zoomed.
 _ENLARGED = 1.3
 _WORDS = {'clear': ('clear', '#1a9933'), 'imminent': ('COLLISION AHEAD', '#c06000'),
           'collision': ('COLLISION', '#d11919'), 'unknown': ('unknown', '#555555')}
@@ -117,7 +117,7 @@ def _draw_markers(markers: MarkerArray, axes: Axes) -> None:
             x, y = points.T
             axes.scatter(x, y, color=[colour], s=1500.0 * marker.scale.x**2, zorder=height)
         elif marker.type == marker.TEXT_VIEW_FACING:
-            # Centred as viewers of ROS do, but moved into the picture.
+            # Centred, as in RViz, but moved into the picture.
             size = _ENLARGED * marker.scale.z
             text = TextPath((0.0, 0.0), marker.text, size=size)
             (left, low), (right, high) = text.get_extents().get_points()

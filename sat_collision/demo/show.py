@@ -15,10 +15,9 @@
 See the monitor at work: robots in a warehouse, three processes, real DDS.
 
 This process starts the footprint_monitor node and a publisher of the embedded scene, prints each
-change of a flag as it arrives, checks that the flags are those that the scene is built to cause,
-and draws the published markers: those at the first contact into demo.png, all of them into
-demo.gif, which begins there and goes round. One robot brakes when its flag is raised, which is
-before it is in contact.
+change of a flag as it arrives, checks that the flags are those that the scene must cause, and
+draws the published markers: those at the first contact into demo.png, all of them into demo.gif,
+which begins at that contact. One robot brakes when its flag is raised, before it is in contact.
 """
 
 from __future__ import annotations
@@ -45,12 +44,12 @@ from visualization_msgs.msg import MarkerArray
 
 _PERIOD = 0.05
 _STATIC_STEPS = 20
-# The moving picture: seconds of the scene from frame to frame, and how many times faster it runs.
+# The animation: seconds of the scene from frame to frame, and how many times faster it runs.
 _FRAME_PERIOD = 0.24
 _HASTE = 2.0
 _START_TIMEOUT = 90.0
 # The robot that brakes: m/s and m/s^2; how many s before contact its flag is raised, and how many
-# s it waits once that has fallen.
+# s it waits once the flag is lowered.
 _SPEED, _ACCELERATION = 1.2, 3.0
 _BRAKES_AHEAD, _WAITS = 1.5, 1.5
 _ROBOTS = (*warehouse.FOOTPRINTS, warehouse.BRAKES)
@@ -75,7 +74,7 @@ _PARAMETERS: dict[str, object] = {
 
 class _Publisher(Node):
     """
-    Publishes the footprints and the person often, and what does not move now and then.
+    Publishes the footprints and the person at each step, and static obstacles every 20 steps.
 
     One robot publishes its odometry instead of its footprint, and the person in the frame of its
     laser, so the monitor must transform both. Another one drives only where its flag allows it.
@@ -88,13 +87,13 @@ class _Publisher(Node):
                         for name in [*published, 'warehouse', 'people']}
         self._topics[_ODOMETRY] = self.create_publisher(Odometry, _ODOMETRY, 100)
         self._elapsed = self._goes_on_at = self._speed = self._way = 0.0
-        # Of depth 1: the newest flag counts, and one is taken a step.
+        # Depth 1: only the newest flag counts, and one is received per step.
         self.create_subscription(Bool, f'{_MONITOR}/{warehouse.BRAKES}/collision', self._obey, 1)
 
     def play(self) -> None:
         while any(topic.get_subscription_count() == 0 for topic in self._topics.values()):
             time.sleep(_PERIOD)
-        # Scene time goes by steps: a busy machine makes the demo slower, and skips no contact.
+        # Scene time advances by steps: a busy machine slows the demo, but skips no contact.
         for step in range(round(warehouse.DURATION / _PERIOD)):
             self._elapsed = elapsed = step * _PERIOD
             stamp = self.get_clock().now().to_msg()
@@ -113,12 +112,12 @@ class _Publisher(Node):
             rclpy.spin_once(self, timeout_sec=0.0)
 
     def _obey(self, flag: Bool) -> None:
-        """Let the robot that brakes stand as long as its flag is raised, and a little longer."""
+        """Stop the robot that brakes while its flag is raised, and _WAITS seconds longer."""
         if flag.data:
             self._goes_on_at = self._elapsed + _WAITS
 
     def _drive(self) -> None:
-        """Move the robot that brakes on by a step."""
+        """Advance the robot that brakes by a step."""
         may_drive = self._elapsed >= self._goes_on_at and self._way < warehouse.COURIER_WAY
         change = _ACCELERATION * _PERIOD
         self._speed = (min(self._speed + change, _SPEED) if may_drive
@@ -235,7 +234,7 @@ def _watch(viewer: _Viewer) -> bool:
                                 '--ros-args', *_parameters()])
     publisher = None
     try:
-        # Nothing is shown until what measures distances is compiled, too.
+        # Markers are shown only once the kernels for distances are compiled, too.
         if not _spin(viewer, lambda: all(viewer.flags.values()) and viewer.is_shown,
                      _START_TIMEOUT):
             print(f'the monitor published nothing within {_START_TIMEOUT:g} s')
@@ -270,7 +269,7 @@ def _verdict(viewer: _Viewer) -> bool:
 
 
 def _draw(frames: Sequence[Frame], picture: str, movie: str) -> bool:
-    """Write picture and moving picture; return whether there was a contact to draw."""
+    """Write picture and animation; return whether there was a contact to draw."""
     first = next((frame for frame in frames if any(
         marker.ns.startswith('contacts/') for marker in frame.markers.markers)), None)
     if first is None:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The embedded scene of the demo: robots that drive through a warehouse, and what they touch.
+The embedded scene of the demo: robots that drive through a warehouse, and their contacts.
 
 Plain geometry in metres in the frame 'map', x along the aisles. It needs no ROS.
 """

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Whether kernels are to be compiled, and what users should know of it; numba is not needed."""
+"""Whether kernels are compiled, and messages to users about it; does not need numba."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _problems: list[str] = []
 
 
 def is_plain_python_chosen() -> bool:
-    """Return whether the environment says, as numba reads it, that nothing is to be compiled."""
+    """Return whether the environment disables compilation, read as numba reads it."""
     try:
         return int(os.environ.get(_SWITCH, 0)) != 0
     except ValueError:
@@ -34,7 +34,7 @@ def is_plain_python_chosen() -> bool:
 
 
 def use_plain_python() -> None:
-    """Compile nothing, here and in processes that are started: before any kernel is imported."""
+    """Compile nothing, here and in child processes; call it before any kernel is imported."""
     os.environ[_SWITCH] = '1'
 
 
@@ -62,7 +62,7 @@ def say_compiling(name: str, kept_in: str) -> None:
 
 
 def say_nothing() -> None:
-    """Leave it to the caller to say that kernels are compiled."""
+    """Disable `say_compiling`: the caller reports that kernels are compiled."""
     global _is_reported_elsewhere
     _is_reported_elsewhere = True
 
@@ -73,7 +73,7 @@ def kernel_problem() -> str | None:
 
 
 def report_problem(problem: str) -> None:
-    """Record a problem and log it, if it is the first: each kernel may have the same."""
+    """Record a problem; log only the first, because each kernel may have the same."""
     problem = ' '.join(problem.split())
     if not _problems:
         logging.getLogger(__name__).warning(problem)

@@ -91,7 +91,7 @@ def _triangulate(vertices):
     before = scratch_integers(count)
     # The half-edge, inside a triangle already clipped, along the ring's edge that leaves a vertex.
     twin = scratch_integers(count)
-    # Why a vertex is no ear: that holds until a neighbour, or the vertex in its triangle, is cut.
+    # Why a vertex is no ear, valid until a neighbour, or the vertex in its triangle, is cut.
     in_the_way = scratch_integers(count)
     for j in range(count):
         after[j] = j + 1 if j + 1 < count else 0

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-How kernels are put together, so that each is compiled to machine code once.
+Link kernels so that each is compiled to machine code once.
 
 numba compiles every function to machine code together with all that it calls, and again in each
-that calls it: of a chain of ten the last one ten times. Here a function stays a draft, in LLVM's
-terms unlinked code in its intermediate representation, until one that Python calls is compiled.
+that calls it: the last function of a chain of ten is compiled ten times. Here a function stays a
+draft, unlinked LLVM intermediate representation, until one that Python calls is compiled.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from numba.core.compiler import Compiler
 
 
 class _Code(JITCodeLibrary):  # type: ignore[misc]
-    """A function's code, and that of all that it calls."""
+    """The code of a function and of all that it calls."""
 
     def add_linking_library(self, library: Any) -> None:
-        """Take in the code of a function that is called."""
-        # Each before those that it calls, because LLVM takes only what is called already.
+        """Add the code of a function that is called."""
+        # Each before those that it calls, because LLVM links only what is already called.
         if library not in self._linking_libraries:
             super().add_linking_library(library)
             for called in library._linking_libraries if isinstance(library, _DraftCode) else ():
@@ -42,22 +42,22 @@ class _Code(JITCodeLibrary):  # type: ignore[misc]
 
 
 class _DraftCode(_Code):
-    """The same of a function that Python cannot call: it has no address."""
+    """The code of a function that Python cannot call: it has no address."""
 
     @property
     def codegen(self) -> Any:
-        """Return what numba hands the function's environment to, which only Python needs."""
+        """Return the object whose `set_env` receives the environment, which only Python needs."""
         return self
 
     def set_env(self, name: str, environment: Any) -> None:
         """Drop an environment."""
 
     def finalize(self) -> None:
-        """Leave it to the functions that call this one to have it compiled."""
+        """Compile nothing: the functions that call this one do."""
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
-        """Return that there is no machine code."""
+        """Return 0: there is no machine code."""
         self._ensure_finalized()
         return 0
 
@@ -73,7 +73,7 @@ class Whole(Compiler):  # type: ignore[misc]
 
 
 class Draft(Compiler):  # type: ignore[misc]
-    """Compiles a function for others to take in."""
+    """Compiles a function for use in others."""
 
     def compile_extra(self, function: Callable[..., Any]) -> Any:
         """Compile a function as far as it can be without those that call it."""

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The one place that knows whether numba is there.
+Compile kernels with numba, if it is installed.
 
 Every kernel is written once, as a plain function on scalars and flat arrays. With numba it is
 compiled, without it the same function runs as Python; both do the same IEEE double operations in
@@ -40,7 +40,7 @@ def _trial(x):
 
 try:
     if is_plain_python_chosen():
-        # It takes half a second and 100 MB to import.
+        # Importing numba takes half a second and 100 MB.
         raise ModuleNotFoundError('nothing asks for numba', name='numba')
     import numba
     import numba.extending
@@ -58,10 +58,10 @@ try:
         return compiled
 
     if not numba.config.DISABLE_JIT:
-        # A compiler that is broken, or has other insides, may show it only when it compiles.
+        # A numba that is broken, or has other internals, may fail only when it compiles.
         _step = _compiled(_step, Draft, no_cpython_wrapper=True)
         _kept(_trial)(1.0)
-except Exception as error:  # what is broken may raise anything
+except Exception as error:  # a broken library may raise anything
     numba = None
     if not (isinstance(error, ModuleNotFoundError) and error.name == 'numba'):
         report_problem('numba does not work here, so kernels run in plain Python: '
@@ -91,14 +91,14 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 def inner(function: Callable[..., Any], **options: Any) -> Any:
     """
-    Compile like `kernel`, for other kernels to take in, see `drafts`.
+    Compile like `kernel`, but only for use in other kernels, see `drafts`.
 
-    Python must not call it: there is no machine code of it alone.
+    Python must not call it: it has no machine code of its own.
     """
     if not COMPILED:
         return function
     compiled = _compiled(function, Draft, no_cpython_wrapper=True, **options)
-    # For numba a literal 0 and an integer are two types, and it would compile for either.
+    # A literal 0 and an integer are two types to numba, and it would compile for both.
     template = compiled.get_call_template
     compiled.get_call_template = lambda types, named: template(
         tuple(map(numba.types.unliteral, types)), named)
@@ -112,10 +112,10 @@ def inlined(function: Callable[..., Any]) -> Any:
 
 def indexable(array: NDArray[Any]) -> Any:
     """
-    Return what kernels should index: the array when compiled, else a memoryview of it.
+    Return the array for compiled kernels, and a memoryview of it for plain Python.
 
-    A memoryview hands out Python floats, which plain Python computes with several times faster
-    than with NumPy scalars.
+    Elements of a memoryview are Python floats, with which plain Python computes several times
+    faster than with NumPy scalars.
     """
     return array if COMPILED else array.data
 
@@ -123,7 +123,7 @@ def indexable(array: NDArray[Any]) -> Any:
 if HAS_CONTROL_WORD:
     @numba.extending.intrinsic
     def control_word(typing_context):
-        """Return the register MXCSR, which says how this thread rounds."""
+        """Return the register MXCSR, which controls how this thread rounds."""
         def generate(context, builder, signature, arguments):
             word, pointer_type = ir.IntType(32), ir.IntType(8).as_pointer()
             store = builder.module.declare_intrinsic(
@@ -137,7 +137,7 @@ if HAS_CONTROL_WORD:
 if COMPILED:
     @numba.extending.intrinsic
     def prefetch(typing_context, array, i):
-        """Ask the processor to bring element i of `elements` near, without waiting for it."""
+        """Prefetch element i of `elements` into the processor's caches, without waiting."""
         def generate(context, builder, signature, arguments):
             integer = ir.IntType(32)
             pointer_type = ir.IntType(8).as_pointer()
@@ -153,11 +153,11 @@ if COMPILED:
     @numba.extending.intrinsic
     def elements(typing_context, array):
         """
-        Return the numbers of a flat array for use inside kernels, by their place alone.
+        Return a pointer to the numbers of a flat array, for use inside kernels.
 
-        Without its reference count and its length an array is one word to hand on instead of
-        seven, and an index is an index: it must be right, as those below zero do not count from
-        the end. The caller must hold the array itself for as long as they are in use.
+        Without reference count and length it is passed on as one word instead of seven. Indices
+        are not checked, and negative ones do not count from the end. The caller must keep the
+        array itself for as long as the pointer is in use.
         """
         if isinstance(array, numba.types.CPointer):
             return array(array), lambda context, builder, signature, arguments: arguments[0]
@@ -168,7 +168,7 @@ if COMPILED:
 
     @numba.extending.intrinsic
     def beyond(typing_context, numbers, place):
-        """Return the numbers from a place on."""
+        """Return the numbers from an index on."""
         def generate(context, builder, signature, arguments):
             return builder.gep(arguments[0], [arguments[1]])
         return numbers(numbers, place), generate
@@ -176,7 +176,7 @@ if COMPILED:
     def _taken_as(element: Any) -> Any:
         @numba.extending.intrinsic
         def taken(typing_context, numbers):
-            """Return numbers taken as those of another type, bit by bit."""
+            """Return numbers reinterpreted as those of another type, bit by bit."""
             pointer = numba.types.CPointer(element)
 
             def generate(context, builder, signature, arguments):
@@ -195,32 +195,32 @@ if COMPILED:
 
     @kernel
     def scratch_integers(size):
-        """Return the same of 64-bit integers."""
+        """Return an uninitialised flat array of 64-bit integers for use inside a kernel."""
         return np.empty(size, np.int64)
 
     @kernel
     def float32_values(data, start):
-        """Return the numbers that stand in bytes from start on, as this machine writes float32."""
+        """Return bytes from start on, reinterpreted as float32 in native byte order."""
         return _float32s(beyond(elements(data), start))
 
     @kernel
     def words_and_floats(data):
-        """Return the same from the start on, as 32-bit words and as this machine's float32."""
+        """Return bytes reinterpreted as 32-bit words, and as float32, in native byte order."""
         return _words(elements(data)), _float32s(elements(data))
 else:
     def prefetch(array, i):
-        """Do nothing; only compiled code waits for memory more than for itself."""
+        """Do nothing: plain Python would gain nothing."""
 
     def elements(array):
-        """Return the array; plain Python looks at its length anyway."""
+        """Return the array; plain Python checks indices anyway."""
         return array
 
     def beyond(numbers, place):
-        """Return the numbers from a place on."""
+        """Return the numbers from an index on."""
         return numbers[place:]
 
     def integers(numbers):
-        """Return doubles taken as 64-bit integers, bit by bit."""
+        """Return doubles reinterpreted as 64-bit integers, bit by bit."""
         return numbers.cast('B').cast(np.dtype(np.int64).char)
 
     def scratch(size):
@@ -228,14 +228,14 @@ else:
         return memoryview(np.empty(size))
 
     def scratch_integers(size):
-        """Return the same of 64-bit integers."""
+        """Return an uninitialised flat array of 64-bit integers for use inside a kernel."""
         return memoryview(np.empty(size, np.int64))
 
     def float32_values(data, start):
-        """Return the numbers that stand in bytes from start on, as this machine writes float32."""
+        """Return bytes from start on, reinterpreted as float32 in native byte order."""
         return memoryview(data)[start:].cast('f')
 
     def words_and_floats(data):
-        """Return the same from the start on, as 32-bit words and as this machine's float32."""
+        """Return bytes reinterpreted as 32-bit words, and as float32, in native byte order."""
         whole = memoryview(data)[:len(data) // 4 * 4]
         return whole.cast('I'), whole.cast('f')

@@ -14,13 +14,12 @@
 """
 Compiled kernels kept on disk from one process to the next, so that starting is quick.
 
-numba keeps them per function and compiles anew where the function's own file has changed, but does
-not notice a change in a kernel that it calls. Here all of `sat_collision.geometry`, and all that
-is in the folder of a kernel, counts as its source. Where the files cannot be kept the kernels are
-compiled in each process, and where one is damaged it is compiled again. `kernel_problem` has the
-reason.
+numba compiles a function again if its own file has changed, but not if a kernel that it calls has.
+Here all sources in `sat_collision.geometry`, and in the folder of a kernel, count as its source.
+If files cannot be written, kernels are compiled in each process; if a file is damaged, its kernel
+is compiled again. `kernel_problem` returns the reason.
 
-The files are pickles: who may write to their folder may run code as whoever reads them.
+The files are pickles: whoever can write to their folder can run code as whoever reads them.
 """
 
 from __future__ import annotations
@@ -38,22 +37,22 @@ from numba.core.registry import cpu_target
 from numba.core.sigutils import normalize_signature
 from sat_collision.geometry.compilation import report_problem, say_compiling
 
-# What is compiled of these, whenever the package is imported, takes a fraction of a second.
+# Compiling these, which importing the package does, takes a fraction of a second.
 _QUICK = 'sat_collision.geometry.arithmetic', 'sat_collision.geometry.jit'
 _HERE = Path(__file__).parent
 _DIGEST_SIZE = hashlib.sha256().digest_size
 
 
 def is_kept(kernel: Any) -> bool:
-    """Return whether anything compiled of a numba kernel can be loaded from disk."""
+    """Return whether compiled code of a numba kernel can be loaded from disk."""
     return isinstance(kernel._cache, _KernelCache) and kernel._cache.is_filled()
 
 
 def keep_compiled(kernel: Any) -> None:
-    """Load what is compiled of a numba kernel from disk, and save it there."""
+    """Load compiled code of a numba kernel from disk, and save what is compiled anew."""
     try:
         kernel._cache = _KernelCache(kernel.py_func)
-    except (OSError, RuntimeError):  # numba's own where no folder will do
+    except (OSError, RuntimeError):  # raised by numba if no folder is usable
         report_problem(
             'compiled kernels cannot be kept, so each process compiles them again: '
             f'neither NUMBA_CACHE_DIR nor {_HERE / "__pycache__"} '
@@ -62,10 +61,10 @@ def keep_compiled(kernel: Any) -> None:
 
 def prepared_mark(others: Path) -> Path | None:
     """
-    Return the file that tells that all kernels of now are kept, for this processor.
+    Return the file whose existence says that all current kernels are kept, for this processor.
 
-    Those are in `sat_collision.geometry` and in another folder. None if nothing is compiled, or
-    can be kept.
+    Kernels are those in `sat_collision.geometry` and in another folder. None if nothing is
+    compiled, or can be kept.
     """
     if config.DISABLE_JIT:
         return None
@@ -88,7 +87,7 @@ def _digest(folder: Path) -> str:
 
 
 class _KernelCache(FunctionCache):  # type: ignore[misc]
-    """What numba keeps of a function, good as long as no kernel has changed."""
+    """numba's cache of a function, valid as long as no kernel has changed."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
@@ -107,14 +106,14 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
             return False
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return what was compiled for a signature, None if there is nothing of use."""
+        """Return the code compiled for a signature, None if there is none that is valid."""
         try:
             found = super().load_overload(sig, target_context)
         except Exception as error:  # reading damaged files may raise anything
             report_problem('compiled kernels were damaged, and are compiled again: '
                            f'{self.cache_path} ({type(error).__name__}: {error})')
             found = None
-        # Processes that save two signatures at once may each take the same file for its own.
+        # Processes that save two signatures at once may both choose the same file.
         if found is not None and found.signature.args == normalize_signature(sig)[0]:
             return found
         if not self._is_quick:
@@ -122,11 +121,11 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Save what was compiled for a signature, if possible."""
+        """Save the code compiled for a signature, if possible."""
         try:
             try:
                 super().save_overload(sig, data)
-            except Exception:  # what is there may be damaged: delete it
+            except Exception:  # the files may be damaged: delete them
                 self._cache_file.delete()
                 super().save_overload(sig, data)
         except Exception as error:
@@ -135,7 +134,7 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
 
 
 class _CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
-    """Files that are used only while they are, bit by bit, as they were written."""
+    """Files with a checksum, used only if it is right."""
 
     def delete(self) -> None:
         """Remove all files of the function."""

@@ -13,14 +13,14 @@
 # limitations under the License.
 
 """
-Kernels compiled, or loaded, before they are needed, so that no message has to wait for them.
+Compile or load kernels before they are needed, so that no message has to wait for them.
 
-Compiling takes seconds where nothing is kept from an earlier process, see `kernel_cache`. Then
-other processes share the work: what one has compiled the others find on disk. One,
-``python -m sat_collision.geometry.preparation contacts distances``, takes what decides, while this
-one takes what packs, and goes on with what measures, which has much of the same in it; another one
-takes what looks ahead, once flags have a processor to spare. They end when they are done, or when
-their standard input does, which the node holds.
+Compiling takes seconds if nothing is kept from an earlier process, see `kernel_cache`. Then other
+processes share the work: what one has compiled the others load from disk. One,
+``python -m sat_collision.geometry.preparation contacts distances``, compiles the kernels for
+contacts and then for distances, which share much code, while this one compiles those for packing;
+another one compiles those for motion once contacts can be decided. They end when they are done, or
+at the end of their standard input, which the node holds open.
 """
 
 from __future__ import annotations
@@ -54,22 +54,22 @@ _others: list[subprocess.Popen[bytes]] = []
 
 
 def begin() -> None:
-    """Have another process begin, if this is a first start: early, before long imports."""
+    """Start another process, if this is a first start; call it early, before long imports."""
     if not (_others or is_prepared() or kernel_problem()):
         _others.append(_process('contacts', 'distances'))
 
 
 class Preparation:
     """
-    Compiles or loads the kernels of node and replay; says so, and warns of what is wrong.
+    Compiles or loads the kernels of node and replay; reports progress, and warns of problems.
 
-    Once it is made all is ready that decides. What measures distances is ready then, too, unless
+    Once it is constructed the kernels for contacts are ready. Those for distances are too, unless
     this is the first start after an installation, which compiles.
 
     Parameters
     ----------
     say, warn : callable
-        Take words.
+        Receive the messages.
 
     """
 
@@ -80,7 +80,7 @@ class Preparation:
         begin()
         say(f'preparing kernels ({KERNEL})' + (
             '; the first start after an installation compiles them' if _others else ''))
-        # A tenth of compiling would be looking for garbage, of which there is little.
+        # Garbage collection would take a tenth of the time, and there is little garbage.
         gc.disable()
         prepare_packing()
         for other in _others:
@@ -99,13 +99,13 @@ class Preparation:
             warn(problem)
 
     def is_complete(self) -> bool:
-        """Return whether what measures distances is ready; to be called again and again."""
+        """Return whether the kernels for distances are ready; call it again until they are."""
         if _others and all(other.poll() is not None for other in _others):
             self.complete()
         return not _others
 
     def complete(self) -> None:
-        """Have what measures distances ready, however long that takes."""
+        """Wait until the kernels for distances are ready."""
         if _others:
             for other in _others:
                 other.communicate()
@@ -119,16 +119,16 @@ class Preparation:
 
 
 def is_prepared() -> bool:
-    """Return whether an earlier process has left the kernels compiled; without numba they are."""
+    """Return whether an earlier process has left the kernels compiled; True without numba."""
     if not COMPILED:
         return True
-    # It imports numba, which may not be there, or not work.
+    # This imports numba, which may be missing or broken.
     from sat_collision.geometry.kernel_cache import is_kept
     return is_kept(contact_of_arrays) and is_kept(first_row_met)
 
 
 def prepare_packing() -> None:
-    """Have ready what makes polygons of messages."""
+    """Prepare the kernels that make polygons of messages."""
     packed = indexable(np.empty(packed_size(len(_TRIANGLE))))
     points = _TRIANGLE.tobytes(), 0, len(_TRIANGLE)
     pack_convex(*points, packed, len(_TRIANGLE), UNMOVED)
@@ -143,8 +143,8 @@ def prepare_packing() -> None:
 
 
 def prepare_contacts() -> None:
-    """Have ready what cuts bodies into parts, and finds the bodies of a set that a body meets."""
-    # Not by a Polygon, whose packing may still be in the making.
+    """Prepare the kernels that cut bodies into parts, and find the rows of a set that meet one."""
+    # Without a Polygon, because packing may still be compiling.
     convex_parts(indexable(np.array(_NOTCHED).ravel()))
     point = _origin()
     bodies = PackedSet([point])
@@ -152,7 +152,7 @@ def prepare_contacts() -> None:
 
 
 def prepare_distances() -> None:
-    """Have ready what finds the nearest body of a set, those within a margin, and contacts."""
+    """Prepare the kernels that find the nearest body of a set, those in a margin, and contacts."""
     point = _origin()
     bodies = PackedSet([point])
     bodies.nearest(point)
@@ -162,13 +162,13 @@ def prepare_distances() -> None:
 
 
 def prepare_motion() -> None:
-    """Have ready what looks ahead."""
-    # Apart at first: else nothing is asked of the way.
+    """Prepare the kernels that predict contacts."""
+    # The bodies begin apart: otherwise no motion is computed.
     PackedSet([_origin()]).first_contact(Polygon(_TRIANGLE + 1), (1, 0, 1), 1.0)
 
 
 def prepare_pairs() -> None:
-    """Have ready what only the functions on two bodies, or two sets, need."""
+    """Prepare the kernels that only the functions on two bodies, or two sets, need."""
     body = Polygon(_TRIANGLE)
     bodies = PolygonSet([body])
     intersects(body, body)
@@ -180,7 +180,7 @@ def prepare_pairs() -> None:
 
 
 def _origin() -> Polygon:
-    """Return a point packed by hand, because packing may still be in the making."""
+    """Return a point packed by hand, because packing may still be compiling."""
     return Polygon._of_packed(np.zeros(packed_size(1)), 1)
 
 
@@ -190,7 +190,7 @@ def _process(*tasks: str) -> subprocess.Popen[bytes]:
 
 
 def _end_with_input() -> None:
-    # Not by sys.stdin, whose lock would be held when the interpreter ends.
+    # Not with sys.stdin, whose lock would be held when the interpreter ends.
     os.read(0, 1)
     os._exit(0)
 

@@ -38,8 +38,8 @@ if TYPE_CHECKING:
     from sat_collision.replay.bag.recording import Recording
 
 _TYPES = ('geometry_msgs/msg/PolygonStamped', 'geometry_msgs/msg/PolygonInstanceStamped')
-# Compiling takes about 25 s. So many messages take plain Python about 5 s if they are boxes, and
-# 40 s if they are non-convex polygons of 40 vertices.
+# Compiling takes about 25 s. Plain Python takes about 5 s for so many messages of boxes, and 40 s
+# for non-convex polygons of 40 vertices.
 _FEW = 20_000
 
 
@@ -99,7 +99,7 @@ def main() -> int:
 
 
 def _mark() -> Path | None:
-    """Return the file that is there if all is compiled; None if nothing can be."""
+    """Return the file that exists if all kernels are compiled; None if none can be."""
     if is_plain_python_chosen():
         return None
     try:

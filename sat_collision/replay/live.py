@@ -46,7 +46,7 @@ class SceneTape(Tape):
         self._times: list[int] = []
 
     def keep(self, now: int, depth: float = -inf) -> None:
-        """Write the current scene; of several at one time that of the deepest contact counts."""
+        """Write the current scene; of several at one time that with the deepest contact counts."""
         if self._times[-1:] != [now]:
             self._times.append(now)
         self._write((now, depth, *(
@@ -120,7 +120,7 @@ class Timeline:
     def deepen(self, now: int) -> None:
         """Measure the open contacts of bodies that have moved."""
         for name, contacts in self.touching.items():
-            # In the same order in each run, as of equal depths the first counts.
+            # In a fixed order, because of equal depths the first counts.
             for obstacle, *bodies in sorted(self._scene.contacts(name), key=_name_and_place):
                 contact = contacts.get(obstacle)
                 if contact is None or self._measured.get((name, obstacle)) == bodies:
@@ -191,7 +191,7 @@ def _name_and_place(contact: tuple[ObstacleId, Polygon, Polygon]) -> tuple[objec
 
 
 class Rows:
-    """Yields messages one by one as received, and skips those of runs received in one call."""
+    """Yields messages one by one, and skips those that `receive_run` has passed on."""
 
     def __init__(self, rows: Iterable[Row]) -> None:
         self._rows = rows
@@ -208,9 +208,9 @@ class Rows:
 
     def receive_run(self, monitor: Monitor, name: str, now: int, bound: float) -> int:
         """
-        Have a monitor receive the next messages if they only add to the set of the last one.
+        Pass the next messages to a monitor if they only add to the set of the last one.
 
-        Until the bound, in ns, nothing happens by time alone. Returns the time of the last message
+        No deadline or timer is due until the bound, in ns. Returns the time of the last message
         that was received.
         """
         if self._taken < len(self._times) and self._times[-1] <= bound:

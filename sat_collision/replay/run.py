@@ -50,8 +50,8 @@ OnProgress: TypeAlias = Callable[[float], None]
 
 _APART = 3600 * 10**9
 _PROGRESS_EVERY = 500
-# So many placements are processed together, which is faster than each as it comes; fewer of long
-# messages, so that memory stays bounded.
+# So many placements are processed together, which is faster than one by one; fewer if messages are
+# long, so that memory stays bounded.
 _TOGETHER = 64
 _MOST_BYTES = 2**22
 # Reasons for rejection that do not depend on when and where a message is received.
@@ -112,7 +112,7 @@ class _Run:
                       for footprint in settings.footprints]
         self._transforms = [topic for topic in TRANSFORM_TOPICS if settings.frame_id
                             and recording.topics.get(topic) == TRANSFORM_TYPE]
-        # Not yet passed to recorded motion; outlines, which look up transforms, are at once.
+        # Not yet passed to recorded motion; at once with outlines, which look up transforms.
         self._placements: list[Placement] = []
         self._together = 1 if any(one.has_outline for one in settings.footprints) else _TOGETHER
         self._untaken = 0
@@ -196,8 +196,8 @@ class _Run:
             result.origin = self._first_stamp(names.keys() - {*TRANSFORM_TOPICS})
         elif not by_header:
             result.origin = self._recording.start
-        # Messages outside the bounds that metadata.yaml gives are not dropped. By stamps, those
-        # received later may belong to the time that is checked.
+        # Messages outside the bounds in metadata.yaml are not dropped. By stamps, messages that
+        # are received later may belong to the time that is checked.
         later = WINDOW if self._motion else 0
         read: Iterable[Row] = self._with_clocks_compared(self._rows(
             names, start if self._options.start else None, stop and stop + later))
@@ -218,7 +218,7 @@ class _Run:
         now, monitor = self._now, self._monitor
         footprints = {one.name for one in self._settings.footprints}
         if self._options.start and TF_STATIC in self._transforms:
-            # What was told before would be latched.
+            # Static transforms from before the start would be received as latched messages.
             for topic, _, messages in self._recording.rows([TF_STATIC], None, start):
                 for data in messages:
                     self._keep(monitor.receive_transforms(topic, data, now))
@@ -244,7 +244,7 @@ class _Run:
                 if len(batch) == 1 or name not in footprints:
                     self._receive(name, batch, now, number)
                     continue
-                # A refused footprint has no place until the next one, so each message counts.
+                # A rejected footprint has no pose until the next one, so each message counts.
                 for k, data in enumerate(batch):
                     self._receive(name, [data], now, number and number + k)
             if rows and len(names[topic]) == 1 and now:
@@ -272,7 +272,7 @@ class _Run:
 
     def _rows(self, topics: Collection[str], start: int | None = None,
               stop: int | None = None) -> Iterator[Row]:
-        """Return messages of the recording, with a header where a command has none."""
+        """Return messages of the recording; commands without a header are given one."""
         twists = {topic for topic in topics if self._recording.topics.get(topic) == TWIST_TYPE}
         rows = self._recording.rows(topics, start, stop)
         return ((topic, times, [*map(stamped, messages)] if topic in twists else messages)
@@ -291,7 +291,7 @@ class _Run:
                          Timer(1.0 / self._settings.marker_rate, self._outputs.publish_markers)]
 
     def _keep(self, rejections: Iterable[Rejection]) -> None:
-        """Keep the first example of each reason."""
+        """Reset the poses of rejected footprints, and keep the first example of each reason."""
         for rejection in rejections:
             if self._motion and rejection.reason != OVERTAKEN:
                 self._place(self._untaken)
@@ -337,9 +337,9 @@ class _Run:
             self._outputs.change(changed, now)
 
     def _pass_until(self, now: int) -> None:
-        """Do all that is due before the messages of now: deadlines of the monitor, and timers."""
+        """Process deadlines of the monitor and timers that are due before the messages of now."""
         while True:
-            # A bound may lie in the past, but the scene's time must not go back.
+            # The deadline may lie in the past, but the scene's time must not go back.
             deadline = max(self._monitor.deadline + 1, self._now)
             timer = min(self._timers, key=lambda timer: timer.due, default=None)
             if deadline <= (min(now, timer.due) if timer else now):
@@ -355,7 +355,7 @@ class _Run:
         self._due = timer.due if timer else NEVER
 
     def _with_clocks_compared(self, rows: Iterator[Row]) -> Iterable[Row]:
-        """Note clocks so far apart at the first message that one cannot be the robot's."""
+        """Add a note if clocks are so far apart at the first message that one must be wrong."""
         passed = []
         for row in rows:
             passed.append(row)
@@ -372,7 +372,7 @@ class _Run:
 
 
 def _with_progress(rows: Iterable[Row], total: int, progress: OnProgress) -> Iterator[Row]:
-    """Yield rows, and tell now and then what share of all messages has passed."""
+    """Yield rows, and report now and then the fraction of messages that have passed."""
     count = due = 0
     for row in rows:
         if count >= due:

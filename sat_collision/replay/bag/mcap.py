@@ -44,17 +44,17 @@ _FOOTER = struct.Struct('<BQQQI')
 _FOOTER_SIZE = _FOOTER.size + len(_MAGIC)
 _LONGEST_RUN = 2**20
 _PIECE = 2**20
-# About what an entry of a list or dict takes.
+# Approximate memory of an entry of a list or dict, bytes.
 _ENTRY = 400
 
 
 class Block(NamedTuple):
     """
-    Messages that lie together: a chunk, or a run of them outside of any.
+    Consecutive messages: a chunk, or a run of messages outside of chunks.
 
-    `first` and `last` are the times of messages in ns that it announces, `at` and `size` say
-    where its bytes are, `plain` how many these hold; `announced` is the number of messages that
-    are indexed, None without an index.
+    `first` and `last` are the announced times of messages in ns, `where` is the position of the
+    chunk (0 for a run), `at` and `size` those of its data, `plain` their decompressed size, and
+    `announced` the number of indexed messages, None without an index.
     """
 
     first: int
@@ -72,9 +72,8 @@ class McapFile(Storage):
     """
     An MCAP file.
 
-    Chunks that cannot be unpacked or have a wrong checksum are left out, so that no coordinates
-    are made up of damaged bytes. What was read is compared with what indexes and statistics
-    announce.
+    Chunks that cannot be decompressed or have a wrong checksum are skipped, so that no coordinates
+    come from damaged bytes. The messages read are compared with the indexes and statistics.
     """
 
     def __init__(self, path: Path, faults: Faults, limits: Limits) -> None:
@@ -87,7 +86,7 @@ class McapFile(Storage):
         # Types and topics by the ids that the file gives to schemas and channels.
         self._schemas: dict[int, str] = {0: ''}
         self._channels: dict[int, tuple[str, int]] = {}
-        # What the summary announces: chunks by place, messages by channel, and how many channels.
+        # From the summary: times of chunks by position, messages by channel, number of channels.
         self._chunks: dict[int, tuple[int, int]] = {}
         self._statistics: Counter[int] | None = None
         self._channel_count = 0
@@ -133,7 +132,7 @@ class McapFile(Storage):
 
     def rows(self, topics: Collection[str], start: int | None = None,
              stop: int | None = None) -> Iterator[Row]:
-        # Faults have been recorded already where all was read before.
+        # If all was read before, the faults are already recorded.
         faults = Faults(Path()) if self._surveyed else self._faults
         pending = _Pending({channel: topic for channel, (topic, _) in self._channels.items()
                             if topic in topics}, start or 0, 2**64 if stop is None else stop)
@@ -149,7 +148,7 @@ class McapFile(Storage):
             self._compare(read, 'can be read')
 
     def _survey(self) -> Counter[int]:
-        """Read all, of a file without a summary; return the counts by channel."""
+        """Read all of a file whose summary is not complete; return the counts by channel."""
         found: Counter[int] = Counter()
         for block in self._blocks:
             times, channels = self._load(block, _Pending({}, 0, 0), self._faults)
@@ -240,7 +239,7 @@ class McapFile(Storage):
         return data
 
     def _define(self, kind: int, content: bytes, where: int) -> None:
-        """Take a schema or channel, which may be repeated but not changed."""
+        """Record a schema or channel, which may be repeated but not changed."""
         try:
             key, = struct.unpack_from('<H', content)
             if kind == _SCHEMA:
@@ -250,7 +249,7 @@ class McapFile(Storage):
             else:
                 schema, = struct.unpack_from('<H', content, 2)
                 topic, _ = text(content, 4)
-                # Not only the topic: with another schema it has another type.
+                # The schema is compared, too: with another one the topic has another type.
                 known, name = str(self._channels.setdefault(key, (topic, schema))), str(
                     (topic, schema))
                 said = f'channel {key} is {self._channels[key][0]} and {topic}'
@@ -282,7 +281,7 @@ class McapFile(Storage):
             self._faults.damaged(f'damaged at its end: {damage}')
 
     def _walk_data(self) -> None:
-        """Find the blocks; behind a damaged place go on at the next chunk that is indexed."""
+        """Find the blocks; after a damaged place continue at the next indexed chunk."""
         where = len(_MAGIC)
         lost: set[int] = set()
         while where:
@@ -307,7 +306,7 @@ class McapFile(Storage):
                 self._faults.damaged(f'damaged at byte {where}: not the chunk that is indexed')
 
     def _check_data(self, where: int, size: int) -> None:
-        """Compare all that precedes the end of the data with the checksum given there, if any."""
+        """Compare the data with the checksum in the record that ends them, if any."""
         checksum = found = 0
         if size >= 4:
             checksum, = struct.unpack('<I', self._read(where + _RECORD_HEAD.size, 4))
@@ -318,7 +317,7 @@ class McapFile(Storage):
             self._faults.damaged('damaged in its data: its checksum (data_section_crc) is wrong')
 
     def _framed(self, where: int, end: int) -> Iterator[tuple[int, int, int]]:
-        """Yield (place, kind, size of the content) of the records that follow one another."""
+        """Yield (position, kind, size of the content) of consecutive records."""
         while where < end:
             head = os.pread(self._file, _RECORD_HEAD.size, where)
             if len(head) < _RECORD_HEAD.size:
@@ -333,7 +332,7 @@ class McapFile(Storage):
             where += _RECORD_HEAD.size + size
 
     def _take(self, where: int, kind: int, size: int) -> None:
-        """Take a record of the data or of the summary."""
+        """Process a record of the data or of the summary."""
         at = where + _RECORD_HEAD.size
         try:
             if kind == _MESSAGE:
@@ -373,7 +372,7 @@ class McapFile(Storage):
             self._faults.damaged(f'damaged at byte {where}: {damage}')
 
     def _add_to_run(self, where: int, head: bytes, size: int) -> None:
-        """Take a message outside of chunks: it lengthens the run that it follows."""
+        """Add a message outside of chunks to the run that it follows, or begin a run."""
         _, _, time, _ = _MESSAGE_HEAD.unpack(head)
         run = self._blocks[-1] if self._blocks else None
         whole = _RECORD_HEAD.size + size
@@ -386,7 +385,7 @@ class McapFile(Storage):
             self._blocks.append(Block(time, time, 0, where, whole, '', whole, 0))
 
     def _account(self) -> None:
-        """Count an entry that is kept; raise Damage where they are too many."""
+        """Count an entry that is kept; raise Damage if there are too many."""
         self._left -= _ENTRY
         if self._left < 0:
             raise Damage('too many chunks for --max-memory')
@@ -394,10 +393,10 @@ class McapFile(Storage):
 
 class _Pending:
     """
-    Messages from one time on and before another, in ns, that wait for what is from before them.
+    Messages from one time on and before another, in ns, held until no earlier ones can follow.
 
-    Those of channels that have topics here. They lie in lists of their own: of a tuple for each
-    Python would see again and again whether it is garbage.
+    Only those of the channels in `topics` are held. Times, channels and messages are in separate
+    lists, because Python's garbage collector would visit a tuple for each again and again.
     """
 
     def __init__(self, topics: dict[int, str], first: int, last: int) -> None:
@@ -408,7 +407,7 @@ class _Pending:
         self.messages: list[bytes] = []
 
     def take(self, until: int) -> Iterator[Row]:
-        """Yield and drop what is from before a time; of equal times in the order of adding."""
+        """Yield and drop messages from before a time; those of equal times as they were added."""
         columns: tuple[list[Any], ...] = self.times, self.channels, self.messages
         if self.times != sorted(self.times):
             order = sorted(range(len(self.times)), key=self.times.__getitem__)
@@ -427,7 +426,7 @@ class _Pending:
 
 
 class _Misplaced(Damage):
-    """Damage from which on records cannot be followed."""
+    """Damage after which the next record cannot be found."""
 
     def __init__(self, where: int, words: str) -> None:
         super().__init__(words)
@@ -435,7 +434,7 @@ class _Misplaced(Damage):
 
 
 def text(content: bytes, at: int) -> tuple[str, int]:
-    """Return a string and where it ends."""
+    """Return a string, and the position after it."""
     size, = struct.unpack_from('<I', content, at)
     end = at + 4 + size
     if end > len(content):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings: bags opened once for reading, and as much of damaged ones as can be read."""
+"""Recordings: bags opened once for reading; damaged ones are read as far as possible."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ class Recording(Storage):
     """
     A rosbag2 recording: a directory with metadata.yaml, or one storage file.
 
-    A damaged recording is read as far as possible, and every fault of a file is recorded. What
-    metadata.yaml announces is compared with what is there. It is a context manager. `latched` has
-    the topics whose publishers were transient local.
+    A damaged recording is read as far as possible, and every fault of a file is recorded. Its
+    content is compared with metadata.yaml. It is a context manager. `latched` are the topics whose
+    publishers were transient local.
     """
 
     def __init__(self, path: str | Path, limits: Limits = Limits()) -> None:
@@ -102,7 +102,7 @@ class Recording(Storage):
 
     def messages(self, topics: Collection[str], start: int | None = None,
                  stop: int | None = None) -> Iterator[Message]:
-        # In the digest is what was taken, however much was read with it.
+        # The digest includes the messages taken, not all that were read with them.
         for topic, times, messages in self._read(topics, start, stop):
             for time, data in zip(times, messages):
                 self._sums[topic] += zlib.crc32(data, (time ^ time >> 32) & _LOW)
@@ -115,7 +115,7 @@ class Recording(Storage):
         for part in self._parts:
             for row in part.rows(topics, start, stop):
                 topic, _, messages = row
-                # One in CDR is less by its first byte.
+                # A message in CDR is less, by its first byte.
                 if max(messages) >= ZSTD_MAGIC:
                     for k, data in enumerate(messages):
                         if data.startswith(ZSTD_MAGIC):
@@ -237,10 +237,10 @@ class Recording(Storage):
 
 class Metadata(NamedTuple):
     """
-    What metadata.yaml announces.
+    The content of metadata.yaml.
 
-    The names of the storage files in their order; how many messages there are of each topic and in
-    all; which topics have transient local publishers; whether files or messages are compressed.
+    The names of the storage files in their order; the numbers of messages of each topic and in
+    all; the topics with transient local publishers; whether files or messages are compressed.
     """
 
     files: list[str]

@@ -34,17 +34,17 @@ FROM messages NOT INDEXED"""
 _READ = 'SELECT topic_id, timestamp, {} FROM messages {} WHERE topic_id IN ({}) ORDER BY {}'
 # A damaged file may have values of any type and size.
 _GUARDED = "CASE WHEN typeof(data) = 'blob' AND length(data) <= {} THEN data END"
-# After so many steps SQLite calls back, so that an interrupt is noticed.
+# SQLite calls back after so many steps, so that an interrupt is noticed.
 _STEPS = 100_000
 
 
 class SqliteFile(Storage):
     """
-    A .db3 file, read with SQLite in the order of time; copied if it cannot be read in its place.
+    A .db3 file, read with SQLite in the order of time; copied if it cannot be read in place.
 
     If SQLite finds the file damaged, it is read in the order of writing, up to the damage. Rows
-    with a value of a wrong type are counted: data of a wrong type are yielded as b'', which cannot
-    be decoded and so is refused; a row without a time is left out.
+    with a value of a wrong type are counted: data of a wrong type are yielded as b'', which is
+    rejected because it cannot be decoded; a row without a time is skipped.
     """
 
     def __init__(self, path: Path, faults: Faults, scratch: Scratch, limits: Limits) -> None:
@@ -162,7 +162,7 @@ def _connected(path: Path, scratch: Scratch) -> sqlite3.Connection:
     copy = scratch.copy(path)
     for log in logs:
         scratch.copy(log)
-    # SQLite would read zeros where the last page is cut off, and so make up coordinates.
+    # Where the last page is cut off SQLite would read zeros, as if they were coordinates.
     os.truncate(copy, copy.stat().st_size - beyond)
     return _opened(copy.as_uri())
 

@@ -27,10 +27,10 @@ import tempfile
 from typing import Any, BinaryIO, TypeAlias
 
 Message: TypeAlias = tuple[str, int, bytes]  # topic, time in ns, data
-# Messages of one topic that follow one another: topic, their times in ns, which do not fall, data.
+# Consecutive messages of one topic: the topic, their times in ns, which do not fall, their data.
 Row: TypeAlias = tuple[str, list[int], list[bytes]]
 
-# As many messages as the node takes together.
+# The most messages in a row, as many as the node processes together.
 LONGEST_ROW = 64
 
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
@@ -153,7 +153,7 @@ class Storage:
 
 
 def in_rows(messages: Iterable[Message]) -> Iterator[Row]:
-    """Yield messages in rows, none later than it comes."""
+    """Yield messages in rows, in the same order."""
     row: Row = '', [], []
     for topic, time, data in messages:
         last_topic, times, row_data = row

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What benchmarks share: where modules are found, timing, and what figures were measured on."""
+"""Shared by benchmarks: module paths, timing, and a description of the machine."""
 
 import gc
 from importlib import metadata
@@ -36,9 +36,9 @@ _LONG = 0.25
 
 def times(tasks, repeats):
     """
-    Run functions without arguments as often as said, in turns; return the seconds of each run.
+    Run functions without arguments `repeats` times, in turns; return the seconds of each run.
 
-    Each must have run before, so that nothing compiles now; what takes long runs once.
+    Each must have run before, so that nothing is compiled now; functions that take long run once.
     """
     taken = {name: [] for name in tasks}
     gc.collect()
@@ -56,7 +56,7 @@ def times(tasks, repeats):
 
 
 def medians(tasks, repeats):
-    """Do as `times`, and return the median seconds by name."""
+    """Run functions as `times` does, and return the median seconds by name."""
     return {name: float(np.median(taken)) for name, taken in times(tasks, repeats).items()}
 
 

@@ -16,9 +16,8 @@
 Compare millions of answers with the exact oracle, over all hard families: `make accuracy`.
 
 Bodies go through the checked constructor and the compiled bulk decision, as the node runs them;
-the oracle (test/support/oracle.py) knows nothing of separating axes. Zero wrong answers is the
-only pass. Also measured: how often floating point left the decision to the exact stage, and what
-that cost.
+the oracle (test/support/oracle.py) does not use separating axes. Any wrong answer is a failure.
+Also measured: how often floating point left the decision to the exact stage, and its cost.
 """
 
 import argparse

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-What frames cost: /tf, and a message in another frame.
+The cost of frames: /tf, and a message in another frame.
 
-Of two monitors, which get the same messages at once and share a core, one takes the bytes of /tf
-and does nothing with them: the floor. Run as a program, this is such a monitor. Nobody looks into
-serialised messages, so another type stands in for TFMessage where tf2_msgs is missing.
+Of two monitors, which receive the same messages at once and share a core, one ignores the bytes of
+/tf that it receives: the floor. Run as a program, this is such a monitor. Messages are passed in
+serialised form, so another type replaces TFMessage where tf2_msgs is missing.
 """
 
 import contextlib
@@ -50,7 +50,7 @@ node.NODES |= {'frames': [__file__], 'frames floor': [__file__, '--floor']}
 
 
 def message(stamp, children, x=0.0):
-    """Write a TFMessage that has some children where x is."""
+    """Return a serialised TFMessage with some children at x."""
     return transforms(*(('odom', child, stamp, x, 0.0) for child in children))
 
 
@@ -74,7 +74,7 @@ class Publisher:
             for publisher in (self._publisher, self._obstacles)))
 
     def until(self, condition):
-        """Take flags until something holds."""
+        """Receive flags until a condition holds."""
         until(condition, lambda: rclpy.spin_once(self._node, timeout_sec=0.01))
 
     def publish(self, children, x=0.0):
@@ -133,7 +133,7 @@ def latency(repeats):
 
 
 def in_other_frame(repeats, count=5000):
-    """Return us a message of the fixed frame, and of another one whose map is at hand."""
+    """Return us a message of the fixed frame, and of another one whose map is cached."""
     settings = Settings(
         frame_id='odom', footprints=(FootprintSettings('robot', TF, timeout=0.0),),
         obstacles=(ObstacleSettings('seen', '/seen', type='polygon_instance', timeout=0.0),))

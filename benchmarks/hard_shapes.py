@@ -43,7 +43,7 @@ from words import table
 
 MAX_VERTICES = 1024
 KERNELS = {'compiled': '0', 'in plain Python': '1'}
-# How a second body is laid beside or over the first, in sizes of the body, and how it is turned.
+# The offset of a second body from the first, in sizes of the body, and its rotation.
 _PLACES = ((2.1, 0.0, 0.0), (0.9, 0.4, 0.0), (0.3, 0.2, 0.5), (0.01, 0.003, 0.0),
            (0.0, 0.0, np.pi), (0.02, 0.01, 1.6))
 _TURNS = 0.0, 0.7, 2.0
@@ -73,7 +73,7 @@ def bays(count, number):
 
 
 def band(count, turns, inner, width):
-    """Return a band that winds around the middle, from a radius on to 1."""
+    """Return a band that winds around the middle, from an inner radius to 1."""
     angle = np.linspace(0.0, 2.0 * np.pi * turns, count // 2)
     radius = np.linspace(inner, 1.0, count // 2)
     return np.vstack([_polar(angle, radius), _polar(angle, radius - width)[::-1]])
@@ -138,7 +138,7 @@ def measure(repeats, seed):
 
 
 def contacts(count):
-    """Return what it takes in ms that a footprint meets so many obstacles, one message each."""
+    """Return the ms until a footprint has met so many obstacles, one message each."""
     monitor = Monitor(Settings(
         (FootprintSettings('footprint', '/footprint', timeout=0.0),),
         (ObstacleSettings('obstacles', '/obstacles', timeout=0.0, max_count=count),)))

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The node as a process under traffic, against shapely in a callback and against the floor.
+The node as a process under traffic, compared with shapely in a callback and with the floor.
 
 Processor time is that of all threads of the process, as the kernel's scheduler counts it.
 """
@@ -48,7 +48,7 @@ OBSTACLES = 10, 100, 1000
 VERTICES = 4, 32
 RATES = 10_000, 20_000, 30_000, 60_000
 PLAIN_RATES = RATES[:2]
-# The tests have others.
+# Not those of the tests.
 _DOMAINS = range(215, 233)
 
 
@@ -110,11 +110,11 @@ def together(nodes, start, seconds, repeats):
     """
     Return processor time in us a message of two nodes that share a core, and their ratio.
 
-    They get the same messages at once, as the machine's speed changes from one second to the next
-    by more than they differ. They start anew for each repeat: the one that was found first warms
-    the caches for the other. All are medians. `nodes` are kinds and parameters; `start` takes a
-    stack of contexts and how many nodes to await, and returns what sends messages for some seconds
-    and returns how many.
+    They receive the same messages at once, because the machine's speed changes from one second to
+    the next by more than they differ. They are restarted for each repeat, because the one that is
+    discovered first warms the caches for the other. All are medians. `nodes` are kinds and
+    parameters; `start` takes an exit stack and the number of nodes to await, and returns a
+    function that sends messages for some seconds and returns how many.
     """
     core = max(os.sched_getaffinity(0))
     costs = []
@@ -143,7 +143,7 @@ def _beside_the_floor(obstacles, vertices, seconds, repeats):
 
 
 def pin(pid, core):
-    """Have all threads of a process run on one core."""
+    """Pin all threads of a process to one core."""
     for thread in os.listdir(f'/proc/{pid}/task'):
         os.sched_setaffinity(int(thread), {core})
 
@@ -157,7 +157,7 @@ def _by_turns(kinds, repeats, *arguments, **options):
 
 
 def measure(seconds, repeats):
-    """Return what each node costs under each load, bursts, and the rate that one core takes."""
+    """Return the cost of each node under each load, bursts, and the rate that one core handles."""
     return {
         'repeats': repeats,
         'loads': [{'obstacles': obstacles, 'vertices': vertices,

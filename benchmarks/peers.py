@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Nodes to compare the monitor with: one that only receives and publishes, one that asks shapely.
+Nodes to compare the monitor with: one that only receives and publishes, one that uses shapely.
 
 `floor` has raw subscriptions, callbacks that look at a byte at most, and the same publishes, in
 rclpy's events executor. `shapely` has typed messages, one flag, and checks only intersection.
@@ -126,7 +126,7 @@ def _polygon(message):
 
 
 def run_floor():
-    """Run the floor until a signal comes."""
+    """Run the floor until a signal is received."""
     end_on_signals()
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = Floor()
@@ -134,7 +134,7 @@ def run_floor():
     executor = EventsExecutor(context=node.context)
     executor.add_node(node)
     while not ended():
-        # A wait for what never comes costs less a message than `spin_once`.
+        # Waiting for a future that is never done costs less a message than `spin_once`.
         executor.spin_until_future_complete(Future(), timeout_sec=0.2)
     executor.remove_node(node)
     node.destroy_node()
@@ -142,7 +142,7 @@ def run_floor():
 
 
 def run_shapely():
-    """Run the rival as a plain program does."""
+    """Run the node of shapely as a plain program does."""
     rclpy.init()
     try:
         rclpy.spin(Shapely())

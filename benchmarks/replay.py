@@ -62,7 +62,7 @@ def write(path, messages, per_set, storage):
 
 
 def iterate(path):
-    """Only read every message."""
+    """Read every message, and nothing else."""
     with Reader(path) as reader:
         return sum(1 for _ in reader.messages(
             [connection for connection in reader.connections if connection.topic in _TOPICS]))

@@ -15,9 +15,8 @@
 """
 The decision alone, beside shapely, and the scene as it grows, beside shapely's STRtree.
 
-All run in one process, on the same bodies and by turns. Touching pairs are the worst load that an
-adversary could send: no sign can be told from plain doubles. Obstacles are scattered over a map of
-fixed size.
+All run in one process, on the same bodies and in turns. Touching pairs are the worst load that an
+adversary could send: doubles decide no sign. Obstacles are scattered over a map of fixed size.
 """
 
 import functools
@@ -41,7 +40,7 @@ MESSAGE_SIZES = 10, 100, 1_000, 10_000
 MAP = 200.0
 _FOOTPRINTS = 100
 _START = 1_700_000_000 * 10**9
-# The most that the node takes in one call.
+# The most messages that the node processes in one call.
 _TOGETHER = 64
 _PERIOD = 10**8
 
@@ -50,8 +49,7 @@ def random_pairs(rng, count, n):
     """
     Return unit-sized pairs: a third 1 to 5 apart, a third 0.1 to -0.1, a third -0.2 to -0.8.
 
-    That is the gap between their shadows on a random axis, so they are at least so far apart, and
-    overlap by no more.
+    That is the gap between their projections on a random axis, a lower bound of their separation.
     """
     a, b = (shapes.polygons(rng, count, n) for _ in range(2))
     axes = shapes.directions(rng, count)
@@ -178,7 +176,7 @@ def _rounds(rng, size, vertices, count):
 
 
 def _message(rng, size, repeats):
-    """Return what a message costs in a scene of some size, from bytes to the changed state."""
+    """Return the cost of a message in a scene of some size, from bytes to the changed state."""
     monitor = _monitor(size)
     count = 2 + 2 * repeats * max(1, 500 // size)
     times, footprint_times = {'alone': [], 'together': []}, []

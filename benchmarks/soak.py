@@ -15,10 +15,10 @@
 """
 The node under load for a long time: 4,000 obstacles a second, and contacts at known times.
 
-A robot is by turns on an obstacle and far from all, for 0.6 s each. Every contact must be reported
-before it is over, and no flag may say clear after that. Where the middleware loses messages the
-state must be unknown, which raises the flag. While it is far the robot drives towards a walking
-person, so times to collision must be those until they meet, and none may be given while unknown.
+A robot is in turns on an obstacle and far from all, for 0.6 s each. Every contact must be reported
+before it is over, and no flag may say clear after that. If the middleware loses messages the state
+must be unknown, which raises the flag. While it is far the robot drives towards a walking person,
+so times to collision must be those until they meet, and none may be given while unknown.
 """
 
 import argparse
@@ -47,14 +47,14 @@ _SLICE = 10.0
 _SETTLING = 3.0
 _STAY = 30
 _SETTLED_MINUTES = 5.0
-# Of the robot and of who walks, in m/s towards +x; when they meet if they go on, in s from the
-# beginning of a stay far from all; and of how many seconds a time may be wrong: flags and times
-# are compared by when they arrive.
+# Speeds of the robot and the person, in m/s towards +x; when they meet if they go on, in s from
+# the beginning of a stay far from all; and by how many seconds a time may be wrong: flags and
+# times are compared by when they arrive.
 _ROBOT_SPEED, _WALK_SPEED = -10.0, 0.2
 _MEET_AFTER = 2.5
 _TRANSPORT = 0.1
 _WALKER_RADIUS = 0.3
-# In s; stays are over before contact is so near, but not so where footprints pause.
+# In s; stays end before contact is so near, except where footprints pause.
 _THRESHOLD = 1.0
 _PARAMETERS = {'obstacles': '[obstacle, walker]', 'obstacle.topic': 'obstacles',
                'walker.type': 'polygon_instance', 'walker.moving': 'true',
@@ -62,7 +62,7 @@ _PARAMETERS = {'obstacles': '[obstacle, walker]', 'obstacle.topic': 'obstacles',
 
 
 class Reading(NamedTuple):
-    """What a slice of the soak took."""
+    """The resources that a slice of the soak used."""
 
     minutes: float  # since the beginning, at the end of the slice
     megabytes: float  # memory of the node's process
@@ -71,7 +71,7 @@ class Reading(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """What the flags said of contacts."""
+    """The verdict on flags."""
 
     contacts: int  # how often the robot came onto an obstacle
     missed: int  # how often no flag said so in time
@@ -82,9 +82,9 @@ class Verdict(NamedTuple):
 
 
 class Times(NamedTuple):
-    """What the times to collision said."""
+    """The verdict on times to collision."""
 
-    given: int  # how many were given while the robot drove towards who walks
+    given: int  # how many were given while the robot drove towards the person
     late: int  # of these, or of those in a contact, later than when they meet
     early: int
     while_unknown: int  # how many were given while the flag was raised far from all
@@ -106,7 +106,7 @@ class Drive:
         self.stays = []
 
     def footprint_at(self, stamp):
-        """Return a footprint as `Traffic` has it; who walks is published with every fifth."""
+        """Return a footprint as `Traffic` does; the person is published with every fifth."""
         walker = 1000.0 + _WALK_SPEED * (stamp - self._begun) / 1e9
         if self._count % round(FOOTPRINT_RATE / SET_RATE) == 0:
             self._publisher.publish(
@@ -128,7 +128,7 @@ def judge_times(stays, flags, times, latency=0.0):
     """
     Return the verdict on the times to collision received; see `Drive.stays` and `Traffic.heard`.
 
-    A delay of up to the greatest latency of a flag, in s, is no fault of the prediction.
+    A delay of up to the greatest latency of a flag, in s, is not counted as an error.
     """
     begins, heard = [begun for begun, _ in stays], [when for when, _ in flags]
     errors, late, early, unknown = [], 0, 0, 0
@@ -209,7 +209,7 @@ def soak(minutes, obstacles):
 
 
 def growth(readings):
-    """Return by what part the memory grew after the first minutes, None if there are no more."""
+    """Return the relative growth of memory after the first minutes, None if there are no more."""
     settled = [one.megabytes for one in readings if one.minutes >= _SETTLED_MINUTES]
     return max(settled) / settled[0] - 1.0 if len(settled) > 1 else None
 

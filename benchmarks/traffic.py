@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is sent to a node under test, and what comes back: one footprint and its obstacles."""
+"""Messages sent to a node under test and received from it: one footprint and its obstacles."""
 
 import collections
 import itertools
@@ -35,17 +35,17 @@ ROBOT = (-0.5, -0.4), (0.9, -0.4), (0.9, 0.4), (-0.5, 0.4)
 FOOTPRINT_RATE = 50.0
 SET_RATE = 10.0
 _PATIENCE = 60.0
-# What says on /diagnostics how many obstacles a node has received.
+# The entry of /diagnostics with the number of obstacles that a node has received.
 RECEIVED = 'obstacle: received'
 
 
 def _head(stamp):
-    """Return what a PolygonStamped begins with: the stamp, in ns."""
+    """Return the beginning of a PolygonStamped, with the stamp, in ns."""
     return struct.pack('<4sII', b'\0\1\0\0', *divmod(stamp, 10**9))
 
 
 def tail(points):
-    """Return what follows the stamp of (n, 3) float32 points in a PolygonStamped."""
+    """Return the rest of a PolygonStamped after the stamp, for (n, 3) float32 points."""
     return struct.pack('<I4sI', 4, _FRAME.encode() + b'\0', len(points)) + points.tobytes()
 
 
@@ -56,7 +56,7 @@ def regular(count, x, y, radius):
 
 
 def until(condition, step=lambda: time.sleep(_PAUSE)):
-    """Do a step again and again until a condition holds."""
+    """Repeat a step until a condition holds."""
     end = time.monotonic() + _PATIENCE
     while not condition():
         if time.monotonic() > end:
@@ -108,7 +108,7 @@ class Traffic:
         return self.node.create_publisher(PolygonStamped, 'obstacles', QoSProfile(depth=1000))
 
     def restart(self):
-        """Let another publisher of obstacles take the place of the one before."""
+        """Replace the publisher of obstacles by another one."""
         self.node.destroy_publisher(self._obstacle)
         self._obstacle = self._new_publisher()
         until(self._obstacle.get_subscription_count)
@@ -138,7 +138,7 @@ class Traffic:
         unanswered = collections.deque()
         footprints = obstacles = 0
         if self._times:
-            # When they arrived nobody noted.
+            # Discard earlier times, whose arrival was not recorded.
             _arrived(self._times, Float64)
         begun = time.monotonic()
         while (now := time.monotonic() - begun) < seconds + _AFTERMATH:
@@ -172,7 +172,7 @@ class Traffic:
 
 
 def _arrived(subscription, message_type):
-    """Take the values that have arrived."""
+    """Return the values that have arrived."""
     values = []
     with subscription.handle:
         while taken := subscription.handle.take_message(message_type, True):
@@ -189,7 +189,7 @@ def _answer(unanswered, flag, now):
             return [now - sent]
         if len(unanswered) == 1:
             return []
-        unanswered.popleft()  # superseded before the node came to it
+        unanswered.popleft()  # superseded before the node processed it
     return []
 
 
@@ -206,7 +206,7 @@ class Reader:
         self._counts.append(int(values.get(RECEIVED, 0)))
 
     def steady(self):
-        """Return the count once two reports from now on agree: all that was sent is dealt with."""
+        """Return the count once two new reports agree, so that all messages are processed."""
         rclpy.spin_once(self._node, timeout_sec=0.0)
         self._counts.clear()
         until(lambda: len(self._counts) > 1 and self._counts[-1] == self._counts[-2],

@@ -27,7 +27,7 @@ import sys
 import tempfile
 import time
 
-# Compile the kernels as they are now: numba's cache does not see a change of what a kernel calls.
+# Compile the current kernels: numba's cache does not notice changes in functions that they call.
 FRESH_CACHE = tempfile.TemporaryDirectory()
 os.environ['NUMBA_CACHE_DIR'] = FRESH_CACHE.name
 sys.path.append(str(Path(__file__).parents[1]))
@@ -68,7 +68,7 @@ def main():
 
 
 def measure(scale):
-    """Return all figures of the report but those of the accuracy run."""
+    """Return all figures of the report except those of the accuracy run."""
     start = time.perf_counter()
     figures = {'seeds': SEEDS, 'machine': describe(*PACKAGES)}
     for name, measured in {

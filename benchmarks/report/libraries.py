@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The libraries of PyPI that are asked pair by pair from Python: times and errors.
+Libraries of PyPI that are called pair by pair from Python: times and errors.
 
-Each makes a body of convex vertices and answers whether two meet, and some how far apart they are
-or when they meet on their way. Box2D computes in float32, gives polygons a skin of 1 cm, welds
+Each makes a body of convex vertices and decides whether two meet; some measure how far apart they
+are, or when they meet in motion. Box2D computes in float32, gives polygons a skin of 1 cm, welds
 vertices nearer than 2.5 mm and takes at most 16 of them.
 """
 
@@ -53,13 +53,13 @@ REPEATS = 5
 SIDES = 4, 16, 64
 RATED = 16
 NON_CONVEX_SIDES = 16, 64, 256
-# Where the numbers overflow and underflow, the first four; then where rounding decides the sign.
+# Families in which numbers overflow and underflow, the first four; then rounding decides the sign.
 MEASURED = 'near', 'deep', *families.EXTREME, 'extreme_scales', 'hair_gaps', 'vertex_on_edge', \
     'slivers', 'containment', 'far_offsets'
 
 
 class Library(NamedTuple):
-    """What is asked of a library; None where it has no answer."""
+    """The functions of a library; None for those that it does not have."""
 
     make: Callable  # makes a body of an (n, 2) array
     meets: Callable  # of two bodies
@@ -85,7 +85,7 @@ def _chipmunk_shape(body):
 
 
 def _sampled_time(body, other, move):
-    """Ask shapely at equal steps, as many programs do."""
+    """Test with shapely at equal time steps, as many programs do."""
     a, b = shapely_shape(body), shapely_shape(other)
     for k in range(SAMPLES + 1):
         x, y = k / SAMPLES * move
@@ -131,7 +131,7 @@ if Box2D is not None:
 
 
 def decisions(rng, count):
-    """Return what making a body and asking for a near pair takes, in ns, and wrong answers."""
+    """Return the ns of making a body and of deciding a near pair, and wrong answers."""
     rows = []
     for n in SIDES:
         pairs, _ = samples.sample(rng, n, 'near', count)
@@ -151,7 +151,7 @@ def decisions(rng, count):
 
 
 def separations(rng, count):
-    """Return what asking for a separation takes, in ns, and its errors, see `_errors`."""
+    """Return the ns of measuring a separation, and its errors, see `_errors`."""
     rows = []
     asked = {name: library for name, library in LIBRARIES.items() if library.distance}
     for n in SIDES:
@@ -174,9 +174,9 @@ def separations(rng, count):
 
 def contact_times(rng, count):
     """
-    Return what asking when two bodies meet takes, in ns, and how wrong it is.
+    Return the ns of computing when two bodies meet, and the errors.
 
-    One body moves by twice the way to the other's middle, aside by up to what just passes it.
+    One body moves by twice the path to the other's middle, offset by up to where it just passes.
     """
     rows = []
     for n in (4, RATED):
@@ -201,7 +201,7 @@ def contact_times(rng, count):
 
 
 def non_convex(rng, count):
-    """Return for combs in each other's gaps, mostly not convex, what a pair takes, in ns."""
+    """Return the ns of a pair of combs in each other's gaps, mostly not convex."""
     rows = []
     for n in NON_CONVEX_SIDES:
         pairs = families.interlocked_combs(rng, count, n)

@@ -15,7 +15,7 @@
 """
 The methods compared, each as a loop over many pairs prepared for it: their speed and errors.
 
-What a body needs once is made before: packed arrays, boxes, centres of gravity, shapely's shapes.
+Data of each body is prepared before: packed arrays, boxes, centres of gravity, shapely's shapes.
 """
 
 from functools import cached_property, partial
@@ -38,7 +38,7 @@ import shapely
 
 class Method(NamedTuple):
     """
-    How a method is called and drawn, its kernel, and what that takes of each body.
+    The name and style of a method, its kernel, and the data of each body that the kernel takes.
 
     The colours are safe for the colour-blind (Okabe and Ito, and Tol).
     """
@@ -67,7 +67,7 @@ METHODS = {
     'shapely': Method('shapely', '#0072B2', 'X'),
 }
 LABELS = {name: method.label for name, method in METHODS.items()}
-# Measured for wrong answers alone.
+# Measured only for wrong answers.
 UNTIMED = 'traditional_float32',
 REPEATS = 5
 ONCE_SIDES = 4, 16, 64
@@ -144,7 +144,7 @@ def applicable():
 
 
 def run_once(name, pairs):
-    """Return the answers of a method for bodies used once: what it needs of each is made, too."""
+    """Return the answers of a method for bodies used once, including their preparation."""
     if name == 'shapely':
         return shapely.intersects(*(shapely.polygons(np.stack(bodies)) for bodies in pairs.sides))
     answers = np.empty(len(pairs), np.bool_)
@@ -193,7 +193,7 @@ else:
 
 @kernel
 def _stream(method, a, a_ends, b, b_ends, answers, axes):
-    # Without reference counts, which would cost the quicker methods more than they do themselves.
+    # Without reference counts, which would cost more than the faster methods themselves.
     a, b = _borrowed(a), _borrowed(b)
     for i in range(len(answers)):
         answers[i], axes[i] = method(a[a_ends[i]:a_ends[i + 1]], b[b_ends[i]:b_ends[i + 1]])
@@ -234,7 +234,7 @@ def _head(body):
     return low_x, low_y, high_x, high_y, x, y
 
 
-# What makes ready a body for a method, by the name of what the method takes.
+# The functions that prepare a body, by the name of the data that a method takes.
 _PREPARING = {'bounds': sat_methods.bounds, 'centres': sat_methods.centre_of_gravity,
               'heads': _head}
 
@@ -254,7 +254,7 @@ def measure(seeds, scale=1.0):
 
 
 def once(rng, scale=1.0):
-    """Return the time of near pairs in ns where what a body needs is made for each pair."""
+    """Return the time of near pairs in ns if bodies are prepared for each pair."""
     rows = []
     for n in ONCE_SIDES:
         pairs = samples.sample(rng, n, 'near', _count(n, scale))[0]

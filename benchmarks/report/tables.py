@@ -31,7 +31,7 @@ _KINDS = *MIX, 'hard'
 
 
 def distinct(rows, key):
-    """Return what rows have for a key, each once, in order."""
+    """Return the distinct values of rows for a key, in order."""
     return list(dict.fromkeys(row[key] for row in rows if key in row))
 
 
@@ -69,7 +69,7 @@ def _time(figures, n, method, kinds=MIX):
 
 
 def _timed(figures):
-    """Return by name how the methods that were timed are called, improved in bold."""
+    """Return the titles of the timed methods by name, improved in bold."""
     timed = distinct([row for row in figures['speed'] if 'ns' in row], 'method')
     return {name: f'**{LABELS[name]}**' if name == 'improved' else LABELS[name] for name in timed}
 

@@ -27,8 +27,8 @@ def with_tables(page, tables, figures):
     """
     Return the text of a page with its tables made anew.
 
-    A table stands between `<!-- its name -->` and `<!-- until here -->`; `tables` has by name what
-    makes it of the figures.
+    A table stands between `<!-- its name -->` and `<!-- until here -->`; `tables` has, by name,
+    the function that makes it of the figures.
     """
     for name in _MARK.findall(page):
         if name != 'until here':
@@ -66,7 +66,7 @@ def durations(middle, low, high):
 
 
 def share(part, whole=1.0):
-    """Return a share as a percentage; only what is exactly none or all is written so."""
+    """Return a share as a percentage; 0 and 100 % are written only if they are exact."""
     if part is None or not whole:
         return '–'
     if part == 0:

@@ -30,7 +30,7 @@ U_FLOAT32 = 2.0 ** -24
 DRAWN = ('improved', 'traditional', 'published_a', 'published_b', 'binary', 'gjk', 'filtered',
          'shapely')
 CONDITIONED = 'traditional', 'closest', 'gjk', 'published_a', 'published_b', 'improved'
-# Methods at whose points n is written, for some n.
+# Methods whose points are labelled with n, for some n.
 _NUMBERED = 'published_a', 'improved'
 _NUMBERS = 4, 16, 64, 256
 # Bins with fewer pairs are not drawn.
@@ -50,7 +50,7 @@ def write_all(figures, directory):
 
 
 def style(method, **changes):
-    """Return how a method's line is drawn; that of improved stands out."""
+    """Return the style of a method's line; that of improved stands out."""
     label, colour, marker = METHODS[method][:3]
     ours = method == 'improved'
     return {'label': label, 'color': colour, 'marker': marker, 'linewidth': 2.6 if ours else 1.2,
@@ -157,7 +157,7 @@ def _condition(figures):
 
 
 def _label(found, method):
-    """Return how a line is called: improved stands for all methods that are never wrong."""
+    """Return the label of a line: improved stands for all methods that are never wrong."""
     never = [m for m, worst in found['backward'].items() if not worst]
     return f'{LABELS[method]} (as all never wrong)' if method in never else LABELS[method]
 
@@ -196,7 +196,7 @@ def _growth(figures):
 
 
 def _examples(figures):
-    """Draw a pair that A calls colliding, one that B calls clear, and what they look at."""
+    """Draw a pair that A calls colliding, one that B calls clear, and what A and B evaluate."""
     figure, panels = pyplot.subplots(1, 3, figsize=(12.0, 5.6), width_ratios=(1, 1.15, 1.15))
     one, other = (figures['examples'][method] for method in ('published_a', 'published_b'))
     gap, overlap = 1e3 * one['separation'], -1e3 * other['separation']
@@ -237,7 +237,7 @@ def _draw_bodies(panel, example):
 
 
 def _draw_a(panel, example):
-    """Draw the edges whose normals are tried, and a line that separates nonetheless."""
+    """Draw the edges whose normals are tried, and a separating line that is missed."""
     a, b = (np.array(example[side]) for side in 'ab')
     along = np.subtract(*example['centres'][::-1])
     for body, sign, name, place in ((a, 1, 'B', (-4, 7)), (b, -1, 'C', (6, -15))):
@@ -255,7 +255,7 @@ def _draw_a(panel, example):
 
 
 def _draw_b(panel, example):
-    """Draw the four vertices and how far they and the others reach on the centre line."""
+    """Draw the four vertices, and the projections of them and the others on the centre line."""
     bodies, centres = (example['a'], example['b']), np.array(example['centres'])
     along = centres[1] - centres[0]
     along = along / np.hypot(*along)

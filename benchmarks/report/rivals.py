@@ -13,16 +13,16 @@
 # limitations under the License.
 
 """
-Rivals: binary-search SAT and GJK in plain floating point, and orientations that are exact.
+Other methods: binary-search SAT and GJK in plain floating point, and exact orientations.
 
-All take two convex polygons as counter-clockwise (n, 2) arrays, and of each a head made in
+All take two convex polygons as counter-clockwise (n, 2) arrays, and for each a head made in
 advance, its bounding box and centre of gravity; all begin with the boxes. A kernel returns the
-answer and how many axes or edges it tried, a test of the boxes counted as two.
+answer and how many axes or edges it tried, with a test of the boxes counted as two.
 
 Two convex polygons are apart iff some edge of one has every vertex of the other strictly on its
-outer side. *filtered orientations* asks this of each edge through the semi-static filter of CGAL's
-kernel (Melquiond and Pion 2007), and exactly where that fails. It begins with the vertex that
-refuted the edge before, which makes most pairs O(n).
+outer side. *filtered orientations* tests each edge with the semi-static filter of CGAL's kernel
+(Melquiond and Pion 2007), and exactly if that fails. It begins with the vertex that refuted the
+edge before, which makes most pairs O(n).
 """
 
 import math
@@ -30,16 +30,16 @@ import math
 from sat_collision.geometry.jit import kernel
 from sat_collision.geometry.predicates import orient, segments_meet
 
-# Bodies of so many vertices are scanned for the support.
+# The support vertex of bodies with up to so many vertices is found by a linear scan.
 _SCANNED = 8
 
-# GJK takes bodies nearer than this for touching, as a share of the largest difference between
-# their vertices; and ends after so many steps, which takes them for touching too.
+# GJK counts bodies nearer than this as touching, relative to the largest difference between their
+# vertices; it ends after so many steps, and then counts them as touching, too.
 GJK_TOLERANCE = 1e-10
 _MOST_STEPS = 64
 
 # The constants of CGAL's Orientation_2: error of the determinant of 2 x 2 rounded differences,
-# and between which magnitudes neither the bound underflows nor the determinant overflows.
+# and the magnitudes between which neither the bound underflows nor the determinant overflows.
 _CGAL_ERROR = 8.8872057372592798e-16
 _CGAL_LEAST = 1e-146
 _CGAL_MOST = 1e153
@@ -104,14 +104,14 @@ def gjk_axes(p, q, head_p, head_q):
 
 @kernel
 def boxes_apart(head_p, head_q):
-    """Tell whether two bounding boxes share no point."""
+    """Return whether two bounding boxes share no point."""
     return ((head_p[0] > head_q[2]) | (head_q[0] > head_p[2])
             | (head_p[1] > head_q[3]) | (head_q[1] > head_p[3]))
 
 
 @kernel
 def support(body, x, y):
-    """Return a vertex furthest along an axis, but for rounding; vertices are counter-clockwise."""
+    """Return the vertex furthest along an axis, up to rounding; vertices are counter-clockwise."""
     count = len(body)
     if count <= _SCANNED:
         best = 0
@@ -155,7 +155,7 @@ def _rise(body, i, x, y):
 
 @kernel
 def _holds_origin(ax, ay, bx, by, cx, cy):
-    """Tell whether a triangle, in either winding, holds the origin."""
+    """Return whether a triangle, in either winding, contains the origin."""
     ab = ax * by - ay * bx
     bc = bx * cy - by * cx
     ca = cx * ay - cy * ax

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The pairs of bodies measured on: four kinds, n vertices each, with the exact answers."""
+"""The pairs of bodies for measurements: four kinds, n vertices each, with the exact answers."""
 
 import families
 import oracle
@@ -23,7 +23,7 @@ HARD = (families.hair_gaps, families.far_offsets, families.slivers, families.ver
         families.vertex_on_edge, families.edge_on_edge, families.one_ulp, families.flat_arcs,
         families.float32_round_trip)
 
-# Of fewer pairs than this no time is given where the long run is summed up.
+# The summary of the long run gives no time for fewer pairs than this.
 FEWEST_TIMED = 1000
 # Families for bodies of many vertices, which are measured less often, and with how many.
 MANY = {'many_sided': (256, 1024)}
@@ -73,7 +73,7 @@ def chunks(count, n):
 
 
 def counts(answers, meet):
-    """Return how many pairs there are, and how many answers are wrong in which way."""
+    """Return the numbers of pairs, of those apart, of false collisions and of false clears."""
     return {'pairs': len(meet), 'apart': int((~meet).sum()),
             'false_collisions': int((answers & ~meet).sum()),
             'false_clears': int((~answers & meet).sum())}

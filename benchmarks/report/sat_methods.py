@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The separating axis methods compared: the traditional one, and the paper's in all its readings.
+The separating axis methods compared: the traditional one, and all readings of the paper's.
 
 The paper is Liang and Liu, "The Research of Collision Detection Algorithm Based on Separating Axis
 Theorem". Each kernel takes two convex polygons as counter-clockwise (n, 2) and (m, 2) float arrays
@@ -33,7 +33,7 @@ def traditional_axes(p, q):
     """
     Decide by the normals of all edges (section 2.3), points and segments too.
 
-    Complete, but for rounding. Arrays of float32 are computed with in float32.
+    Complete, up to rounding. Arrays of float32 are processed in float32.
     """
     axes = 0
     for body in (p, q):
@@ -167,7 +167,7 @@ def edge_separates(p, q, body, i):
 
 @kernel
 def separates(p, q, x, y):
-    """Return whether projections of two polygons on an axis are apart; no bound on rounding."""
+    """Return whether projections of two polygons on an axis are apart, without error bounds."""
     low_p, high_p = _project(p, x, y)
     low_q, high_q = _project(q, x, y)
     return high_p < low_q or high_q < low_p
@@ -225,7 +225,7 @@ def to_edge(x, y, body, i):
 
 @kernel
 def crossed_edge(polygon, centre, x, y):
-    """Return where the edge ends that the ray from the centre along (x, y) crosses."""
+    """Return the end of the edge that the ray from the centre along (x, y) crosses."""
     for i in range(len(polygon)):
         start = x * (polygon[i - 1, 1] - centre[1]) - y * (polygon[i - 1, 0] - centre[0])
         end = x * (polygon[i, 1] - centre[1]) - y * (polygon[i, 0] - centre[0])

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What exactness, the age of a position and stepping a prediction cost in scenes.
+The cost in scenes of exactness, of old positions and of predicting in steps.
 
 A scene is a list of frames, each a footprint and the obstacles it is compared with, as vertices:
 of recordings, a docking, and racks in line. All coordinates are float32, as messages carry them.
@@ -37,7 +37,7 @@ from sat_collision.geometry.separating_axis import (
 BOX_AXES = 2
 # Fewer pairs than this are not timed.
 _FEWEST_TIMED = 100
-# How a recording of test/data is called on the page.
+# The names of the recordings in test/data on the page.
 NAMES = {'autoware_ego_trajectory_boxes': 'a vehicle among boxes (Autoware)',
          'commonroad_USA_Lanker-1_1_ego1247': 'vehicles on a road (CommonROAD, NGSIM)',
          'tysik_front_scan_polygons': 'clusters of a laser scanner'}
@@ -192,7 +192,7 @@ def _decide(a, a_starts, a_counts, b, b_starts, b_counts, answers):
 
 @kernel
 def _axes_and_doubt(p, q):
-    """Return how many axes two bodies take, and whether the search was not sure."""
+    """Return how many axes two bodies take, and whether the search was inconclusive."""
     axes = BOX_AXES
     if boxes_apart(p, q):
         return axes, False
@@ -246,8 +246,8 @@ def stepping(rng, count):
     """
     Return for the continuous time (step 0) and for steps what they miss and take, in s and ns.
 
-    What any of them finds counts as a contact, but for what the rectangle touches at the start;
-    it is late by the time since the earliest. ns are those until a scene's first, an obstacle.
+    A contact is one that any of them finds, except with what the rectangle touches at the start;
+    it is late by the time since the earliest. ns are those to a scene's first, per obstacle.
     """
     scenes = [(_segments(rng), (rng.uniform(1.0, 10.0), 0.0, rng.uniform(-1.0, 1.0)))
               for _ in range(count)]

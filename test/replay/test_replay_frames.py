@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings of bodies and outlines in frames that move, by the /tf or odometry in them."""
+"""Recordings of bodies and outlines in moving frames, placed by the recorded /tf or odometry."""
 
 import math
 from random import Random

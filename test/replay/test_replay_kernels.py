@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What compiles before a check, and that it is said."""
+"""Which kernels are compiled before a check, and the messages about it."""
 
 import os
 from pathlib import Path

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The live node and the replay of a recording say the same, message by message, over DDS."""
+"""The live node and the replay of a recording agree, message by message, over DDS."""
 
 import itertools
 import time

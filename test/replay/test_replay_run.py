@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What replay says as live of recordings whose answer is known, and when."""
+"""The results of replay as live for recordings whose results are known, with their times."""
 
 from builders import SECOND, serialised
 from published import load

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Kernels that only other kernels call, for tests to call."""
+"""Makes kernels that only other kernels call callable for tests."""
 
 from sat_collision.geometry.jit import kernel
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""DDS that stays on this machine, and finds who is there at once."""
+"""DDS that stays on this machine, with fast discovery."""
 
 import os
 from pathlib import Path

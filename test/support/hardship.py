@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a process may have to start with: a user who may write nowhere."""
+"""Hard conditions for starting a process: a user without write permission anywhere."""
 
 import ctypes
 import os

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A running node and somebody who talks to it over DDS, each with a participant of its own."""
+"""A running node and a client that talks to it over DDS, each with a participant of its own."""
 
 import threading
 import time

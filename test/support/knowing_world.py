@@ -16,9 +16,9 @@
 A world of publishers, lossy channels and clocks around one source, and what it may promise.
 
 The source is the real one, the geometry is not: a body is 'T', which touches the footprint, 'F',
-which is far, or 'M', which comes nearer. The truth is kept here, by what was sent and what of it
-was delivered, and says in each state whether clear and the time to collision are right and whether
-the source becomes known again: docs/knowing.md.
+which is far, or 'M', which comes nearer. The truth, by what was sent and what of it was delivered,
+is kept here, and decides in each state whether clear and the time to collision are right and
+whether the source becomes known again: docs/knowing.md.
 """
 
 import math

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Random scenes in random moving frames, and where everything truly is.
+Random scenes in random moving frames, and the true places of all bodies.
 
-Frames turn and move in the plane as complex numbers do; nothing is shared with the code under
+Rotations and translations of frames are complex numbers; nothing is shared with the code under
 test. Times are seconds since a scene's beginning.
 """
 

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-What two simple polygons truly do: the exact answers that the tests and `make accuracy` trust.
+Whether two simple polygons meet: the exact answers that the tests and `make accuracy` rely on.
 
-Nothing here is the separating axis theorem, and nothing is shared with the code under test but the
-compiler.  Two closed bodies meet iff their boundaries meet or one body holds the other: a boundary
+Nothing here uses the separating axis theorem, and only the compiler is shared with the code under
+test.  Two closed bodies meet iff their boundaries meet or one body contains the other: a boundary
 is connected, so one that misses the other boundary lies wholly inside or wholly outside it, and
-any one vertex tells which.  A point is a ring of one edge of no length, a segment a ring of two.
+any one vertex decides which.  A point is a ring of one edge of no length, a segment a ring of two.
 """
 
 import math

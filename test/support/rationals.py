@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Areas, and how far apart or how deep in each other convex bodies truly are, in rationals."""
+"""Exact areas, and exact separations and depths of convex bodies, in rationals."""
 
 from fractions import Fraction
 import math

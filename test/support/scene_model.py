@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The scene as a model that is simple: it follows the rules to the letter and recomputes everything.
+A simple model of the scene: it follows the rules to the letter and recomputes everything.
 
-It looks through all bodies whenever it is asked, and leaves geometry to shapely. A body is a ring:
-a tuple of its corners. Times are in ns.
+Each query checks all bodies, and shapely does the geometry. A body is a ring: a tuple of its
+corners. Times are in ns.
 """
 
 from dataclasses import replace

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-A source of obstacles as a model, see scene_model: what is held, and whether it is known.
+A model of a source of obstacles, see scene_model: its obstacles, and whether it is known.
 
 It follows the rules of docs/knowing.md to the letter. A listing is a log of all its messages,
-which is read from the first on whenever something is asked. Nobody tells of publishers: a stream
-begins with number 1, or with a number that has been already. Times are in ns.
+which each query reads from the first on. Publishers are not announced: a stream begins with number
+1, or with a number that has been received already. Times are in ns.
 """
 
 from dataclasses import dataclass, field

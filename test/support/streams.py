@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Messages that come all the time, whatever a test is doing."""
+"""Messages that are published continuously while a test runs."""
 
 from contextlib import contextmanager
 import threading

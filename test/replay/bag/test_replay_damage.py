@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Damage that must not pass as clear: what is announced and what is read, bombs, wrong values."""
+"""Damaged recordings must not pass as clear: wrong counts, decompression bombs, wrong values."""
 
 import contextlib
 import os

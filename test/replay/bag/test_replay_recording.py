@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings: what is read of them, with libraries and without."""
+"""Reading recordings, with and without libraries."""
 
 from importlib.machinery import ModuleSpec
 import json

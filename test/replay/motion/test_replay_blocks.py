@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sets that are described and looked at together: the same as one after the other."""
+"""Sets that are described and decided together: the results are the same as one by one."""
 
 import numpy as np
 import pytest

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which body of a set becomes which of the next, against a plain search of all pairs."""
+"""Matching of bodies from one set to the next, compared with a plain search of all pairs."""
 
 import numpy as np
 import pytest

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recorded motion in frames that move: that of the same bodies sent in the fixed frame."""
+"""Recorded motion in moving frames: the same as that of bodies sent in the fixed frame."""
 
 import math
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What touched by recorded motion: between messages, at equal stamps, and with its own doubts."""
+"""Contacts in recorded motion: between messages, at equal stamps, and where it is undetermined."""
 
 from builders import SECOND, serialised
 from published import load

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Random recorded motions, against dense samples of them that shapely decides."""
+"""Random recorded motions, compared with dense samples that shapely decides."""
 
 from builders import SECOND, serialised
 import numpy as np

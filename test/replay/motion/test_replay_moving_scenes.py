@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Random scenes in random moving frames, replayed: as live they are those of the monitor."""
+"""Random scenes in random moving frames, replayed: as live the results are the monitor's."""
 
 import pytest
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Messages in the order of their own stamps, however the rows are cut in which they are read."""
+"""Messages in the order of their own stamps, however they are split into rows."""
 
 from operator import itemgetter
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Times to collision: what recorded motion says of what would have happened."""
+"""Times to collision predicted from recorded motion."""
 
 import csv
 from fractions import Fraction

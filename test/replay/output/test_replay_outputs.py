@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a replay writes, and its pictures."""
+"""The files that a replay writes, and its pictures."""
 
 import functools
 from itertools import combinations

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The command as a release gate: unexpected errors are no verdict, each error is one clear line."""
+"""The command as a release gate: unexpected errors are no verdicts, errors are one clear line."""
 
 import json
 import re

@@ -105,7 +105,7 @@ def decode(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
 
 
 def header_stamp(data: bytes) -> int:
-    """Return the header stamp of a message in ns, 0 where it cannot be read in place."""
+    """Return the header stamp of a message in ns, 0 if it cannot be read in place."""
     if len(data) < STAMP_SIZE:
         return 0
     encapsulation, seconds, nanoseconds = _read_stamp(data)

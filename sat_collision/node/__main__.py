@@ -26,7 +26,7 @@ from sat_collision.node.arguments import split, unknown_arguments, USAGE
 from sat_collision.node.signals import end_on_signals
 
 _STDERR = 2
-_STATUS_OF_BAD_ARGUMENTS = 2  # as argparse has it
+_STATUS_OF_BAD_ARGUMENTS = 2  # as in argparse
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -41,8 +41,8 @@ from sat_collision.scene.settings import NEVER, Settings
 
 NAME = 'footprint_monitor'
 
-# QoS offered to subscribers of flags, in s: a flag arrives within each deadline; without one the
-# monitor is no longer alive when the lease expires.
+# QoS offered to subscribers of flags, in s: a flag arrives within each deadline; without one, the
+# monitor counts as dead once the lease expires.
 _DEADLINE = 0.3
 _LEASE = 0.5
 

@@ -30,7 +30,7 @@ from sat_collision.scene.parameters import (
 from sat_collision.scene.settings import Settings, Spec
 
 
-# A parameter of every node: while a simulated clock stands still, nothing becomes too old.
+# A parameter of every node; locked, too, as nothing expires while a simulated clock stands still.
 _USE_SIM_TIME = 'use_sim_time'
 
 

@@ -30,7 +30,7 @@ from sat_collision.scene.streams import Endpoint
 
 _UNKNOWN = '_NODE_NAME_UNKNOWN_'
 _PASSED = 'one that has gone'
-# Publishers are queried at least this often, in looks, even if no change was reported.
+# Publishers are queried at least every this many looks, even if no change was reported.
 _LOOKS = 10
 
 

@@ -182,7 +182,7 @@ class CommandSubscriptions:
         self.without_stamps: set[str] = set()
 
     def follow(self) -> None:
-        """Follow the published type of each command whose subscription has no publisher."""
+        """Follow the published type of each command that has no subscription with a publisher."""
         for command in self._commands:
             one = self._subscribed.get(command.name)
             if not (one and one.subscription.get_publisher_count()):

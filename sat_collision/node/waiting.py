@@ -28,9 +28,8 @@ class Waiting:
     """
     A wait set of a node's present subscriptions, services and events.
 
-    Subscriptions are given by their pointers: `taken_elsewhere` are those whose messages the loop
-    takes itself, `ending_rest` those of them whose messages end a rest. `held` keeps all entities
-    alive until it is closed.
+    Subscriptions are given by their pointers: `taken_elsewhere` if the loop takes their messages
+    itself, `ending_rest` if these also end a rest. Entities are kept until `held` is closed.
     """
 
     def __init__(self, node: Node, taken_elsewhere: set[int], ending_rest: set[int],
@@ -63,7 +62,7 @@ class Waiting:
 
     def wait(self, seconds: float, for_others: bool) -> set[int]:
         """
-        Wait until something is ready or the time is over; return the pointers of subscriptions.
+        Wait until something is ready, for a limited time; return pointers of ready subscriptions.
 
         With `for_others` it also waits for services and events, and handles the events.
         """

@@ -27,7 +27,7 @@ from sat_collision.scene.velocity import Command, MotionTracker
 
 
 class Status(enum.Enum):
-    """What is known of a footprint."""
+    """The status of a footprint."""
 
     CLEAR = 'clear'
     IMMINENT = 'imminent'

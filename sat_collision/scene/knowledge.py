@@ -104,7 +104,7 @@ class Sets(_Listing):
         return [one.group for one in self._sets]
 
     def receive(self, news: News, stamp: int, time: int, now: int) -> SetGroup:
-        """Take a polygon; return the group that it joins."""
+        """Receive a polygon; return the group that it joins."""
         current = self.current
         if (current is None or stamp != current.last or news is not CONTINUES
                 or time < current.time or self._is_spoiled):
@@ -277,7 +277,7 @@ class Keys(_Keyed):
         self._last: float = -NEVER
 
     def receive(self, news: News, stamp: int, time: int, now: int) -> KeyedGroup:
-        """Take a polygon; return the group that it joins."""
+        """Receive a polygon; return the group that it joins."""
         last = self._last
         if news is not CONTINUES or self._since == NEVER or last + self.timeout < now:
             self._restart(max(time, last), LOSS if news is LOST else '')
@@ -343,7 +343,7 @@ class Maps(_Keyed):
         self._settles: float = NEVER
 
     def receive(self, news: News, stamp: int, time: int, now: int) -> KeyedGroup:
-        """Take a polygon; return the group that it joins."""
+        """Receive a polygon; return the group that it joins."""
         if news is BEGUN:
             self._is_begun, self.wants_history = True, False
             self._settles = now

@@ -28,7 +28,7 @@ from sat_collision.scene.settings import NEVER
 
 
 class News(enum.Enum):
-    """What the sequence number of a message means."""
+    """The meaning of a message's sequence number."""
 
     CONTINUES = 'it is the next one of its stream'
     LOST = 'it is of the same stream, but some before it were lost'
@@ -43,7 +43,7 @@ _LONGEST_MIXED = 10 * 10**9
 
 
 class Endpoint(NamedTuple):
-    """A publisher on a topic, as the middleware knows it."""
+    """A publisher on a topic, as reported by the middleware."""
 
     gid: str  # identifies it
     node: str = ''  # full name of its node; empty while that is not known

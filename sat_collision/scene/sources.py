@@ -227,7 +227,7 @@ class Source:
             return None
         if self._by_id:
             return instance
-        # The bytes of the packed body: the same for equal bodies only.
+        # The bytes of the packed body: equal for equal bodies, and only for these.
         return None if body is None else np.asarray(body[0])[:size_of(body)].tobytes()
 
     def _begin_anew(self, manner: type[_Listing], now: int,

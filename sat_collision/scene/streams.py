@@ -100,7 +100,7 @@ class Stream:
 
     @property
     def is_alone(self) -> bool:
-        """Whether at most one publisher is left, even of those that do not count."""
+        """Whether at most one publisher is left, including those that do not count."""
         return len(self._endpoints or ()) <= 1
 
     def receive(self, number: int | None, now: int) -> News:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The turns of the loop: what is taken when, when it ticks, and when it rests."""
+"""The turns of the loop: when it takes which messages, ticks and rests."""
 
 from contextlib import contextmanager
 import itertools

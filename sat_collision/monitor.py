@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the live node and the replay tool share: bytes in, states out."""
+"""The core that the node and the replay tool share: serialised messages in, states out."""
 
 from __future__ import annotations
 
@@ -31,52 +31,52 @@ from sat_collision.scene.settings import FootprintSettings, NEVER, ObstacleSetti
 from sat_collision.scene.streams import Endpoint
 from sat_collision.scene.waiting import WAIT, Wait, Waiting
 
-# The most messages of a footprint that wait for transforms; of a source in parts of max_count.
+# Max messages that wait for transforms: of a footprint; of a source in multiples of max_count.
 _FOOTPRINTS_WAIT = 100
 _SETS_WAIT = 2
 _NOTHING: Sequence[Rejection] = ()
 
-# A message and its number; or the publishers that are there from then on.
+# A queued item: a message and its number, or the publishers from then on.
 _Item: TypeAlias = 'tuple[bytes, int | None] | list[Endpoint]'
 
 
 class Monitor:
     """
-    Takes serialised messages and keeps the scene that they make.
+    Receives serialised messages and updates the scene.
 
-    A message of no use is counted and returned as a Rejection, and never raises. The scene
-    receives it, too, because it stands for a body whose place is not known.
+    An unusable message never raises: it is counted and returned as a Rejection. It counts in the
+    scene, too, because it stands for a body at an unknown place.
 
-    A message in another frame than the fixed one is passed to the scene when the transform at its
-    stamp has come; until then it waits, and behind it what comes later for the same footprint or
-    source. After `transform_timeout` it is refused. Calls that end a wait return the Rejections of
-    the messages that had waited, too. A footprint that has an outline moves with its frame.
+    A message in another frame than the fixed one waits until the transform at its stamp has
+    arrived; later messages of the same footprint or source queue behind it. After
+    `transform_timeout` it is refused. Calls that end a wait also return the Rejections of the
+    messages that had waited. A footprint that has an outline moves with its frame.
 
-    Times are in ns by the clock of the header stamps. The number of a message says which one of
-    its publisher's it is, and is None where that is not known.
+    Times are in ns by the clock of the header stamps. The number of a message is its sequence
+    number among those of its publisher, None if unknown.
 
     Parameters
     ----------
     settings : Settings
     transforms : bool, optional
-        Whether /tf is received; else what is not in the fixed frame is refused.
+        Whether /tf is received; if not, messages in other frames are refused.
     placements : list of Placement, optional
-        Gets the messages that were taken.
+        Receives the accepted messages.
 
     """
 
     def __init__(self, settings: Settings, transforms: bool = False,
                  placements: list[Placement] | None = None) -> None:
         self.scene = Scene(settings)
-        # All messages, by name of the footprint or source; of an outline its poses.
+        # Number of messages by name of the footprint or source; for an outline, of its poses.
         self.received: Counter[str] = Counter()
-        # Whether the messages of all batches have numbers, without which no loss shows.
+        # Whether the messages of all batches have numbers; without them losses go unnoticed.
         self.is_numbered = True
         self.transforms = TransformListener(settings)
         has_transforms = transforms or any(one.odometry for one in settings.footprints)
         self.ingest = Ingest(settings, self.scene, self.transforms if has_transforms else None,
                              self._watch_clock, placements)
-        # The messages that were not taken, by (name, reason).
+        # Number of refused messages, by (name, reason).
         self.rejected = self.ingest.rejected
         self.outlines = Outlines(settings, self.ingest, self.transforms, self.received)
         self.commands = Commands(settings, self.ingest, self.scene)
@@ -86,7 +86,7 @@ class Monitor:
         self._now = 0
 
     def update(self, settings: Settings) -> list[Rejection]:
-        """Apply other settings, of the same names, topics and types."""
+        """Apply changed settings, with the same names, topics and types."""
         self._timeout = round(settings.transform_timeout * 1e9)
         self.transforms.configure(settings)
         self.outlines.configure(settings)
@@ -95,13 +95,13 @@ class Monitor:
 
     @property
     def lost(self) -> Counter[str]:
-        """The messages that were sent but never came, by name."""
+        """Number of messages that were sent but not received, by name."""
         return self.scene.lost()
 
     def receive(self, name: str, data: bytes, now: int,
                 number: int | None = None) -> Rejection | None:
         """
-        Take a message for a footprint, source or commands; for what is disabled it is ignored.
+        Receive a message for a footprint, source or command; ignore it if that is disabled.
 
         It is a serialised PolygonStamped, PolygonInstanceStamped, Odometry or TwistStamped.
         """
@@ -111,9 +111,9 @@ class Monitor:
     def receive_batch(self, name: str, messages: Sequence[bytes], now: int,
                       number: int | None = None) -> Sequence[Rejection]:
         """
-        Take messages of one publisher as `receive` does, between which none is missing.
+        Receive consecutive messages of one publisher as `receive` does.
 
-        The number is that of the first one.
+        The number is that of the first message.
         """
         self.received[name] += len(messages)
         if name in self.commands.names:
@@ -134,16 +134,16 @@ class Monitor:
 
     def receive_run(self, name: str, batch: Batch, begin: int, now: int) -> int:
         """
-        Take those messages of a batch, from one on, that only add to the set of the one before.
+        Receive messages of a batch, from `begin` on, that only add to the set of the one before.
 
-        Returns how many were taken. The next one has to be received by itself.
+        Returns how many were taken. The next one must be received by itself.
         """
         taken = self.ingest.take_run(name, batch, begin, now)
         self.received[name] += taken
         return taken
 
     def update_publishers(self, name: str, endpoints: list[Endpoint]) -> None:
-        """Take the publishers that a footprint or source has now, once what they sent is taken."""
+        """Update the publishers of a footprint or source, after the messages that wait for it."""
         if name in self.waiting:
             self._hold(self.scene.settings_of(name), endpoints, self._now)
         else:
@@ -151,12 +151,12 @@ class Monitor:
 
     def receive_transforms(self, topic: str, data: bytes, now: int,
                            number: int | None = None) -> list[Rejection]:
-        """Take a message of /tf or /tf_static, and what has waited for it."""
+        """Receive a message of /tf or /tf_static, and take the messages that waited for it."""
         self._watch_clock(now)
         return self.transforms.receive(topic, data, now, number) + self._take_moved(now)
 
     def advance(self, now: int, is_all_taken: bool = True) -> list[Rejection]:
-        """Let time pass, as `Scene.pass_time`, and refuse what waited too long."""
+        """Let time pass, see `Scene.pass_time`, and refuse messages that waited too long."""
         self._watch_clock(now)
         rejections = self._follow(now) if self.outlines.deadline < now else []
         if self.waiting.earliest < now:
@@ -166,12 +166,12 @@ class Monitor:
 
     @property
     def deadline(self) -> float:
-        """The time in ns until which, at least, nothing changes by itself; NEVER if at no time."""
+        """Earliest time in ns after which anything may change without a message, or NEVER."""
         deadline = min(self.scene.deadline, self.waiting.earliest)
         return min(deadline, self.outlines.deadline) if self.outlines.names else deadline
 
     def _take_moved(self, now: int) -> list[Rejection]:
-        """Take the messages whose transforms have come, and place the outlines that have moved."""
+        """Take messages whose transforms have arrived, and place outlines that have moved."""
         rejections = self._follow(now)
         if self.waiting.earliest < NEVER:
             rejections += self.waiting.take(now)
@@ -182,7 +182,7 @@ class Monitor:
         return self.outlines.follow(now) if now else []
 
     def _watch_clock(self, now: int) -> None:
-        """Forget what belongs to another time, where the clock was set back."""
+        """Drop transforms, waiting messages and places of outlines if the clock was set back."""
         if now < self._now:
             self.transforms.clear()
             self.waiting.drop()
@@ -191,7 +191,7 @@ class Monitor:
 
     def _admit(self, name: str, data: bytes, number: int | None,
                now: int) -> Sequence[Rejection]:
-        """Take a message, or let it wait: for a transform, or behind what waits for one."""
+        """Take a message or queue it: for a transform, or behind messages that wait for one."""
         settings = self.scene.settings_of(name)
         if not settings.enabled:
             return _NOTHING
@@ -208,7 +208,7 @@ class Monitor:
 
     def _hold(self, settings: FootprintSettings | ObstacleSettings, item: _Item,
               now: int) -> list[Rejection]:
-        """Let a message wait, or what is to be taken after it."""
+        """Queue a message, or publishers that apply after it."""
         self._watch_clock(now)
         most = (_SETS_WAIT * settings.max_count if isinstance(settings, ObstacleSettings)
                 else _FOOTPRINTS_WAIT)
@@ -216,7 +216,7 @@ class Monitor:
 
     def _take_waiting(self, name: str, item: _Item, now: int,
                       may_wait: bool) -> Rejection | Wait | None:
-        """Take what has waited longest for a footprint or source, if it need not wait on."""
+        """Take the first item queued for a footprint or source, if it need not wait longer."""
         settings = self.scene.settings_of(name)
         if isinstance(item, list):
             self.scene.update_publishers(name, item)

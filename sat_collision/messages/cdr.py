@@ -13,11 +13,10 @@
 # limitations under the License.
 
 """
-Serialised geometry_msgs/PolygonStamped and PolygonInstanceStamped to plain data.
+Decodes serialised geometry_msgs/PolygonStamped and PolygonInstanceStamped.
 
-A message as publishers on this kind of machine send it (CDR, in its byte order) is read in place,
-with every length checked. Whatever does not fit to the byte goes to rclpy's own decoder, or
-without ROS to that of rosbags.
+CDR in this machine's byte order is read in place, with every length checked. A message that does
+not match to the byte goes to the decoder of rclpy, or without ROS to that of rosbags.
 """
 
 from __future__ import annotations
@@ -41,13 +40,13 @@ POINT_SIZE = 12
 _SECOND = 1_000_000_000
 _MOST_SHOWN = 200
 
-# Bytes, where in them the points start, and how many there are: x, y and z of each as float32 in
-# this machine's byte order.
+# Bytes, the offset of the points in them, and the number of points: x, y and z of each as float32
+# in this machine's byte order.
 Points: TypeAlias = tuple[bytes, int, int]
 
 
 class MessageError(ValueError):
-    """The bytes are not the message that their topic announces."""
+    """The bytes are not a message of their topic's type."""
 
 
 def decode(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
@@ -66,7 +65,7 @@ def decode(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
     frame_id : str
     points : Points
     identity : int or None
-        The id, of an instance.
+        The id of a PolygonInstanceStamped.
 
     Raises
     ------
@@ -89,7 +88,7 @@ def decode(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
     end = points_at + count * POINT_SIZE
     identity = None
     if instance:
-        # Alignment counts from behind the encapsulation, hence the 4.
+        # Alignment counts from the end of the encapsulation, hence the 4.
         id_at = ((end - 4 + 7) & ~7) + 4
         end = id_at + _ID_SIZE
         if end == size:
@@ -106,7 +105,7 @@ def decode(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
 
 
 def header_stamp(data: bytes) -> int:
-    """Return the header stamp of a message in ns, 0 where it cannot be read in place."""
+    """Return the header stamp of a message in ns, 0 if it cannot be read in place."""
     if len(data) < STAMP_SIZE:
         return 0
     encapsulation, seconds, nanoseconds = _read_stamp(data)
@@ -121,12 +120,12 @@ def _too_many_nanoseconds(nanoseconds: int) -> MessageError:
 
 def _decode_with_library(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
     """
-    Return what `decode` does as the decoder of rclpy or rosbags reads it.
+    Decode with rclpy or rosbags; return the same as `decode`.
 
-    rclpy's forgives what a monitor must not: a point count beyond the end of the message comes
-    back as no points at all, and bytes left over are ignored. So what it read must, when encoded
-    again, give as many bytes, and the bytes must state as many points. It also writes a line to
-    the standard error for each length beyond the end, so lengths are checked before.
+    rclpy's decoder accepts what a monitor must not: for a point count beyond the end of the
+    message it returns no points at all, and it ignores extra bytes. So its result must encode to
+    as many bytes again, and have as many points as the bytes state. It also writes a line to
+    standard error for each length beyond the end, so lengths are checked first.
     """
     _check_lengths(data)
     try:
@@ -160,7 +159,7 @@ def _decode_with_library(data: bytes, instance: bool) -> tuple[int, str, Points,
 
 
 def _check_lengths(data: bytes) -> None:
-    """Raise MessageError where a length in a message, in its own byte order, is beyond its end."""
+    """Raise MessageError if a length, in the message's own byte order, is beyond its end."""
     if len(data) < _HEADER_SIZE:
         raise MessageError(f'{len(data)} bytes where the header alone needs {_HEADER_SIZE}')
     order: Literal['little', 'big'] = 'little' if data[1] & 1 else 'big'

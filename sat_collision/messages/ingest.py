@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Ingest: one message after another is read, moved to the fixed frame and packed for the scene."""
+"""Ingest: reads messages, moves them to the fixed frame and packs them for the scene."""
 
 from __future__ import annotations
 
@@ -40,16 +40,16 @@ from sat_collision.scene.waiting import WAIT, Wait
 
 
 class Batch:
-    """Messages of one publisher, between which none is missing."""
+    """Consecutive messages of one publisher."""
 
     __slots__ = 'messages', 'number', 'data', 'ends'
 
     def __init__(self, messages: Sequence[bytes], number: int | None = None) -> None:
         self.messages = messages
-        # Which one of its publisher's messages the first one is, where that is known.
+        # Sequence number of the first message, None if unknown.
         self.number = number
         self.data = b''.join(messages)
-        # Where in the data each message ends but the last one: (m - 1,) array of int64.
+        # Ends in the data of all messages but the last one: (m - 1,) array of int64.
         self.ends: Any = _NO_ENDS
         if len(messages) > 1:
             self.ends = indexable(np.fromiter(accumulate(map(len, messages)), np.int64,
@@ -61,17 +61,17 @@ _NO_ENDS = indexable(np.empty(0, np.int64))
 
 class Ingest:
     """
-    Passes messages to a scene, or refuses them; without transforms all in another frame.
+    Passes messages to a scene, or refuses them; if `transforms` is None all in other frames.
 
-    `watch_clock` takes the present time in ns before a transform is asked for, and placements get
-    what was taken.
+    `watch_clock` is called with the present time in ns before a transform is looked up, and
+    `placements` receives the accepted messages.
     """
 
     def __init__(self, settings: Settings, scene: Scene, transforms: TransformListener | None,
                  watch_clock: Callable[[int], None],
                  placements: list[Placement] | None = None) -> None:
         self._placements = placements
-        # The messages that were not taken, by (name, reason).
+        # Number of refused messages, by (name, reason).
         self.rejected: Counter[tuple[str, str]] = Counter()
         self._scene = scene
         self._transforms = transforms
@@ -80,14 +80,14 @@ class Ingest:
         self._with_ids = {source.name for source in settings.obstacles
                           if source.type == POLYGON_INSTANCE}
         self._packer = Packer(settings.max_vertices)
-        # By source without ids, of the last obstacle taken: the bytes before the number of its
-        # points, where in the message the points begin, its stamp, and the frame it came in.
+        # By source without ids, of the last obstacle accepted: the bytes before its point count,
+        # the offset of the points in the message, its stamp, and the frame in which it was sent.
         self.headers: dict[str, tuple[bytes, int, int, str] | None] = {
             source.name: None for source in settings.obstacles
             if source.type != POLYGON_INSTANCE}
 
     def take_run(self, name: str, batch: Batch, begin: int, now: int) -> int:
-        """Pass messages to the scene that add to the set of the one before; return how many."""
+        """Pass on the messages that only add to the set of the one before; return how many."""
         if (header := self.headers.get(name)) is None:
             return 0
         start, points_at, stamp, frame_id = header
@@ -111,7 +111,7 @@ class Ingest:
             first = begin
             if begin and placements and not placements[-1].is_empty and (
                     placements[-1].points[0] is batch.messages[begin - 1]):
-                # The message before, of the same header, begins the run.
+                # The run begins with the message before, which has the same header.
                 placements.pop()
                 first -= 1
             if first or begin + taken < len(batch.messages):
@@ -122,7 +122,7 @@ class Ingest:
 
     def take(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
              number: int | None, now: int, may_wait: bool = True) -> Rejection | Wait | None:
-        """Pass a message to the scene; return WAIT if its transform may come, and it may wait."""
+        """Pass on a message; return WAIT if it may wait and its transform may still arrive."""
         scene, name = self._scene, settings.name
         stamp = instance = None
         try:
@@ -175,9 +175,9 @@ class Ingest:
     def place(self, settings: FootprintSettings, points: Points, found: Mapped, now: int,
               velocity_at: Callable[[Mapped], Velocity | None]) -> Rejection | None:
         """
-        Place the outline of a footprint, given where its frame was found.
+        Place the outline of a footprint where its frame was found.
 
-        Its velocity there is asked for only where it is tracked.
+        `velocity_at` is called only if the footprint's motion is tracked.
         """
         stamp = now if found.at is None else found.at
         try:
@@ -200,12 +200,12 @@ class Ingest:
     def refuse(self, settings: FootprintSettings | ObstacleSettings, reason: str, detail: str,
                now: int, stamp: int | None = None, instance: int | None = None,
                number: int | None = None) -> Rejection:
-        """Refuse a message that gives no polygon."""
+        """Refuse a message that gives no valid polygon."""
         self._scene.refuse(settings.name, reason, now, stamp, instance, number)
         return self.reject(settings, reason, detail)
 
     def reject(self, settings: FootprintSettings | ObstacleSettings | CommandSettings,
                reason: str, detail: str) -> Rejection:
-        """Count a message that was not taken, and put it into words."""
+        """Count a refused message and return its Rejection."""
         self.rejected[settings.name, reason] += 1
         return Rejection(settings.name, settings.topic, reason, detail)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the node publishes of a scene: flags, separations, times, contacts, states, markers."""
+"""Publishes a scene: flags, separations, times to collision, contacts, states and markers."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ _FIELDS = [
 
 def contact_cloud(scene: Scene, name: str, stamp: Any) -> Any:
     """
-    Return the points of contact of a footprint; none while it is in no contact.
+    Return the contact points of a footprint; none if it is not in contact.
 
     Each point is one of the footprint, in the fixed frame, with z = 0. Its normal is the unit
-    vector from the obstacle to the footprint; moved by depth (m) along it, the footprint is out
-    of the obstacle. Where bodies within the margin are apart, minus the depth is their distance.
-    The obstacle is the place of its name in what the state of that stamp lists, from 0 on.
+    vector from the obstacle to the footprint; moving the footprint by depth (m) along it takes it
+    out of the obstacle. For bodies apart within the margin the depth is minus their distance.
+    `obstacle` is the index, from 0, of its name among the contacts in the state of the same stamp.
     """
     places = {obstacle: k for k, obstacle in enumerate(scene.state(name).contacts)}
     rows = []
@@ -71,7 +71,7 @@ def contact_cloud(scene: Scene, name: str, stamp: Any) -> Any:
 
 
 class NodeLike(Protocol):
-    """The part of a node's interface that is used: rclpy's, or a stand-in that writes a bag."""
+    """The methods used of a node: one of rclpy, or a stand-in that writes a bag."""
 
     def get_fully_qualified_name(self) -> str:
         """Return the name with the namespace."""
@@ -80,11 +80,11 @@ class NodeLike(Protocol):
         """Return a clock whose now() has to_msg()."""
 
     def create_publisher(self, kind: Any, topic: str, qos: Any) -> Any:
-        """Return what has publish() and get_subscription_count()."""
+        """Return an object with publish() and get_subscription_count()."""
 
 
 class Outputs:
-    """The publishers of a scene; only what has subscribers and has changed is computed."""
+    """The publishers of a scene; figures are computed only for topics with subscribers."""
 
     def __init__(self, node: NodeLike, settings: Settings, scene: Scene,
                  flag_qos: Any = 10) -> None:
@@ -111,7 +111,7 @@ class Outputs:
         self._markers = Markers()
         self._marker_publisher = node.create_publisher(MarkerArray, '~/markers', 1)
         self._marker_message: Any = None
-        # Whether that shows the scene as it is; to be unset when a body has changed.
+        # Whether that message is up to date; must be unset when a body has changed.
         self.markers_current = False
         self.configure(settings)
 
@@ -120,7 +120,7 @@ class Outputs:
         """
         Whether distances are measured.
 
-        Without, states have none and say so, no contacts are published and nothing is drawn.
+        If not, states say so, and neither contacts nor markers are published.
         """
         return self._states.is_measured
 
@@ -131,12 +131,12 @@ class Outputs:
             self._states.note(self._flags)
 
     def configure(self, settings: Settings) -> None:
-        """Apply settings, with which every flag may mean something else."""
+        """Apply settings, which may change the meaning of every flag."""
         self._states.settings = self._brief_states.settings = settings
         self._raising = [Status.COLLISION, Status.IMMINENT]
         if settings.unknown_is_collision:
             self._raising.append(Status.UNKNOWN)
-        # If none is enabled, all are unknown.
+        # If none is enabled, all count: they are unknown.
         self._watched = ({footprint.name for footprint in settings.footprints if footprint.enabled}
                          or set(self._flags))
         self.update(self._flags)
@@ -154,14 +154,14 @@ class Outputs:
         self.markers_current = False
 
     def publish_rise(self, names: Iterable[str]) -> None:
-        """Publish that footprints were in collision, although they are not any more."""
+        """Publish that footprints were in collision, although they no longer are."""
         if not self._watched.isdisjoint(names):
             self._common_flag.publish(_FLAGS[True])
         for name in names:
             self._flags[name].publish(_FLAGS[True])
 
     def publish(self, names: Iterable[str] | None = None) -> None:
-        """Publish the common flag, what is known of some footprints or all, and all states."""
+        """Publish the common flag, outputs of some footprints or (None) of all, and all states."""
         self._common_flag.publish(_FLAGS[not self._raised.isdisjoint(self._watched)])
         changed = [*(self._flags if names is None else names)]
         for name in changed:
@@ -172,7 +172,7 @@ class Outputs:
             self._publish_figures(changed)
 
     def _find_subscribers(self) -> None:
-        """Find out of which footprints what has subscribers: to ask takes as long as a flag."""
+        """Find out which topics have subscribers: asking takes as long as publishing a flag."""
         self._measured, self._timed, self._clouded = (
             {name for name, publisher in publishers.items() if publisher.get_subscription_count()}
             for publishers in (self._separations, self._times, self._clouds))
@@ -181,7 +181,7 @@ class Outputs:
             self._with_states or self._timed or self._marker_publisher.get_subscription_count())
 
     def _publish_figures(self, names: Sequence[str]) -> None:
-        """Publish all but flags, where it has subscribers: of some footprints, or all states."""
+        """Publish what has subscribers, except flags: figures of some footprints, all states."""
         measured = [name for name in names if name in self._measured]
         timed = [name for name in names if name in self._timed]
         clouded = [name for name in names if self.measures and name in self._clouded]
@@ -201,7 +201,7 @@ class Outputs:
             self._clouds[name].publish(contact_cloud(self._scene, name, stamp))
 
     def statuses(self) -> list[Any]:
-        """Return a status of each footprint, without what changes all the time."""
+        """Return a status of each footprint, without the values that change all the time."""
         self._brief_states.update(self._scene)
         return self._brief_states.statuses
 
@@ -209,7 +209,7 @@ class Outputs:
         """
         Raise all flags and report all states as unknown; return these statuses.
 
-        May be called from another thread than all else: it shares only the publishers.
+        May be called from another thread than the other methods: it shares only the publishers.
         """
         for publisher in (self._common_flag, *self._flags.values()):
             publisher.publish(_FLAGS[True])
@@ -224,14 +224,14 @@ class Outputs:
         return states.statuses
 
     def _nearest(self, name: str) -> Nearest | None:
-        """Return what is nearest to a footprint, None if nothing is or that is not known."""
+        """Return the obstacle nearest to a footprint, None if there is none or it is unknown."""
         return self._scene.nearest(name) if self._is_measured(name) else None
 
     def _is_measured(self, name: str) -> bool:
         return self.measures and self._scene.status(name) is not Status.UNKNOWN
 
     def _publish_separation(self, name: str, nearest: Nearest | None) -> None:
-        """Publish how far the nearest is, infinity where nothing is."""
+        """Publish the separation of the nearest obstacle: infinity if none, NaN if unknown."""
         if self._is_measured(name):
             separation = nearest[1] if nearest else math.inf
             self._separations[name].publish(serialize(Float64(data=separation)))
@@ -239,7 +239,7 @@ class Outputs:
             self._separations[name].publish(_UNKNOWN)
 
     def _publish_time(self, name: str, prediction: Prediction | None) -> None:
-        """Publish when a footprint collides, infinity for not within the horizon."""
+        """Publish the time to collision: infinity if not within the horizon, NaN if unknown."""
         self._times[name].publish(
             serialize(Float64(data=prediction.seconds)) if prediction and prediction.is_known
             else _UNKNOWN)
@@ -256,7 +256,7 @@ class Outputs:
         self._state_publisher.publish(self._states.message(stamp))
 
     def publish_markers(self) -> None:
-        """Publish the markers if somebody wants them."""
+        """Publish the markers if they have subscribers."""
         if self.measures and self._marker_publisher.get_subscription_count():
             if not self.markers_current:
                 self._marker_message = self._markers.message(self._scene)

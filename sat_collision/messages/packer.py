@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The points of messages as packed polygons, and as arrays."""
+"""Converts the points of messages to packed polygons, or to arrays."""
 
 from __future__ import annotations
 
@@ -25,36 +25,36 @@ from sat_collision.geometry.polygon import (
     Affine2D, PackedBody, Polygon, PolygonError, Reason, UNMOVED)
 from sat_collision.messages.cdr import Points
 
-# The most vertices that plain Python cuts into convex parts and measures in time, see
+# Max vertices that plain Python cuts into convex parts and measures in time, see
 # docs/reliability.md.
 _MAX_NON_CONVEX = 128
-# Messages with more points than this for each vertex accepted are refused unread.
+# Messages with more points than this times the max vertices are refused unread.
 _POINTS_FOR_A_VERTEX = 8
 
 
 def max_non_convex(max_vertices: int) -> int:
-    """Return the most vertices of a polygon that is not convex, given those of any."""
+    """Return the max vertices of a non-convex polygon, given those of any polygon."""
     return max_vertices if COMPILED else min(max_vertices, _MAX_NON_CONVEX)
 
 
 class Packer:
-    """Packs the points of one message after another, convex ones into one array."""
+    """Packs the points of messages, convex ones into an array used again each time."""
 
     def __init__(self, max_vertices: int) -> None:
         self.max_vertices = max_vertices
         self._max_non_convex = max_non_convex(max_vertices)
-        # One more for a closing point; messages with yet more points may be slow.
+        # One more, for a closing point; messages with even more points may be slow.
         self._most_points = max_vertices + 1
         self.array = indexable(np.empty(packed_size(self._most_points)))
 
     def pack(self, points: Points, affine: Affine2D = UNMOVED) -> PackedBody:
         """
-        Return the body that points make in another frame, good until the next call.
+        Return the body of points moved by an affine map, valid until the next call.
 
         Raises
         ------
         PolygonError
-            If they make none.
+            If they make no valid body.
 
         """
         count = points[2]

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the process of the node begins."""
+"""Entry point of the node's process."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from sat_collision.node.arguments import split, unknown_arguments, USAGE
 from sat_collision.node.signals import end_on_signals
 
 _STDERR = 2
-_STATUS_OF_BAD_ARGUMENTS = 2  # as argparse has it
+_STATUS_OF_BAD_ARGUMENTS = 2  # as in argparse
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """
     Run the node until SIGINT, SIGTERM or SIGHUP; return the exit status.
 
-    Arguments are without the program's name, and those of the process unless given.
+    `args` excludes the program's name and defaults to the arguments of the process.
     """
     own, ros = split(sys.argv[1:] if args is None else args)
     if '--version' in own:
@@ -47,7 +47,7 @@ def main(args: Sequence[str] | None = None) -> int:
         return _STATUS_OF_BAD_ARGUMENTS
     _fill_standard_streams()
     end_on_signals()
-    # Not before: it takes so long to import that a signal may come meanwhile.
+    # Imported only now, because it takes so long that a signal may arrive meanwhile.
     try:
         from sat_collision.geometry import preparation
         preparation.begin()
@@ -62,8 +62,8 @@ def _fill_standard_streams() -> None:
     """
     Open /dev/null as each standard stream that is closed.
 
-    Else the next file that is opened takes its place, and what is printed goes there: into the
-    pipe that ends the node on signals, for one.
+    Otherwise the next file opened gets its descriptor, and output is written into that file: for
+    example into the pipe that ends the node on signals.
     """
     while (opened := os.open(os.devnull, os.O_RDWR)) <= _STDERR:
         os.set_inheritable(opened, True)

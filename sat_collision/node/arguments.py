@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The command line of the node: what is not for ROS, and what parameter files are for."""
+"""The node's command line: its own arguments, ROS arguments and unused parameter files."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ config/footprint_monitor.yaml lists all parameters with their defaults.
 
 
 def split(args: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Return the arguments that are not ROS's, and those that are, as rcl tells them apart."""
+    """Return the node's own arguments and the ROS arguments, told apart as rcl does."""
     own: list[str] = []
     ros: list[str] = []
     taken_by = own
@@ -46,19 +46,19 @@ def split(args: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def unknown_arguments(own: Sequence[str]) -> str:
-    """Say that nothing takes these arguments, and what to type."""
+    """Return an error message for unknown arguments, which says what to type."""
     return (f"nothing takes '{' '.join(own)}': all arguments come after --ros-args, as in "
             '--ros-args --params-file my.yaml (--help says more)')
 
 
 def unused_files(ros: Sequence[str], node: str) -> Iterator[str]:
     """
-    Say which parameter files have nothing for a node, and for which nodes they have some.
+    Yield a warning for each parameter file that has no parameters for a node.
 
-    `ros` are the arguments that are ROS's, `node` the full name of the node.
+    `ros` has the ROS arguments, `node` is the full name of the node.
     """
     from sat_collision.scene.parameters import is_name_of, parameters_by_node
-    import yaml  # rclpy needs it, too
+    import yaml  # a dependency of rclpy
     for option, path in zip(ros, ros[1:]):
         if option != '--params-file':
             continue

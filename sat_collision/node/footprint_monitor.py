@@ -41,19 +41,19 @@ from sat_collision.scene.settings import NEVER, Settings
 
 NAME = 'footprint_monitor'
 
-# DDS guarantees to subscribers of flags, in s: one arrives within the deadline, or the monitor
-# counts as dead after the lease.
+# QoS offered to subscribers of flags, in s: a flag arrives within each deadline; without one, the
+# monitor counts as dead once the lease expires.
 _DEADLINE = 0.3
 _LEASE = 0.5
 
-# The longest that anything due by time alone waits. Each tick wakes the process, which costs far
-# more than what it does.
+# Max period of ticks in s, and so the max delay of what is due by time alone. Waking the process
+# costs far more than the work of a tick.
 _TICK = 0.1
 _HEALTH_PERIOD = 1.0
 _LOG_PERIOD = 1.0
-# The time in s that everything has to start.
+# Start-up time in s, after which what is still unknown is logged.
 _STARTED = 5.0
-# At least so many ticks fit into the time after which the watchdog reports a stall.
+# Min ticks in the time after which the watchdog reports a stall.
 _TICKS_IN_TIME = 3.0
 _SHORTEST_TICK = 0.02
 
@@ -70,14 +70,14 @@ class FootprintMonitor(Node):
     """
     Publishes whether footprints collide with obstacles.
 
-    Everything happens in one thread, see `loop`: messages are checked in batches, what follows is
-    published once a batch, and a tick by the steady clock does whatever is due by time alone.
+    Everything happens in one thread, see `loop`: messages are checked in batches, changes are
+    published once per batch, and a tick by the steady clock does whatever is due by time alone.
     Options are those of `rclpy.node.Node`.
 
     Raises
     ------
     ParameterError
-        If the parameters given at start make no sense.
+        If the initial parameters are invalid.
 
     """
 
@@ -126,7 +126,7 @@ class FootprintMonitor(Node):
         self._watchdog.use(settings.watchdog)
 
     def _prepare(self, settings: Settings) -> None:
-        """Wait for what measures distances where flags are decided by them."""
+        """Wait for the kernels that measure distances if flags depend on distances."""
         if settings.margin or any(one.min_time_to_collision for one in settings.footprints):
             self._preparation.complete()
 
@@ -139,7 +139,7 @@ class FootprintMonitor(Node):
         self._outputs.publish()
 
     def _choose_clock(self, jump: TimeJump | None = None) -> None:
-        """Have `present` ask the system itself unless time is simulated: each batch does."""
+        """Let `present`, called each turn, read the system clock unless time is simulated."""
         clock = self.get_clock()
         self.present: Callable[[], int] = time.time_ns
         if clock.ros_time_is_active:
@@ -147,7 +147,7 @@ class FootprintMonitor(Node):
 
     def receive(self, name: str, messages: Sequence[bytes], now: int,
                 number: int | None) -> None:
-        """Take messages as `Monitor` does."""
+        """Receive messages as `Monitor` does."""
         if name in TRANSFORM_TOPICS:
             for k, data in enumerate(messages):
                 self._log(self._monitor.receive_transforms(name, data, now, number and number + k))
@@ -158,19 +158,19 @@ class FootprintMonitor(Node):
             self._log(rejections)
 
     def begin_stream(self, name: str) -> None:
-        """Look who publishes, before the first message of a publisher is taken."""
+        """Update the publishers before the first message of a publisher is received."""
         endpoints = self._inputs.publishers.at_beginning(name)
         if endpoints is not None:
             self._monitor.update_publishers(name, endpoints)
 
     def end_batch(self, messages: int, seconds: float) -> None:
-        """Publish what a batch of messages has changed, which took some seconds."""
+        """Publish what a batch of messages changed, which took `seconds` to process."""
         self._publish_changes()
         self._outputs.markers_current = False
         self._health.count_batch(messages, seconds)
 
     def note_backlog(self, name: str, backlog: Backlog | None) -> None:
-        """Record how far behind a topic is, None where it is not any more."""
+        """Record how far behind a topic is, None if it is no longer behind."""
         self._health.note_backlog(name, backlog)
         if backlog:
             self._behind.add(name)
@@ -184,12 +184,12 @@ class FootprintMonitor(Node):
                    self._ticked + self._tick_period)
 
     def tick(self, now: int, is_all_taken: bool) -> None:
-        """Do what is due without a message."""
+        """Do what is due by time alone."""
         self._ticked = steady = time.monotonic()
         self._systemd.turned()
         goes_on = self._watchdog.turned()
         if goes_on:
-            # The time was read before the stall, perhaps, and messages may still be queued.
+            # `now` may have been read before the stall, and messages may still be queued.
             now, is_all_taken = self.present(), False
         if self._looking.due(steady) or goes_on:
             self._look_around(now, steady)
@@ -203,7 +203,7 @@ class FootprintMonitor(Node):
             self._health.publish(self._monitor, self._outputs.statuses())
 
     def _look_around(self, now: int, steady: float) -> None:
-        """Poll what sends no event: publishers, clock, middleware, kernels being compiled."""
+        """Poll what gives no event: publishers, clock, middleware, kernels being compiled."""
         for name, endpoints in self._inputs.publishers.news(self._behind):
             self._monitor.update_publishers(name, endpoints)
         self._commands.follow()
@@ -223,13 +223,13 @@ class FootprintMonitor(Node):
             self._outputs.measures = self._preparation.is_complete()
 
     def destroy_node(self) -> None:
-        """End what belongs to the node, its watchdog first."""
+        """Stop the watchdog, notify systemd and destroy the node."""
         self._watchdog.close()
         self._systemd.ends()
         super().destroy_node()
 
     def _on_stall(self, stalled: float) -> None:
-        """Publish that nothing is known, from the watchdog's thread."""
+        """Publish that everything is unknown; called from the watchdog's thread."""
         reason = f'the monitor has been stalled for {stalled:.1f} s'
         if not self._is_stalled:
             self._is_stalled = True
@@ -237,13 +237,13 @@ class FootprintMonitor(Node):
         self._health.publish_stall(reason, self._outputs.publish_unknown(reason))
 
     def _on_recovery(self, stalled: float) -> None:
-        """Log that the stall is over; what is known is published next."""
+        """Log the end of a stall; the tick publishes the current states next."""
         self._is_stalled = False
         self._health.count_stall(stalled)
         self.get_logger().error(f'the monitor goes on after a stall of {stalled:.1f} s')
 
     def _report_unknown(self) -> None:
-        """Log once, after the time to start, what is not known yet, and why."""
+        """Log once, after the start-up time, what is still unknown and why."""
         self._reports_unknown_at = NEVER
         reasons = {reason for footprint in self._scene.settings.footprints
                    if footprint.enabled for reason in self._scene.unknown_reasons(footprint.name)}

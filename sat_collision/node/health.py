@@ -27,18 +27,18 @@ from sat_collision.node.loop import Backlog
 from sat_collision.node.publishers import publishers_of_tf
 from sat_collision.scene.frame_tree import in_words
 
-# What is behind by less, in s, is a burst that is just being taken.
+# A shorter backlog, in s, is a burst that is just being taken.
 _NOTEWORTHY = 0.1
-# Publishers of a frame that take turns less often between two messages have begun again.
+# If a frame's publishers take turns less often per period, one was only restarted.
 _FEW_TURNS = 2
 _MOST_NAMED = 10
 
 
 class Health:
     """
-    Publishes /diagnostics: what came in, what was refused, what a check costs, and the states.
+    Publishes /diagnostics: messages received and rejected, the time per check, and the states.
 
-    Facts do not change while the node runs, such as the kernel in use.
+    `facts` are values that stay the same while the node runs, such as the kernel in use.
     """
 
     def __init__(self, node: Node, facts: Mapping[str, str]) -> None:
@@ -64,11 +64,11 @@ class Health:
         self._changes: dict[str, str] = {}
 
     def note_change(self, name: str, old: object, new: object) -> None:
-        """Count a change of a parameter."""
+        """Record a change of a parameter."""
         self._changes[name] = f'from {old} to {new}'
 
     def count_stall(self, seconds: float) -> None:
-        """Count that the node was stalled for so long."""
+        """Count a stall and record how long it was."""
         self._stalls += 1
         self._longest_stall = max(self._longest_stall, seconds)
 
@@ -78,20 +78,20 @@ class Health:
         self._news[f'{what} on {topic}'] += count
 
     def count_batch(self, messages: int, seconds: float) -> None:
-        """Count messages that were checked together, and how long that took."""
+        """Count messages that were checked together, and the time that took."""
         self._messages += messages
         self._seconds += seconds
         self._longest = max(self._longest, seconds)
 
     def note_backlog(self, name: str, backlog: Backlog | None) -> None:
-        """Note how far behind the messages of a footprint or source are, None for not at all."""
+        """Record how far behind a footprint or source is, None if it is no longer behind."""
         if backlog:
             self._backlogs[name] = backlog
         else:
             self._backlogs.pop(name, None)
 
     def publish(self, monitor: Monitor, states: Iterable[DiagnosticStatus]) -> None:
-        """Publish the states of footprints and the figures of the period that ends now."""
+        """Publish the states of footprints and the figures since the last message."""
         self._write(monitor)
         self._send([self._status, *states])
 
@@ -171,7 +171,7 @@ class Health:
         self._messages, self._seconds, self._longest = 0, 0.0, 0.0
 
     def _published_twice(self, turns: Counter[str]) -> dict[str, int]:
-        """Return how often publishers of one frame took turns since the last message, if often."""
+        """Return by frame how often its publishers took turns since the last message, if often."""
         news = {child: count - self._turns[child] for child, count in turns.items()
                 if count - self._turns[child] >= _FEW_TURNS}
         self._turns = turns.copy()

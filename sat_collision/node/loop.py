@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The loop that runs the node: takes messages in batches, stays fair, ticks.
+The node's event loop: takes messages in batches, shares time among topics, and ticks.
 
-It stands on what `rclpy.executors` itself stands on, the wait set and the handles of
-subscriptions, and leaves all that is no message of a footprint or obstacle to rclpy.
+Like `rclpy.executors` it uses the wait set and the handles of subscriptions. Everything but the
+messages of its inputs goes to the callbacks and the executor of rclpy.
 """
 
 from __future__ import annotations
@@ -36,71 +36,71 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 from sat_collision.node.waiting import Waiting
 
-# The longest that messages are taken for before all else has its turn, shared evenly among the
-# topics, in s. A message that has been begun is finished.
+# Max time in s for taking messages before anything else gets its turn, shared evenly among the
+# topics. Processing of a message is never interrupted.
 _LONGEST_TURN = 0.01
-# Where so many messages would come during a rest, a rest costs less than the wakes it spares.
+# With at least this many messages per rest, a rest costs less than the wake-ups it saves.
 _WORTH_A_REST = 2.0
-# Where so many would end each rest, no rest would be left.
+# With this many or more messages per rest that could end it, none may: no rest would be left.
 _TOO_OFTEN = 0.5
-# Fewer since the last tick say nothing of how often messages come.
+# No more than this since the last tick are too few to estimate the rate of messages.
 _FEW = 5
-# After a longer wait a message has come alone, as a rule, in s. To look for another one behind it
-# costs as much as taking it; if there is one, the next wait is short.
+# After a longer wait, in s, a message usually comes alone, and looking for another one would cost
+# as much as taking it. If there is another, the next wait is short.
 _LONG_WAIT = 1e-4
-# So many messages are taken from the middleware before they are received together: few until they
-# have been found to be quick to check, and of long ones, each of which may take long, fewer again.
+# Sizes of a batch. The limit in messages starts low and grows while they are quick to check; the
+# limit in bytes keeps batches of long messages short, each of which may take long.
 _FEWEST_TOGETHER = 4
 _MOST_TOGETHER = 64
 _MOST_BYTES = 8192
-# What the middleware calls the number of a message among those of its publisher.
+# The middleware's key for the sequence number of a message among those of its publisher.
 _NUMBER = 'publication_sequence_number'
-# A process that comes so much too late was held up, and what was sent meanwhile may still be on
-# its way to the queues, in s.
+# If a tick is later than this, in s, the process was held up, and messages sent meanwhile may not
+# be in the queues yet.
 HELD_UP = 0.03
 
 
 class Backlog(NamedTuple):
-    """How far behind the taking of a topic is: in seconds, and about how many messages."""
+    """How far behind a topic is: in seconds, and in messages (an estimate)."""
 
     seconds: float
     messages: int
 
 
 class Receiver(Protocol):
-    """The handlers of messages and time that the loop calls."""
+    """The handlers of messages and ticks that the loop calls."""
 
     def receive(self, name: str, messages: Sequence[bytes], now: int,
                 number: int | None) -> None:
         """
-        Take messages of one publisher for a footprint or source, between which none is missing.
+        Receive consecutive messages of one publisher on the topic of an input.
 
-        The number says which one of its publisher's messages the first one is, None where that is
-        not known. Times are in ns.
+        `number` is the sequence number of the first message, None if it is unknown, and `now` the
+        present time in ns.
         """
 
     def begin_stream(self, name: str) -> None:
-        """Record that the next message of a footprint or source is the first of its publisher."""
+        """Record that the next message of an input is the first of its publisher."""
 
     def end_batch(self, messages: int, seconds: float) -> None:
-        """Publish what a batch of messages has changed, which took some seconds."""
+        """Publish what a batch of messages changed, which took `seconds` to process."""
 
     def note_backlog(self, name: str, backlog: Backlog | None) -> None:
-        """Record how far behind a topic is, None where it is not any more."""
+        """Record how far behind a topic is, None if it is no longer behind."""
 
     def due(self, now: int, steady: float) -> float:
         """
-        Return when the next tick is due, by the steady clock in s; messages may put it off.
+        Return when the next tick is due, by the steady clock in s; messages may postpone it.
 
-        `steady` is what that clock reads at the time `now`, in ns by that of the header stamps.
+        `steady` is what that clock reads at `now`, in ns by the clock of the header stamps.
         """
 
     def tick(self, now: int, is_all_taken: bool) -> None:
         """
         Do what is due by time alone.
 
-        `now` was read before the messages of this turn were taken, and `is_all_taken` says whether
-        all that had been sent until then has been received.
+        `now` was read before the messages of this turn were taken, and `is_all_taken` tells
+        whether all messages sent until then have been received.
         """
 
     def present(self) -> int:
@@ -112,8 +112,8 @@ class Input:
     """
     A subscription, the name of its footprint or source, and whether a message ends a rest.
 
-    A footprint's does, so that it is answered at once. The topic is that before it is remapped,
-    for those of rclpy's functions that remap it themselves.
+    A footprint's message does, so that it is handled at once. `topic` is the name before
+    remapping, for the functions of rclpy that remap it themselves.
     """
 
     name: str
@@ -123,10 +123,10 @@ class Input:
 
 
 class Reserved(CallbackGroup):
-    """Keeps executors from what the loop takes itself."""
+    """Keeps executors from taking the messages that the loop takes."""
 
     def can_execute(self, entity: Any) -> bool:
-        """Return False for a subscription; its events are an executor's."""
+        """Return False for a subscription, True for anything else, such as its events."""
         return not isinstance(entity, Subscription)
 
     def beginning_execution(self, entity: Any) -> bool:
@@ -134,27 +134,27 @@ class Reserved(CallbackGroup):
         return self.can_execute(entity)
 
     def ending_execution(self, entity: Any) -> None:
-        """Do nothing: what is executed excludes nothing else."""
+        """Do nothing: callbacks of this group do not exclude each other."""
 
 
 def leave(_: bytes) -> None:
-    """Do nothing with a message: the callback of a subscription from which the loop takes."""
+    """Do nothing: the callback of a subscription whose messages the loop takes itself."""
 
 
 class Loop:
     """
     Runs a node in this thread.
 
-    In each turn it waits for messages, takes those of each topic in turn, for no longer than a
-    budget, and has published what has changed: by footprints, which come first and between any
-    two batches, and by all else; after a long wait it takes one of each topic. Where messages are
-    many it rests between turns instead of waiting: fewer wakes, larger batches; a footprint ends
-    the rest. Services and events of the middleware are looked at once a tick, and where a wait
-    ends with nothing: each thing waited for costs with every wake. What a service asks for is
-    done by an executor of rclpy's.
+    Each turn waits for messages, takes those of one topic after another, each within a time
+    budget, and has the changes published: those by footprints, which come first and again between
+    any two batches, then those by all others. After a long wait it takes one message per topic.
+    When messages are frequent it rests between turns instead of waiting, for fewer wake-ups and
+    larger batches; a footprint's message ends the rest. Services and middleware events are
+    checked once per tick, and after a wait that ends without a message, because each entity in
+    the wait set costs time at every wake-up. Service calls are handled by an executor of rclpy.
 
-    Inputs are taken in their order; their callback group is a `Reserved` one. `max_batch_delay`
-    returns the longest rest, in s.
+    Inputs are taken in the order given; their callback group must be a `Reserved` one.
+    `max_batch_delay` returns the max rest in s.
     """
 
     def __init__(self, node: Node, inputs: Sequence[Input], receiver: Receiver,
@@ -163,29 +163,29 @@ class Loop:
         self._receiver = receiver
         self._max_batch_delay = max_batch_delay
         self._inputs = inputs
-        # Up to the last one that ends rests, and the others.
+        # The topics up to the last one that ends rests, and the others.
         self._topics: tuple[list[_Topic], list[_Topic]] = [], []
         self._budget = _LONGEST_TURN / len(inputs)
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
         self._rest = 0.0
         self._rests_until = 0.0
-        # Pointers of the subscriptions to look at when a message ends a rest, and when none has.
+        # Pointers of the subscriptions to check when a message ended a rest, and when none did.
         self._at_once: set[int] = set()
         self._gathered: set[int] = set()
-        # Whether there are messages that the last turn had no time for.
+        # Whether the last turn left messages for lack of time.
         self._is_behind = False
         self._looks_at_others = True
         self._next_tick = 0.0
         self._was_held_up = False
         self._taken = 0
-        # Of these, messages that end rests, and whether they are so few that they may.
+        # How many of these end rests, and whether they are few enough to do so.
         self._taken_at_once = 0
         self._rest_may_end = True
         self._counted_since = time.monotonic()
 
     def run(self, ended: Callable[[], bool]) -> None:
-        """Run until `ended` is true, which is looked at after each turn."""
+        """Run until `ended()` is true, which is checked after each turn."""
         while not ended():
             with ExitStack() as held:
                 topics = [_Topic(one, self._receiver) for one in self._inputs]
@@ -193,23 +193,23 @@ class Loop:
                 ending_rest = {topic.pointer for topic in topics if topic.ends_rest}
                 every = {one.handle.pointer for one in self._node.subscriptions}
                 self._gathered = every - ending_rest
-                # What is taken before a footprint may be the transform that it needs.
+                # Inputs before a footprint may have the transform that it needs.
                 until = max((k for k, one in enumerate(pointers, 1) if one in ending_rest),
                             default=0)
                 self._topics = topics[:until], topics[until:]
                 self._at_once = every.difference(pointers[until:])
                 waiting = Waiting(self._node, {*pointers}, ending_rest, held)
-                # What is waited for changes seldom, such as with use_sim_time.
+                # The entities waited for change rarely, for example with use_sim_time.
                 while not ended() and not (self._looks_at_others and waiting.is_outdated()):
                     self._turn(waiting)
 
     def close(self) -> None:
-        """End what belongs to the loop, once it runs no more."""
+        """Shut down the executor; `run` must have returned."""
         self._executor.remove_node(self._node)
         self._executor.shutdown()
 
     def _turn(self, waiting: Waiting) -> None:
-        """Rest or wait, take and publish; do what else is due."""
+        """Rest or wait, take messages, have changes published, and do what else is due."""
         ready, was_long = self._wait(waiting)
         begun = time.monotonic()
         late = begun - self._next_tick
@@ -249,7 +249,7 @@ class Loop:
             self._rests_until = time.monotonic() + self._rest
 
     def _take_first(self, present: int) -> None:
-        """Take and publish what has come of footprints while many others are taken."""
+        """Take one message per footprint, and publish, between batches of other topics."""
         begun = time.monotonic()
         taken = 0
         for topic in self._topics[0]:
@@ -261,7 +261,7 @@ class Loop:
             self._receiver.end_batch(taken, time.monotonic() - begun)
 
     def _wait(self, waiting: Waiting) -> tuple[set[int] | None, bool]:
-        """Return pointers of subscriptions to look at, None for all; and if the wait was long."""
+        """Return pointers of subscriptions to check, None for all, and if the wait was long."""
         begun = time.monotonic()
         until_tick = max(self._next_tick - begun, 0.0)
         rest = min(self._rests_until - begun, until_tick)
@@ -281,12 +281,12 @@ class Loop:
             return None, False
         ready = waiting.wait(0.0 if look_at_all else until_tick, self._looks_at_others)
         waited = time.monotonic() - begun
-        # An event ends each wait until it is handled.
+        # An event ends every wait until it is handled.
         self._looks_at_others = not (ready or look_at_all or waited >= until_tick)
         return ready, not look_at_all and waited > _LONG_WAIT
 
     def _choose_rest(self, now: float) -> None:
-        """Rest between turns where messages came often enough since this was last chosen."""
+        """Choose whether to rest between turns, by the rate of messages since the last choice."""
         delay = self._max_batch_delay()
         rests = max(now - self._counted_since, 1e-9) / delay if delay else math.inf
         many = self._taken > _FEW and self._taken >= _WORTH_A_REST * rests
@@ -308,7 +308,7 @@ class _Topic:
         self._depth = one.subscription.qos_profile.depth
         self._take: Callable[[], tuple[bytes, dict[str, Any]] | None] = partial(
             one.subscription.handle.take_message, one.subscription.msg_type, True)
-        # A message that does not follow the one before, which begins the next batch.
+        # A message already taken that does not follow the one before: it begins the next batch.
         self._next: tuple[bytes, dict[str, Any]] | None = None
         self._is_empty = True
         self._limit = _FEWEST_TOGETHER
@@ -316,7 +316,7 @@ class _Topic:
     def take(self, budget: float, now: int,
              between: Callable[[int], None] | None = None) -> int:
         """
-        Have what has come received, for so many s at most; return how many messages.
+        Pass queued messages to the receiver, for `budget` s at most; return how many.
 
         `between` is called between two batches, with `now`.
         """
@@ -346,7 +346,7 @@ class _Topic:
         return total
 
     def take_batch(self, limit: int, now: int) -> int:
-        """Have messages that follow one another received, up to a limit; return how many."""
+        """Pass consecutive messages to the receiver, up to a limit; return how many."""
         taken, self._next = self._next or self._take(), None
         batch: list[bytes] = []
         size = 0
@@ -374,7 +374,7 @@ class _Topic:
         return len(batch)
 
     def _backlog(self, count: int) -> Backlog:
-        """Return how far behind the last message is, and how many wait, going by their rate."""
+        """Return how far behind the last message is, and how many wait, judging by their rate."""
         first, last = (info['received_timestamp'] for info in (self._first, self._last))
         behind = max(time.time_ns() - last, 0)
         waiting = 1 + round(behind * (count - 1) / max(last - first, 1))

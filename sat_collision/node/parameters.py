@@ -30,19 +30,18 @@ from sat_collision.scene.parameters import (
 from sat_collision.scene.settings import Settings, Spec
 
 
-# Of every node: a clock that somebody else publishes may stand still, and nothing is ever too old.
+# A parameter of every node; locked, too, as nothing expires while a simulated clock stands still.
 _USE_SIM_TIME = 'use_sim_time'
 
 
 class Parameters:
     """
-    Declares the parameters of a node and keeps the Settings that they add up to.
+    Declares the parameters of a node and keeps the Settings made from them.
 
     Raises
     ------
     ParameterError
-        If a value given at start has the wrong type or is out of place, or there is no parameter
-        of that name.
+        If an initial value is invalid or of the wrong type, or a name is unknown.
 
     """
 
@@ -53,7 +52,7 @@ class Parameters:
         self._note: Callable[[str, Any, Any], None] | None = None
         self._values: dict[str, Any] = {}
         node.add_on_set_parameters_callback(self._validate)
-        # What was given for this node, by files and on the command line.
+        # Overrides for this node, from parameter files and the command line.
         self._given: dict[str, Parameter] = node._parameter_overrides
         self._footprints, self._obstacles = declare_parameters(self._declare)
         check_names_given(self._given, self._specs)
@@ -65,7 +64,7 @@ class Parameters:
         """
         Call `callback(settings)` whenever parameters have been changed.
 
-        Before, `note(name, old, new)` is called for each of them.
+        Before that, `note(name, old, new)` is called for each changed parameter.
         """
         self._on_change = callback
         self._note = note
@@ -99,7 +98,7 @@ class Parameters:
         return SetParametersResult(successful=not problem, reason=problem)
 
     def _problem(self, changes: dict[str, Any]) -> str:
-        """Return what is wrong with the settings that changes make while the node runs."""
+        """Return why changes are invalid while the node runs, empty if they are valid."""
         if not self._on_change or not self._specs.keys() & changes:
             return ''
         try:
@@ -112,7 +111,7 @@ class Parameters:
         return ''
 
     def _is_locked(self, name: str) -> bool:
-        """Return whether a parameter may not be changed any more."""
+        """Return whether `lock_parameters` forbids changing a parameter."""
         decides = name == _USE_SIM_TIME or (name in self._specs and self._specs[name].safety)
         return self._on_change is not None and decides and self.settings.lock_parameters
 
@@ -133,7 +132,7 @@ class Parameters:
             self._on_change(self.settings)
 
     def _read(self, changes: Mapping[str, Any] = {}) -> Settings:
-        """Return the settings as they are, or as they would be with other values."""
+        """Return the settings with the present values, or with `changes` to them."""
         def value(name: str) -> Any:
             return changes[name] if name in changes else self._node.get_parameter(name).value
         return read_settings(self._footprints, self._obstacles, value,
@@ -141,7 +140,7 @@ class Parameters:
 
 
 def _plain(value: Any) -> Any:
-    """Return the value of a parameter as a file has it: an array of rclpy's as a list."""
+    """Return the value of a parameter as in a file: with a list for an array of rclpy."""
     return list(value) if isinstance(value, array) else value
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The run of the node's process, from the initialisation of ROS to the signal that ends it."""
+"""Runs the node's process, from the initialisation of ROS until a signal ends it."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ from sat_collision.scene.parameters import ParameterError
 
 
 def run(args: Sequence[str]) -> int:
-    """Run the node with arguments of ROS until a signal ends it; return the exit status."""
+    """Run the node with ROS arguments until a signal ends it; return the exit status."""
     try:
         context = _begin_ros(args)
-    except RuntimeError as error:  # what rcl raises for an unreadable parameter file
+    except RuntimeError as error:  # raised by rcl for an unreadable parameter file
         print(f'{NAME}: cannot start: {_in_one_line(error)}', file=sys.stderr)
         return 1
     _quieten_rcl()
@@ -47,7 +47,7 @@ def run(args: Sequence[str]) -> int:
         return 1
     for words in unused_files(args, node.get_fully_qualified_name()):
         node.get_logger().warning(words)
-    # No later collection goes through all that the start has made, which takes some 70 ms.
+    # Exempt the objects made so far from later garbage collections, each of some 70 ms.
     gc.freeze()
     node.loop.run(Signalled())
     node.get_logger().info('stopped by a signal')
@@ -58,7 +58,7 @@ def run(args: Sequence[str]) -> int:
 
 
 def _begin_ros(args: Sequence[str]) -> Context:
-    """Initialise ROS; without a file for the log where there can be none."""
+    """Initialise ROS, without a log file if none can be written."""
     def begin(*more: str) -> Context:
         context = Context()
         rclpy.init(args=['--ros-args', *args, *more], context=context,
@@ -75,7 +75,7 @@ def _begin_ros(args: Sequence[str]) -> Context:
 
 
 def _quieten_rcl() -> None:
-    """Have rcl, which logs each take at level debug, do so only where its own level is given."""
+    """Keep rcl, which then logs each take, from level debug unless its own level is given."""
     if get_logger_level('rcl') is LoggingSeverity.UNSET:
         set_logger_level('rcl', max(LoggingSeverity.INFO, get_logger_effective_level('rcl')))
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Who publishes what the node subscribes to, and whether all of it can be received."""
+"""The publishers of the topics subscribed to, and whether they can be received."""
 
 from __future__ import annotations
 
@@ -30,35 +30,35 @@ from sat_collision.scene.streams import Endpoint
 
 _UNKNOWN = '_NODE_NAME_UNKNOWN_'
 _PASSED = 'one that has gone'
-# Publishers are looked up at least every so many times, even if no change was reported.
+# Publishers are queried at least every this many looks, even if no change was reported.
 _LOOKS = 10
 
 
 class Publishers:
-    """Looks at the publishers of each input."""
+    """Tracks the publishers of each input."""
 
     def __init__(self, node: Node, inputs: Sequence[Input]) -> None:
         self._node = node
         self._inputs = inputs
         self._looks = 0
-        # By name of an input: how many publishers have lost their liveliness, which the middleware
-        # still counts; whether they may have changed; and those that `news` reported last.
+        # By name of an input: how many publishers have lost their liveliness (the middleware still
+        # counts them); whether they may have changed; and those that `news` reported last.
         self.dead: dict[str, int] = {}
         self.changed = {one.name for one in inputs}
         self.reported: dict[str, list[Endpoint]] = {}
-        # By name of an input: how many are matched with it, how many more there were since its
-        # subscription was made than were seen, and who was seen since then.
+        # By name of an input: how many publishers are matched with it; how many were matched since
+        # its subscription was made but not seen; and the gids of those seen since then.
         self._matched: dict[str, int] = {}
         self._unseen: Counter[str] = Counter()
         self._receivable: dict[str, set[str]] = {}
         self._met: dict[str, set[str]] = {one.name: set() for one in inputs}
         self._counts: dict[str, int] = {}
         self._seen: dict[str, list[Endpoint]] = {}
-        # The gids of all, those that have died among them, as they came.
+        # By name: the gids of all publishers, those that died included, in the order first seen.
         self._order: dict[str, list[str]] = {}
 
     def note_matched(self, name: str, event: QoSSubscriptionMatchedInfo) -> None:
-        """Take how many publishers are matched with the subscription of an input."""
+        """Record how many publishers are matched with the subscription of an input."""
         self.changed.add(name)
         self._matched[name] = event.current_count
         self._unseen[name] += event.total_count_change
@@ -72,10 +72,10 @@ class Publishers:
 
     def news(self, behind: Iterable[str]) -> Iterator[tuple[str, list[Endpoint]]]:
         """
-        Yield the inputs whose publishers have changed since the last call, and who they are.
+        Yield the inputs whose publishers have changed since the last call, with the publishers.
 
-        The end of one is reported once all that it has sent is taken: not before the next call,
-        nor while messages of the input wait to be taken, as they do where it is `behind`.
+        That a publisher has gone is reported once all its messages are taken: not before the next
+        call, and not while the input is `behind`, with messages still queued.
         """
         self._looks += 1
         for one in self._inputs:
@@ -84,7 +84,7 @@ class Publishers:
                 yield one.name, publishers
 
     def at_beginning(self, name: str) -> list[Endpoint] | None:
-        """Return the publishers of an input of which a stream begins, None if nothing is new."""
+        """Return the publishers of an input whose stream begins, None if there is no news."""
         for one in self._inputs:
             if one.name == name:
                 self.changed.add(name)
@@ -92,11 +92,11 @@ class Publishers:
         return None
 
     def _news_of(self, one: Input, is_behind: bool) -> list[Endpoint] | None:
-        """Return the publishers of an input, None if they are those that were reported last."""
+        """Return the publishers to report for an input, None if there is no news."""
         name = one.name
         reported = self.reported.get(name)
         before = seen = self._seen.get(name, [])
-        # Not by its node, which would look at the name of the topic each time.
+        # By the handle, because the node would resolve the name of the topic each time.
         count = self._node.handle.get_count_publishers(one.subscription.topic_name)
         if name in self.changed or count != self._counts.get(name) or self._looks % _LOOKS == 0:
             self._counts[name] = count
@@ -107,10 +107,10 @@ class Publishers:
         elif seen == reported:
             return None
         if self._have_passed(name):
-            # One came and went between two looks: report what it sent.
+            # One came and went between two looks: report a placeholder for it.
             seen = [*(reported or ()), Endpoint(f'look {self._looks}', _PASSED)]
         elif is_behind:
-            # One that has come counts at once.
+            # A new publisher counts at once; those that have gone are kept for now.
             gids = {endpoint.gid for endpoint in seen}
             seen = [*(gone for gone in reported or () if gone.gid not in gids), *seen]
         elif {endpoint.gid for endpoint in before} - {endpoint.gid for endpoint in seen}:
@@ -121,7 +121,7 @@ class Publishers:
         return seen
 
     def _have_passed(self, name: str) -> bool:
-        """Return whether publishers were matched that never were seen, and are not any more."""
+        """Return whether publishers were matched and have gone again without being seen."""
         if len(self._receivable[name]) != self._matched.get(name):
             return False
         met = self._met[name]
@@ -134,14 +134,14 @@ class Publishers:
         return have_passed
 
     def _look(self, one: Input) -> list[Endpoint]:
-        """Return the live publishers, in an order that does not change."""
+        """Return the live publishers, in a stable order."""
         infos = self._node.get_publishers_info_by_topic(one.topic)
         known = self._order.get(one.name, [])
         endpoints = [self._endpoint(info, one) for info in infos]
         endpoints.sort(key=lambda endpoint: (
             known.index(endpoint.gid) if endpoint.gid in known else len(known)))
         self._order[one.name] = [endpoint.gid for endpoint in endpoints]
-        # Which of them have died is not reported: assume those that have been there the longest.
+        # The middleware does not report which ones have died: assume the oldest.
         dead = self.dead.get(one.name, 0)
         self._receivable[one.name] = {
             endpoint.gid for endpoint in endpoints if not endpoint.problem}
@@ -172,9 +172,9 @@ def publishers_of_tf(node: Node) -> set[str]:
 
 
 def _incompatible(offered: QoSProfile, requested: QoSProfile, topic: str) -> str:
-    """Return why a subscription gets nothing of a publisher, and what to do; empty if it does."""
+    """Return why QoS profiles are incompatible and what to do, empty if they are compatible."""
     compatibility, reason = qos_check_compatible(offered, requested)
-    if compatibility != QoSCompatibility.ERROR:  # of pybind11, whose values have no identity
+    if compatibility != QoSCompatibility.ERROR:  # values of pybind11 enums are no singletons
         return ''
     override = f'set qos_overrides.{topic}.subscription'
     if (offered.reliability is QoSReliabilityPolicy.BEST_EFFORT
@@ -190,6 +190,6 @@ def _incompatible(offered: QoSProfile, requested: QoSProfile, topic: str) -> str
 
 
 def _type_name(kind: type) -> str:
-    """Return the name of a message type as the graph has it."""
+    """Return the name of a message type as in the ROS graph."""
     package, *_, name = f'{kind.__module__}.{kind.__name__}'.split('.')
     return f'{package}/msg/{name}'

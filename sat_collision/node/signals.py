@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How signals end the node: they are recorded, and handled where it is safe to end."""
+"""Signal handling: exit at once while starting, later record the signal for the loop."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 def end_on_signals() -> None:
     """
-    Have the signals end the process at once, with status 0, while there is nothing to lose yet.
+    Let signals end the process at once, with status 0, while there is nothing to lose yet.
 
-    An exception instead could come up in a destructor or in a callback from compiled code, which
-    would swallow it, or leave ROS half made for the interpreter to take apart. Python itself looks
-    at signals between two steps of its own, and a compiler's step may take seconds: so a thread
-    waits for the number that is written into a pipe when a signal comes.
+    An exception instead could be raised in a destructor or in a callback from compiled code, which
+    would swallow it, or leave ROS half initialised at interpreter exit. Python runs its signal
+    handlers only between bytecode instructions, and one that compiles may take seconds: so a
+    thread waits for the signal number, which is written into a pipe when a signal arrives.
     """
     come, write = os.pipe()
     os.set_blocking(write, False)
@@ -53,7 +53,7 @@ def ignore_signals() -> None:
 
 
 class Signalled:
-    """Whether a signal has come; further ones are ignored."""
+    """Whether a signal has arrived; further ones are ignored."""
 
     def __init__(self) -> None:
         self._come = False
@@ -64,7 +64,7 @@ class Signalled:
             os.close(early)
 
     def __call__(self) -> bool:
-        """Return whether the node is to end."""
+        """Return whether the node should stop."""
         return self._come
 
     def _note(self, number: int, frame: FrameType | None) -> None:

@@ -38,25 +38,25 @@ from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
     CommandSettings, FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings, TF)
 
-# For transforms, as tf2 has them.
+# QoS of transforms, as in tf2.
 _TRANSFORM_DEPTH = 100
 _DURABILITIES = {TF: QoSDurabilityPolicy.VOLATILE, TF_STATIC: QoSDurabilityPolicy.TRANSIENT_LOCAL}
 _FOOTPRINT_DEPTH = 1
 _SETS_IN_QUEUE = 2
-# Every pose counts.
+# Every pose is used.
 _ODOMETRY_DEPTH = 100
-# What can be overridden of the QoS.
+# QoS policies that parameters can override.
 _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
                 QoSPolicyKind.DURABILITY, QoSPolicyKind.DEADLINE, QoSPolicyKind.LIVELINESS,
                 QoSPolicyKind.LIVELINESS_LEASE_DURATION)
 _COMMAND_TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStamped': TwistStamped}
-# The last one counts, and nothing is proved by all of them.
+# Only the last command counts, and nothing depends on having received all of them.
 _COMMAND_QOS = QoSProfile(depth=1, reliability=QoSReliabilityPolicy.BEST_EFFORT)
 
 
 class Subscriptions:
     """
-    Subscribes to the bytes of all that settings name a topic for, footprints first.
+    Subscribes to the serialised messages of footprints, or of their odometry, and obstacles.
 
     Raises
     ------
@@ -87,7 +87,7 @@ class Subscriptions:
         """
         Subscribe again, to receive all that the publisher keeps for late subscribers.
 
-        Returns whether the subscription is one that gets such messages.
+        Returns False, without doing so, if the subscription is not transient local.
         """
         one, = (one for one in self.inputs if one.name == name)
         if one.subscription.qos_profile.durability is not QoSDurabilityPolicy.TRANSIENT_LOCAL:
@@ -137,7 +137,7 @@ class Subscriptions:
 
 
 def transform_type(node: Node, settings: Settings) -> type | None:
-    """Return the class TFMessage; None where tf2_msgs is not installed, or no frame is fixed."""
+    """Return the class TFMessage; None if tf2_msgs is not installed or no fixed frame is set."""
     if not settings.frame_id:
         return None
     try:
@@ -154,7 +154,7 @@ def transform_type(node: Node, settings: Settings) -> type | None:
 
 
 def subscribe_transforms(node: Node, kind: type, group: CallbackGroup) -> list[Input]:
-    """Subscribe to the bytes of /tf and /tf_static; `kind` is the class TFMessage."""
+    """Subscribe to serialised /tf and /tf_static; `kind` is the class TFMessage."""
     return [Input(topic, node.create_subscription(
         kind, topic, leave, QoSProfile(depth=_TRANSFORM_DEPTH, durability=durability),
         raw=True, callback_group=group)) for topic, durability in _DURABILITIES.items()]
@@ -162,12 +162,12 @@ def subscribe_transforms(node: Node, kind: type, group: CallbackGroup) -> list[I
 
 class CommandSubscriptions:
     """
-    Subscribes to commands once it is known in which type they are published.
+    Subscribes to commands once the type in which they are published is known.
 
-    A participant cannot have two subscriptions of one topic and different types, and one that the
-    loop waits for is not gone before it looks for new ones. So where another type is published
-    from now on, the subscription is ended, and the next one is made when `follow` is called again.
-    The inputs get the subscriptions that there are.
+    A participant cannot subscribe to one topic with two types, and a subscription in the loop's
+    wait set exists until the loop renews the set. So when the published type changes, `follow`
+    destroys the subscription, and creates the next one when it is called again. `inputs` is
+    kept up to date.
     """
 
     def __init__(self, node: Node, settings: Settings, group: CallbackGroup,
@@ -178,11 +178,11 @@ class CommandSubscriptions:
         self._commands = [one.command for one in settings.footprints if one.command]
         self._subscribed: dict[str, Input] = {}
         self._reported: dict[str, set[str]] = {}
-        # The inputs whose messages are of type Twist, without a header.
+        # Names of inputs whose messages are of type Twist, without a header.
         self.without_stamps: set[str] = set()
 
     def follow(self) -> None:
-        """Subscribe to what is published, where nothing of the type subscribed to is."""
+        """Follow the published type of each command that has no subscription with a publisher."""
         for command in self._commands:
             one = self._subscribed.get(command.name)
             if not (one and one.subscription.get_publisher_count()):
@@ -208,7 +208,7 @@ class CommandSubscriptions:
             try:
                 subscription = self._node.create_subscription(
                     kind, topic, leave, _COMMAND_QOS, raw=True, callback_group=self._group)
-            except RuntimeError as error:  # another one of this process has another type
+            except RuntimeError as error:  # this process has a subscription of another type
                 self._node.get_logger().error(f'{command.name}: {command.topic}: {error}',
                                               throttle_duration_sec=1.0)
                 return

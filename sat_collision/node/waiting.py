@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a node is waited for with: rclpy's wait set, as `rclpy.executors` itself uses it."""
+"""Waits for the messages and events of a node with a wait set, as `rclpy.executors` does."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from rclpy.node import Node
 
 class Waiting:
     """
-    The subscriptions, services and events of a node, as they are now, to be waited for.
+    A wait set of a node's present subscriptions, services and events.
 
-    Subscriptions are given by their pointers: those whose messages the loop takes itself, and
-    those of them whose messages end a rest. What is waited for is kept until `held` is closed.
+    Subscriptions are given by their pointers: `taken_elsewhere` if the loop takes their messages
+    itself, `ending_rest` if these also end a rest. Entities are kept until `held` is closed.
     """
 
     def __init__(self, node: Node, taken_elsewhere: set[int], ending_rest: set[int],
@@ -48,7 +48,7 @@ class Waiting:
         self._wait_set = rclpy_implementation.WaitSet(
             len(self._subscriptions), 0, 0, 0, len(self._services), len(self._events),
             node.context.handle)
-        # Whether a service was found called when services were last looked at.
+        # Whether a service had a request when services were last checked.
         self.is_service_called = False
         self._others = {one.handle.pointer: one for one in node.subscriptions
                         if one.handle.pointer not in taken_elsewhere}
@@ -57,14 +57,14 @@ class Waiting:
         return [*self._node.subscriptions, *self._node.services]
 
     def is_outdated(self) -> bool:
-        """Return whether the node has others by now."""
+        """Return whether the node has other subscriptions or services by now."""
         return self._entities != self._entities_now()
 
     def wait(self, seconds: float, for_others: bool) -> set[int]:
         """
-        Wait until something is ready; return the pointers of the subscriptions that are.
+        Wait until something is ready, for a limited time; return pointers of ready subscriptions.
 
-        With `for_others` services and events are looked at, too, and the events handled.
+        With `for_others` it also waits for services and events, and handles the events.
         """
         wait_set = self._wait_set
         wait_set.clear_entities()
@@ -85,7 +85,7 @@ class Waiting:
         return ready
 
     def rest(self, seconds: float) -> bool:
-        """Wait until there is a message that ends a rest; return whether there is."""
+        """Wait for a message that ends a rest; return whether there is one."""
         self._wait_set.clear_entities()
         for handle in self._ending_rest:
             self._wait_set.add_subscription(handle)
@@ -93,7 +93,7 @@ class Waiting:
         return bool(self._wait_set.get_ready_entities('subscription'))
 
     def take_others(self, ready: set[int] | None) -> None:
-        """Take what else has come, such as /clock, of what is ready, None for of all."""
+        """Take a message of each other ready subscription, such as /clock; None for all."""
         for pointer, other in self._others.items():
             if ready is None or pointer in ready:
                 taken = other.handle.take_message(other.msg_type, other.raw)

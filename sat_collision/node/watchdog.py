@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is watched while the node runs: whether its loop turns and its clock goes on; timers."""
+"""Watchdogs of the node's loop and clock, notification of systemd, and periodic timers."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ import socket
 import threading
 import time
 
-# How many times in each period a stall is reported again.
+# How many times per period a stall is reported again.
 _REPEATS = 4
 
 
 class Watchdog:
     """
-    Reports while the loop of the node has not turned for some time, by the steady clock.
+    Reports a stall: that the node's loop has not turned for some time, by the steady clock.
 
-    It runs in a thread of its own, which starts with the first turn. Python lets it run while the
+    It runs in its own thread, which starts with the first turn. The GIL lets it run while the
     loop waits or computes in Python, and between two calls of compiled kernels, not during one.
-    `on_stall` is called again and again, from the thread, and `on_recovery` once, from the loop;
-    both take for how many s the loop has not turned.
+    `on_stall` is called repeatedly from the thread, and `on_recovery` once from the loop; both
+    receive the time in s since the last turn.
     """
 
     def __init__(self, on_stall: Callable[[float], None],
@@ -48,7 +48,7 @@ class Watchdog:
         self._closed = False
 
     def use(self, period: float) -> None:
-        """Set after how many s without a turn the loop counts as stalled, 0 for never."""
+        """Set the time in s without a turn after which the loop is stalled, 0 for never."""
         with self._changed:
             self._period = period
             self._changed.notify()
@@ -67,7 +67,7 @@ class Watchdog:
         return was_stalled
 
     def close(self) -> None:
-        """End the thread."""
+        """Stop the thread."""
         with self._changed:
             self._closed = True
             self._changed.notify()
@@ -80,7 +80,7 @@ class Watchdog:
                 stalled = time.monotonic() - self._turned_at
                 if 0.0 < self._period <= stalled:
                     self._stalled = True
-                    # With the lock held, so that it cannot come after the end of the stall.
+                    # Called with the lock held, so that it cannot follow the end of the stall.
                     self._on_stall(stalled)
                     self._changed.wait(self._period / _REPEATS)
                 else:
@@ -89,9 +89,9 @@ class Watchdog:
 
 class Systemd:
     """
-    What sd_notify(3) does, for a service of ``Type=notify`` with or without ``WatchdogSec``.
+    Notifies systemd, see sd_notify(3), for ``Type=notify`` with or without ``WatchdogSec``.
 
-    Without the variables that systemd sets it does nothing, and costs nothing.
+    Does nothing without the environment variables that systemd sets.
     """
 
     def __init__(self) -> None:
@@ -102,7 +102,7 @@ class Systemd:
         self._next = 0.0
 
     def turned(self) -> None:
-        """Say that the node is ready, the first time; then, when it is due, that it is alive."""
+        """Notify that the node is ready, at the first call; then, when due, that it is alive."""
         if not self._address:
             return
         now = time.monotonic()
@@ -119,7 +119,7 @@ class Systemd:
             self._say('STOPPING=1')
 
     def _say(self, text: str) -> None:
-        # A leading @ stands for the zero byte of a name that is in no file system.
+        # A leading @ stands for the NUL byte of an abstract socket address.
         address = self._address
         if address.startswith('@'):
             address = '\0' + address[1:]
@@ -131,7 +131,7 @@ class Systemd:
 
 
 class Every:
-    """A timer for something that recurs, by a clock in seconds."""
+    """A periodic timer, by a clock in seconds."""
 
     def __init__(self, period: float) -> None:
         self._period = period
@@ -148,7 +148,7 @@ class Every:
 
 
 class ClockWatch:
-    """Detects that a clock stands still, by another one that does not."""
+    """Detects that a clock stands still, by comparison with another one that runs."""
 
     def __init__(self) -> None:
         self._reading: int | None = None
@@ -156,9 +156,9 @@ class ClockWatch:
 
     def stands(self, reading: int, now: float, timeout: float) -> bool:
         """
-        Return whether the clock has read the same for longer than a timeout in s, 0 for never.
+        Return whether the reading has not changed for longer than a timeout in s, 0 for never.
 
-        `now` is what the other clock reads.
+        `now` is the time of the other clock in s.
         """
         if reading != self._reading:
             self._reading, self._since = reading, now

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which footprints meet which obstacles, kept up to date one body at a time."""
+"""Which footprints meet which obstacles, updated one body at a time."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from sat_collision.scene.velocity import Velocity, Vertices
 _Kind = TypeVar('_Kind', bound=Body[Any])
 _Other = TypeVar('_Other', bound=Body[Any])
 
-# How near a footprint that turns may be to what it meets, at the time returned, m.
+# Max gap in m between a turning footprint and the obstacle it meets, at the time returned.
 _TOLERANCE = 1e-3
 # Where an obstacle is, and its vx and vy in m/s.
 Course: TypeAlias = tuple[Polygon, Vertices]
@@ -40,26 +40,25 @@ class Contacts:
     """
     The placed footprints and obstacles, and which of them meet: bodies within the margin (m).
 
-    Placing a body decides it against the bodies of the other kind alone: everything else stays as
-    it was decided before.
+    Placing a body checks only that body against those of the other kind; all other contacts stay.
     """
 
     def __init__(self, margin: float = 0.0) -> None:
-        # Footprints that have gained or lost a contact; the reader empties it.
+        # Footprints that have gained or lost a contact; emptied by the reader.
         self.changed: set[Footprint] = set()
         self.margin = margin
         self._footprints: _Placed[Footprint] = _Placed()
         self._obstacles: _Placed[Obstacle] = _Placed()
 
     def use_margin(self, margin: float) -> None:
-        """Decide everything again, if the margin has changed."""
+        """Decide all contacts again if the margin has changed."""
         if margin != self.margin:
             self.margin = margin
             for footprint in self._footprints.bodies.values():
                 self.decide(footprint)
 
     def decide(self, footprint: Footprint) -> None:
-        """Decide a footprint again, if it is placed."""
+        """Decide the contacts of a footprint again, if it is placed."""
         if footprint.row is not None:
             polygon = self._footprints.polygons.polygon(footprint.row)
             rows = self._obstacles.polygons.rows_within(polygon, self.margin).tolist()
@@ -79,7 +78,7 @@ class Contacts:
                 self.changed.add(footprint)
 
     def place_obstacle(self, obstacle: Obstacle, where: PackedBody) -> bool:
-        """Place or move an obstacle; return whether it was elsewhere."""
+        """Place or move an obstacle; return whether its body has changed."""
         row = obstacle.row
         if row is None:
             row = self._obstacles.new_row(obstacle)
@@ -95,22 +94,22 @@ class Contacts:
         return True
 
     def place_run(self, run: Run, rows: Any, first: int, limit: int) -> int:
-        """Put obstacles where a run has them, until one may meet something; return how many."""
+        """Place the obstacles of a run until one may meet a footprint; return how many."""
         return self._obstacles.polygons.place_run(
             run, rows, first, limit, self._footprints.polygons, self.margin)
 
     def remove_footprint(self, footprint: Footprint) -> None:
-        """Take a footprint away, if it is placed."""
+        """Remove a footprint, if it is placed."""
         if self._footprints.remove(footprint) and update_contacts(footprint, ()):
             self.changed.add(footprint)
 
     def remove_obstacle(self, obstacle: Obstacle) -> None:
-        """Take an obstacle away, if it is placed."""
+        """Remove an obstacle, if it is placed."""
         if self._obstacles.remove(obstacle):
             self.changed.update(update_contacts(obstacle, ()))
 
     def hide_obstacles(self, group: object, rows: Any) -> None:
-        """Take all obstacles of a group away, which keep their rows to be placed again soon."""
+        """Hide all obstacles of a group, which keep their rows to be placed again soon."""
         self._obstacles.polygons.hide(rows)
         for footprint in self._footprints.bodies.values():
             lost = {one for one in footprint.contacts if one.group is group}
@@ -123,10 +122,10 @@ class Contacts:
     def nearest(self, footprint: Footprint, skipped: Iterable[Obstacle] = ()
                 ) -> tuple[Obstacle, float, Point, Point] | None:
         """
-        Return what is nearest to a footprint of all that concerns it, None if there is nothing.
+        Return the nearest obstacle that a footprint monitors, None if there is none.
 
-        That is an obstacle, its separation and the closest points, see `PolygonSet.nearest`;
-        `skipped` obstacles are left out.
+        It comes with its separation and the closest points, see `PolygonSet.nearest`; `skipped`
+        obstacles are left out.
         """
         if footprint.polygon is None:
             return None
@@ -140,7 +139,7 @@ class Contacts:
         """
         Return the obstacle that a footprint meets first within a time, and after how many s.
 
-        Obstacles stand still but for those in `moving`. None if it meets none.
+        Obstacles stand still, except those in `moving`. None if it meets none.
         """
         if footprint.polygon is None:
             return None
@@ -157,14 +156,14 @@ class Contacts:
         return first
 
     def _unmonitored(self, footprint: Footprint) -> list[int]:
-        """Return the rows of the obstacles that do not concern a footprint."""
+        """Return the rows of the obstacles that a footprint does not monitor."""
         if not footprint.settings.obstacles:
             return []
         return [row for row, obstacle in self._obstacles.bodies.items()
                 if not footprint.settings.monitors(obstacle.name.source)]
 
     def _monitored(self, footprint: Footprint, rows: list[int]) -> list[Obstacle]:
-        """Return the obstacles of some rows that concern a footprint."""
+        """Return the obstacles of some rows that a footprint monitors."""
         obstacles = self._obstacles.bodies
         return [obstacles[row] for row in rows
                 if footprint.settings.monitors(obstacles[row].name.source)]
@@ -178,14 +177,14 @@ class _Placed(Generic[_Kind]):
         self.bodies: dict[int, _Kind] = {}
 
     def new_row(self, body: _Kind) -> int:
-        """Give a body a row, into which it is to be put at once."""
+        """Give a body a row, into which it must be written at once."""
         body.placed = self.polygons
         body.row = self.polygons.new_row()
         self.bodies[body.row] = body
         return body.row
 
     def remove(self, body: _Kind) -> bool:
-        """Return whether the body was there to be removed."""
+        """Remove a body; return whether it was placed."""
         if body.row is None:
             return False
         self.polygons.remove(body.row)
@@ -196,7 +195,7 @@ class _Placed(Generic[_Kind]):
 
 
 def update_contacts(body: Body[Any], others: Iterable[_Other]) -> set[_Other]:
-    """Let a body meet these others and no more; return those for which this is a change."""
+    """Set the bodies that a body meets; return those gained or lost."""
     gained_or_lost = body.contacts.symmetric_difference(others)
     for other in gained_or_lost:
         other.toggle((body,))

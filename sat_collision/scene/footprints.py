@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Footprints, and the states in which they are."""
+"""Footprints and their states."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from sat_collision.scene.velocity import Command, MotionTracker
 
 
 class Status(enum.Enum):
-    """What is known of a footprint."""
+    """The status of a footprint."""
 
     CLEAR = 'clear'
     IMMINENT = 'imminent'
@@ -39,53 +39,53 @@ class State(NamedTuple):
     """The state of a footprint."""
 
     status: Status
-    # The obstacles that share a point with it, sorted; empty unless in collision.
+    # The obstacles in contact with it, sorted; empty unless in collision.
     contacts: tuple[ObstacleId, ...]
     # Sentences: why the status is unknown or imminent, or what else is unknown beside a collision.
-    # They hold no running figures, so that a state does not change only because time passes.
+    # Without running figures, so that a state does not change merely because time passes.
     reasons: tuple[str, ...]
-    age: float | None  # seconds since the footprint's stamp; None if there is no good footprint
+    age: float | None  # seconds since the footprint's stamp; None if there is no valid footprint
 
 
-# The frame in which a footprint was sent, and the time in ns of the transform that moved it from
-# there, None for all times.
+# The frame in which a footprint was sent, and the time in ns of the transform applied to it, None
+# for a static one.
 Origin: TypeAlias = tuple[str, int | None]
 # Status and reasons of a State.
 Evaluation: TypeAlias = tuple[Status, tuple[str, ...]]
 
 
 class Footprint(Body[Obstacle]):
-    """One footprint: where it is, since when, and the status reported for it. Times are in ns."""
+    """A footprint: its place, its time and the status reported for it. Times are in ns."""
 
-    evaluation: Evaluation  # what was found when it was evaluated last
+    evaluation: Evaluation  # the result of the last `evaluate`
 
     def __init__(self, settings: FootprintSettings) -> None:
         super().__init__()
-        # Its messages by their numbers, and what is wrong with their publishers.
+        # The stream of its messages, and what is wrong with their publishers.
         self.stream = Stream()
         self._stream_faults: tuple[str, ...] = ()
-        # The good footprint: its stamp, not in the future, None if there is none; where it came
-        # from, None if it came in the frame of all; whether it is past its timeout.
+        # The valid footprint: its stamp, not in the future, None if there is none; its origin,
+        # None if it was not transformed; whether it is past its timeout.
         self.time: int | None = None
         self.origin: Origin | None = None
         self.stale = False
-        # Why there is none; empty if there is one, be it stale.
+        # Why there is no valid footprint; empty if there is one, even if stale.
         self.fault = ''
-        # The frame of the message that came last, and when that came.
+        # The frame of the last message, and when it was received.
         self.frame_id = ''
         self.received: int | None = None
-        # What its velocity is known from, if that is tracked, and what it was told to do last.
+        # Its motion, if that is tracked, and the last velocity command.
         self.motion = MotionTracker()
         self.command: Command | None = None
-        # Whether it is about to collide, as its min_time_to_collision has it.
+        # Whether a contact is predicted within its min_time_to_collision.
         self.is_imminent = False
-        # What is reported: CLEAR only after the release delay.
+        # The status reported: CLEAR only after the release delay.
         self.status = Status.UNKNOWN
-        # Why it is not known what the footprint touches, whatever it is known to touch.
+        # Why its contacts may be unknown; empty if all are known.
         self.unknown_reasons: tuple[str, ...] = ()
-        # The contacts by name that changed since the reader emptied this.
+        # Names of contacts that changed since the reader emptied this.
         self.gained_or_lost: set[ObstacleId] = set()
-        # How many contacts have a name: that of a set and that of the next may have the same.
+        # Number of contacts by name: obstacles of successive sets may have the same name.
         self._held: dict[ObstacleId, int] = {}
         self._names: tuple[ObstacleId, ...] | None = None
         self._clear_since: int | None = None
@@ -100,7 +100,7 @@ class Footprint(Body[Obstacle]):
 
     @property
     def deadline(self) -> float:
-        """Time in ns after which something changes by itself: its age, faults or release."""
+        """Time in ns after which age, faults or release change something without a message."""
         deadline = min(self._release, self.stream.mixed_until)
         if self.time is None or self.stale:
             return deadline
@@ -108,16 +108,16 @@ class Footprint(Body[Obstacle]):
 
     @property
     def contacts_reported(self) -> tuple[ObstacleId, ...]:
-        """The names of the obstacles that make its collision, sorted; empty if in none."""
+        """The names of the obstacles that it collides with, sorted; empty if in no collision."""
         if self.status is not Status.COLLISION:
             return ()
-        # Only where somebody asks: with many contacts, sorting for each new one takes very long.
+        # Sorted only on request: with many contacts, sorting for each new one takes very long.
         if self._names is None:
             self._names = tuple(sorted(self._held))
         return self._names
 
     def toggle(self, others: Collection[Obstacle]) -> None:
-        """Add those of some bodies that are not contacts, and remove those that are."""
+        """Add the bodies that are not contacts yet, and remove those that are."""
         super().toggle(others)
         for other in others:
             name = other.name
@@ -132,7 +132,7 @@ class Footprint(Body[Obstacle]):
                 self._names = None
 
     def set_back(self, now: int) -> None:
-        """Forget all times: the clock was set back."""
+        """Reset all times, because the clock was set back."""
         self.stream.set_back(now)
         self.command = None
         self.received = self._clear_since = None
@@ -150,10 +150,10 @@ class Footprint(Body[Obstacle]):
     def evaluate(self, now: int, monitor_fault: str, source_faults: tuple[str, ...],
                  release_delay: int) -> None:
         """
-        Work out what to report: a release after the delay, anything else at once.
+        Update the status to report: CLEAR after the release delay, anything else at once.
 
-        `monitor_fault` says why no footprint can be known, `source_faults` why there may be
-        obstacles that were not received; they are empty if nothing is wrong.
+        `monitor_fault` says why no footprint can be known, `source_faults` why obstacles may
+        not have been received; they are empty if nothing is wrong.
         """
         if self.stream.mixed_until < now:
             self.find_stream_faults(now)
@@ -192,7 +192,7 @@ class Footprint(Body[Obstacle]):
         self.evaluation = status, reasons
 
     def _faults_in_words(self) -> tuple[str, ...]:
-        """Return what is wrong with the footprint itself, in sentences."""
+        """Return the faults of the footprint itself, as sentences."""
         faults = self._stream_faults
         if self.stale:
             if self.received is not None and self.received - (self.time or 0) > FAR:

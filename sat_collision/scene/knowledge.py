@@ -15,11 +15,11 @@
 """
 Whether all obstacles that a source sends are known.
 
-Every clear rests on this: `Sets`, `Keys` and `Maps` are three ways to list all that a publisher
-sees, and know when such a listing is whole. They know stamps and what `streams` makes of numbers,
-but never look at a body: these are in the groups of obstacles that a listing fills, drops or ages.
-All three take what the number of a message means, its stamp, the time that it counts from and the
-present, in ns. docs/knowing.md has the promise, the assumptions and why the rules here keep it.
+Every state "clear" depends on this. `Sets`, `Keys` and `Maps` are three ways to list all that a
+publisher sees, and decide when such a listing is whole: by stamps and by sequence numbers, as
+`streams` interprets them, never by bodies. Those are in the groups of obstacles that a listing
+fills and drops. All three receive the meaning of a message's number, its stamp, the time from
+which it counts and the present, in ns. docs/knowing.md has the guarantees, and why they hold.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from sat_collision.scene.streams import BEGUN, CONTINUES, LOST, MET, News
 
 LOSS = 'messages were lost'
 
-# How many sets that are not whole are held beside the last whole one.
+# Max sets kept that are not whole, besides the last whole one.
 _MOST_SETS = 20
 
 
 class _Listing:
-    """What all listings have in common; the store has the groups for the obstacles."""
+    """The base of all listings; the store makes the groups of obstacles."""
 
     timeout: float = NEVER
     window: float = 0
@@ -47,7 +47,7 @@ class _Listing:
     def __init__(self, store: ObstacleStore) -> None:
         self._store = store
         self.is_known = False  # whether all that the publisher sees is known
-        self.wants_history = False  # whether what was sent before must be asked for again
+        self.wants_history = False  # whether a new subscription is needed for older messages
 
     def configure(self, settings: ObstacleSettings) -> None:
         """Apply the settings of the source."""
@@ -57,7 +57,7 @@ class _Listing:
         self.max_count = settings.max_count
 
     def wait(self, now: int) -> None:
-        """Do not count a wait as a pause: messages may still be queued."""
+        """Restart `settle_time`, if there is one: messages may still be queued."""
 
     @property
     def _timeout_in_words(self) -> str:
@@ -73,27 +73,27 @@ class _Set:
         self.group = group
         self.start = stamp  # of its first message
         self.last = stamp  # of the last one so far
-        self.time = time  # the earliest that its messages count from
+        self.time = time  # the earliest from which its messages count
         self.count = 0  # of its messages so far
-        self.is_begun = is_begun  # whether nothing was missed since its beginning
+        self.is_begun = is_begun  # whether nothing is missing since its beginning
         self.is_ended = False  # whether an empty polygon has ended it
         self.is_whole = False  # whether it is proved whole
 
 
 class Sets(_Listing):
     """
-    Listings that are sets: polygons whose stamps lie within a window.
+    Listings as sets: polygons whose stamps lie within a window.
 
     The beginning of a set is proved by number 1, or by the end of the set before it; its end by a
     message of a later set, by an empty polygon with its stamp, or by `max_count` messages, unless
-    the set before had more. The last whole set is held, and all that is newer: only a whole set
-    replaces it. The listing is known while the last whole set is younger than the timeout.
+    the set before had more. The last whole set and all newer ones are kept: only a whole set
+    replaces it. The listing is known while the last whole set is not older than the timeout.
     """
 
     def __init__(self, store: ObstacleStore) -> None:
         super().__init__(store)
-        self.current: _Set | None = None  # that of the message before
-        # In the order in which they came. Only the first one may be whole.
+        self.current: _Set | None = None  # the set of the message before
+        # In order of arrival. Only the first one may be whole.
         self._sets: list[_Set] = []
         self._is_cut = self._is_too_large = self._is_spoiled = False
         self._period = 0
@@ -104,7 +104,7 @@ class Sets(_Listing):
         return [one.group for one in self._sets]
 
     def receive(self, news: News, stamp: int, time: int, now: int) -> SetGroup:
-        """Take a polygon; return the group that it joins."""
+        """Receive a polygon; return the group that it joins."""
         current = self.current
         if (current is None or stamp != current.last or news is not CONTINUES
                 or time < current.time or self._is_spoiled):
@@ -118,33 +118,33 @@ class Sets(_Listing):
         return current.group
 
     def set_to_extend(self, stamp: int) -> _Set | None:
-        """Return the current set, if messages of a stamp add to it, and do nothing else."""
+        """Return the current set if messages of a stamp only add to it, else None."""
         current = self.current
         if current is None or stamp != current.last or self._is_spoiled or stamp < current.time:
             return None
         return current
 
     def end(self, news: News, stamp: int, time: int, now: int) -> None:
-        """Take an empty polygon: the set of its stamp ends; none, where that is 0."""
+        """Receive an empty polygon, which ends the set of its stamp; none if that is 0."""
         if not stamp:
             if news is LOST:
                 self._miss(LOSS)
             return
         current = self.current
         if current is not None and self._is_near(current, stamp):
-            # It ends a set that has max_count members, too.
+            # A set that has max_count members already is ended, too.
             stamp = current.last
         current = self._follow(news, stamp, time, now)
         current.is_ended = True
         self._end(current, now)
 
     def spoil(self, cause: str, now: int) -> None:
-        """Take messages of which nothing is known, of this set or of the next one."""
+        """Record messages of unknown content, of this set or of the next one."""
         self._miss(cause)
         self.is_known = False
 
     def pass_time(self, now: int) -> None:
-        """Forget what is too old, but nothing as long as the last whole set is not."""
+        """Drop obstacles that are too old, unless the listing is still known."""
         whole = self._whole
         if self.is_known and whole is not None and whole.time + self.timeout >= now:
             return
@@ -157,7 +157,7 @@ class Sets(_Listing):
 
     @property
     def deadline(self) -> float:
-        """The time after which something is too old."""
+        """The time after which the last whole set, or else some obstacle, is too old."""
         whole = self._whole
         if whole is not None and self.is_known:
             return whole.time + self.timeout
@@ -196,7 +196,7 @@ class Sets(_Listing):
         return not current.is_ended and abs(stamp - current.start) <= self.window
 
     def _follow(self, news: News, stamp: int, time: int, now: int) -> _Set:
-        """Return the set that a message joins: the current one, or another that it begins."""
+        """Return the set that a message joins: the current one, or a new one."""
         if news is LOST:
             self._miss(LOSS)
         elif self._is_spoiled:
@@ -222,20 +222,20 @@ class Sets(_Listing):
         self._sets.append(current)
         is_first_whole = self._sets[0].is_whole
         if len(self._sets) > _MOST_SETS + 1 + is_first_whole:
-            # Too many to hold.
+            # Too many sets: drop the oldest that is not whole.
             self.is_known = False
             self._sets.pop(is_first_whole).group.clear()
         return current
 
     def _miss(self, what: str) -> None:
-        """Take a gap in what has come."""
+        """Record a gap in the messages."""
         self._missed = what
         self._is_spoiled = True
         if self.current is not None and not self.current.is_whole:
             self.current.is_begun = False
 
     def _end(self, current: _Set, now: int) -> None:
-        """Let a set that has ended replace all that is older, if nothing of it was missed."""
+        """Let a set that has ended replace all older ones, if nothing of it is missing."""
         if not current.is_begun or current.is_whole:
             return
         for one in self._sets:
@@ -250,7 +250,7 @@ class Sets(_Listing):
 
 
 class _Keyed(_Listing):
-    """What listings of obstacles by id or shape have in common: they fill one group."""
+    """The base of listings by id or shape, which fill one group."""
 
     def __init__(self, store: ObstacleStore) -> None:
         super().__init__(store)
@@ -264,11 +264,11 @@ class _Keyed(_Listing):
 
 class Keys(_Keyed):
     """
-    Listings of obstacles that are identified by id or shape: all that comes in one timeout.
+    Listings of obstacles identified by id or shape: all that are received in one timeout.
 
     Known from the first message on that is stamped a whole timeout after the one with which
-    receiving without a gap began. An obstacle is forgotten when a message stamped more than the
-    timeout after it shows that its publisher lives and no longer sends it.
+    reception without a gap began. An obstacle is dropped when a message stamped more than the
+    timeout after it shows that its publisher is alive and no longer sends it.
     """
 
     def __init__(self, store: ObstacleStore) -> None:
@@ -277,7 +277,7 @@ class Keys(_Keyed):
         self._last: float = -NEVER
 
     def receive(self, news: News, stamp: int, time: int, now: int) -> KeyedGroup:
-        """Take a polygon; return the group that it joins."""
+        """Receive a polygon; return the group that it joins."""
         last = self._last
         if news is not CONTINUES or self._since == NEVER or last + self.timeout < now:
             self._restart(max(time, last), LOSS if news is LOST else '')
@@ -290,25 +290,25 @@ class Keys(_Keyed):
         return self.group
 
     def end(self, news: News, stamp: int, time: int, now: int) -> None:
-        """Take an empty polygon, which shows that the publisher lives."""
+        """Receive an empty polygon, which shows that the publisher is alive."""
         self.receive(news, stamp, time, now)
 
     def spoil(self, cause: str, now: int) -> None:
-        """Take messages of which nothing is known, of any key."""
+        """Record messages of unknown content, of any key."""
         self._last = max(now, self._last)
         self._restart(self._last, cause)
 
     def pass_time(self, now: int) -> None:
-        """Forget all once the source is silent; until then time alone forgets nothing."""
+        """Drop obstacles that are too old once the source is silent; before, time drops none."""
         if self._last + self.timeout < now:
             self.is_known = False
             self.group.forget_before(now - self.timeout)
-            # A late message must not continue as if nothing had been forgotten.
+            # A late message must not continue as if nothing had been dropped.
             self._since = NEVER
 
     @property
     def deadline(self) -> float:
-        """The time after which the source is silent, or what is left is too old."""
+        """The time after which the source is silent, or its oldest obstacle is too old."""
         return self.timeout + (self._last if self._since < NEVER else self.group.oldest)
 
     def problem(self, now: int) -> str:
@@ -330,11 +330,11 @@ class Keys(_Keyed):
 
 class Maps(_Keyed):
     """
-    Listings that never grow old: all obstacles up to an empty polygon.
+    Listings that never become too old: all obstacles up to an empty polygon.
 
     A listing that began with number 1 or right after an empty polygon is known once an empty
-    polygon ends it; the first one of a stream also when nothing new has come for `settle_time`,
-    which drops nothing.
+    polygon ends it; the first one of a stream also when nothing has been received for
+    `settle_time`, which drops nothing.
     """
 
     def __init__(self, store: ObstacleStore) -> None:
@@ -343,7 +343,7 @@ class Maps(_Keyed):
         self._settles: float = NEVER
 
     def receive(self, news: News, stamp: int, time: int, now: int) -> KeyedGroup:
-        """Take a polygon; return the group that it joins."""
+        """Receive a polygon; return the group that it joins."""
         if news is BEGUN:
             self._is_begun, self.wants_history = True, False
             self._settles = now
@@ -357,7 +357,7 @@ class Maps(_Keyed):
         return self.group
 
     def end(self, news: News, stamp: int, time: int, now: int) -> None:
-        """Take an empty polygon: the listing ends."""
+        """Receive an empty polygon, which ends the listing."""
         self.receive(news, stamp, time, now)
         self.is_known |= self._is_begun
         self.group.end_listing(replaces=self._is_begun)
@@ -365,18 +365,18 @@ class Maps(_Keyed):
         self._settles = NEVER
 
     def spoil(self, cause: str, now: int) -> None:
-        """Take messages of which nothing is known, of any obstacle."""
+        """Record messages of unknown content, of any obstacle."""
         self._is_begun = self.is_known = False
         self._settles = NEVER
         self._cause = cause
 
     def wait(self, now: int) -> None:
-        """Begin anew to wait for nothing new: messages may still be queued."""
+        """Restart `settle_time`: messages may still be queued."""
         if self._settles < NEVER:
             self._settles = now + self.settle_time
 
     def pass_time(self, now: int) -> None:
-        """Settle, if nothing new has come for long enough."""
+        """Settle if nothing has been received for `settle_time`."""
         if self._settles < now:
             self._settles = NEVER
             self.is_known = True

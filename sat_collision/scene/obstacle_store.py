@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The obstacles that a source holds: in groups that are dropped together."""
+"""The obstacles of a source, in groups that are dropped together."""
 
 from __future__ import annotations
 
@@ -33,25 +33,25 @@ TOO_MANY = 'too many obstacles'
 
 
 class ObstacleStore:
-    """The groups of obstacles of the source with this name."""
+    """The groups of obstacles of a source."""
 
     def __init__(self, source: str, contacts: Contacts) -> None:
         self.source = source
         self.contacts = contacts
-        # How many obstacles a group has room for.
+        # Max obstacles of a group.
         self.max_count = 0
-        # How many obstacles stand for a message that was refused, by reason.
+        # Number of obstacles whose message was refused, by reason.
         self.refusals: Counter[str] = Counter()
         self.groups: list[ObstacleGroup] = []
         self._spare: list[SetGroup] = []
         self._shapes_seen = 0
 
     def __iter__(self) -> Iterator[Obstacle]:
-        """Go through all obstacles, those that stand for a refused message included."""
+        """Iterate over all obstacles, including those whose message was refused."""
         return chain.from_iterable(self.groups)
 
     def new_set(self) -> SetGroup:
-        """Return a group for a set, one that was used before if there is one."""
+        """Return a group for a set, reusing a dropped one if possible."""
         group = self._spare.pop() if self._spare else SetGroup(self)
         self.groups.append(group)
         return group
@@ -63,14 +63,14 @@ class ObstacleStore:
         return group
 
     def drop(self, group: ObstacleGroup) -> None:
-        """Forget a group that is empty."""
+        """Drop an empty group."""
         if group in self.groups:
             self.groups.remove(group)
             if isinstance(group, SetGroup):
                 self._spare.append(group)
 
     def number_of(self, key: Key) -> int:
-        """Return the number that an obstacle of this key is reported by."""
+        """Return the number by which an obstacle of this key is reported."""
         if isinstance(key, int):
             return key
         self._shapes_seen += 1
@@ -78,25 +78,25 @@ class ObstacleStore:
 
 
 class ObstacleGroup:
-    """What groups have in common. A refused message takes the place of its obstacle."""
+    """The base of groups. A refused message takes the place of its obstacle."""
 
     def __init__(self, store: ObstacleStore) -> None:
         self._store = store
         self._contacts = store.contacts
 
     def __iter__(self) -> Iterator[Obstacle]:
-        """Go through all obstacles, those that stand for a refused message included."""
+        """Iterate over all obstacles, including those whose message was refused."""
         raise NotImplementedError
 
     def flush(self) -> None:
-        """Write what runs have brought to the obstacles that they moved."""
+        """Update the obstacles that runs have moved."""
 
     def forget_refused(self) -> None:
-        """Drop what stands for refused messages."""
+        """Drop the obstacles whose messages were refused."""
         self._forget([one for one in self if one.refused])
 
     def refuse_other_frames(self, frame_id: str) -> None:
-        """Refuse all in other frames than this."""
+        """Refuse all placed obstacles in other frames than this."""
         for one in self:
             if one.row is not None and one.frame_id != frame_id:
                 self._put(one, None, one.frame_id, one.time, OTHER_FRAME)
@@ -109,7 +109,7 @@ class ObstacleGroup:
 
     def _put(self, obstacle: Obstacle, body: PackedBody | None, frame_id: str, time: float,
              refusal: str | None) -> None:
-        """Put an obstacle where a message says; nowhere if that is refused."""
+        """Place an obstacle as its message says, or remove its body if that is refused."""
         obstacle.frame_id = frame_id
         obstacle.time = time
         if body is None or refusal:
@@ -120,7 +120,7 @@ class ObstacleGroup:
             self._mark(obstacle, refusal)
 
     def _mark(self, obstacle: Obstacle, refusal: str | None) -> None:
-        """Change why an obstacle is refused: None if it is not any more."""
+        """Set why an obstacle is refused, None if it is not."""
         before, obstacle.refused = obstacle.refused, refusal
         if before:
             self._store.refusals[before] -= 1
@@ -132,7 +132,7 @@ class SetGroup(ObstacleGroup):
     """
     The obstacles of one set: the k-th message is the k-th obstacle.
 
-    One that is cleared keeps its rows, hidden, for another set.
+    A group that is cleared keeps its rows, hidden, for another set.
     """
 
     def __init__(self, store: ObstacleStore) -> None:
@@ -140,11 +140,11 @@ class SetGroup(ObstacleGroup):
         # The earliest time of its obstacles; NEVER if there are none.
         self.oldest: float = NEVER
         self._places: list[Obstacle] = []
-        # Of each place, -1 where nothing is placed.
+        # The row of each place, -1 for none.
         self._rows = indexable(np.empty(0, np.int64))
         self._taken = 0
-        # Of runs: places from one to another, with the frame and the time of their obstacles, to
-        # which these are written only when they are asked for: most sets are dropped before.
+        # Of runs: begin and end of their places, and the frame and time of their obstacles. Only
+        # `flush` writes these to the obstacles: most sets are dropped before that is needed.
         self._pending: list[tuple[int, int, str, float]] = []
 
     def __iter__(self) -> Iterator[Obstacle]:
@@ -161,9 +161,9 @@ class SetGroup(ObstacleGroup):
 
     def take_run(self, run: Run, limit: int, frame_id: str, time: int) -> int:
         """
-        Take at most so many obstacles in places that have a row.
+        Take obstacles of a run, up to a limit, into places that have a row.
 
-        Return how many were taken: all before the first one that may meet something.
+        Return how many were taken: all before the first one that may meet a footprint.
         """
         begin = self._taken
         if begin == len(self._places):
@@ -178,7 +178,7 @@ class SetGroup(ObstacleGroup):
 
     def take(self, key: Key, body: PackedBody | None, frame_id: str, time: int,
              refusal: str | None) -> str | None:
-        """Take a message, whose body is None where it is refused; return a refusal or None."""
+        """Take a message, with body None if it is refused; return why it is refused, or None."""
         place = self._taken
         if place >= self._store.max_count:
             # All obstacles beyond the limit share a place.
@@ -200,7 +200,7 @@ class SetGroup(ObstacleGroup):
             self._forget([one for one in self if one.time < time])
 
     def clear(self) -> None:
-        """Hide all."""
+        """Hide all obstacles."""
         places, taken = self._places, self._taken
         super()._forget(places[taken:])
         for place in range(taken, len(places)):
@@ -229,13 +229,13 @@ class SetGroup(ObstacleGroup):
 
 
 class KeyedGroup(ObstacleGroup):
-    """Obstacles identified by id or shape, each where its newest stamp says."""
+    """Obstacles identified by id or shape, each where the message of its newest stamp says."""
 
     def __init__(self, store: ObstacleStore) -> None:
         super().__init__(store)
-        # In the order of their times, as far as messages come in the order of their stamps.
+        # In order of their times, if messages arrive in order of their stamps.
         self._held: dict[Key, Obstacle] = {}
-        # The number of the listing that comes in.
+        # The number of the current listing.
         self._listing = 0
 
     def __iter__(self) -> Iterator[Obstacle]:
@@ -243,7 +243,7 @@ class KeyedGroup(ObstacleGroup):
 
     @property
     def oldest(self) -> float:
-        """The time of the obstacle that was refreshed the longest ago; NEVER if there is none."""
+        """The time of the least recently updated obstacle; NEVER if there is none."""
         for obstacle in self._held.values():
             return obstacle.time
         return NEVER
@@ -251,10 +251,10 @@ class KeyedGroup(ObstacleGroup):
     def take(self, key: Key, body: PackedBody | None, frame_id: str, time: int,
              refusal: str | None) -> str | None:
         """
-        Take a message, whose body is None where it is refused; return a refusal or None.
+        Take a message, with body None if it is refused; return why it is refused, or None.
 
-        One that is older than what is held of its key changes nothing. It is TOO_MANY where
-        there is no room for another key: nothing stands for it.
+        A message older than the obstacle of its key changes nothing. A new key for which there
+        is no room is refused as TOO_MANY, and no obstacle is made for it.
         """
         held = self._held
         obstacle = held.pop(key, None)
@@ -271,7 +271,7 @@ class KeyedGroup(ObstacleGroup):
         return refusal
 
     def get(self, key: Key) -> Obstacle | None:
-        """Return the obstacle of a key, None if there is none."""
+        """Return the obstacle of a key, or None."""
         return self._held.get(key)
 
     def forget_before(self, time: float) -> None:
@@ -280,7 +280,7 @@ class KeyedGroup(ObstacleGroup):
             self._forget([next(iter(self))])
 
     def end_listing(self, replaces: bool) -> None:
-        """Begin another listing; drop what only earlier ones had, if this one replaces them."""
+        """End the listing; if it replaces earlier ones, drop obstacles that only those had."""
         if replaces:
             self._forget([one for one in self if one.listing < self._listing])
         self._listing += 1

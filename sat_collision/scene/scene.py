@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The scene: what is known of footprints and obstacles, and what follows for each footprint."""
+"""The scene: the footprints and obstacles received, and the state of each footprint."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ FROM_FUTURE = 'from the future'
 OVERTAKEN = 'older than the last'
 
 _AGREEMENT = 10**9
-# How much further than needed `look_ahead` looks, in s, to know when to look again; it is called
-# more often than that.
+# How much further ahead than needed `look_ahead` predicts, in s, to know when it is due again; it
+# is called more often than that.
 _AHEAD = 0.5
 _DISABLED = 'checking is disabled'
 _NO_CLOCK = 'no clock yet: the time reads 0, as with use_sim_time before the first /clock'
@@ -59,39 +59,39 @@ class Scene:
     """
     Footprints and obstacles, and the state of each footprint.
 
-    A message is decided against the bodies that it may meet; all else stays as it was decided.
-    Where knowledge is missing a footprint is unknown, never clear. It is
+    A new body is checked against the bodies that it may meet; other contacts stay as they are.
+    If knowledge is missing a footprint is unknown, never clear. It is
 
-    - UNKNOWN if nothing is known of the footprint itself (not received, refused, in another frame,
-      older than its timeout, disabled, of two publishers), if checking is disabled, or if there
-      is no clock;
+    - UNKNOWN if the footprint itself is unknown (not received, refused, in another frame, older
+      than its timeout, disabled, with two publishers), if checking is disabled, or if there is no
+      running clock;
     - else in COLLISION if it shares a point with an obstacle, or is within the margin of one: a
       proved contact stays true whatever else is unknown;
     - else UNKNOWN if a source of obstacles is not known, see `knowledge`, or none is enabled:
       there may be an obstacle that was not received;
-    - else IMMINENT if `look_ahead` found that it is in contact within its min_time_to_collision;
+    - else IMMINENT if `look_ahead` predicts a contact within its min_time_to_collision;
     - else CLEAR, which is reported once it has been so for `release_delay`.
 
-    Where a footprint has sources of its own, these alone count for it.
+    If a footprint lists sources of its own, only these count for it.
 
     Every method that takes `now` first lets time pass until then, as `pass_time` does. Times are
-    ints in ns by one clock. A header stamp of 0 means now, and no stamp counts from the future.
-    A body is a packed polygon, whose array may be used again once the method has returned. The
-    number of a message says which one of its publisher's it is, where that is known.
+    ints in ns by one clock. A header stamp that is 0 or in the future counts as now. A body is a
+    packed polygon, whose array may be reused once the method has returned. The number of a
+    message is its sequence number among those of its publisher, None if unknown.
     """
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
-        # The frame of all bodies: that of the settings, else the one that the footprints received
-        # in the last second agree on; empty until there is one.
+        # The frame of all bodies: that of the settings, else the common frame of the footprints
+        # received in the last second; empty until there is one.
         self.frame_id = settings.frame_id
-        # The time until which, at least, nothing changes by itself.
+        # Earliest time after which anything may change without a message.
         self.deadline: float = NEVER
-        # Names of those of which messages wait to be taken: maps of theirs do not settle.
+        # Names of footprints and sources with messages waiting for transforms: maps do not settle.
         self.waiting: Container[str] = ()
-        # Whether the motion of every footprint is tracked, be it asked for or not.
+        # Whether the motion of all footprints is tracked, not only where a state depends on it.
         self.tracks_motion = False
-        # Whether footprints are placed among the obstacles; else it is found only what is known.
+        # Whether contacts of footprints are decided; if not, only what is unknown is found.
         self.decides_contacts = True
         self._now = 0
         self._clock_stands = False
@@ -100,13 +100,13 @@ class Scene:
                          for source in settings.obstacles}
         self._footprints = {footprint.name: Footprint(footprint)
                             for footprint in settings.footprints}
-        # All that faults were found from.
+        # What `_faults` was last computed from.
         self._causes: tuple[object, ...] = ()
-        # By name of the footprint: what is wrong beside itself, and what was reported last.
+        # By name of the footprint: faults of monitor and sources; the evaluation reported last.
         self._faults: dict[str, tuple[str, tuple[str, ...]]] = dict.fromkeys(
             self._footprints, ('', ()))
         self._reported: dict[str, Evaluation] = {}
-        # Since the last call of `changes`: what was evaluated, and what was in collision then.
+        # Footprints evaluated since the last call of `changes`, and those then found in collision.
         self.evaluated: set[Footprint] = set()
         self._collided: set[str] = set()
         self._use(settings)
@@ -123,9 +123,9 @@ class Scene:
 
     def update(self, settings: Settings) -> None:
         """
-        Apply other settings, of the same names, topics and types.
+        Apply changed settings, with the same names, topics and types.
 
-        What is disabled forgets what it has received: enabled again, it is unknown at first.
+        A disabled footprint or source drops what it received: enabled again, it starts unknown.
         """
         self._use(settings)
         for source in settings.obstacles:
@@ -148,10 +148,10 @@ class Scene:
     def footprint(self, name: str, body: PackedBody, frame_id: str, stamp: int, now: int,
                   origin: Origin | None = None, number: int | None = None) -> str | None:
         """
-        Take a footprint, and its origin if it was moved to the frame.
+        Receive a footprint, and its origin if it was transformed.
 
-        Return why it was refused, if it was: FROM_FUTURE, OTHER_FRAME or OVERTAKEN; the last
-        leaves the footprint as it is.
+        Return the reason if it is refused: FROM_FUTURE, OTHER_FRAME or OVERTAKEN; the last leaves
+        the footprint as it is.
         """
         if now != self._now:
             self.pass_time(now)
@@ -190,33 +190,33 @@ class Scene:
         return None
 
     def is_tracked(self, name: str) -> bool:
-        """Tell whether anything needs the motion of a footprint."""
+        """Return whether anything needs the motion of a footprint."""
         return self.tracks_motion or name in self._looks_ahead
 
     def track(self, name: str, vertices: Vertices, given: Velocity | None = None) -> None:
-        """Take the vertices, in the order sent, and the velocity of a footprint just taken."""
+        """Track a footprint just received: its vertices in the order sent, velocity if given."""
         footprint = self._footprints[name]
         if footprint.time is not None:
             footprint.motion.place(footprint.time, vertices, given)
 
     def track_obstacle(self, name: str, instance: int, vertices: Vertices, stamp: int,
                        now: int) -> None:
-        """Take the vertices, in the order sent, of an obstacle just taken that may move."""
+        """Track an obstacle just received that may move: its vertices in the order sent."""
         self._sources[name].track(instance, stamp if 0 < stamp < now else now, vertices)
 
     def command(self, name: str, command: Command) -> None:
-        """Take what a footprint is told to do."""
+        """Receive the velocity command of a footprint."""
         self._footprints[name].command = command
 
     def velocity(self, name: str) -> Velocity | str:
-        """Return the velocity of a footprint from its stamp on, or why it is unknown."""
+        """Return the velocity of a footprint since its stamp, or why it is unknown."""
         return velocity_of(self._footprints[name], self._now)
 
     def prediction(self, name: str) -> Prediction | None:
         """
-        Return when a footprint is in contact, as of the time that was passed last.
+        Return when a footprint will be in contact, as of the last time passed.
 
-        None while its state or its velocity is unknown, and where nothing is to be predicted.
+        None while its state or its velocity is unknown, and if nothing asks for predictions.
         """
         footprint = self._footprints[name]
         horizon = max(self.settings.horizon, footprint.settings.min_time_to_collision)
@@ -224,7 +224,7 @@ class Scene:
                        horizon) if horizon else None
 
     def look_ahead(self) -> None:
-        """Find out which footprints are in contact within their min_time_to_collision."""
+        """Predict which footprints are in contact within their min_time_to_collision."""
         for name, threshold in self._looks_ahead.items():
             footprint = self._footprints[name]
             found = predict(footprint, self._contacts, self._sources.values(), self._now,
@@ -242,10 +242,10 @@ class Scene:
     def obstacle(self, name: str, body: PackedBody | None, frame_id: str, stamp: int, now: int,
                  instance: int | None = None, number: int | None = None) -> str | None:
         """
-        Take a message of a source of obstacles, with the obstacle's id if the source gives ids.
+        Receive a message of a source of obstacles, with the obstacle's id if the source gives ids.
 
-        There is no body of an empty polygon, which ends a set or a map. Return why the message was
-        refused, if it was: FROM_FUTURE, OTHER_FRAME, TOO_MANY or TOO_OLD.
+        The body of an empty polygon, which ends a set or a map, is None. Return the reason if the
+        message is refused: FROM_FUTURE, OTHER_FRAME, TOO_MANY or TOO_OLD.
         """
         if now != self._now:
             self.pass_time(now)
@@ -254,7 +254,7 @@ class Scene:
             return None
         faults, listing = source.faults, source.listing
         if stamp > now and self._is_from_future(stamp):
-            # With such a stamp it can be of no set; an empty polygon is of no instance.
+            # Such a stamp belongs to no set, and an empty polygon to no instance.
             refusal = source.receive(None, frame_id, None, now,
                                      None if body is None else instance, number, FROM_FUTURE)
         elif body is not None and self.frame_id and frame_id != self.frame_id:
@@ -273,7 +273,7 @@ class Scene:
 
     def obstacle_run(self, name: str, run: Run, frame_id: str, stamp: int, now: int,
                      number: int | None) -> int:
-        """Take obstacles of a run that continues a set; return how many messages were taken."""
+        """Receive a run of obstacles that continues a set; return how many were taken."""
         if name in self.waiting or self.frame_id and frame_id != self.frame_id:
             return 0
         if now != self._now:
@@ -291,9 +291,9 @@ class Scene:
     def refuse(self, name: str, reason: str, now: int, stamp: int | None = None,
                instance: int | None = None, number: int | None = None) -> None:
         """
-        Take a message of a footprint or source that gave no polygon.
+        Record a message of a footprint or source that gave no valid polygon.
 
-        The reason has no figures; stamp and instance are None where they could not be read.
+        The reason has no figures; stamp and instance are None if they could not be read.
         """
         self.pass_time(now)
         if stamp is not None and self._is_from_future(stamp):
@@ -309,7 +309,7 @@ class Scene:
         self._reevaluate_all()
 
     def receive_number(self, name: str, number: int, now: int) -> None:
-        """Take the number of a message of a footprint."""
+        """Record the sequence number of a message of a footprint."""
         footprint = self._footprints[name]
         if footprint.stream.receive(number, now) is not CONTINUES:
             self.pass_time(now)
@@ -318,7 +318,7 @@ class Scene:
                 self._evaluate()
 
     def update_publishers(self, name: str, endpoints: Sequence[Endpoint]) -> None:
-        """Take the publishers that a footprint or source has now."""
+        """Update the publishers of a footprint or source."""
         source = self._sources.get(name)
         if source is not None:
             source.update_publishers(endpoints, self._now)
@@ -332,22 +332,22 @@ class Scene:
         self._reevaluate_all()
 
     def lost(self) -> Counter[str]:
-        """Return how many messages were sent but never came, by name."""
+        """Return the number of messages that were sent but not received, by name."""
         things: Mapping[str, Footprint | Source] = {**self._footprints, **self._sources}
         return +Counter({name: thing.stream.lost for name, thing in things.items()})
 
     def wants_history(self, name: str) -> bool:
-        """Return whether the one publisher of a map must be asked for all that it has sent."""
+        """Return whether a map is needed again from the start, by a new subscription."""
         source = self._sources.get(name)
         return source is not None and source.wants_history and not source.stream.faults()
 
     def renew(self, name: str) -> None:
-        """Take what comes of a source from now on for all that its publisher has ever sent."""
+        """Start a source anew: a new subscription receives all that its publisher keeps."""
         self._sources[name].renew(self._now)
         self._reevaluate_all()
 
     def stop_clock(self, stands: bool) -> None:
-        """Take whether the clock stands still, so that nothing can grow old."""
+        """Record whether the clock stands still, so that nothing can become too old."""
         if stands != self._clock_stands:
             self._clock_stands = stands
             self._reevaluate_all()
@@ -356,9 +356,8 @@ class Scene:
         """
         Let time pass: bodies become too old, sources fall silent, maps settle.
 
-        Where messages may still be queued, `is_all_taken` is false and no map settles. A step
-        back (a recording begins again, a simulation is reset) drops what has a time: it belongs
-        to another one.
+        While messages may still be queued, `is_all_taken` is false and no map settles. A step
+        back (a recording starts again, a simulation is reset) drops all that depends on times.
         """
         last, self._now = self._now, now
         if not is_all_taken:
@@ -384,13 +383,13 @@ class Scene:
 
     @property
     def footprints(self) -> list[tuple[str, Polygon]]:
-        """The (name, Polygon) of every footprint that is somewhere, be it stale."""
+        """The (name, Polygon) of every footprint that is placed, even if stale."""
         return [(name, polygon) for name, footprint in self._footprints.items()
                 if (polygon := footprint.polygon) is not None]
 
     @property
     def obstacles(self) -> list[tuple[ObstacleId, Polygon]]:
-        """The (ObstacleId, Polygon) of every obstacle that is somewhere."""
+        """The (ObstacleId, Polygon) of every obstacle that is placed."""
         return [(obstacle.name, polygon) for source in self._sources.values()
                 for obstacle in source.store if (polygon := obstacle.polygon) is not None]
 
@@ -405,11 +404,11 @@ class Scene:
         return source.settings if source else self._footprints[name].settings
 
     def unknown_reasons(self, name: str) -> tuple[str, ...]:
-        """Return why it is not known what a footprint touches, whatever it is known to touch."""
+        """Return why contacts of a footprint may be unknown, empty if all are known."""
         return self._footprints[name].unknown_reasons
 
     def changes(self) -> list[str]:
-        """Return the names of footprints whose state, age apart, changed since the last call."""
+        """Return the names of footprints whose state, except age, changed since the last call."""
         if not self.evaluated:
             return []
         changed = []
@@ -426,7 +425,7 @@ class Scene:
 
     def brief_contacts(self) -> list[str]:
         """
-        Return the names of footprints that were in collision only for a moment.
+        Return the names of footprints that were in collision only briefly.
 
         That is, since the last call of `changes`, but neither then nor now.
         """
@@ -440,7 +439,7 @@ class Scene:
         return self._footprints[name].status
 
     def state(self, name: str) -> State:
-        """Return the State of a footprint at the time that was passed last."""
+        """Return the State of a footprint at the last time passed."""
         footprint = self._footprints[name]
         age = None if footprint.time is None else (self._now - footprint.time) / 1e9
         status, reasons = footprint.evaluation
@@ -448,10 +447,10 @@ class Scene:
 
     def origin(self, name: str) -> tuple[str, float | None]:
         """
-        Return where the good footprint came from, '' if there is none.
+        Return where the valid footprint came from: a frame, and the age of its transform in s.
 
-        It is the name of the frame in which it was sent, and the age in s of the transform that
-        moved it from there, None if there was none or it holds for all times.
+        The frame is that in which it was sent, '' if there is no valid footprint; the age is None
+        if it was not transformed, or by a static transform.
         """
         footprint = self._footprints[name]
         if footprint.time is None:
@@ -462,17 +461,17 @@ class Scene:
         return frame_id, None if at is None else (self._now - at) / 1e9
 
     def contacts(self, name: str) -> list[tuple[ObstacleId, Polygon, Polygon]]:
-        """Return (ObstacleId, Polygon of the footprint, Polygon) of all that a footprint meets."""
+        """Return (ObstacleId, Polygon of the footprint, Polygon of the obstacle) per contact."""
         footprint = self._footprints[name]
         return [(obstacle.name, own, other) for obstacle in footprint.contacts
                 if (own := footprint.polygon) and (other := obstacle.polygon)]
 
     def nearest(self, name: str, apart: bool = False) -> Nearest | None:
         """
-        Return what is nearest to a footprint, None if one of the two is nowhere.
+        Return the obstacle nearest to a footprint, None if either is not placed.
 
-        It is an obstacle, its separation and the closest points, as `PolygonSet.nearest` has
-        them; with `apart` the obstacles in contact are left out.
+        It comes with its separation and the closest points, as from `PolygonSet.nearest`; with
+        `apart` the obstacles in contact are left out.
         """
         footprint = self._footprints[name]
         found = self._contacts.nearest(footprint, footprint.contacts if apart else ())
@@ -480,15 +479,15 @@ class Scene:
 
     def newer_by(self, name: str, obstacles: Set[ObstacleId]) -> dict[ObstacleId, float]:
         """
-        Return by how many s obstacles are newer than a footprint; only those that are somewhere.
+        Return by how many s obstacles are newer than a footprint; only those that are placed.
 
-        Where two sets hold an obstacle of one name, that in contact counts, else the newer.
+        If two sets hold an obstacle of the same name, one in contact counts first, then the newer.
         """
         footprint = self._footprints[name]
         if footprint.time is None:
             return {}
         found: dict[ObstacleId, tuple[bool, float]] = {}
-        # Once through all of a source, as all of them may be asked for.
+        # One pass per source, because all of its obstacles may be asked for.
         for source in {obstacle.source for obstacle in obstacles}:
             for one in self._sources[source].store:
                 if one.row is not None and one.name in obstacles:
@@ -497,7 +496,7 @@ class Scene:
         return {obstacle: (time - footprint.time) / 1e9 for obstacle, (_, time) in found.items()}
 
     def _set_back(self, now: int) -> None:
-        """Forget what belongs to another time."""
+        """Drop all that depends on times, after the clock was set back."""
         self.frame_id = self.settings.frame_id
         for footprint in self._footprints.values():
             footprint.set_back(now)
@@ -509,7 +508,7 @@ class Scene:
         return stamp > self._now + self._future_tolerance and self._now > 0
 
     def _choose_frame(self) -> None:
-        """Use the frame that the footprints received recently agree on, if they do."""
+        """Use the common frame of the footprints received recently, if there is one."""
         frames = {footprint.frame_id for footprint in self._footprints.values()
                   if footprint.received is not None
                   and footprint.received >= self._now - _AGREEMENT}
@@ -531,7 +530,7 @@ class Scene:
         self._contacts.changed.add(footprint)
 
     def _reevaluate_all(self) -> None:
-        """Evaluate the footprints for which something has changed: all, if a common fault has."""
+        """Update the faults, and evaluate the footprints for which something has changed."""
         monitor_fault = (_DISABLED if not self.settings.enabled else _NO_CLOCK if not self._now
                          else _CLOCK_STANDS if self._clock_stands else '')
         causes = monitor_fault, self.settings, *(one.faults for one in self._sources.values())
@@ -545,7 +544,7 @@ class Scene:
         self._evaluate()
 
     def _source_faults(self, footprint: Footprint) -> tuple[str, ...]:
-        """Return why there may be obstacles that concern a footprint and were not received."""
+        """Return why obstacles that a footprint monitors may not have been received."""
         monitored = [source for name, source in self._sources.items()
                      if footprint.settings.monitors(name)]
         if not any(source.settings.enabled for source in monitored):

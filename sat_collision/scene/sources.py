@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sources of obstacles: what each one is known to have sent, where it is, and what is wrong."""
+"""Sources of obstacles: whether all that each one sent is known, its obstacles and its faults."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from sat_collision.scene.velocity import MotionTracker, Vertices
 
 TOO_OLD = 'too old'
 
-# Of so many listings that were interrupted the obstacles stay.
+# Max interrupted listings whose obstacles are kept.
 _MOST_FORMER = 20
 
 _Listing: TypeAlias = Sets | Keys | Maps
@@ -42,25 +42,24 @@ _Group: TypeAlias = SetGroup | KeyedGroup
 
 class Source:
     """
-    One topic of obstacles: its stream, how it lists them, and the obstacles themselves.
+    One topic of obstacles: its stream, its kind of listing, and the obstacles themselves.
 
-    Polygons with stamps come in sets; those of stamp 0, and all of a source that accumulates, go
-    by their shape; instances by their id; with a timeout of 0 they make a map. The obstacles of a
-    listing that was interrupted stay until their timeout, beside those of the listing that
-    follows.
+    Polygons with stamps come in sets; those of stamp 0, and all of a source that accumulates, are
+    identified by their shape; instances by their id; with a timeout of 0 they make a map. The
+    obstacles of an interrupted listing stay until their timeout, beside those of the next listing.
 
-    Times are in ns. A message counts from its stamp, from now if that is 0 or in the future. One
-    past its timeout is refused as TOO_OLD.
+    Times are in ns. A message counts from its stamp, or from now if that is 0 or in the future.
+    One past its timeout is refused as TOO_OLD.
     """
 
     def __init__(self, settings: ObstacleSettings, contacts: Contacts) -> None:
         self.settings = settings
         self.store = ObstacleStore(settings.name, contacts)
         self.stream = Stream()
-        # Why the source cannot be trusted, in words; empty if it can. The same object as long as
-        # nothing about it changes.
+        # Why the source cannot be trusted, as sentences; empty if it can. The same object until
+        # they change.
         self.faults: tuple[str, ...] = ()
-        # What its publisher lists now: another object where that begins anew.
+        # The current listing of its publisher: a new object whenever that starts over.
         self.listing: _Listing = Sets(self.store)
         # Groups of listings that were interrupted.
         self._former: list[_Group] = []
@@ -70,12 +69,12 @@ class Source:
         self.configure(settings, now=0)
 
     def configure(self, settings: ObstacleSettings, now: int) -> None:
-        """Apply settings; a disabled source forgets all that it has received."""
+        """Apply settings; a disabled source drops all that it has received."""
         before, self.settings = self.settings, settings
         self.timeout = self.stream.timeout = round(settings.timeout * 1e9) or NEVER
         self.store.max_count = settings.max_count
         self._by_id = settings.type == POLYGON_INSTANCE
-        # How messages with a stamp are listed, and those of stamp 0.
+        # The kinds of listing for messages with a stamp, and for those of stamp 0.
         self._stamped: type[_Listing] = Sets
         self._unstamped: type[_Listing] = Keys
         if self.timeout == NEVER:
@@ -91,17 +90,17 @@ class Source:
 
     @property
     def wants_history(self) -> bool:
-        """Whether a publisher that keeps what it has sent must be asked for all of it again."""
+        """Whether the messages that a publisher keeps are needed again."""
         return self.listing.wants_history and self.settings.enabled
 
     @property
     def deadline(self) -> float:
-        """Time in ns after which something changes by itself."""
+        """Time in ns after which something changes without a message."""
         return min(self.listing.deadline, self.stream.mixed_until,
                    *(group.oldest + self.timeout for group in self._former))
 
     def pass_time(self, now: int) -> None:
-        """Let time pass: what is too old is forgotten, and what has paused may settle."""
+        """Let time pass: drop obstacles that are too old, and settle a map after a pause."""
         self.stream.pass_time(now)
         self.listing.pass_time(now)
         for group in self._former:
@@ -110,7 +109,7 @@ class Source:
         self._find_faults(now)
 
     def set_back(self, now: int) -> None:
-        """Forget what belongs to another time, all but maps."""
+        """Drop all but maps, because the clock was set back."""
         self.stream.set_back(now)
         if isinstance(self.listing, Maps):
             self.listing.wait(now)
@@ -119,14 +118,14 @@ class Source:
         self._find_faults(now)
 
     def update_publishers(self, endpoints: Sequence[Endpoint], now: int) -> None:
-        """Take the publishers that there are now."""
+        """Update the publishers; a change of them may start a new listing."""
         if self.stream.update(endpoints):
             self._begin_anew(type(self.listing), now, wants_history=True)
         self._drop_former()
         self._find_faults(now)
 
     def renew(self, now: int) -> None:
-        """Listen anew: what the one publisher has kept comes again."""
+        """Start over with a new subscription, to which the publisher sends all that it keeps."""
         self.stream.restart()
         self._begin_anew(type(self.listing), now)
         self._find_faults(now)
@@ -135,10 +134,10 @@ class Source:
                 instance: int | None, number: int | None,
                 refusal: str | None = None) -> str | None:
         """
-        Take a message; return why it was refused, if it was: by the caller, or here.
+        Receive a message; return the reason if it is refused, by the caller or here.
 
-        There is no body of an empty polygon and of a message that the caller refuses, and no stamp
-        where it could not be read, or is not to be trusted.
+        The body of an empty polygon, or of a message that the caller refuses, is None; so is a
+        stamp that could not be read or cannot be trusted.
         """
         news = self.stream.receive(number, now)
         is_end = body is None and not refusal
@@ -175,7 +174,7 @@ class Source:
         return refusal
 
     def track(self, instance: int, time: int, vertices: Vertices) -> None:
-        """Take the vertices, in the order sent, of an obstacle by its id, unless it is newer."""
+        """Track an obstacle by its id, vertices in the order sent, unless it is newer."""
         obstacle = None if isinstance(self.listing, Sets) else self.listing.group.get(instance)
         if obstacle is not None and obstacle.time == time:
             obstacle.motion = obstacle.motion or MotionTracker()
@@ -184,10 +183,10 @@ class Source:
     def receive_run(self, run: Run, frame_id: str, stamp: int, number: int | None,
                     now: int) -> int:
         """
-        Take messages that add to the set of the one before, as `receive` would one by one.
+        Receive messages that add to the set of the one before, as `receive` would one by one.
 
-        Return how many were taken; the next one may be refused, may meet something, or ends the
-        set, and has to be received by itself.
+        Return how many were taken; the next one may be refused, may meet a footprint, or may end
+        the set, and must be received by itself.
         """
         listing, stream = self.listing, self.stream
         current = listing.set_to_extend(stamp) if isinstance(listing, Sets) else None
@@ -196,7 +195,7 @@ class Source:
                 or stream.awaits_endpoint
                 or self._is_far or not stamp <= now <= stamp + self.timeout):
             return 0
-        # With max_count the set may end.
+        # The message that reaches max_count may end the set.
         limit = self.settings.max_count - 1 - current.count
         taken = current.group.take_run(run, limit, frame_id, stamp) if limit > 0 else 0
         if taken:
@@ -207,13 +206,13 @@ class Source:
         return taken
 
     def refuse_other_frames(self, frame_id: str, now: int) -> None:
-        """Refuse the obstacles in another frame than this, which was not known when they came."""
+        """Refuse obstacles in other frames, received before the common frame was known."""
         for group in self.store.groups:
             group.refuse_other_frames(frame_id)
         self._find_faults(now)
 
     def _follow(self, news: News, stamp: int | None, now: int) -> None:
-        """Begin another listing where a stream begins, or is listed in another manner."""
+        """Begin another listing if a stream begins, or the kind of listing changes."""
         manner: type[_Listing] = type(self.listing)
         if stamp is not None:
             manner = self._stamped if stamp else self._unstamped
@@ -223,17 +222,17 @@ class Source:
             self._begin_anew(manner, now)
 
     def _key_of(self, body: PackedBody | None, instance: int | None) -> Key | None:
-        """Return the id or shape of an obstacle; None if that is not known."""
+        """Return the id or shape of an obstacle, None if unknown or in a set."""
         if isinstance(self.listing, Sets):
             return None
         if self._by_id:
             return instance
-        # The shape: the same for equal bodies, and for no others.
+        # The bytes of the packed body: equal for equal bodies, and only for these.
         return None if body is None else np.asarray(body[0])[:size_of(body)].tobytes()
 
     def _begin_anew(self, manner: type[_Listing], now: int,
                     wants_history: bool = False) -> None:
-        """Begin another listing; bodies of the former one stay until their timeout."""
+        """Begin another listing; obstacles of the former one stay until their timeout."""
         for group in self.listing.groups:
             group.forget_refused()
             group.forget_before(now - self.timeout)
@@ -253,7 +252,7 @@ class Source:
         self._former.clear()
 
     def _drop_former(self) -> None:
-        """Forget what is left of former listings, where nothing speaks for it any more."""
+        """Drop former listings that have expired, are replaced, or are too many."""
         is_replaced = (self.timeout == NEVER and self.listing.is_known
                        and self.stream.is_alone)
         for k, group in reversed([*enumerate(self._former)]):
@@ -262,9 +261,9 @@ class Source:
                 group.clear()
 
     def _find_faults(self, now: int) -> None:
-        """Put into words what is wrong with the source."""
+        """Update the faults of the source."""
         if self._was_known and not self.listing.is_known:
-            # What was held because the last whole set was young may be too old.
+            # Obstacles kept while the last whole set was valid may be too old.
             self.listing.pass_time(now)
         self._was_known = self.listing.is_known
         faults: tuple[str, ...] = ()

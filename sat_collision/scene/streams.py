@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Which messages on a topic are those of one publisher, without a gap.
+Which messages on a topic belong to one publisher, without a gap.
 
 docs/knowing.md has the rules and why they hold. Times are in ns.
 """
@@ -28,7 +28,7 @@ from sat_collision.scene.settings import NEVER
 
 
 class News(enum.Enum):
-    """What the sequence number of a message means."""
+    """The meaning of a message's sequence number."""
 
     CONTINUES = 'it is the next one of its stream'
     LOST = 'it is of the same stream, but some before it were lost'
@@ -38,52 +38,52 @@ class News(enum.Enum):
 
 CONTINUES, LOST, MET, BEGUN = News
 
-# For so long, at most, numbers that only two publishers can have sent are a fault, in ns.
+# Max time in ns for which numbers that only two publishers can have sent are a fault.
 _LONGEST_MIXED = 10 * 10**9
 
 
 class Endpoint(NamedTuple):
-    """A publisher on a topic, as the middleware knows it."""
+    """A publisher on a topic, as reported by the middleware."""
 
     gid: str  # identifies it
     node: str = ''  # full name of its node; empty while that is not known
-    problem: str = ''  # why nothing of it can be received, and what to do: ends a sentence
-    hint: str = ''  # what may be missing of what it has sent, likewise
+    problem: str = ''  # why it cannot be received, and what to do: ends a sentence
+    hint: str = ''  # which of its messages may be missing, likewise
 
 
 class Stream:
     """
     The messages of the one publisher that a topic must have.
 
-    A publisher numbers its messages 1, 2, 3 …, and a message does not say whose it is. So a stream
-    ends with any change of the publishers, and by a number that cannot continue it.
+    A publisher numbers its messages 1, 2, 3 …, and a message does not identify its publisher. So a
+    stream ends with any change of the publishers, and by a number that cannot continue it.
 
-    A process that was killed stays among the publishers until its lease is over. One of the same
-    node name as the publisher of the stream, which is newer, does not count while nothing comes
-    of it.
+    A process that was killed stays among the publishers until its lease expires. So a publisher
+    older than that of the stream, with the same node name, does not count while nothing of it is
+    received.
     """
 
     def __init__(self) -> None:
-        # The number that continues the stream; None where no number does.
+        # The number that continues the stream, None if no number does.
         self.next: int | None = None
-        # How many messages were lost so far.
+        # Number of messages lost so far.
         self.lost = 0
         # For how long numbers that only two publishers can have sent are a fault, and until when
-        # they are one now; NEVER if they are none.
+        # they are one now, NEVER if they are not.
         self.timeout: float = NEVER
         self.mixed_until: float = NEVER
-        # The number of the message before, where `next` does not have it.
+        # The number of the message before, while `next` is None.
         self._last = 0
-        # By gid, in the order in which they came; None where that is not known.
+        # By gid in order of appearance, None if not known yet; the gid of the stream's publisher.
         self._endpoints: dict[str, Endpoint] | None = None
         self._speaker: str | None = None
-        # Publishers of which nothing has come yet, and those of which something may have come.
+        # Gids of publishers of which nothing was received, and of which something may have been.
         self._silent: set[str] = set()
         self._perhaps_silent: set[str] = set()
-        # Whether the stream began before the news of its publisher; and who came next, then.
+        # Whether the stream began before its publisher was reported; and which was reported next.
         self.awaits_endpoint = False
         self._presumed: str | None = None
-        # The last number of the stream before.
+        # The last number of the previous stream.
         self._last_before = 0
 
     @property
@@ -100,16 +100,16 @@ class Stream:
 
     @property
     def is_alone(self) -> bool:
-        """Whether no other publisher is left than that of the stream."""
+        """Whether at most one publisher is left, including those that do not count."""
         return len(self._endpoints or ()) <= 1
 
     def receive(self, number: int | None, now: int) -> News:
-        """Take the number of a message; where the middleware gives none, no loss shows."""
+        """Receive the number of a message; if the middleware gives none, losses go unnoticed."""
         expected = self.next
         if number is None:
             number = 2 if expected is None else expected
         self.next = number + 1
-        # Only number 1 comes before the news of its publisher, so this one was known before.
+        # Only number 1 can arrive before its publisher is reported, so this one was reported.
         self.awaits_endpoint = False
         if number == expected:
             return CONTINUES
@@ -119,7 +119,7 @@ class Stream:
             self._find_speaker(number, expected, now)
             return BEGUN if number == 1 else MET
         if expected is None:
-            # Its publisher is not known, unless there is only one.
+            # Its publisher is known only if there is just one.
             if self._endpoints and len(self._endpoints) == 1:
                 self._speaker, = self._endpoints
                 self._perhaps_silent.clear()
@@ -134,7 +134,7 @@ class Stream:
         return LOST
 
     def update(self, endpoints: Sequence[Endpoint]) -> bool:
-        """Update the publishers; return whether what is known must be rebuilt."""
+        """Update the publishers; return whether knowledge of obstacles must begin anew."""
         before = [one.gid for one in self.publishers]
         known = self._endpoints or {}
         current = {one.gid: one for one in endpoints}
@@ -142,7 +142,7 @@ class Stream:
         self._endpoints = {gid: current[gid]
                            for gid in (*(gid for gid in known if gid in current), *new)}
         if self.awaits_endpoint and len(new) <= 1:
-            # Those that left were not its publisher, and the one that came is.
+            # Those that have gone were not its publisher, and the new one is.
             if new:
                 self._speaker = self._presumed = new[0]
                 self.awaits_endpoint = False
@@ -150,7 +150,7 @@ class Stream:
         self._silent = (self._silent & current.keys()) | {*new}
         self._perhaps_silent &= current.keys()
         if current.keys() == known.keys():
-            # A name is known by now, and who counts by it.
+            # The same ones: a node name may have become known, and by it who counts.
             return False
         if [one.gid for one in self.publishers] == before:
             return False
@@ -160,7 +160,7 @@ class Stream:
         return True
 
     def _find_speaker(self, number: int, expected: int | None, now: int) -> None:
-        """Find out which publisher has begun a stream with this number."""
+        """Find the publisher that began a stream with this number."""
         self._speaker = None
         self.mixed_until = NEVER
         presumed, self._presumed = self._presumed, None
@@ -177,23 +177,23 @@ class Stream:
             self.mixed_until = now + min(self.timeout, _LONGEST_MIXED)
 
     def interrupt(self) -> None:
-        """Accept no number as the next one of the stream, only the first of another."""
+        """End the stream: the next message belongs to another one."""
         if self.next is not None:
             self._last, self.next = self.next - 1, None
 
     def restart(self) -> None:
-        """Start over with a new subscription, to all that the publisher still keeps."""
+        """Start over with a new subscription, to which the publisher sends all that it keeps."""
         self.next, self._last = None, 0
         self._silent = {one.gid for one in self.publishers}
         self._perhaps_silent.clear()
 
     def pass_time(self, now: int) -> None:
-        """Let time pass: the numbers of two publishers are a fault no longer."""
+        """Let time pass, after which numbers of two publishers are no longer a fault."""
         if self.mixed_until < now:
             self.mixed_until = NEVER
 
     def set_back(self, now: int) -> None:
-        """Take a clock that was set back."""
+        """Adjust to a clock that was set back."""
         if self.mixed_until < NEVER:
             self.mixed_until = now + min(self.timeout, _LONGEST_MIXED)
 
@@ -218,7 +218,7 @@ class Stream:
         return faults
 
     def hints(self) -> list[str]:
-        """Return what may be missing of what the publishers have sent."""
+        """Return which messages of the publishers may be missing."""
         return [one.hint for one in self.publishers if one.hint]
 
 

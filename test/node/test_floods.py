@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A node that is flooded, and what comes and goes and leaves nothing behind."""
+"""A flooded node; nodes and publishers that come and go without leaking threads or files."""
 
 import os
 from pathlib import Path

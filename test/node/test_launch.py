@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The launch file on a real launch: what each argument does to the node that it starts."""
+"""The launch file in a real launch: the effect of each argument on the node."""
 
 import os
 from pathlib import Path

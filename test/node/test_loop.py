@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The loop: batches, rests, fairness, and what is reported of messages that come too fast."""
+"""The loop: batches, rests, fairness, and reports of messages that come too fast."""
 
 from contextlib import contextmanager
 import itertools

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What anybody in the domain can send, over the wire: none of it talks into clear."""
+"""Bad input over DDS: nothing that others in the domain send makes a footprint clear."""
 
 import math
 from pathlib import Path

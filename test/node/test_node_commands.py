@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Commands over DDS: of both types, whoever sends them, good and bad."""
+"""Commands over DDS: of both types, from any publisher, valid and invalid."""
 
 import math
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Frames over DDS; tf2_msgs is stood in for by another type, as nobody looks into the bytes."""
+"""Frames over DDS; another type replaces that of tf2_msgs, as only serialised bytes are sent."""
 
 import sys
 import time

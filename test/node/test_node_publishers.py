@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Who publishes what a node subscribes to: one publisher a topic, or a fault with names."""
+"""The publishers of a node's topics: one per topic, or a fault that names them."""
 
 import itertools
 import subprocess

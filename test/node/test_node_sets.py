@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sets of a running node: what proves them whole, and what happens before."""
+"""Sets of a running node: what proves them whole, and the states before."""
 
 import time
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is shipped beside the package: files for other programs, an example, a fleet."""
+"""Files shipped beside the package: for other programs, an example, a fleet."""
 
 import importlib.util
 import json

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The node's process, and the other ways in, where there is little to start with."""
+"""Starts of the node and other entry points: no write access, no compiler, no kernels yet."""
 
 import math
 import os

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A node whose time is that of /clock, and when it ticks."""
+"""A node that uses /clock, and its ticks."""
 
 from functools import partial
 import itertools

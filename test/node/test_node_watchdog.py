@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A loop that does not turn: the flags are raised by who watches it, and DDS tells of the dead."""
+"""A stalled loop: the watchdog raises the flags, and DDS reports a node that died."""
 
 import math
 import os

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Who meets whom, as bodies are placed, moved and removed."""
+"""Contacts of bodies that are placed, moved and removed."""
 
 from dataclasses import replace
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One footprint: its age, its refusals, sources of its own, and when it is reported clear."""
+"""One footprint: age, refusals, sources of its own, and when it is reported clear."""
 
 from dataclasses import replace
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Frames, by transforms; against matrices, recorded answers of tf2, and tf2 where it is."""
+"""Transforms of frames, against matrices, recorded answers of tf2, and tf2 if installed."""
 
 import math
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The promises of docs/knowing.md, in every state; and that each rule is needed for them."""
+"""The promises of docs/knowing.md in every state, and that each rule is needed for them."""
 
 from knowing import explore, problem_of
 import knowing_world

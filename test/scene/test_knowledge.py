@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The rules of what is known: streams, sets, keys and maps, without any bodies or geometry."""
+"""The rules of knowledge: streams, sets, keys and maps, without any bodies or geometry."""
 
 import re
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Obstacles that are refused, or are more than fit: unknown until what replaces them is good."""
+"""Obstacles that are refused, or exceed max_count: unknown until a valid replacement."""
 
 from dataclasses import replace
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The frame of the scene: who chooses it, what becomes of bodies in another, and what waits."""
+"""The frame of the scene: how it is chosen, bodies in other frames, and waiting messages."""
 
 from dataclasses import replace
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Random events: the scene against a model that is simple and recomputes everything.
+Random events: the scene against a simple model that recomputes everything.
 
 Hypothesis looks for a sequence of events after which the two differ, and shortens it.
 """

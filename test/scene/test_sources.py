@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sources of obstacles: what is held, what is known, and what is said where it is not."""
+"""Sources of obstacles: what is kept, what is known, and the faults reported."""
 
 from dataclasses import replace
 

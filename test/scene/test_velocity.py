@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The velocity of a footprint: fitted to its last two places, or as given with them."""
+"""The velocity of a footprint: fitted to its last two places, or given with them."""
 
 import math
 

@@ -15,8 +15,8 @@
 """
 Random events in moving frames: messages that wait for transforms, against the model of the scene.
 
-The model is given a body where it is in the fixed frame, when the transform has come that says
-so, or that it is refused, when patience ends. Each message has a frame of its own.
+The model receives a body in the fixed frame once its transform has arrived, or a refusal once
+transform_timeout has passed. Each message has a frame of its own.
 """
 
 from collections import Counter, deque

@@ -67,7 +67,7 @@ def main():
     print(file=sys.stderr)
     total = Counter()
     for counts in results.values():
-        total.update(counts)  # unlike a sum, keeps what is 0
+        total.update(counts)  # unlike a sum, keeps zeros
     results['all'] = total
     print(tables.long_run(results))
     if arguments.json:

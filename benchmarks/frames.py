@@ -170,7 +170,7 @@ def measure(seconds, repeats):
 
 
 def run_monitor():
-    """Run the monitor; with --floor one that does nothing with transforms."""
+    """Run the monitor; with --floor one that ignores transforms."""
     messages = types.ModuleType('tf2_msgs.msg')
     messages.TFMessage = PolygonStamped
     sys.modules.update({'tf2_msgs': types.ModuleType('tf2_msgs'), 'tf2_msgs.msg': messages})

@@ -92,7 +92,7 @@ def _polar(angle, radius):
 
 
 def shapes(count, rng):
-    """Return the outlines by name; the vertices of the star are as near as chance will have it."""
+    """Return the outlines by name; the vertices of the star have random distances."""
     angle = 2.0 * np.pi * np.arange(count) / count
     return {'star': _polar(angle, rng.uniform(0.2, 1.0, count)), 'comb': comb(count),
             'lying comb': comb(count)[:, ::-1] * [2.0, 0.5] - [1.0, 0.0],

@@ -149,7 +149,7 @@ def pin(pid, core):
 
 
 def _by_turns(kinds, repeats, *arguments, **options):
-    """Return medians of runs by turns; the greatest latency and losses are of all runs."""
+    """Return medians of runs in turns; the greatest latency and losses are of all runs."""
     runs = [{kind: load(kind, *arguments, **options) for kind in kinds} for _ in range(repeats)]
     combine = {'lost': sum, 'unanswered': sum, 'max_ms': max}
     return {kind: {name: combine.get(name, statistics.median)([run[kind][name] for run in runs])

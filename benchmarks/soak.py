@@ -74,7 +74,7 @@ class Verdict(NamedTuple):
     """The verdict on flags."""
 
     contacts: int  # how often the robot came onto an obstacle
-    missed: int  # how often no flag said so in time
+    missed: int  # how often no flag was raised in time
     wrong_clears: int  # flags that said clear during a contact that had been reported
     releases: int  # how often it left
     held_back: int  # how often the flag did not fall in time

@@ -68,11 +68,11 @@ class Traffic:
     """
     A node that sends footprints and obstacles and awaits the flag.
 
-    The robot is by turns on the first obstacle, which stays about the origin, and far from all;
+    The robot is in turns on the first obstacle, which stays about the origin, and far from all;
     the others are scattered around and never twice the same. An empty polygon ends each set.
     `footprint_at` takes a stamp in ns and returns what follows it, whether that is on an obstacle,
     and whether it begins a stay there. By the monotonic clock, `changes` has when stays began,
-    `heard` when flags came, and `times`, if it is `timed`, when times to collision came.
+    `heard` when flags were received, and `times`, if it is `timed`, when times to collision were.
     """
 
     def __init__(self, obstacles, vertices, timed=False):

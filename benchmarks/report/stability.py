@@ -15,7 +15,7 @@
 """
 Wrong answers by family, condition, distance from the origin, float32, step of the paper's method.
 
-A pair's signed separation g is exact but for its last rounding. With D the largest magnitude of a
+A pair's signed separation g is exact up to its last rounding. With D the largest magnitude of a
 coordinate and u = 2^-53 the condition number is u D / |g|, infinite where bodies touch; figures
 are by its reciprocal, the gap in units of u D. A wrong answer about a gap g is right for bodies
 moved by |g| / 2 each: |g| / 2 in units of u D is its backward error c.
@@ -54,7 +54,7 @@ FIRST, LAST = -3.0, 16.0
 
 
 def by_family(rng, count=2000):
-    """Return wrong answers by family and method; of bodies that are not convex, of two methods."""
+    """Return wrong answers by family and method; non-convex bodies are decided by two methods."""
     rows = []
     for name, family in {**families.CONVEX, **families.SIMPLE}.items():
         pairs = samples.of_family(rng, family, count, SIDES)
@@ -143,7 +143,7 @@ def _moved_pairs(rng, n, gap, move):
 
 
 def by_step(rng, count=4000):
-    """Return by number of vertices at which step the answers of near pairs fall, right or not."""
+    """Return by number of vertices at which step near pairs are called clear, rightly or not."""
     rows = []
     for n in samples.SIDES:
         pairs, meet = samples.sample(rng, n, 'near', count if n < 256 else count // 4)
@@ -220,7 +220,7 @@ def gap_in_units(a, b, meet):
 
 
 def bin_of(units):
-    """Return the number of the bin for a gap in units of u D: -1 for no gap at all."""
+    """Return the number of the bin for a gap in units of u D: -1 if there is no gap."""
     if units == 0.0:
         return -1
     place = min(max(math.log10(units), FIRST), LAST - STEP)

@@ -273,7 +273,7 @@ def _float32(figures):
 
 
 def long_run(families):
-    """Return the table of the accuracy run; no time where there are too few pairs to tell."""
+    """Return the table of the accuracy run; without times where there are too few pairs."""
     def each(seconds, pairs):
         return duration(seconds * 1e9 / pairs) if pairs >= FEWEST_TIMED else '–'
     return table_of([{'family': name.replace('_', ' '), **of} for name, of in families.items()], {

@@ -53,7 +53,7 @@ def write_movie(frames: Sequence[Frame], bounds: Sequence[float], rate: int,
     ----------
     frames : sequence of Frame
     bounds : sequence of float
-        Least x and y and greatest x and y of what is shown, in metres.
+        Least x and y and greatest x and y of the picture, in metres.
     rate : int
         Frames to show in a second.
     path : str

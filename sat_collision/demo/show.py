@@ -252,7 +252,7 @@ def _watch(viewer: _Viewer) -> bool:
 
 
 def _verdict(viewer: _Viewer) -> bool:
-    """Print and return whether what was received is what the scene causes."""
+    """Print and return whether the flags and contacts received are those that the scene causes."""
     # Flags are raised while unknown, fall, rise and fall for each contact, or contact ahead, and
     # are raised again once the publisher has ended.
     right = True

@@ -87,7 +87,7 @@ COURIER = _box(-0.4, -0.3, 0.4, 0.3)
 COURIER_START = 15.5, 7.0, np.pi
 COURIER_WAY = 6.9
 
-# What each robot touches in turn, as (source, number of the obstacle).
+# The obstacles that each robot touches in turn, as (source, number of the obstacle).
 CONTACTS = {
     'amr': [('people', 0)],
     'forklift': [('warehouse', 2)],

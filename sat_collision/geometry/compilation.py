@@ -68,7 +68,7 @@ def say_nothing() -> None:
 
 
 def kernel_problem() -> str | None:
-    """Return in one line what is wrong with compiled kernels, None if nothing is."""
+    """Return the first problem with compiled kernels in one line, None if there is none."""
     return _problems[0] if _problems else None
 
 

@@ -157,7 +157,7 @@ def prepare_distances() -> None:
     bodies = PackedSet([point])
     bodies.nearest(point)
     bodies.place(bodies.new_row(), point.packed, PolygonSet([point]), 1.0)
-    # Last: `is_prepared` asks for it.
+    # Last, because `is_prepared` checks for it.
     contact(point, point)
 
 

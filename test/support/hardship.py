@@ -22,7 +22,7 @@ _WRITE_ANYWHERE, _READ_ANYWHERE, _CHANGE_ANYWHERE = 1, 2, 3
 
 
 def without_privileges():
-    """Have the program that this process becomes obey the permissions of files, be it root's."""
+    """Make the program that this process becomes obey file permissions, even if run by root."""
     prctl = ctypes.CDLL(None).prctl
     for capability in (_WRITE_ANYWHERE, _READ_ANYWHERE, _CHANGE_ANYWHERE):
         prctl(_DROP_FROM_BOUNDING_SET, capability)
@@ -36,7 +36,7 @@ def forbid_writing(folder):
 
 
 def allow_writing(folder):
-    """Give it back, for whoever tidies up."""
+    """Restore the permission for folders, so that they can be deleted."""
     os.chmod(folder, 0o755)
     for path in Path(folder).rglob('*'):
         if path.is_dir():

@@ -23,8 +23,8 @@ def convex(batch):
     """
     Return (count, n, 2) rings that were convex before rounding as exactly convex bodies.
 
-    A ring that turns left at every vertex, by more than rounding can feign, and once around is
-    kept; of any other the exact convex hull of its vertices is, which may have fewer.
+    A ring that turns left at every vertex, by more than rounding errors, and once around is kept;
+    any other is replaced by the exact convex hull of its vertices, which may have fewer.
     """
     edges = np.roll(batch, -1, axis=1) - batch
     after = np.roll(edges, -1, axis=1)

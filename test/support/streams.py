@@ -25,7 +25,7 @@ APART = box(5, 5)
 
 @contextmanager
 def streaming(domain, topic, rate, points=APART):
-    """Have a polygon published again and again from a thread, so many times a second."""
+    """Publish a polygon repeatedly from a thread, at a rate in 1/s."""
     stop = threading.Event()
     peer = Peer(domain)
 

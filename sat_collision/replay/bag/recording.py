@@ -175,14 +175,14 @@ class Recording(Storage):
         return [file for file in listed if file.exists()]
 
     def _bags_within(self) -> list[Path]:
-        """Return the folders in this one that are recordings, unless it is one itself."""
+        """Return the recordings in this folder, unless it is one itself."""
         if (self.path / 'metadata.yaml').exists():
             return []
         return sorted({file.parent for pattern in ('*/metadata.yaml', '*/*.mcap', '*/*.db3')
                        for file in self.path.glob(pattern)})
 
     def _open(self, file: Path) -> None:
-        """Open a storage file; one that is compressed as a whole is decompressed first."""
+        """Open a storage file; if it is compressed as a whole, decompress it first."""
         faults = self._faults_of(file)
         plain = file
         try:
@@ -229,7 +229,7 @@ class Recording(Storage):
         self._extend(part.start, part.end)
 
     def _compare(self, found: Mapping[str, int]) -> None:
-        """Compare numbers of messages with what metadata.yaml announces."""
+        """Compare numbers of messages with those in metadata.yaml."""
         if self._metadata:
             self._faults.compare(found, self._metadata.counts, 'metadata.yaml announces {2} '
                                  'messages of {0}, but {1} are there')

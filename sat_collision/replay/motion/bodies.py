@@ -126,7 +126,7 @@ class Bodies:
         self.boxes = block.boxes[first:end]
         # The first and the last stamp, 0 if there are no bodies.
         self.begin, self.end = numbers[EARLIEST], numbers[LATEST]
-        # Whether two outlines may be equal bit by bit.
+        # Whether two outlines may be equal bit by bit as received.
         self.may_repeat = bool(numbers[MAY_REPEAT])
         self._max_vertices = max_vertices
         self._polygons: dict[int, Polygon] = {}

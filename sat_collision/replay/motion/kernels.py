@@ -42,8 +42,8 @@ END, START, FINISH = range(3)
 # the stamp, where in each message points start, and where in the data the last ones end.
 SET, RINGS, DATA, TIME, POINTS_AT, LAST = range(6)
 # Columns of sets: where the rings end, and the points; the first and the last stamp of a ring, 0
-# if there is none; whether two rings may be equal bit by bit (always 1 if two are); where the
-# motions that lead to the set end, when the first begins, and when the last ends.
+# if there is none; whether two rings may be equal bit by bit as received (always 1 if two are);
+# where the motions that lead to the set end, when the first begins, and when the last ends.
 ROWS, POINTS, EARLIEST, LATEST, MAY_REPEAT, MOTIONS, MOTIONS_BEGIN, MOTIONS_END = range(8)
 
 
@@ -64,7 +64,7 @@ def describe(data, messages, ends, affines, out):
     affines : (m, 6) array of float64
         The map of the rings of each to the common frame, as an Affine2D; empty if none is needed.
     out : tuple
-        What is written: points, rings, boxes, sets.
+        The arrays that are written: points, rings, boxes, sets.
     points : (v, 2) array of float64
     rings : (n, 4) array of int64
         FIRST, among the points of the set; COUNT, without a point that closes the ring; STAMP;
@@ -267,7 +267,7 @@ def motions_between(points, rings, rows, next_points, next_rings, next_rows, out
     rows, next_rows : (m,) array of int64
         Which ring becomes which; both have equally many points.
     out : tuple
-        What is written: array, times, boxes, moved.
+        The arrays that are written: array, times, boxes, moved.
     array : flat array of float64
         x, y before and x, y after of each vertex, ring after ring, as in `moving.MovingBody`.
     times : (m, 3) array of int64

@@ -110,7 +110,7 @@ def look(trajectory, bodies, margin, steps, times, values):
     ----------
     trajectory, bodies : tuple
         The blocks of the samples of the footprint and of the obstacles: points, rings, boxes and
-        sets as `describe` has them, then what `follow` writes.
+        sets as `describe` writes them, then the arrays that `follow` writes.
     margin : float
         In metres.
     steps : (s, 4) array of int64

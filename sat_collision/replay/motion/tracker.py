@@ -105,7 +105,7 @@ class Tracker(ABC):
 
     @abstractmethod
     def rest(self, now: int, is_over: bool = False) -> None:
-        """Let bodies not received for long, or all if the recording is over, have stood still."""
+        """Extend bodies not received for long, or all if the recording is over, standing still."""
 
     def use_frame(self, frame_id: str) -> None:
         """Set the current frame, and drop bodies in other frames."""
@@ -324,7 +324,7 @@ class KeyTracker(Tracker):
                                        ObstacleId(self._source, -1 - len(self._shapes)))
 
     def _stand(self, now: int, least: int, is_over: bool = False) -> None:
-        """Let bodies that stood until over `least` ns ago stand until now, or their timeout."""
+        """Extend bodies known until over `least` ns ago, standing still until now or timeout."""
         standing: defaultdict[int, dict[int, int]] = defaultdict(dict)
         found: dict[int, Bodies] = {}
         gone = []

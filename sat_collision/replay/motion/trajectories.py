@@ -153,7 +153,7 @@ class Trajectory:
         return found
 
     def is_in_block(self, block: Block, low: int, high: int, start: int, finish: int) -> bool:
-        """Return whether the pieces between two times lead just to samples low to high of it."""
+        """Return whether pieces between two times lead to just samples low to high of a block."""
         k = bisect_right(self._starts, start) - 1
         last = bisect_left(self._starts, finish) - 1
         if k < 0 or last - k != high - low:

@@ -214,7 +214,7 @@ class Motion:
         return tracker
 
     def command(self, name: str, command: Command) -> None:
-        """Pass a command to the footprints whose commands have a name."""
+        """Pass a command on to the footprints whose commands have this name."""
         for sweep in self._sweeps.values():
             settings = sweep.settings.command
             if sweep.prediction and settings and settings.name == name:

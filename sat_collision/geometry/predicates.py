@@ -33,7 +33,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
-
 from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.jit import inner, kernel, scratch_integers
 

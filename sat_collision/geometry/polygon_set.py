@@ -38,6 +38,7 @@ Point = tuple[float, float]
 _FEWEST_ROWS = 16
 _FEWEST_DOUBLES = 1024
 _NO_ROWS = np.empty(0, np.int64)
+_NO_ARRAY = indexable(np.empty(0))
 
 
 class PolygonSet:
@@ -415,6 +416,11 @@ class PackedSet(PolygonSet):
                   margin: float) -> int:
         """Replace the bodies of rows by polygons of a run, see `write_run`; return how many."""
         count: int = write_run(run, self._array, rows, first, limit, others._array, margin)
+        return count
+
+    def check_run(self, run: Run, limit: int) -> int:
+        """Return how many messages of a run are ordinary, see `write_run`; nothing is written."""
+        count: int = write_run(run, _NO_ARRAY, _NO_ROWS, 0, limit, self._array, 0.0)
         return count
 
     def hide(self, rows: Sequence[int]) -> None:

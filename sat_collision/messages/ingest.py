@@ -24,7 +24,8 @@ from typing import Any
 import numpy as np
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.polygon import Affine2D, PolygonError, UNMOVED
-from sat_collision.messages.cdr import COUNT_SIZE, decode, MessageError, Points
+from sat_collision.messages.cdr import (
+    COUNT_SIZE, decode, header_stamp, MessageError, Points, STAMP_SIZE)
 from sat_collision.messages.packer import Packer, vertices_of
 from sat_collision.messages.placement import Placement
 from sat_collision.messages.rejections import (
@@ -87,13 +88,23 @@ class Ingest:
             if source.type != POLYGON_INSTANCE}
 
     def take_run(self, name: str, batch: Batch, begin: int, now: int) -> int:
-        """Pass on the messages that only add to the set of the one before; return how many."""
+        """
+        Pass on the messages that only add to the set of the one before; return how many.
+
+        If no contacts are decided they may also begin a set.
+        """
         if (header := self.headers.get(name)) is None:
             return 0
-        start, points_at, stamp, frame_id = header
+        start, points_at, stamp, sent_in = header
+        frame_id = sent_in
         message = batch.messages[begin]
-        if len(message) <= points_at or not message.startswith(start):
+        if len(message) <= points_at:
             return 0
+        if not message.startswith(start):
+            if self._scene.decides_contacts or message[STAMP_SIZE:len(start)] != start[STAMP_SIZE:]:
+                return 0
+            # It may begin the next set.
+            start, stamp = message[:len(start)], header_stamp(message)
         affine = None
         if self._transforms and frame_id != self._fixed:
             self._watch_clock(now)
@@ -106,6 +117,8 @@ class Ingest:
             name, (batch.data, batch.ends, begin, points_at - COUNT_SIZE, affine or UNMOVED,
                    self._packer.max_vertices, self._packer.array),
             frame_id, stamp, now, batch.number and batch.number + begin)
+        if taken:
+            self.headers[name] = start, points_at, stamp, sent_in
         placements = self._placements
         if taken and placements is not None:
             first = begin

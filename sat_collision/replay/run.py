@@ -117,9 +117,9 @@ class _Run:
         self._together = 1 if any(one.has_outline for one in settings.footprints) else _TOGETHER
         self._untaken = 0
         self._monitor = Monitor(settings, bool(self._transforms),
-                                None if options.as_live else self._placements)
+                                None if options.as_live else self._placements,
+                                options.as_live or options.write_bag is not None)
         self._scene = self._monitor.scene
-        self._scene.decides_contacts = options.as_live or options.write_bag is not None
         self._timers: list[Timer] = []
         self._motion: Motion | None = None
         self._live: Timeline | None = None

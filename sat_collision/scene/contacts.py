@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, Generic, TypeAlias, TypeVar
 
+import numpy as np
 from sat_collision.geometry.polygon import PackedBody, Polygon
 from sat_collision.geometry.polygon_set import PackedSet, Point
 from sat_collision.geometry.prediction import motion_of
@@ -109,8 +110,9 @@ class Contacts:
             self.changed.update(update_contacts(obstacle, ()))
 
     def hide_obstacles(self, group: object, rows: Any) -> None:
-        """Hide all obstacles of a group, which keep their rows to be placed again soon."""
-        self._obstacles.polygons.hide(rows)
+        """Hide all obstacles of a group, which keep their rows (-1: none) to be placed again."""
+        rows = np.asarray(rows)
+        self._obstacles.polygons.hide(rows[rows >= 0])
         for footprint in self._footprints.bodies.values():
             lost = {one for one in footprint.contacts if one.group is group}
             if lost:
@@ -167,6 +169,29 @@ class Contacts:
         obstacles = self._obstacles.bodies
         return [obstacles[row] for row in rows
                 if footprint.settings.monitors(obstacles[row].name.source)]
+
+
+class Undecided(Contacts):
+    """Contacts where only is known who is there: a body has row 0 and no place."""
+
+    def place_footprint(self, footprint: Footprint, where: PackedBody) -> None:
+        """Do nothing."""
+
+    def place_obstacle(self, obstacle: Obstacle, where: PackedBody | None = None) -> bool:
+        """Record that an obstacle is there."""
+        obstacle.row = 0
+        return False
+
+    def remove_obstacle(self, obstacle: Obstacle) -> None:
+        """Record that an obstacle is gone."""
+        obstacle.row = None
+
+    def hide_obstacles(self, group: object, rows: Any) -> None:
+        """Do nothing."""
+
+    def check_run(self, run: Run, limit: int) -> int:
+        """Return how many messages of a run, up to a limit, are ordinary."""
+        return self._obstacles.polygons.check_run(run, limit)
 
 
 class _Placed(Generic[_Kind]):

@@ -153,7 +153,10 @@ class SetGroup(ObstacleGroup):
 
     def flush(self) -> None:
         for begin, end, frame_id, time in self._pending:
+            self._add_places(end)
             for obstacle in self._places[begin:end]:
+                if obstacle.row is None:
+                    self._contacts.place_obstacle(obstacle)
                 obstacle.moved()
                 obstacle.frame_id = frame_id
                 obstacle.time = time
@@ -166,15 +169,20 @@ class SetGroup(ObstacleGroup):
         Return how many were taken: all before the first one that may meet a footprint.
         """
         begin = self._taken
-        if begin == len(self._places):
+        if begin == len(self._places) or limit <= 0:
             return 0
         taken = self._contacts.place_run(run, self._rows, begin, limit)
         if taken:
-            self._taken += taken
-            if time < self.oldest:
-                self.oldest = time
-            self._pending.append((begin, self._taken, frame_id, time))
+            self.add_run(taken, frame_id, time)
         return taken
+
+    def add_run(self, count: int, frame_id: str, time: int) -> None:
+        """Add obstacles of a run, which are in their places already or have none."""
+        begin = self._taken
+        self._taken += count
+        if time < self.oldest:
+            self.oldest = time
+        self._pending.append((begin, self._taken, frame_id, time))
 
     def take(self, key: Key, body: PackedBody | None, frame_id: str, time: int,
              refusal: str | None) -> str | None:
@@ -187,10 +195,7 @@ class SetGroup(ObstacleGroup):
         self._taken = place + 1
         if time < self.oldest:
             self.oldest = time
-        if place == len(self._places):
-            self._places.append(Obstacle(self, self._store.source, place, place))
-            if place == len(self._rows):
-                self._rows = indexable(np.append(self._rows, np.full(place + 1, -1)))
+        self._add_places(place + 1)
         self._put(self._places[place], body, frame_id, time, refusal)
         return refusal
 
@@ -209,12 +214,18 @@ class SetGroup(ObstacleGroup):
         if self._store.refusals:
             for obstacle in places:
                 self._mark(obstacle, None)
-        rows = np.asarray(self._rows)
-        self._contacts.hide_obstacles(self, rows[rows >= 0])
+        self._contacts.hide_obstacles(self, self._rows)
         self._pending.clear()
         self._taken = 0
         self.oldest = NEVER
         self._store.drop(self)
+
+    def _add_places(self, count: int) -> None:
+        """Add places until there are so many."""
+        for place in range(len(self._places), count):
+            self._places.append(Obstacle(self, self._store.source, place, place))
+            if place == len(self._rows):
+                self._rows = indexable(np.append(self._rows, np.full(place + 1, -1)))
 
     def _put(self, obstacle: Obstacle, body: PackedBody | None, frame_id: str, time: float,
              refusal: str | None) -> None:

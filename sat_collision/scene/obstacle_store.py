@@ -207,10 +207,11 @@ class SetGroup(ObstacleGroup):
     def clear(self) -> None:
         """Hide all obstacles."""
         places, taken = self._places, self._taken
-        super()._forget(places[taken:])
-        for place in range(taken, len(places)):
-            self._rows[place] = -1
-        del places[taken:]
+        if taken < len(places):
+            super()._forget(places[taken:])
+            for place in range(taken, len(places)):
+                self._rows[place] = -1
+            del places[taken:]
         if self._store.refusals:
             for obstacle in places:
                 self._mark(obstacle, None)

@@ -73,8 +73,8 @@ class StampOrder:
             if by_header:
                 times = [0] * len(times)
             k = 0
-            for own, count in _headers(messages):
-                stop = k + count
+            for own, same in _headers(messages):
+                stop = k + same
                 while k < stop:
                     received = times[k]
                     if topic == run_topic and own == head and begin <= received <= end:

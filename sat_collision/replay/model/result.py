@@ -193,6 +193,11 @@ class FootprintResult:
         known = self.clear + self.collision
         return known / (known + self.unknown) if known + self.unknown else None
 
+    def note_least(self, found: Least) -> None:
+        """Record a separation if it is the least so far."""
+        if self.least is None or found.separation < self.least.separation:
+            self.least = found
+
 
 @dataclass
 class SourceResult:
@@ -323,7 +328,8 @@ class Series:
         samples = self.samples
         if self._pending:
             last, least = samples[-1]
-            samples[-1] = last, least_of_all((least, value))
+            if least is None or value is not None and value < least:
+                samples[-1] = last, value
         else:
             if len(samples) == _MOST_SAMPLES:
                 samples[:] = [(time_a, least_of_all((a, b))) for (time_a, a), (_, b)

@@ -52,8 +52,8 @@ _APART = 3600 * 10**9
 _PROGRESS_EVERY = 500
 # So many placements are processed together, which is faster than one by one; fewer if messages are
 # long, so that memory stays bounded.
-_TOGETHER = 64
-_MOST_BYTES = 2**22
+_TOGETHER = 256
+_MOST_BYTES = 2**20
 # Reasons for rejection that do not depend on when and where a message is received.
 _OF_CONTENT = {EMPTY_FRAME_ID, LONG_FRAME_ID, *(reason.value for reason in Reason)}
 _LONGEST_QUIET = 60 * 10**9

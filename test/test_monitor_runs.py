@@ -20,6 +20,7 @@ import random
 from builders import box, SECOND, serialised, transforms
 from monitors import BOW_TIE, NOW, SETTINGS
 import pytest
+from sat_collision.messages.ingest import Batch
 from sat_collision.monitor import Monitor
 from sat_collision.scene.streams import Endpoint
 
@@ -31,9 +32,15 @@ def snapshot(monitor):
     scene = monitor.scene
     obstacles = [(str(name), polygon.vertices.tolist()) for name, polygon in scene.obstacles]
     names = {name for name, _ in scene.obstacles}
-    return (scene.state('robot'), sorted(obstacles), scene.newer_by('robot', names),
-            scene.deadline, scene.source_faults, monitor.rejected, monitor.received,
-            monitor.lost, 'lidar' in monitor.waiting)
+    return scene.state('robot'), sorted(obstacles), known(monitor, names)
+
+
+def known(monitor, names):
+    """Return what does not depend on where bodies are, and how old the named obstacles are."""
+    scene = monitor.scene
+    return (scene.unknown_reasons('robot'), scene.newer_by('robot', names), scene.deadline,
+            scene.source_faults, monitor.rejected, monitor.received, monitor.lost,
+            'lidar' in monitor.waiting)
 
 
 def random_set(source, stamp, frame_id):
@@ -64,17 +71,21 @@ def random_set(source, stamp, frame_id):
 
 @pytest.mark.parametrize('seed', range(60))
 def test_batches_are_taken_as_their_messages_one_by_one(seed):
-    """With gaps in their numbers, other frames, a margin, and sets cut between two batches."""
+    """
+    With gaps in their numbers, other frames, a margin, and sets cut between two batches.
+
+    What is known is the same if no contacts are decided.
+    """
     source = random.Random(seed)
     settings = replace(SETTINGS, margin=source.choice((0.0, 0.0, 0.5)), obstacles=(
         replace(SETTINGS.obstacles[0], max_count=source.choice((10, 100)),
                 timeout=source.choice((0.0, 1.0, 1.0)),
                 set_window=source.choice((0.0, 0.0, 0.02))),))
     follows = source.choice((False, True))
-    places = [], [], []
-    monitors = [Monitor(settings, transforms=True, placements=one if follows else None)
-                for one in places]
-    singly, alone, together = monitors
+    places = [], [], [], []
+    monitors = [Monitor(settings, True, one if follows else None, decides_contacts=k < 3)
+                for k, one in enumerate(places)]
+    singly, alone, together, undecided = monitors
     singly.ingest.take_run = lambda *_: 0
     now, number = NOW, source.choice((1, 7, None))
     for monitor in monitors:
@@ -99,10 +110,11 @@ def test_batches_are_taken_as_their_messages_one_by_one(seed):
                 number += 1
         left = left[cut:]
         answer, *others = (monitor.receive('robot', robot, now) for monitor in monitors)
-        assert others == [answer, answer]
+        assert others == [answer] * 3
         for first, batch in batches:
             now += source.choice((0, 0, SECOND // 100))
             rejections = together.receive_batch('lidar', batch, now, first)
+            assert undecided.receive_batch('lidar', batch, now, first) == rejections
             rejected = []
             for k, data in enumerate(batch, first or 0):
                 expected = singly.receive('lidar', data, now, first and k)
@@ -111,11 +123,14 @@ def test_batches_are_taken_as_their_messages_one_by_one(seed):
                 rejected += [expected] if expected else []
             assert [*rejections] == rejected
             assert snapshot(together) == snapshot(singly)
-            changes, *others = (monitor.scene.changes() for monitor in monitors)
+            names = {name for name, _ in singly.scene.obstacles}
+            names -= {name for name, _, _ in singly.scene.contacts('robot')}
+            assert known(undecided, names) == known(singly, names)
+            changes, *others = (monitor.scene.changes() for monitor in monitors[:3])
             assert others == [changes, changes]
     taken, *others = ([(one.shape, one._replace(points=None))
                        for placement in place for one in placement.each()] for place in places)
-    assert others == [taken, taken] and bool(taken) == follows
+    assert others == [taken] * 3 and bool(taken) == follows
 
 
 def ordinary(k, stamp):
@@ -156,3 +171,18 @@ def test_odd_message_in_the_middle_of_a_run_is_taken_by_itself(
         number += 21
     assert sum(taken) == together and max(taken) == min(size, 9)
     assert monitor.scene.state('robot').status.value == status
+
+
+def test_whole_sets_are_runs_if_no_contacts_are_decided():
+    """From the second one on, by its header; what touches is no exception, what is odd is one."""
+    monitor = Monitor(replace(SETTINGS, obstacles=SETTINGS.obstacles[:1]), placements=[],
+                      decides_contacts=False)
+    monitor.receive('robot', serialised(box(0)), NOW)
+    taken = []
+    for k in range(3):
+        stamp = NOW + k * SECOND // 10
+        batch = Batch([serialised(box(0), stamp), *(ordinary(k, stamp) for k in range(8)),
+                       serialised(MOVING, stamp), ordinary(9, stamp)])
+        taken.append(monitor.receive_run('lidar', batch, 0, stamp))
+        monitor.receive_batch('lidar', batch.messages[taken[-1]:], stamp)
+    assert taken == [0, 9, 9]

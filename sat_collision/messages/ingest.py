@@ -123,7 +123,8 @@ class Ingest:
         if taken and placements is not None:
             first = begin
             if begin and placements and not placements[-1].is_empty and (
-                    placements[-1].points[0] is batch.messages[begin - 1]):
+                    placements[-1].points[0] is batch.messages[begin - 1]) and (
+                    placements[-1].stamp == stamp):
                 # The run begins with the message before, which has the same header.
                 placements.pop()
                 first -= 1

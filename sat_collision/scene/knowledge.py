@@ -124,6 +124,12 @@ class Sets(_Listing):
             return None
         return current
 
+    def is_full(self, stamp: int) -> bool:
+        """Return whether messages of a stamp are of a set that has no room for more."""
+        current = self.current
+        return (current is not None and stamp == current.last
+                and current.count >= self.max_count)
+
     def end(self, news: News, stamp: int, time: int, now: int) -> None:
         """Receive an empty polygon, which ends the set of its stamp; none if that is 0."""
         if not stamp:

@@ -199,7 +199,9 @@ class Source:
         taken = 0
         if isinstance(contacts, Undecided):
             # It may also begin a set.
-            if stamp and self._stamped is Sets and (taken := contacts.check_run(run, most)):
+            if stamp and self._stamped is Sets and not listing.is_full(stamp):
+                taken = contacts.check_run(run, most)
+            if taken:
                 group, current = listing.receive(CONTINUES, stamp, stamp, now), listing.current
                 assert current is not None
                 taken = 1 + max(min(taken - 1, most - current.count), 0)

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import repeat
 from operator import attrgetter
 
 from sat_collision.messages.placement import Placement
@@ -103,11 +104,8 @@ class Sweep:
             self._decide_until(known)
 
     def advance(self, now: int) -> None:
-        """Decide the steps that can be decided."""
+        """Decide the steps that can be decided, and drop data that is no longer needed."""
         self._decide_until(self._known_until(now))
-
-    def drop(self) -> None:
-        """Drop data that is no longer needed."""
         if self.trajectory.latest is not None:
             self.trajectory.drop_before(self.trajectory.latest - self._keep)
             if self.prediction:
@@ -177,12 +175,14 @@ class Motion:
     def place(self, placements: Sequence[Placement]) -> None:
         """Process placements, given in the order of stamps."""
         sweeps, trackers = self._sweeps, self._trackers
+        # None for those of a new tracker: it must not rest before its first placement.
         takers = [sweeps.get(one.name) or trackers.get((one.name, one.is_stamped))
-                  or self._tracker(one.name, one.is_stamped) for one in placements]
-        taken: defaultdict[Sweep | Tracker, list[Placement]] = defaultdict(list)
+                  for one in placements]
+        taken: defaultdict[Sweep | Tracker | None, list[Placement]] = defaultdict(list)
         for taker, placement in zip(takers, placements):
             taken[taker].append(placement)
-        described = {taker: iter(taker.describe(own)) for taker, own in taken.items()}
+        described = {taker: iter(taker.describe(own)) if taker else repeat(None)
+                     for taker, own in taken.items()}
         for taker, placement in zip(takers, placements):
             if placement.stamp > self._now:
                 self._now = placement.stamp
@@ -190,9 +190,8 @@ class Motion:
             if isinstance(taker, Sweep):
                 self._place_footprint(taker, placement, bodies)
             else:
+                taker = taker or self._tracker(placement.name, placement.is_stamped)
                 taker.place(placement, bodies)
-        for sweep in sweeps.values():
-            sweep.drop()
 
     def _tracker(self, name: str, is_stamped: bool) -> Tracker:
         """Return the tracker of a source's bodies with stamps, or of those without."""
@@ -254,8 +253,8 @@ class Motion:
             self._frame_id = placement.frame_id
             for tracker in self._trackers.values():
                 tracker.use_frame(self._frame_id)
-            for sweep in self._sweeps.values():
-                sweep.use_frame(self._frame_id)
+            for other in self._sweeps.values():
+                other.use_frame(self._frame_id)
         trajectory, stamp = sweep.trajectory, placement.stamp
         begin = trajectory.begin_of_piece(stamp) if sweep.settings.has_outline else None
         if begin is not None:

@@ -25,9 +25,10 @@ from sat_collision.replay.motion.walk import Motion
 
 SHAPES = [box(0.0), [(0, 0), (2, 0), (0.5, 1)], [(0, 0), (1.5, 0.5)], [*box(0.0), (0.0, 0.0)],
           [(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]]
+NAMES = 'robot', 'cart', 'lidar', 'radar', 'map'
 SETTINGS = settings_of({
-    'footprints': ['robot', 'cart'], 'obstacles': ['lidar', 'radar'], 'margin': 0.1,
-    **{f'{name}.topic': f'/{name}' for name in ('robot', 'cart', 'lidar', 'radar')}})
+    'footprints': ['robot', 'cart'], 'obstacles': ['lidar', 'radar', 'map'], 'margin': 0.1,
+    'map.accumulate': True, **{f'{name}.topic': f'/{name}' for name in NAMES}})
 
 
 def placed(name, time, shape):
@@ -60,6 +61,8 @@ def recorded(seed):
     for name in ('lidar', 'radar'):
         found += placements(name, rng, np.arange(0.0, 12.0, rng.choice([0.1, 0.23])), [
             shapes[rng.integers(len(shapes) - (rng.random() < 0.8))] for _ in range(8)])
+    if rng.random() < 0.5:
+        found += placements('map', rng, np.cumsum(rng.uniform(0.2, 3.0, 5)), shapes)
     return sorted(found, key=lambda placement: placement.stamp)
 
 
@@ -79,7 +82,7 @@ def decided(found, together):
     results, motion = followed(found, together)
     motion.draw_curves([])
     return repr((motion.contacts, [(one.least, one.separation) for one in results], [
-        motion.undetermined(name) for name in ('robot', 'cart', 'lidar', 'radar')]))
+        motion.undetermined(name) for name in NAMES]))
 
 
 @pytest.mark.parametrize('seed', range(8))

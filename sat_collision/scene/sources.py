@@ -199,7 +199,7 @@ class Source:
         taken = 0
         if isinstance(contacts, Undecided):
             # It may also begin a set.
-            if stamp and self._stamped is Sets and not listing.is_full(stamp):
+            if stamp and not listing.is_full(stamp):
                 taken = contacts.check_run(run, most)
             if taken:
                 group, current = listing.receive(CONTINUES, stamp, stamp, now), listing.current

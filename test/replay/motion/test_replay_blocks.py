@@ -110,6 +110,15 @@ def test_what_happens_on_any_piece_between_two_sets(together, x, comes_back, con
     assert len(motion.contacts) == contacts
 
 
+def test_first_sample_is_that_of_its_footprint():
+    """It sets the frame of all footprints, too."""
+    found = [placed('robot', 0.0, box(0.0)), placed('cart', 0.0, box(5.0)),
+             placed('lidar', 0.0, box(0.5)), placed('robot', 0.1, box(2.0)),
+             placed('cart', 0.1, box(5.0)), placed('lidar', 0.1, box(0.5))]
+    _, motion = followed(found, 500)
+    assert [(one.footprint, one.first) for one in motion.contacts] == [('robot', START)]
+
+
 def test_steps_are_looked_at_together(monkeypatch):
     """Most steps in which nothing touches, or the tests above test nothing."""
     answers = []

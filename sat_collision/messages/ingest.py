@@ -101,7 +101,8 @@ class Ingest:
         if len(message) <= points_at:
             return 0
         if not message.startswith(start):
-            if self._scene.decides_contacts or message[STAMP_SIZE:len(start)] != start[STAMP_SIZE:]:
+            if self._scene.decides_contacts or not message.startswith(
+                    start[STAMP_SIZE:], STAMP_SIZE):
                 return 0
             # It may begin the next set.
             start, stamp = message[:len(start)], header_stamp(message)

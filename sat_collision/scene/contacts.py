@@ -33,6 +33,8 @@ _Other = TypeVar('_Other', bound=Body[Any])
 
 # Max gap in m between a turning footprint and the obstacle it meets, at the time returned.
 _TOLERANCE = 1e-3
+# The row of an obstacle that was received while no contacts are decided.
+NOWHERE = 0
 # Where an obstacle is, and its vx and vy in m/s.
 Course: TypeAlias = tuple[Polygon, Vertices]
 
@@ -172,14 +174,14 @@ class Contacts:
 
 
 class Undecided(Contacts):
-    """Contacts where only is known who is there: a body has row 0 and no place."""
+    """No contacts, only who is there: obstacles that are have the row NOWHERE."""
 
     def place_footprint(self, footprint: Footprint, where: PackedBody) -> None:
         """Do nothing."""
 
-    def place_obstacle(self, obstacle: Obstacle, where: PackedBody | None = None) -> bool:
+    def place_obstacle(self, obstacle: Obstacle, where: PackedBody) -> bool:
         """Record that an obstacle is there."""
-        obstacle.row = 0
+        obstacle.row = NOWHERE
         return False
 
     def remove_obstacle(self, obstacle: Obstacle) -> None:

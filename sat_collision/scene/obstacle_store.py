@@ -24,7 +24,7 @@ import numpy as np
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.polygon import PackedBody
 from sat_collision.geometry.run import Run
-from sat_collision.scene.contacts import Contacts
+from sat_collision.scene.contacts import Contacts, NOWHERE
 from sat_collision.scene.obstacles import Key, Obstacle
 from sat_collision.scene.settings import NEVER
 
@@ -156,7 +156,7 @@ class SetGroup(ObstacleGroup):
             self._add_places(end)
             for obstacle in self._places[begin:end]:
                 if obstacle.row is None:
-                    self._contacts.place_obstacle(obstacle)
+                    obstacle.row = NOWHERE
                 obstacle.moved()
                 obstacle.frame_id = frame_id
                 obstacle.time = time

@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 from sat_collision.geometry.jit import indexable
-from sat_collision.geometry.polygon import PackedBody, Polygon, PolygonError
+from sat_collision.geometry.polygon import Polygon, PolygonError
 from sat_collision.geometry.query import closest_points, separation
 from sat_collision.geometry.sweep import time_of_contact
 from sat_collision.replay.model.result import (
@@ -116,8 +116,8 @@ class ContactTracker:
         self.decided = True
         least = inf
         nearest = -1
-        body = self._trajectory.packed(seen.begin) if seen.begin == seen.end else None
-        for row, time, value in self._by_gap(body, box, seen, None, self._margin):
+        own = self._trajectory.outline(seen.begin) if seen.begin == seen.end else None
+        for row, time, value in self._by_gap(own, box, seen, None, self._margin):
             outline = self._trajectory.outline(time) if value <= self._margin else None
             if outline is not None:
                 name = seen.names[row]
@@ -179,26 +179,26 @@ class ContactTracker:
             if outline is None:
                 continue
             rows = motion.rows[still & (motion.starts <= time) & (time <= motion.finishes)]
-            nearest = min(self._by_gap(outline.packed, outline.bounds, motion.before, rows, -inf,
-                                       time), key=itemgetter(2), default=None)
+            nearest = min(self._by_gap(outline, outline.bounds, motion.before, rows, -inf, time),
+                          key=itemgetter(2), default=None)
             if nearest:
                 row, _, value = nearest
                 self._contacts.measure(motion.before, row, time, value)
                 if are_all_still:
                     self._series.add(time, value)
 
-    def _by_gap(self, body: PackedBody | None, box: Box, bodies: Bodies, rows: Integers | None,
+    def _by_gap(self, own: Polygon | None, box: Box, bodies: Bodies, rows: Integers | None,
                 margin: float, at: int | None = None) -> Iterator[tuple[int, int, float]]:
         """
         Yield (row, time, separation) of bodies that may be nearest or within a margin.
 
-        The nearest boxes come first. Without a body the footprint is elsewhere for each of them;
+        The nearest boxes come first. Without an outline there is another one for each of them;
         without rows all are candidates; without a time each counts at its own.
         """
         if rows is None:
             rows = np.arange(len(bodies))
         found = np.empty((len(rows), 3))
-        count = measure_near(body or _NOTHING, box, rows,
+        count = measure_near(own.packed if own else _NOTHING, box, rows,
                              (bodies.boxes, bodies.points, bodies.rings), margin, found)
         least = inf
         for gap, number, value in sorted(found[:count].tolist()):

@@ -25,6 +25,7 @@ from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import repeat
 from operator import attrgetter
+from typing import Any
 
 from sat_collision.messages.placement import Placement
 from sat_collision.messages.transform_listener import TransformListener
@@ -139,7 +140,7 @@ class Sweep:
     def _known_until(self, now: int) -> int:
         """Return until when the trajectory is complete: known, or too old for another sample."""
         over, latest = now - self._longest - 1, self.trajectory.latest
-        return over if latest is None or latest < over else latest
+        return over if latest is None else max(latest, over)
 
 
 class Motion:
@@ -181,8 +182,9 @@ class Motion:
         taken: defaultdict[Sweep | Tracker | None, list[Placement]] = defaultdict(list)
         for taker, placement in zip(takers, placements):
             taken[taker].append(placement)
-        described = {taker: iter(taker.describe(own)) if taker else repeat(None)
-                     for taker, own in taken.items()}
+        described: dict[object, Iterator[Any]] = {
+            taker: iter(taker.describe(own)) if taker else repeat(None)
+            for taker, own in taken.items()}
         for taker, placement in zip(takers, placements):
             if placement.stamp > self._now:
                 self._now = placement.stamp

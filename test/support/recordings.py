@@ -40,7 +40,7 @@ POLYGON = 'geometry_msgs/msg/PolygonStamped'
 INSTANCE = 'geometry_msgs/msg/PolygonInstanceStamped'
 LATCHED = Qos(QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL,
               *[QosTime(0, 0)] * 2, QosLiveliness.AUTOMATIC, QosTime(0, 0), False)
-# The source of obstacles that there is unless others are named.
+# The name of the default source of obstacles.
 SOURCE = settings_of({}).obstacles[0].name
 
 
@@ -58,8 +58,8 @@ def write(path, messages, storage='mcap', compression=None, types=None, latched=
     """
     Write (topic, seconds, points) and (topic, seconds, bytes) to a bag; return its path.
 
-    `compression` is None, 'file', 'message' or 'storage'; types are POLYGON unless given; what
-    `latched` topics sent was delivered to late joiners.
+    `compression` is None, 'file', 'message' or 'storage'; types are POLYGON by default;
+    `latched` topics are recorded with transient-local durability.
     """
     writer = Writer(path, version=9, storage_plugin=StoragePlugin[storage.upper()])
     if compression:
@@ -79,7 +79,7 @@ def write(path, messages, storage='mcap', compression=None, types=None, latched=
 
 
 def published(name, storage='mcap'):
-    """Return a recording of test/data as a bag, which is written when it is first asked for."""
+    """Return a recording of test/data as a bag, written on first use."""
     path = Path(_FOLDER.name, f'{name}_{storage}')
     if path.exists():
         return path
@@ -96,7 +96,7 @@ def published(name, storage='mcap'):
 
 
 def run_without(modules, *arguments):
-    """Run the command in a process of its own that cannot import some modules."""
+    """Run the command in another process that cannot import some modules."""
     program = f"""
 import sys
 sys.modules.update(dict.fromkeys({modules!r}))
@@ -109,9 +109,9 @@ sys.exit(main(sys.argv[1:]))
 
 def drive(duration=10.0, rate=10.0, contact=(4.0, 5.0)):
     """
-    Return a robot that stands at 0 and one obstacle, in contact with it for a while.
+    Return a robot that stands at 0 and one obstacle that touches it for a while.
 
-    An empty polygon ends each set: it is whole at its time.
+    An empty polygon ends each set.
     """
     messages = []
     for tick in range(round(duration * rate) + 1):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Real recordings, published to a running node as they were recorded."""
+"""Real recordings, published to a running node."""
 
 import itertools
 
@@ -40,12 +40,12 @@ def recorded(bag):
     ('autoware_ego_trajectory_boxes', 'mcap'),
     ('commonroad_USA_Lanker-1_1_ego1247', 'sqlite3'),
     ('tysik_front_scan_polygons', 'mcap')))
-def test_contacts_after_each_stamp_are_exactly_those_of_the_recording(start, name, storage):
+def test_contacts_of_a_recording_are_exact(start, name, storage):
     """
-    After a stamp's last message the contacts are those computed with rational arithmetic.
+    After the last message of each stamp, contacts equal those computed by rational arithmetic.
 
     The clock is the recording's. An empty polygon, which the recorded publishers did not send,
-    ends each set. The clock moves on once the node has counted all messages of a stamp, so that a
+    ends each set. The clock advances once the node has counted all messages of a stamp, so a
     state with the later time has seen them all.
     """
     expected = load('recordings')[name]['contacts']

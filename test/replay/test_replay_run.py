@@ -42,7 +42,7 @@ def standing(end, topics=('/footprint', '/obstacles'), rate=10):
 @pytest.mark.parametrize('clock', ('receive', 'header'))
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
 @pytest.mark.parametrize('name', NAMES)
-def test_contacts_after_each_stamp_are_exactly_those_of_the_recording(
+def test_contacts_of_a_recording_are_exact(
         monkeypatch, name, storage, clock):
     """When the set of a stamp is whole the contacts are those computed with exact arithmetic."""
     expected = load('recordings')[name]['contacts']

@@ -239,7 +239,7 @@ class SceneMachine(RuleBasedStateMachine):
 
     @rule(name=sources)
     def restart(self, name):
-        """Number the next message 1, as a new publisher does."""
+        """Begin again with number 1, as a new publisher does."""
         self.numbers[name] = 0
 
     @rule(name=sources, together=st.lists(bodies, min_size=1, max_size=4, unique=True),

@@ -78,7 +78,7 @@ class World:
         for k, points in enumerate((*polygons, ())):
             self.send(name, points, 'none', instance=k)
 
-    def tell(self, topic, *links):
+    def receive_transforms(self, topic, *links):
         """Receive transforms."""
         self.rejections += self.monitor.receive_transforms(topic, transforms(*links), self.now)
         self.scene.look_ahead()
@@ -86,9 +86,9 @@ class World:
     def move(self, time, x, y=0.0, yaw=0.0, child='base', parent='odom'):
         """Receive a transform at its time."""
         self.wait_until(time)
-        self.tell(TF, (parent, child, self.now, x, y, yaw))
+        self.receive_transforms(TF, (parent, child, self.now, x, y, yaw))
 
-    def report(self, time, x, y=0.0, yaw=0.0, child='base', parent='odom', **twist):
+    def receive_odometry(self, time, x, y=0.0, yaw=0.0, child='base', parent='odom', **twist):
         """Receive odometry at its time."""
         self.wait_until(time)
         self.receive('robot', odometry(parent, child, self.now, x, y, yaw, **twist))

@@ -29,8 +29,8 @@ def test_exact_changes_change_no_answer(name, n):
 
 
 @pytest.mark.parametrize('n', [5, 19])
-def test_a_body_is_met_where_one_of_its_halves_is(n):
-    """The halves, cut along a diagonal, share it: nothing is lost between them."""
+def test_body_intersects_if_one_of_its_halves_does(n):
+    """The halves share the diagonal along which the body is cut."""
     rng = np.random.default_rng(6)
     assert sum(metamorphic.lost_by_a_cut(rng, COUNT // 5, n) for _ in range(5)) == 0
 

@@ -14,26 +14,11 @@
 
 """Real recordings, published to a running node."""
 
-import itertools
-
 from builders import serialised
 from harness import SECOND, to_ns
 from published import load
 import pytest
-from recordings import published
-from sat_collision.messages.cdr import decode
-
-rosbags = pytest.importorskip('rosbags.highlevel')
-
-
-def recorded(bag):
-    """Yield (stamp, [(topic, data), ...]) for each run of messages with one stamp."""
-    with rosbags.AnyReader([bag]) as reader:
-        connections = [c for c in reader.connections if c.topic in ('/footprint', '/obstacles')]
-        messages = [(decode(data, False)[0], connection.topic, data)
-                    for connection, _, data in reader.messages(connections)]
-    for stamp, run in itertools.groupby(messages, key=lambda message: message[0]):
-        yield stamp, [(topic, data) for _, topic, data in run]
+from recordings import by_stamp, published
 
 
 @pytest.mark.parametrize('name, storage', (
@@ -54,7 +39,7 @@ def test_contacts_of_a_recording_are_exact(start, name, storage):
     counted = monitor.received
     sent = 0
     stamps = []
-    for (stamp, messages), frame in zip(recorded(published(name, storage)), expected):
+    for (stamp, messages), frame in zip(by_stamp(published(name, storage)), expected):
         stamps.append(stamp)
         monitor.set_clock(stamp)
         for topic, data in (*messages, ('/obstacles', serialised([], stamp))):

@@ -14,6 +14,7 @@
 
 """Recordings made for a test: polygons by topic and time, written by rosbags."""
 
+import itertools
 from pathlib import Path
 import subprocess
 import sys
@@ -27,7 +28,9 @@ pytest.importorskip('rosbags')
 
 from rosbags.interfaces import (  # noqa: E402
     Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime)
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer  # noqa: E402
+from rosbags.rosbag2 import (  # noqa: E402
+    CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer)
+from sat_collision.messages.cdr import decode  # noqa: E402
 from sat_collision.messages.rosbags_interfaces import STORE  # noqa: E402
 from sat_collision.replay.model.configuration import settings_of  # noqa: E402
 
@@ -93,6 +96,16 @@ def published(name, storage='mcap'):
                 writer.write(topics[k > 0], stamp + k * recording['apart'],
                              serialised(points, stamp, recording['frame_id']))
     return path
+
+
+def by_stamp(bag):
+    """Yield (stamp, [(topic, data), ...]) for each run of messages with one stamp."""
+    with Reader(bag) as reader:
+        connections = [c for c in reader.connections if c.topic in ('/footprint', '/obstacles')]
+        messages = [(decode(data, False)[0], connection.topic, data)
+                    for connection, _, data in reader.messages(connections)]
+    for stamp, run in itertools.groupby(messages, key=lambda message: message[0]):
+        yield stamp, [(topic, data) for _, topic, data in run]
 
 
 def run_without(modules, *arguments):

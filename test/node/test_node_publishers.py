@@ -18,12 +18,15 @@ import itertools
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 from harness import APART, box, health, LASTING, polygon_message, ROBOT, SECOND, TOUCHING
 import pytest
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sat_collision.node.loop import Input
+from sat_collision.node.publishers import Publishers
 
 BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -369,3 +372,46 @@ def test_latched_map_survives_a_step_back_in_time(start, join):
     monitor.set_clock(back)
     monitor.send_until('clear', 'footprint', ROBOT, stamp=back)
     assert len(monitor.monitor._scene.obstacles) == 1
+
+
+@pytest.fixture
+def graph():
+    """Return the list of publishers in a made-up graph, and Publishers that look at it."""
+    infos = []
+    node = SimpleNamespace(handle=SimpleNamespace(get_count_publishers=lambda _: len(infos)),
+                           get_publishers_info_by_topic=lambda _: [*infos])
+    subscription = SimpleNamespace(topic_name='/obstacles', qos_profile=QoSProfile(depth=1),
+                                   msg_type=PolygonStamped)
+    publishers = Publishers(node, [Input('obstacle', subscription, topic='obstacles')])
+
+    def look(behind=()):
+        news = dict(publishers.news(behind))
+        return [endpoint.node for endpoint in news['obstacle']] if news else None
+    return infos, look, publishers
+
+
+def info(name):
+    return SimpleNamespace(node_name=name, node_namespace='/', qos_profile=QoSProfile(depth=1),
+                           topic_type='geometry_msgs/msg/PolygonStamped',
+                           endpoint_gid=name.encode())
+
+
+def test_departure_is_reported_at_the_next_look(graph):
+    """By then its last messages have been received; it waits longer while any are queued."""
+    infos, look, _ = graph
+    infos += [info('a'), info('b')]
+    assert look() == ['/a', '/b']
+    del infos[0]
+    assert [look(), look(), look()] == [None, ['/b'], None]
+    del infos[0]
+    assert [look({'obstacle'}), look({'obstacle'}), look()] == [None, None, []]
+
+
+def test_new_publisher_is_reported_at_once_beside_one_that_has_gone(graph):
+    """Also if its first message comes before the next look."""
+    infos, look, publishers = graph
+    infos.append(info('a'))
+    assert look() == ['/a']
+    infos[:] = [info('b')]
+    assert [one.node for one in publishers.at_beginning('obstacle')] == ['/a', '/b']
+    assert look() == ['/b']

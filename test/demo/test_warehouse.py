@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The demo's scene causes just the contacts that it says it does, and the demo sees them."""
+"""The scene of the demo has exactly its listed contacts, and the demo reports them."""
 
 import os
 import re

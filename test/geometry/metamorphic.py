@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Bodies of integers in contact, or nearly so, and changes to them that change no answer."""
+"""Bodies of integers in or near contact, and changes that must not change any answer."""
 
 import families
 import numpy as np

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Where a thread does not round as the proofs assume nothing is answered, and the reason said."""
+"""Queries are refused in a thread whose floating-point mode differs from that of the proofs."""
 
 import contextlib
 import ctypes

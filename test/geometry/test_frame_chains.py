@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Points moved through chains of frames, against where integers say that they are."""
+"""Points moved through chains of frames, compared with exact integers."""
 
 from fractions import Fraction
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Compiled kernels on disk: used while good, compiled again when not, never run when damaged."""
+"""Compiled kernels on disk: reused if valid, compiled again if outdated or damaged."""
 
 import os
 from pathlib import Path

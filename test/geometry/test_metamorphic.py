@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What changes no body, or both alike, changes no answer."""
+"""Changes of bodies that must not change any answer."""
 
 import metamorphic
 import numpy as np

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Sets of bodies: as they grow and shrink, row by row with another set, and against one body."""
+"""Sets of bodies: changes, pairs with another set, and queries by one body."""
 
 import math
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The orientation of three points and the meeting of two segments against rational numbers."""
+"""The orientation of three points and the intersection of two segments, against rationals."""
 
 from fractions import Fraction
 import math

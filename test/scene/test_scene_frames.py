@@ -21,8 +21,8 @@ from sat_collision.scene.waiting import WAIT, Waiting
 from stage import ACCUMULATED, CART, clear_stage, EVERY_KIND, ROBOT, Stage
 
 
-def test_frame_is_the_one_that_footprints_of_the_last_second_agree_on():
-    """The first footprint ever came in a wrong frame; the obstacles follow with their next set."""
+def test_frame_is_that_of_all_footprints_of_the_last_second():
+    """The first footprint came in a wrong frame; obstacles follow with their next set."""
     stage = Stage(footprints=[ROBOT, CART])
     stage.robot(frame='odom', name='cart')
     stage.send(10)
@@ -36,8 +36,8 @@ def test_frame_is_the_one_that_footprints_of_the_last_second_agree_on():
     assert stage.status('robot') == stage.status('cart') == 'clear'
 
 
-def test_frame_does_not_wait_for_a_footprint_that_was_not_received_of_late():
-    """What is still in the old frame is unknown from then on."""
+def test_frame_ignores_footprints_older_than_a_second():
+    """A footprint still in the old frame is unknown from then on."""
     stage = Stage(footprints=[ROBOT, replace(CART, timeout=0.0)])
     stage.robot(frame='odom', name='cart')
     stage.wait_until(1.0)
@@ -48,8 +48,7 @@ def test_frame_does_not_wait_for_a_footprint_that_was_not_received_of_late():
         "footprint cart on /cart/footprint is not in the frame 'map'")
 
 
-def test_frame_of_the_first_footprint_is_that_of_the_scene():
-    """No frame_id is configured."""
+def test_first_footprint_sets_the_frame():
     stage = Stage()
     assert stage.scene.frame_id == ''
     stage.robot(frame='odom')
@@ -65,8 +64,7 @@ def test_frame_of_the_first_footprint_is_that_of_the_scene():
 
 
 @EVERY_KIND
-def test_obstacles_that_came_before_the_frame_was_known(settings):
-    """The first obstacles come before the first footprint, some of them in another frame."""
+def test_obstacles_received_before_the_frame_is_known(settings):
     stage = Stage(settings)
     stage.end(stamp=-1.9)
     stage.see(0.5, frame='odom', instance=1)
@@ -85,8 +83,7 @@ def test_obstacles_that_came_before_the_frame_was_known(settings):
     assert stage.state().reasons == ((refused,) if settings is ACCUMULATED else ())
 
 
-def test_refusal_before_the_frame_was_known_keeps_its_reason():
-    """What was not finite is not in another frame as well."""
+def test_refusal_before_the_frame_is_known_keeps_its_reason():
     stage = Stage()
     stage.refuse('not finite')
     stage.end()
@@ -95,8 +92,7 @@ def test_refusal_before_the_frame_was_known_keeps_its_reason():
         'obstacle source lidar on /polygons sent what was refused: not finite',)
 
 
-def test_configured_frame_holds_from_the_start():
-    """With frame_id set, neither the first footprint nor the first obstacle decides."""
+def test_configured_frame_refuses_other_frames_from_the_start():
     stage = Stage(frame_id='map')
     assert stage.see(0.5, frame='odom') == 'other frame'
     stage.end()
@@ -111,7 +107,7 @@ def test_configured_frame_holds_from_the_start():
 
 
 def test_second_footprint_in_another_frame_is_unknown():
-    """The first one decides; it is not disturbed by the other."""
+    """The first one is not affected."""
     stage = Stage(footprints=[ROBOT, CART])
     stage.send(10)
     stage.robot()
@@ -120,7 +116,7 @@ def test_second_footprint_in_another_frame_is_unknown():
 
 
 def test_footprint_that_changes_its_frame_is_unknown():
-    """Its last place is not kept; where the frame is not configured, the obstacles must follow."""
+    """If no frame is configured, the frame changes and the obstacles must follow."""
     for settings in ({'frame_id': 'map'}, {}):
         stage = clear_stage(**settings)
         stage.robot(frame='odom')
@@ -128,8 +124,8 @@ def test_footprint_that_changes_its_frame_is_unknown():
         assert (stage.scene.footprints == []) == bool(settings)
 
 
-def test_step_back_in_time_lets_the_frame_be_chosen_anew():
-    """The next recording may be in another frame."""
+def test_step_back_in_time_resets_the_frame():
+    """The next recording may use another one."""
     stage = clear_stage()
     for time in (-1.0, -0.9):
         stage.wait_until(time)
@@ -140,16 +136,15 @@ def test_step_back_in_time_lets_the_frame_be_chosen_anew():
     assert stage.status() == 'clear'
 
 
-def test_refused_footprint_does_not_choose_the_frame():
-    """Only a good footprint does, and no disabled one."""
+def test_refused_or_disabled_footprint_does_not_set_the_frame():
     stage = Stage(footprints=[replace(CART, enabled=False), ROBOT])
     stage.refuse(name='robot')
     stage.robot(name='cart', frame='odom')
     assert stage.scene.frame_id == ''
 
 
-class Desk:
-    """Takes numbers that are at most `ready`, and notes what it is given."""
+class Receiver:
+    """Accepts numbers up to `ready` and records them."""
 
     def __init__(self):
         self.ready = 0
@@ -160,24 +155,24 @@ class Desk:
         if item > self.ready and may_wait:
             return WAIT
         self.taken.append((name, item))
-        return f'{item} gave up' if item > self.ready else None
+        return f'{item} timed out' if item > self.ready else None
 
 
-def test_patience_ends_for_each_at_its_time():
-    desk = Desk()
-    desk.waiting.add('a', 5, 0, 10, 9)
-    desk.waiting.add('a', 6, 4, 10, 9)
-    assert desk.waiting.earliest == 10
-    assert desk.waiting.take(10) == []
-    assert desk.waiting.take(11) == ['5 gave up']
-    assert desk.waiting.earliest == 14
-    assert desk.waiting.take(15) == ['6 gave up']
-    assert desk.waiting.earliest == NEVER
+def test_waiting_messages_time_out_one_by_one():
+    receiver = Receiver()
+    receiver.waiting.add('a', 5, 0, 10, 9)
+    receiver.waiting.add('a', 6, 4, 10, 9)
+    assert receiver.waiting.earliest == 10
+    assert receiver.waiting.take(10) == []
+    assert receiver.waiting.take(11) == ['5 timed out']
+    assert receiver.waiting.earliest == 14
+    assert receiver.waiting.take(15) == ['6 timed out']
+    assert receiver.waiting.earliest == NEVER
 
 
-def test_what_is_dropped_is_not_taken():
-    desk = Desk()
-    desk.waiting.add('a', 5, 0, 10, 9)
-    desk.waiting.drop()
-    assert desk.waiting.take(99) == desk.taken == []
-    assert desk.waiting.earliest == NEVER and 'a' not in desk.waiting
+def test_dropped_messages_are_not_received():
+    receiver = Receiver()
+    receiver.waiting.add('a', 5, 0, 10, 9)
+    receiver.waiting.drop()
+    assert receiver.waiting.take(99) == receiver.taken == []
+    assert receiver.waiting.earliest == NEVER and 'a' not in receiver.waiting

@@ -26,8 +26,9 @@ import struct
 from typing import Any, NamedTuple
 import zlib
 
+from sat_collision.extras import in_one_line
 from sat_collision.replay.bag.storage import (
-    Damage, Faults, in_words, Limits, LONGEST_ROW, Row, Storage, unpacked)
+    Damage, Faults, Limits, LONGEST_ROW, Row, Storage, unpacked)
 
 _MAGIC = b'\x89MCAP0\r\n'
 _FOOTER_KIND, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX = range(2, 8)
@@ -49,23 +50,17 @@ _ENTRY = 400
 
 
 class Block(NamedTuple):
-    """
-    Consecutive messages: a chunk, or a run of messages outside of chunks.
+    """Consecutive messages: a chunk, or a run of messages outside of chunks."""
 
-    `first` and `last` are the announced times of messages in ns, `where` is the position of the
-    chunk (0 for a run), `at` and `size` those of its data, `plain` their decompressed size, and
-    `announced` the number of indexed messages, None without an index.
-    """
-
-    first: int
+    first: int  # announced times of messages, ns
     last: int
-    where: int
-    at: int
+    where: int  # position of the chunk, 0 for a run
+    at: int  # position of its data
     size: int
     compression: str
-    plain: int
+    plain: int  # decompressed size
     checksum: int
-    announced: int | None = None
+    announced: int | None = None  # number of indexed messages, None without an index
 
 
 class McapFile(Storage):
@@ -102,7 +97,7 @@ class McapFile(Storage):
             self._walk_data()
         except (OSError, Damage) as error:
             self._blocks.clear()
-            faults.damaged(in_words(error))
+            faults.damaged(in_one_line(error))
             return
         counts = self._statistics
         self._surveyed = counts is None or len(self._channels) < self._channel_count or any(
@@ -161,27 +156,34 @@ class McapFile(Storage):
     def _load(self, block: Block, pending: _Pending, faults: Faults
               ) -> tuple[list[int], list[int]]:
         """Return times and channels of all messages of a block, recording its faults."""
+        begun = len(pending.times)
         times: list[int] = []
         channels: list[int] = []
+        problem = ''
         try:
             self._fill(block, pending, times, channels)
         except Damage as damage:
-            faults.damaged(f'damaged in the chunk at byte {block.where or block.at}: {damage}')
-            if not times:
-                return times, channels
+            problem = str(damage)
+        times += pending.times[begun:]
+        channels += pending.channels[begun:]
+        where = f'damaged in the chunk at byte {block.where or block.at}: '
+        if problem:
+            faults.damaged(where + problem)
+        if problem and not times:
+            return times, channels
         if block.announced not in (None, len(times)):
-            faults.damaged(f'damaged in the chunk at byte {block.where}: {len(times)} messages, '
-                           f'but its index has {block.announced}')
+            faults.damaged(f'{where}{len(times)} messages, but its index has {block.announced}')
         if times and not (block.first <= min(times) and max(times) <= block.last):
-            faults.damaged(f'damaged in the chunk at byte {block.where}: it has messages of '
-                           'another time than it announces')
+            faults.damaged(f'{where}it has messages of another time than it announces')
         return times, channels
 
     def _fill(self, block: Block, pending: _Pending, times: list[int],
               channels: list[int]) -> None:
-        """Add the messages of a block up to any damage."""
+        """Add the messages of a block up to any damage, those not wanted to the lists."""
         content = self._content(block, sum(map(len, pending.messages)))
         topics, first, last = pending.topics, pending.first, pending.last
+        add_time, add_channel, add_message = (
+            pending.times.append, pending.channels.append, pending.messages.append)
         at, end = 0, len(content)
         head_size, least, record_size = (
             _RECORD_HEAD.size, _MESSAGE_HEAD.size, _MESSAGE_RECORD.size)
@@ -191,12 +193,13 @@ class McapFile(Storage):
                 kind, size, channel, _, time, _ = unpack(content, at)
                 behind = at + head_size + size
                 if kind == _MESSAGE and size >= least and behind <= end:
-                    times.append(time)
-                    channels.append(channel)
                     if channel in topics and first <= time < last:
-                        pending.times.append(time)
-                        pending.channels.append(channel)
-                        pending.messages.append(content[at + record_size:behind])
+                        add_time(time)
+                        add_channel(channel)
+                        add_message(content[at + record_size:behind])
+                    else:
+                        times.append(time)
+                        channels.append(channel)
                     at = behind
                     continue
             if end - at < head_size:

@@ -12,35 +12,45 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The command replay_check."""
+"""
+The command replay_check.
+
+Recordings are checked one by one, or many at a time: by processes of this machine, or by the
+workers of a Dask cluster.
+"""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import fields
+from concurrent.futures import as_completed, ProcessPoolExecutor
+from dataclasses import fields, replace
+import multiprocessing
 import os
 from pathlib import Path
+import signal
 import sys
 import traceback
 
-from sat_collision.extras import missing
-from sat_collision.replay.bag.libraries import check_bag_writer
-from sat_collision.replay.bag.storage import in_words
+from sat_collision.extras import in_one_line, missing, unexpected
+from sat_collision.replay.bag.storage import check_bag_writer
 from sat_collision.replay.cli.arguments import parse
-from sat_collision.replay.cli.parallel import (
-    check_here, check_on_cluster, check_one, failed, unexpected)
 from sat_collision.replay.model.configuration import (
     parameter_of_text, parameters_of_file, settings_of)
 from sat_collision.replay.model.result import Options, overall, Result, Verdict
 from sat_collision.replay.output.formats import (
-    Baseline, BaselineError, write_csv, write_json, write_junit, write_junit_of_differences)
+    BaselineError, differences_from, read_baseline, write_csv, write_json, write_junit,
+    write_junit_of_differences)
 from sat_collision.replay.output.text import Progress, report, report_all, with_colour
-from sat_collision.replay.run import check
+from sat_collision.replay.run import check, OnProgress
 from sat_collision.scene.parameters import ParameterError
 
 _OF_RECORDING = ('.mcap', '.db3', '.zstd', '.db3-wal', '.db3-shm', '.db3-journal')
 _PICTURES = ('.png', '.svg', '.pdf')
+# How often a recording is tried whose process or worker dies.
+_ATTEMPTS = 3
+# How long to wait for a scheduler, s.
+_TIMEOUT = 10
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -53,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         return _run(arguments)
     except (ParameterError, BaselineError, OSError) as error:
-        print(f'replay_check: {in_words(error)}', file=sys.stderr)
+        print(f'replay_check: {in_one_line(error)}', file=sys.stderr)
     except ModuleNotFoundError as error:
         print(f'replay_check: {missing(error)}', file=sys.stderr)
     except Exception as error:
@@ -68,21 +78,23 @@ def _run(arguments: argparse.Namespace) -> int:
         return _write_example(arguments.write_example)
     options = _options(arguments)
     _check_outputs(arguments)
-    baseline = Baseline(arguments.expect) if arguments.expect else None
+    expect = arguments.expect
+    baseline = read_baseline(expect) if expect else None
     results = _check_all(arguments, options)
-    differences = baseline.differences(results) if baseline else []
-    for path, write in ((arguments.json, write_json), (arguments.csv, write_csv)):
-        if path:
-            write(results, path)
-    if arguments.junit and baseline:
-        write_junit_of_differences(differences, baseline.path, arguments.junit)
-    elif arguments.junit:
-        write_junit(results, arguments.junit)
-    if baseline:
-        lines = [f'{name}: {line}' for name, found in differences for line in found]
-        _say(lines or [f'as expected by {baseline.path}'])
-        return int(Verdict.COLLISION if lines else Verdict.CLEAR)
-    return int(overall(results))
+    if arguments.json:
+        write_json(results, arguments.json)
+    if arguments.csv:
+        write_csv(results, arguments.csv)
+    if baseline is None:
+        if arguments.junit:
+            write_junit(results, arguments.junit)
+        return int(overall(results))
+    differences = differences_from(baseline, results)
+    if arguments.junit:
+        write_junit_of_differences(differences, expect, arguments.junit)
+    lines = [f'{name}: {line}' for name, found in differences for line in found]
+    _say(lines or [f'as expected by {expect}'])
+    return int(Verdict.COLLISION if lines else Verdict.CLEAR)
 
 
 def _write_example(path: str) -> int:
@@ -208,6 +220,89 @@ def _results(arguments: argparse.Namespace, options: Options) -> Iterator[Result
         finally:
             progress.clear()
         yield result
+
+
+def check_one(path: str, options: Options, progress: OnProgress | None = None) -> Result:
+    """Check one of several recordings; a bag written for it has a directory of its own."""
+    if options.write_bag:
+        options = replace(options, write_bag=str(Path(options.write_bag, Path(path).stem)))
+    return check(path, options, progress)
+
+
+def check_here(paths: Iterable[str], options: Options, jobs: int) -> Iterator[Result]:
+    """
+    Yield the Result of each recording as soon as it is there, from processes of this machine.
+
+    A recording whose process died or failed is tried again, up to three times in all.
+    """
+    again = []
+    pool = _pool(jobs)
+    try:
+        futures = {pool.submit(check_one, path, options): path for path in paths}
+        for future in as_completed(futures):
+            if future.exception():
+                again.append(futures[future])
+            else:
+                yield future.result()
+    except BaseException:
+        # End running checks, and cancel pending ones.
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in multiprocessing.active_children():
+            process.terminate()
+        raise
+    pool.shutdown()
+    # When a process dies, all running checks fail: run them again one by one.
+    for path in again:
+        for _ in range(_ATTEMPTS - 1):
+            with _pool(1) as pool:
+                future = pool.submit(check_one, path, options)
+            error = future.exception()
+            if not error:
+                break
+        yield failed(path, options, error, _ATTEMPTS) if error else future.result()
+
+
+def _pool(jobs: int) -> ProcessPoolExecutor:
+    # Processes that are interrupted at the terminal end silently.
+    return ProcessPoolExecutor(jobs, multiprocessing.get_context('spawn'),
+                               signal.signal, (signal.SIGINT, signal.SIG_DFL))
+
+
+def check_on_cluster(paths: Iterable[str], options: Options, address: str) -> Iterator[Result]:
+    """
+    Yield the Result of each recording as soon as it is there, from the workers of a Dask cluster.
+
+    The scheduler gives the recordings of a lost worker to others. Workers must see the same
+    paths, and have this package.
+
+    Raises
+    ------
+    OSError
+        If no scheduler answers at the address.
+
+    """
+    import distributed
+    try:
+        connected = distributed.Client(address, timeout=_TIMEOUT, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise OSError(f'--dask: no scheduler answers at {address}: {in_one_line(error)}') from error
+    with connected as client:
+        futures = {client.submit(check_one, path, options, pure=False, retries=_ATTEMPTS - 1,
+                                 key=f'replay_check-{number}-{path}'): path
+                   for number, path in enumerate(paths)}
+        for future in distributed.as_completed(list(futures), loop=client.loop):
+            path = futures[future]
+            fault = future.exception()
+            yield failed(path, options, fault, _ATTEMPTS) if fault else future.result()
+
+
+def failed(path: str, options: Options, error: BaseException, attempts: int = 1) -> Result:
+    """Return the Result of a recording that could not be checked."""
+    if options.debug:
+        traceback.print_exception(type(error), error, error.__traceback__)
+    tried = f', {attempts} attempts failed' if attempts > 1 else ''
+    return Result(str(path), options,
+                  problems=[f'{path}: not checked{tried}: {unexpected(error)}'])
 
 
 def _say(lines: Iterable[str]) -> None:

@@ -25,7 +25,7 @@ from pathlib import Path
 import re
 from typing import Any, TypeAlias
 
-from sat_collision.replay.bag.storage import in_words
+from sat_collision.extras import in_one_line
 from sat_collision.replay.model.result import NODE
 from sat_collision.scene.parameters import (
     check_names_given, declare_parameters, is_name_of, ParameterError, parameters_by_node,
@@ -78,7 +78,7 @@ def parameters_of_file(path: str | Path, node: str = NODE) -> dict[str, Any]:
     except OSError as error:
         raise ParameterError(f'cannot read {path}: {error.strerror}') from error
     except Exception as error:  # whatever the constructors of YAML's types raise
-        raise ParameterError(f'{path} is not a parameter file: {in_words(error)}') from error
+        raise ParameterError(f'{path} is not a parameter file: {in_one_line(error)}') from error
     if not isinstance(content, dict):
         raise ParameterError(f'{path} is not a parameter file: it does not list nodes by name')
     found = dict(parameters_by_node(content))
@@ -107,7 +107,7 @@ def parameter_of_text(text: str) -> tuple[str, Any]:
     try:
         return name, yaml.load(value, _Loader)
     except Exception as error:  # as above
-        raise ParameterError(f'{text}: {in_words(error)}') from error
+        raise ParameterError(f'{text}: {in_one_line(error)}') from error
 
 
 def settings_of(parameters: Mapping[str, Any], node: str = NODE,

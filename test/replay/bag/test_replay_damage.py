@@ -31,7 +31,7 @@ from xml.etree import ElementTree
 import pytest
 from recordings import box, drive, SOURCE, START, write
 from sat_collision.replay.__main__ import main
-from sat_collision.replay.bag.libraries import check_bag_writer
+from sat_collision.replay.bag.storage import check_bag_writer
 from sat_collision.replay.bag.sqlite import SqliteFile
 from sat_collision.replay.bag.storage import Faults, Limits, Scratch
 from sat_collision.replay.model.result import Options, Verdict

@@ -21,7 +21,6 @@ import colorsys
 from pathlib import Path
 from typing import NamedTuple
 
-from sat_collision.replay.model.keyframes import Keyframes, ShownBody
 from sat_collision.replay.model.result import Contact, deepest_contacts, Result, Unknown
 
 CONTACT, UNKNOWN, OBSTACLE, INK = '#d62728', '#9aa0a6', '#5b7089', '#2b3138'
@@ -31,9 +30,8 @@ _LINES = ('#1f77b4', '#e08214', '#7b52ab', '#1a9e96', '#8c564b', '#3f8f3f', '#c2
 _FIRST_HUE, _LAST_HUE = 0.08, 0.9
 # Most rows of a footprint, whose bars overlap in time.
 _MOST_ROWS = 4
-# More unknown times than _MANY are joined across gaps shorter than this share of all time.
+# So many unknown times are joined.
 _MANY = 1000
-_LEAST_GAP = 1 / _MANY
 
 
 def colours(result: Result) -> dict[str, str]:
@@ -59,13 +57,6 @@ def distance(separation: float) -> str:
     if separation > 0.0:
         return f'{separation:.3g} m apart'
     return f'{-separation:.3g} m deep' if separation < 0.0 else 'touching'
-
-
-def touching(result: Result, keyframes: Keyframes, time: int) -> set[ShownBody]:
-    """Return the footprints and obstacles that are in contact at a time."""
-    found = [(keyframes.footprint(contact.footprint), result.obstacle_of(contact))
-             for contact in result.contacts if contact.first <= time <= contact.last]
-    return {body for pair in found for body in pair if body is not None}
 
 
 class Bar(NamedTuple):
@@ -106,8 +97,9 @@ def rows_of(result: Result) -> list[Rows]:
 
 def joined_unknown(result: Result, unknown: list[Unknown]) -> list[tuple[float, float]]:
     """Return when a footprint is unknown for any reason, in s."""
-    return joined(((result.since(one.first), result.since(one.last)) for one in unknown),
-                  _LEAST_GAP * result.duration if len(unknown) > _MANY else 0.0)
+    # Gaps between very many are too short to be seen.
+    gap = result.duration / _MANY if len(unknown) > _MANY else 0.0
+    return joined(((result.since(one.first), result.since(one.last)) for one in unknown), gap)
 
 
 def joined(intervals: Iterable[tuple[float, float]], gap: float = 0.0

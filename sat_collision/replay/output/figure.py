@@ -26,11 +26,10 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Rectangle
 from matplotlib.transforms import Bbox
 import numpy as np
-from sat_collision.replay.model.keyframes import Keyframes, Span
+from sat_collision.replay.model.keyframes import Keyframes
 from sat_collision.replay.model.result import deepest_contacts, Result
 from sat_collision.replay.output.drawing import (
-    Bar, colours, CONTACT, distance, INK, joined, name_of, OBSTACLE, Rows, rows_of, touching,
-    UNKNOWN)
+    Bar, colours, CONTACT, distance, INK, joined, name_of, OBSTACLE, Rows, rows_of, UNKNOWN)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,11 +80,14 @@ def draw_picture(result: Result) -> Figure:
     title = figure.suptitle(f'{name_of(result)}: {result.verdict.words}', fontsize=14,
                             fontweight='bold', color=INK)
     _fit(title, 0.96 * figure.bbox.width)
-    titles = [axes.set_title(_words(view, result), fontsize=10)
-              for axes, view in zip(scenes, views)]
-    for axes, text in zip(scenes, titles):
+    titles = []
+    for axes, view in zip(scenes, views):
         axes.set(xlabel='x [m]', ylabel='y [m]')
-        text.set_in_layout(False)
+        titles.append(axes.set_title(
+            'no separation could be measured' if view is None else
+            f'{result.since(view.time):.3f} s: {view.footprint} and {view.obstacle}, '
+            f'{distance(view.separation)}', fontsize=10))
+        titles[-1].set_in_layout(False)
     keyframes = result.keyframes or Keyframes([result.start or 0])
     # The size of axes depends on their labels, and these on the limits.
     for _ in range(2):
@@ -110,12 +112,6 @@ def _views(result: Result) -> Sequence[_View | None]:
         return [None]
     name, least = result.nearest
     return [_View(name, least.obstacle, least.time, least.separation, least.x, least.y)]
-
-
-def _words(view: _View | None, result: Result) -> str:
-    return 'no separation could be measured' if view is None else (
-        f'{result.since(view.time):.3f} s: {view.footprint} and {view.obstacle}, '
-        f'{distance(view.separation)}')
 
 
 def _draw_curves(result: Result, rows: list[Rows], axes: Axes) -> None:
@@ -170,11 +166,9 @@ def _draw_rows(result: Result, rows: list[Rows], axes: Axes) -> None:
 def _label_rows(result: Result, rows: list[Rows], axes: Axes) -> None:
     """Write what each bar is; the deepest contacts come first where room is short."""
     for row in rows:
-        boxes = []
-        for bar in row.bars:
-            first, last = _bounds(bar, result)
-            boxes.append(Bbox(axes.transData.transform([
-                (first, bar.row + _HEIGHT / 2), (last, bar.row - _HEIGHT / 2)])))
+        boxes = [Bbox(axes.transData.transform([
+            (first, bar.row + _HEIGHT / 2), (last, bar.row - _HEIGHT / 2)]))
+            for bar in row.bars for first, last in [_bounds(bar, result)]]
         taken = list(boxes)
         for bar, box in zip(row.bars, boxes):
             _label(axes, bar.text, box, INK, taken, sides=((0, 0), (1, 0), (-1, 0)))
@@ -218,35 +212,34 @@ def _draw_scene(result: Result, keyframes: Keyframes, axes: Axes, view: _View | 
     Footprints, bodies in contact and the obstacle of the view get labels.
     """
     number = keyframes.number(view.time) if view else 0
+    time = keyframes.moments[number]
+    touching = {body for contact in result.contacts if contact.first <= time <= contact.last
+                for body in (keyframes.footprint(contact.footprint), result.obstacle_of(contact))}
     of_footprint = colours(result)
-    in_contact = touching(result, keyframes, keyframes.moments[number])
     taken: list[Bbox] = []
     spared: list[Bbox] = []
     texts = []
     for body, span in keyframes.at(number):
         colour = of_footprint[span.name] if body.is_footprint else OBSTACLE
-        face = CONTACT if body in in_contact else colour
-        _draw_body(axes, span, colour if body.is_footprint else face, face)
+        face = CONTACT if body in touching else colour
+        if span.known and len(span.ring) > 2:
+            axes.fill(*span.ring.T, color=face, alpha=0.35, linewidth=0)
+        axes.plot(*np.concatenate([span.ring, span.ring[:1]]).T, linewidth=1.4, markersize=4,
+                  color=colour if body.is_footprint else face,
+                  linestyle='-' if span.known else ':',
+                  marker='o' if len(span.ring) == 1 else None)
         box = Bbox.null()
         box.update_from_data_xy(axes.transData.transform(span.ring))
         seen = Bbox.intersection(box, axes.bbox)
         if seen is None:
             continue
-        if body.is_footprint or body in in_contact or view and span.name == view.obstacle:
+        if body.is_footprint or body in touching or view and span.name == view.obstacle:
             taken.append(seen)
             texts.append((span.name, seen, colour if body.is_footprint else INK))
         else:
             spared.append(seen)
     for name, box, colour in texts:
         _label(axes, name, box, colour, taken, spared)
-
-
-def _draw_body(axes: Axes, span: Span, edge: str, face: str) -> None:
-    ring = np.concatenate([span.ring, span.ring[:1]])
-    if span.known and len(span.ring) > 2:
-        axes.fill(*span.ring.T, color=face, alpha=0.35, linewidth=0)
-    axes.plot(*ring.T, color=edge, linewidth=1.4, linestyle='-' if span.known else ':',
-              marker='o' if len(span.ring) == 1 else None, markersize=4)
 
 
 def _label(axes: Axes, text: str, box: Bbox, colour: str, taken: list[Bbox],

@@ -34,7 +34,7 @@ from xml.etree import ElementTree
 
 from sat_collision.replay.model.result import FootprintResult, Options, overall, Result
 from sat_collision.replay.output.text import (
-    how_found, how_soon, how_undetermined, report, summary, when)
+    how_found, how_soon, how_undetermined, lasting, report, summary)
 
 SCHEMA = 'sat_collision.replay/3'
 _COLUMNS = ('bag', 'kind', 'footprint', 'obstacle', 'first_ns', 'last_ns', 'duration_s', 'depth_m',
@@ -142,11 +142,14 @@ def _write_suites(suites: list[ElementTree.Element], path: str) -> None:
 def _failures(footprint: FootprintResult, result: Result) -> Iterator[str]:
     for contact in result.contacts:
         if contact.footprint == footprint.name:
-            yield (f'in contact with {contact.obstacle} {when(contact, result)}, '
-                   f'{contact.depth:.4f} m deep, found {how_found(contact, result)}')
+            since = f'{result.since(contact.first):.3f} s'
+            duration = lasting(contact.last - contact.first)
+            when = f'at {since}' if duration == 'moment' else f'from {since} on for {duration} s'
+            yield (f'in contact with {contact.obstacle} {when}, {contact.depth:.4f} m deep, '
+                   f'found {how_found(contact, result)}')
     if footprint in result.too_soon:
         yield how_soon(footprint, result)
-    if footprint.unknown > 1e9 * result.options.max_unknown or not footprint.ever_known:
+    if footprint in result.too_unknown:
         yield f'unknown for {footprint.unknown / 1e9:.3f} s'
 
 

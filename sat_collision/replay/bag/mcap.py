@@ -87,7 +87,7 @@ class McapFile(Storage):
         self._channel_count = 0
         # How many messages the indexes of chunks have, by channel.
         self._indexed: Counter[int] = Counter()
-        self._surveyed = self._ends = False
+        self._is_surveyed = self._ends = False
         try:
             self._file = os.open(path, os.O_RDONLY)
             self._size = os.fstat(self._file).st_size
@@ -100,9 +100,8 @@ class McapFile(Storage):
             faults.damaged(in_one_line(error))
             return
         counts = self._statistics
-        self._surveyed = counts is None or len(self._channels) < self._channel_count or any(
-            schema not in self._schemas for _, schema in self._channels.values())
-        if counts is None or self._surveyed:
+        if counts is None or len(self._channels) < self._channel_count or any(
+                schema not in self._schemas for _, schema in self._channels.values()):
             counts = self._survey()
         for channel, (topic, schema) in self._channels.items():
             self.counts[topic] += counts[channel]
@@ -128,7 +127,7 @@ class McapFile(Storage):
     def rows(self, topics: Collection[str], start: int | None = None,
              stop: int | None = None) -> Iterator[Row]:
         # If all was read before, the faults are already recorded.
-        faults = Faults(Path()) if self._surveyed else self._faults
+        faults = Faults(Path()) if self._is_surveyed else self._faults
         pending = _Pending({channel: topic for channel, (topic, _) in self._channels.items()
                             if topic in topics}, start or 0, 2**64 if stop is None else stop)
         blocks = sorted(block for block in self._blocks
@@ -144,6 +143,7 @@ class McapFile(Storage):
 
     def _survey(self) -> Counter[int]:
         """Read all of a file whose summary is not complete; return the counts by channel."""
+        self._is_surveyed = True
         found: Counter[int] = Counter()
         for block in self._blocks:
             times, channels = self._load(block, _Pending({}, 0, 0), self._faults)
@@ -246,21 +246,20 @@ class McapFile(Storage):
         try:
             key, = struct.unpack_from('<H', content)
             if kind == _SCHEMA:
-                name, _ = text(content, 2)
+                name = _text(content, 2)[0]
                 known = self._schemas.setdefault(key, name)
-                said = f'schema {key} is {known} and {name}'
+                if known != name:
+                    self._faults.differs((kind, key), f'schema {key} is {known} and {name}')
             else:
+                # With another schema the topic has another type.
                 schema, = struct.unpack_from('<H', content, 2)
-                topic, _ = text(content, 4)
-                # The schema is compared, too: with another one the topic has another type.
-                known, name = str(self._channels.setdefault(key, (topic, schema))), str(
-                    (topic, schema))
-                said = f'channel {key} is {self._channels[key][0]} and {topic}'
+                channel = _text(content, 4)[0], schema
+                before = self._channels.setdefault(key, channel)
+                if before != channel:
+                    self._faults.differs((kind, key),
+                                         f'channel {key} is {before[0]} and {channel[0]}')
         except (struct.error, ValueError):
             self._faults.damaged(f'damaged at byte {where}: invalid {_NAMES[kind]} record')
-            return
-        if known != name:
-            self._faults.differs((kind, key), said)
 
     def _walk_summary(self) -> None:
         """Read the summary behind the data, if the end of the file announces one."""
@@ -344,7 +343,7 @@ class McapFile(Storage):
                 self._account()
                 head = self._read(at, min(size, 64))
                 first, last, plain, checksum = _CHUNK_HEAD.unpack_from(head)
-                compression, begin = text(head, _CHUNK_HEAD.size)
+                compression, begin = _text(head, _CHUNK_HEAD.size)
                 packed, = struct.unpack_from('<Q', head, begin)
                 if packed != size - begin - 8:
                     raise ValueError
@@ -365,8 +364,8 @@ class McapFile(Storage):
                 content = self._read(at, size)
                 self._channel_count, = struct.unpack_from('<I', content, 10)
                 length, = struct.unpack_from('<I', content, 42)
-                pairs = struct.iter_unpack('<HQ', content[46:46 + length])
-                self._statistics = Counter(dict(pairs))
+                self._statistics = Counter(dict(
+                    struct.iter_unpack('<HQ', content[46:46 + length])))
             else:
                 self._define(kind, self._read(at, size), where)
         except (struct.error, ValueError):
@@ -395,16 +394,12 @@ class McapFile(Storage):
 
 
 class _Pending:
-    """
-    Messages from one time on and before another, in ns, held until no earlier ones can follow.
-
-    Only those of the channels in `topics` are held. Times, channels and messages are in separate
-    lists, because Python's garbage collector would visit a tuple for each again and again.
-    """
+    """Messages of some channels, held until no earlier ones can follow."""
 
     def __init__(self, topics: dict[int, str], first: int, last: int) -> None:
-        self.topics = topics
-        self.first, self.last = first, last
+        self.topics = topics  # by channel
+        self.first, self.last = first, last  # ns
+        # Not in one list: the garbage collector would visit a tuple for each again and again.
         self.times: list[int] = []
         self.channels: list[int] = []
         self.messages: list[bytes] = []
@@ -436,7 +431,7 @@ class _Misplaced(Damage):
         self.where = where
 
 
-def text(content: bytes, at: int) -> tuple[str, int]:
+def _text(content: bytes, at: int) -> tuple[str, int]:
     """Return a string, and the position after it."""
     size, = struct.unpack_from('<I', content, at)
     end = at + 4 + size

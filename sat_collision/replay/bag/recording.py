@@ -279,7 +279,7 @@ def _entry(content: Any, key: str, kind: type) -> Any:
 
 class Rosbag2Storage(Storage):
     """
-    A directory or storage file read with rosbag2_py, up to the first damage.
+    A directory or storage file read with rosbag2_py of ROS, up to the first damage.
 
     Compressed files are copied, because rosbag2 would decompress them beside the originals.
     `packed` says that files or messages are compressed one by one.
@@ -289,8 +289,9 @@ class Rosbag2Storage(Storage):
         super().__init__(faults)
         self._packed = packed
         self._path = path
-        if any(file.suffix == '.zstd' for file in _files_of(path)):
-            self._path = max(map(scratch.copy, _files_of(path))).parent
+        files = [file for file in path.iterdir() if file.is_file()] if path.is_dir() else [path]
+        if any(file.suffix == '.zstd' for file in files):
+            self._path = max(map(scratch.copy, files)).parent
         try:
             metadata = self._opened().get_metadata()
         except RuntimeError as error:  # whatever rosbag2 raises
@@ -332,7 +333,3 @@ class Rosbag2Storage(Storage):
         reader.open(rosbag2_py.StorageOptions(uri=str(self._path), storage_id=storage),
                     rosbag2_py.ConverterOptions('', ''))
         return reader
-
-
-def _files_of(path: Path) -> list[Path]:
-    return [file for file in path.iterdir() if file.is_file()] if path.is_dir() else [path]

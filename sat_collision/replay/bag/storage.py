@@ -94,12 +94,9 @@ class Faults:
         return bool(self._first or self._differences)
 
     def __str__(self) -> str:
-        parts = []
-        if self._first:
-            more = f', and in {self._more} more places' if self._more else ''
-            parts.append(self._first + more)
+        more = f', and in {self._more} more places' if self._more else ''
         differences = list(self._differences.values())
-        parts += differences[:_MOST]
+        parts = [self._first + more] * bool(self._first) + differences[:_MOST]
         if differences[_MOST:]:
             parts.append(f'and {len(differences) - _MOST} more differences')
         # Names of topics come from the file, and may be anything.
@@ -112,22 +109,12 @@ class Damage(Exception):
 
 
 class Storage:
-    """
-    The content of a recording, or of one file of it; times in ns.
-
-    Attributes
-    ----------
-    topics, counts : dict
-        Type and number of messages of each topic.
-    start, end : int or None
-        Times of the first and the last message.
-
-    """
+    """The content of a recording, or of one file of it; times in ns."""
 
     def __init__(self, faults: Faults) -> None:
-        self.topics: dict[str, str] = {}
-        self.counts: Counter[str] = Counter()
-        self.start: int | None = None
+        self.topics: dict[str, str] = {}  # types by name
+        self.counts: Counter[str] = Counter()  # numbers of messages by topic
+        self.start: int | None = None  # times of the first and the last message
         self.end: int | None = None
         self._faults = faults
 
@@ -182,15 +169,7 @@ class Limits:
 
 
 def unpacked(packed: bytes, compression: str, max_bytes: int) -> bytes:
-    """
-    Return data decompressed from 'zstd', 'lz4' or '' (none).
-
-    Raises
-    ------
-    Damage
-        If the data are incomplete or hold more bytes than `max_bytes`.
-
-    """
+    """Decompress data from 'zstd', 'lz4' or '' (none); Damage says what is wrong with them."""
     if not compression:
         return packed
     if compression not in _LIBRARIES:
@@ -230,11 +209,11 @@ def _library(compression: str) -> Any:
             from compression import zstd
         else:
             from backports import zstd
+        return zstd
     except ImportError as error:
         name = _LIBRARIES[compression]
         raise Damage(f'it is compressed: unpacking {compression} needs {name} '
                      f'(pip install {name}) or rosbag2_py of ROS') from error
-    return zstd
 
 
 class Scratch:

@@ -47,7 +47,7 @@ from sat_collision.scene.parameters import ParameterError
 
 _OF_RECORDING = ('.mcap', '.db3', '.zstd', '.db3-wal', '.db3-shm', '.db3-journal')
 _PICTURES = ('.png', '.svg', '.pdf')
-# How often a recording is tried whose process or worker dies.
+# How often a recording is tried in all whose process or worker dies.
 _ATTEMPTS = 3
 # How long to wait for a scheduler, s.
 _TIMEOUT = 10
@@ -74,8 +74,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    if arguments.write_example:
-        return _write_example(arguments.write_example)
+    if example := arguments.write_example:
+        check_bag_writer()
+        from sat_collision.replay.output.bag import write_example
+        write_example(example)
+        print(f'wrote {example}; check it with\n'
+              f'  replay_check {example} --params-file {example}/params.yaml')
+        return int(Verdict.CLEAR)
     options = _options(arguments)
     _check_outputs(arguments)
     expect = arguments.expect
@@ -95,14 +100,6 @@ def _run(arguments: argparse.Namespace) -> int:
     lines = [f'{name}: {line}' for name, found in differences for line in found]
     _say(lines or [f'as expected by {expect}'])
     return int(Verdict.COLLISION if lines else Verdict.CLEAR)
-
-
-def _write_example(path: str) -> int:
-    check_bag_writer()
-    from sat_collision.replay.output.bag import write_example
-    write_example(path)
-    print(f'wrote {path}; check it with\n  replay_check {path} --params-file {path}/params.yaml')
-    return int(Verdict.CLEAR)
 
 
 def _options(arguments: argparse.Namespace) -> Options:
@@ -153,23 +150,21 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
         if other != option and path != Path(os.devnull):
             raise OSError(f'{other} and {option} name the same file, {text}')
     for option, text in (('--write-bag', write_bag), ('--plot', plot if in_folder else None)):
-        if text is None:
-            continue
-        there = next(path for path in (Path(text), *Path(text).absolute().parents)
-                     if path.exists())
-        if not there.is_dir():
-            raise OSError(f'{option}: {there} is not a directory')
-        if not os.access(there, os.W_OK):
-            raise OSError(f'{option}: {there} cannot be written to')
+        if text is not None:
+            there = next(path for path in (Path(text), *Path(text).absolute().parents)
+                         if path.exists())
+            if not there.is_dir():
+                raise OSError(f'{option}: {there} is not a directory')
+            if not os.access(there, os.W_OK):
+                raise OSError(f'{option}: {there} cannot be written to')
 
 
-def _files_of(path: Path) -> Iterator[Path]:
-    """Yield the files that an input consists of."""
-    if path.is_dir():
-        yield from (file for file in path.iterdir()
-                    if file.name == 'metadata.yaml' or file.name.endswith(_OF_RECORDING))
-    elif path.exists():
-        yield path
+def _files_of(path: Path) -> list[Path]:
+    """Return the files that an input consists of."""
+    if not path.is_dir():
+        return [path] if path.exists() else []
+    return [file for file in path.iterdir()
+            if file.name == 'metadata.yaml' or file.name.endswith(_OF_RECORDING)]
 
 
 def _check_all(arguments: argparse.Namespace, options: Options) -> list[Result]:
@@ -183,7 +178,11 @@ def _check_all(arguments: argparse.Namespace, options: Options) -> list[Result]:
     results: list[Result] = []
     for result in _results(arguments, options):
         if plot and not one_page:
-            _draw([result], _of_bag(plot, result.bag) if several else plot, arguments.debug)
+            path = plot
+            if several:
+                Path(plot).mkdir(parents=True, exist_ok=True)
+                path = str(Path(plot, f'{Path(result.bag).stem}.png'))
+            _draw([result], path, arguments.debug)
         _say(with_colour(report(result), result.verdict, sys.stdout))
         results.append(result)
     if several:
@@ -230,11 +229,7 @@ def check_one(path: str, options: Options, progress: OnProgress | None = None) -
 
 
 def check_here(paths: Iterable[str], options: Options, jobs: int) -> Iterator[Result]:
-    """
-    Yield the Result of each recording as soon as it is there, from processes of this machine.
-
-    A recording whose process died or failed is tried again, up to three times in all.
-    """
+    """Yield the Result of each recording when it is there, from processes of this machine."""
     again = []
     pool = _pool(jobs)
     try:
@@ -270,22 +265,17 @@ def _pool(jobs: int) -> ProcessPoolExecutor:
 
 def check_on_cluster(paths: Iterable[str], options: Options, address: str) -> Iterator[Result]:
     """
-    Yield the Result of each recording as soon as it is there, from the workers of a Dask cluster.
+    Yield the Result of each recording when it is there, from the workers of a Dask cluster.
 
-    The scheduler gives the recordings of a lost worker to others. Workers must see the same
-    paths, and have this package.
-
-    Raises
-    ------
-    OSError
-        If no scheduler answers at the address.
-
+    Workers must see the same paths, and have this package. The scheduler gives the recordings of a
+    lost worker to others. If none answers at the address, an OSError is raised.
     """
     import distributed
     try:
         connected = distributed.Client(address, timeout=_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise OSError(f'--dask: no scheduler answers at {address}: {in_one_line(error)}') from error
+        raise OSError(
+            f'--dask: no scheduler answers at {address}: {in_one_line(error)}') from error
     with connected as client:
         futures = {client.submit(check_one, path, options, pure=False, retries=_ATTEMPTS - 1,
                                  key=f'replay_check-{number}-{path}'): path
@@ -330,8 +320,3 @@ def _draw(results: list[Result], path: str, debug: bool) -> None:
 
 def _is_page(path: str) -> bool:
     return Path(path).suffix.lower() == '.html'
-
-
-def _of_bag(folder: str, bag: str) -> str:
-    Path(folder).mkdir(parents=True, exist_ok=True)
-    return str(Path(folder, f'{Path(bag).stem}.png'))

@@ -116,10 +116,16 @@ def settings_of(parameters: Mapping[str, Any], node: str = NODE,
         values[name] = _checked(name, parameters.get(name, default), default, spec)
         return values[name]
 
+    def resolve(topic: str) -> str:
+        if not _TOPIC.fullmatch(topic):
+            raise ValueError(f"'{topic}' is not a valid topic name")
+        if topic.startswith('~'):
+            return node + topic[1:]
+        return topic if topic.startswith('/') else f'{node.rpartition("/")[0]}/{topic}'
+
     footprints, obstacles = declare_parameters(declare)
     check_names_given([name for name in parameters if is_complete or '.' not in name], values)
-    return read_settings(footprints, obstacles, values.__getitem__,
-                         lambda topic: _resolved(topic, node))
+    return read_settings(footprints, obstacles, values.__getitem__, resolve)
 
 
 def _flat(values: Mapping[str, Any], prefix: str = '') -> Iterator[tuple[str, Any]]:
@@ -144,15 +150,6 @@ def _checked(name: str, value: Any, default: Any, spec: Spec) -> Any:
         least, greatest = spec.limits
         raise ParameterError(f'{name}: {value} is not between {least} and {greatest}')
     return value
-
-
-def _resolved(topic: str, node: str) -> str:
-    """Return the full name of a topic: `/absolute`, `~/of_the_node` or in its namespace."""
-    if not _TOPIC.fullmatch(topic):
-        raise ValueError(f"'{topic}' is not a valid topic name")
-    if topic.startswith('~'):
-        return node + topic[1:]
-    return topic if topic.startswith('/') else f'{node.rpartition("/")[0]}/{topic}'
 
 
 def settings_for(types: Mapping[str, str], parameters: Mapping[str, object],

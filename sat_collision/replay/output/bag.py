@@ -22,7 +22,6 @@ from types import SimpleNamespace
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from sat_collision.demo import warehouse
 from sat_collision.messages.interfaces import (
     Point32, PolygonStamped, serialize, Time, type_name)
@@ -77,19 +76,14 @@ class BagOutputs:
     def close(self) -> None:
         self._writer.close()
 
-    # The methods of a node and of its clock that Outputs calls.
+    # What Outputs calls of a node.
 
     def get_fully_qualified_name(self) -> str:
         return self._node
 
-    def get_clock(self) -> BagOutputs:
-        return self
-
-    def now(self) -> BagOutputs:
-        return self
-
-    def to_msg(self) -> Any:
-        return Time(sec=self._time // _SECOND, nanosec=self._time % _SECOND)
+    def get_clock(self) -> Any:
+        now = Time(sec=self._time // _SECOND, nanosec=self._time % _SECOND)
+        return SimpleNamespace(now=lambda: SimpleNamespace(to_msg=lambda: now))
 
     def create_publisher(self, kind: type, topic: str, _depth: int) -> Any:
         name = topic.replace('~', self._node, 1)
@@ -100,15 +94,7 @@ class BagOutputs:
 
 
 def write_example(path: str | Path) -> None:
-    """
-    Write the demo scene as a bag of 16 s, with the parameters to check it in params.yaml.
-
-    Raises
-    ------
-    OSError
-        If the path exists, or no library that writes bags is installed.
-
-    """
+    """Write the demo scene as a new bag of 16 s, with parameters to check it in params.yaml."""
     path = Path(path)
     writer = _new_bag(path)
     for name in (*warehouse.FOOTPRINTS, 'warehouse', 'people'):
@@ -122,19 +108,15 @@ def write_example(path: str | Path) -> None:
             outlines += [('warehouse', outline)
                          for outline in (*warehouse.STATIC, warehouse.NOTHING)]
         for name, outline in outlines:
-            writer.write(f'/{name}', stamp + _DELAY, _message(outline, stamp))
+            message = PolygonStamped()
+            message.header.frame_id = warehouse.FRAME
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, _SECOND)
+            message.polygon.points = [Point32(x=x, y=y)
+                                      for x, y in outline.astype(np.float32).tolist()]
+            writer.write(f'/{name}', stamp + _DELAY, bytes(serialize(message)))
     writer.close()
-    parameters = _PARAMETERS.format(footprints=', '.join(warehouse.FOOTPRINTS),
-                                    frame=warehouse.FRAME)
-    (path / 'params.yaml').write_text(parameters)
-
-
-def _message(outline: NDArray[np.float64], stamp: int) -> bytes:
-    message = PolygonStamped()
-    message.header.frame_id = warehouse.FRAME
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, _SECOND)
-    message.polygon.points = [Point32(x=x, y=y) for x, y in outline.astype(np.float32).tolist()]
-    return bytes(serialize(message))
+    (path / 'params.yaml').write_text(_PARAMETERS.format(
+        footprints=', '.join(warehouse.FOOTPRINTS), frame=warehouse.FRAME))
 
 
 def _new_bag(path: Path) -> _Writer:

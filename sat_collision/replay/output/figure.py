@@ -52,7 +52,7 @@ _GAP = 3.0
 
 
 class _View(NamedTuple):
-    """What one scene shows: a footprint and an obstacle at a time, near to (x, y)."""
+    """What a scene shows: a contact, or the least separation of all."""
 
     footprint: str
     obstacle: str
@@ -62,10 +62,23 @@ class _View(NamedTuple):
     y: float
 
 
+def _views(result: Result) -> Sequence[_View | None]:
+    """Return the scenes to show: of each contact, or where the separation is least, or of all."""
+    found = sorted(deepest_contacts(result)[:_MOST_SCENES], key=lambda contact: contact.deepest)
+    if found:
+        return [_View(one.footprint, one.obstacle, one.deepest, 0.0 - one.depth, one.x, one.y)
+                for one in found]
+    if not result.nearest:
+        return [None]
+    name, least = result.nearest
+    return [_View(name, least.obstacle, least.time, least.separation, least.x, least.y)]
+
+
 def draw_picture(result: Result) -> Figure:
     """Return a result as a figure; of a check with `keyframes`."""
     rows, views = rows_of(result), _views(result)
-    below = _ROW * _height(rows)
+    height = rows[-1].end if rows else 1
+    below = _ROW * height
     columns = min(len(views), _COLUMNS)
     lines = -(-len(views) // columns)
     figure = Figure(figsize=(12, 5.2 + below + 4.0 * lines), dpi=_DPI,
@@ -76,6 +89,7 @@ def draw_picture(result: Result) -> Figure:
     scenes = [figure.add_subplot(grid[2 + k // columns, k % columns]) for k in range(len(views))]
     row_axes.sharex(curves)
     _draw_curves(result, rows, curves)
+    row_axes.set_ylim(height - 0.5, -0.5)
     _draw_rows(result, rows, row_axes)
     title = figure.suptitle(f'{name_of(result)}: {result.verdict.words}', fontsize=14,
                             fontweight='bold', color=INK)
@@ -100,18 +114,6 @@ def draw_picture(result: Result) -> Figure:
         _fit(text, axes.bbox.width)
         _draw_scene(result, keyframes, axes, view)
     return figure
-
-
-def _views(result: Result) -> Sequence[_View | None]:
-    """Return the scenes to show: of each contact, or where the separation is least, or of all."""
-    found = sorted(deepest_contacts(result)[:_MOST_SCENES], key=lambda contact: contact.deepest)
-    if found:
-        return [_View(one.footprint, one.obstacle, one.deepest, 0.0 - one.depth, one.x, one.y)
-                for one in found]
-    if not result.nearest:
-        return [None]
-    name, least = result.nearest
-    return [_View(name, least.obstacle, least.time, least.separation, least.x, least.y)]
 
 
 def _draw_curves(result: Result, rows: list[Rows], axes: Axes) -> None:
@@ -145,7 +147,6 @@ def _draw_curves(result: Result, rows: list[Rows], axes: Axes) -> None:
 def _draw_rows(result: Result, rows: list[Rows], axes: Axes) -> None:
     """Draw the rows and the names of footprints, without other texts."""
     axes.set_xlabel('time since the recording begins [s]')
-    axes.set_ylim(_height(rows) - 0.5, -0.5)
     axes.set_yticks([(row.first + row.end - 1) / 2 for row in rows],
                     [row.name for row in rows], fontweight='bold')
     for label, colour in zip(axes.get_yticklabels(), colours(result).values()):
@@ -172,11 +173,6 @@ def _label_rows(result: Result, rows: list[Rows], axes: Axes) -> None:
         taken = list(boxes)
         for bar, box in zip(row.bars, boxes):
             _label(axes, bar.text, box, INK, taken, sides=((0, 0), (1, 0), (-1, 0)))
-
-
-def _height(rows: list[Rows]) -> int:
-    """Return how many rows there are in all, at least one."""
-    return rows[-1].end if rows else 1
 
 
 def _bounds(bar: Bar, result: Result) -> tuple[float, float]:
@@ -248,8 +244,7 @@ def _label(axes: Axes, text: str, box: Bbox, colour: str, taken: list[Bbox],
     Write a text beside a box of pixels, if there is room in axes whose limits are final.
 
     It covers nothing in `taken`, to which it is added, and boxes in `spared` only where there is
-    no better place. Sides to try: -1 is left or below, 1 right or above; (0, 0) is inside, in
-    white.
+    no better place. Sides are -1 for left or below, 1 for right or above; (0, 0) is inside.
     """
     inverse = axes.transData.inverted()
     for avoided, (x, y) in product(([*taken, *spared], [*taken]), sides):

@@ -29,7 +29,7 @@ from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
 from sat_collision.replay.model.result import (
     Contact, deepest_contacts, GRAVITY, least_of_all, MOST_CONTACTS, overall, Result, Sample)
 from sat_collision.replay.output.drawing import (
-    colours, distance, joined_unknown, name_of, rows_of)
+    colours, distance, name_of, rows_of, unknown_times)
 from sat_collision.replay.output.text import (
     CLOCKS, contact_row, CONTACTS, footprint_row, FOOTPRINTS, SOONEST, soonest_rows, UNKNOWN,
     unknown_row)
@@ -131,11 +131,11 @@ def _recording(result: Result, keyframes: Keyframes, numbers: list[int],
         'start': result.since(result.start or 0), 'end': result.since(result.end or 0),
         'footprints': [
             {'name': footprint.name, 'colour': colour,
-             'times': [time for time, _ in separation], 'values': [value for _, value in separation],
+             'times': [time for time, _ in samples], 'values': [value for _, value in samples],
              'ahead': _curve(result, footprint.time_to_collision, count),
              'unknown': _unknown_of(result, footprint.name)}
             for footprint, colour in zip(result.footprints, colours(result).values())
-            for separation in [_curve(result, footprint.separation, count)]],
+            for samples in [_curve(result, footprint.separation, count)]],
         'rows': [{**row._asdict(), 'bars': [
             {**bar._asdict(), 'contact': places.get(id(bar.contact))} for bar in row.bars]}
             for row in rows_of(result)],
@@ -162,7 +162,7 @@ def _unknown_of(result: Result, name: str) -> list[tuple[float, float, str]]:
         return [(result.since(one.first), result.since(one.last), '; '.join(one.reasons))
                 for one in found]
     return [(first, last, 'for several reasons, see the table')
-            for first, last in joined_unknown(result, found)]
+            for first, last in unknown_times(result, name)]
 
 
 def _contact(contact: Contact, result: Result, rows: dict[ShownBody, int],

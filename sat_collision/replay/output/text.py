@@ -132,13 +132,14 @@ def how_soon(footprint: FootprintResult, result: Result) -> str:
 
 def footprint_row(footprint: FootprintResult, result: Result) -> tuple[str, ...]:
     """Return a footprint as a row of FOOTPRINTS."""
-    seconds = [f'{getattr(footprint, state) / 1e9:.3f}'
-               for state in ('clear', 'collision', 'unknown')]
-    share = '' if footprint.coverage is None else f'{100 * footprint.coverage:.2f} %'
     least = footprint.least
-    nearest = 'none known' if least is None else (
+    return (
+        footprint.name + ('' if footprint.enabled else ' (disabled)'),
+        '' if footprint.coverage is None else f'{100 * footprint.coverage:.2f} %',
+        *(f'{time / 1e9:.3f}'
+          for time in (footprint.clear, footprint.collision, footprint.unknown)),
+        'none known' if least is None else
         f'{least.separation:.4g} m from {least.obstacle} at {result.since(least.time):.3f} s')
-    return footprint.name + ('' if footprint.enabled else ' (disabled)'), share, *seconds, nearest
 
 
 def contact_row(contact: Contact, result: Result) -> tuple[str, ...]:
@@ -214,10 +215,10 @@ def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]], title: str) -
         return []
     shown = [head, *rows[:_MOST_ROWS]]
     widths = [max(map(len, column)) for column in zip(*shown)]
-    right = [all(_is_number(cell) for cell in column[1:]) for column in zip(*shown)]
+    aligned = ['>' if all(map(_is_number, column[1:])) else '<' for column in zip(*shown)]
     lines = [f'  {title}'] + ['    ' + '  '.join(
-        f'{cell:>{width}}' if numeric else f'{cell:{width}}'
-        for cell, width, numeric in zip(row, widths, right)).rstrip() for row in shown]
+        f'{cell:{align}{width}}' for cell, align, width in zip(row, aligned, widths)).rstrip()
+        for row in shown]
     if len(rows) > _MOST_ROWS:
         lines.append(f'    and {len(rows) - _MOST_ROWS} more; --json and --csv have all')
     return lines

@@ -76,14 +76,19 @@ class BagOutputs:
     def close(self) -> None:
         self._writer.close()
 
-    # What Outputs calls of a node.
+    # The methods of a node and of its clock that Outputs calls.
 
     def get_fully_qualified_name(self) -> str:
         return self._node
 
-    def get_clock(self) -> Any:
-        now = Time(sec=self._time // _SECOND, nanosec=self._time % _SECOND)
-        return SimpleNamespace(now=lambda: SimpleNamespace(to_msg=lambda: now))
+    def get_clock(self) -> BagOutputs:
+        return self
+
+    def now(self) -> BagOutputs:
+        return self
+
+    def to_msg(self) -> Any:
+        return Time(sec=self._time // _SECOND, nanosec=self._time % _SECOND)
 
     def create_publisher(self, kind: type, topic: str, _depth: int) -> Any:
         name = topic.replace('~', self._node, 1)

@@ -280,8 +280,8 @@ class _Run:
 
     def _first_stamp(self, names: Collection[str]) -> int | None:
         """Return the header stamp with which the recording begins, None if there is none."""
-        stamps = (header_stamp(data) for topic, _, data in self._recording.messages(names)
-                  if self._recording.topics[topic] != TWIST_TYPE)
+        stamps = (header_stamp(data) for topic, _, messages in self._recording.peek(names)
+                  if self._recording.topics[topic] != TWIST_TYPE for data in messages)
         return next(filter(None, stamps), None)
 
     def _write_outputs(self, path: str) -> None:

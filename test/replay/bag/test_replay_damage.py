@@ -31,9 +31,8 @@ from xml.etree import ElementTree
 import pytest
 from recordings import box, drive, SOURCE, START, write
 from sat_collision.replay.__main__ import main
-from sat_collision.replay.bag.libraries import check_bag_writer
 from sat_collision.replay.bag.sqlite import SqliteFile
-from sat_collision.replay.bag.storage import Faults, Limits, Scratch
+from sat_collision.replay.bag.storage import check_bag_writer, Faults, Limits, Scratch
 from sat_collision.replay.model.result import Options, Verdict
 from sat_collision.replay.run import check
 
@@ -385,12 +384,12 @@ def test_interrupt_ends_a_long_query(tmp_path):
     faults, scratch = Faults(tmp_path), Scratch(0)
     storage = SqliteFile(tmp_path / 'a.db3', faults, scratch, Limits())
     begun = time.process_time()
-    next(storage.messages({'/footprint'}, None, None))
+    next(storage.rows({'/footprint'}, None, None))
     taken = time.process_time() - begun
     interrupt_after(taken / 10)
     begun = time.process_time()
     with pytest.raises(KeyboardInterrupt):
-        next(storage.messages({'/footprint'}, None, None))
+        next(storage.rows({'/footprint'}, None, None))
     assert time.process_time() - begun < taken / 2
     storage.close()
     assert not faults

@@ -24,8 +24,9 @@ from xml.etree import ElementTree
 
 import pytest
 from recordings import box, drive, write
-from sat_collision.replay.cli import command, parallel
+from sat_collision.replay.cli import command
 from sat_collision.replay.cli.command import main
+from sat_collision.replay.run import check
 
 CLEAR = drive(2.0, contact=(0, 0))
 TOUCHING = drive(2.0, contact=(1.0, 1.5))
@@ -41,7 +42,7 @@ def fails(path, options, progress=None):
     """Check a recording, but raise an unexpected error for one of them."""
     if 'touching' in path:
         raise ZeroDivisionError('no result\nat all')
-    return parallel.check(path, options, progress)
+    return check(path, options, progress)
 
 
 @pytest.mark.parametrize('debug', (True, False))
@@ -191,7 +192,7 @@ def test_missing_library_is_reported_with_what_to_install(
 
 def test_scheduler_that_does_not_answer(bags, capsys, monkeypatch):
     pytest.importorskip('distributed')
-    monkeypatch.setattr(parallel, '_TIMEOUT', 1)
+    monkeypatch.setattr(command, '_TIMEOUT', 1)
     assert main([bags[0], '--dask', 'tcp://127.0.0.1:9']) == 3
     lines = [line for line in capsys.readouterr().err.splitlines() if 'replay_check' in line]
     assert lines[0] == 'replay_check: connecting to tcp://127.0.0.1:9'

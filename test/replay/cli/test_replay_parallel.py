@@ -21,9 +21,10 @@ import signal
 
 import pytest
 from recordings import drive, NAMES, published, write
-from sat_collision.replay.cli import command, parallel
+from sat_collision.replay.cli import command
 from sat_collision.replay.cli.command import main
 from sat_collision.replay.model.result import Options, Verdict
+from sat_collision.replay.run import check
 
 
 @pytest.fixture
@@ -53,7 +54,7 @@ def faulty(path, options, marks, fault, forever=False):
     if path.endswith('bag3') and (forever or not mark.exists()):
         mark.touch()
         fault()
-    return parallel.check(path, options)
+    return check(path, options)
 
 
 @pytest.fixture
@@ -66,8 +67,8 @@ def cluster():
 
 
 def test_jobs_give_the_same_results(bags):
-    alone = [parallel.check_one(bag, Options()) for bag in bags]
-    assert summed(parallel.check_here(bags, Options(), 2)) == summed(alone)
+    alone = [command.check_one(bag, Options()) for bag in bags]
+    assert summed(command.check_here(bags, Options(), 2)) == summed(alone)
     assert [result.verdict for result in alone] == [Verdict.CLEAR, Verdict.COLLISION] * 2
 
 
@@ -84,31 +85,31 @@ def test_lost_process_is_retried(bags, tmp_path, monkeypatch, fault):
     """No result is lost or doubled."""
     monkeypatch.setattr(parallel, 'check_one', functools.partial(
         faulty, marks=str(tmp_path), fault=fault))
-    results = list(parallel.check_here(bags, Options(), 2))
+    results = list(command.check_here(bags, Options(), 2))
     assert sorted(result.bag for result in results) == bags
     assert all(not result.problems for result in results)
 
 
 def test_recording_that_kills_every_process(bags, tmp_path, monkeypatch):
     """It is bad input after three attempts; all others are checked."""
-    monkeypatch.setattr(parallel, 'check_one', functools.partial(
+    monkeypatch.setattr(command, 'check_one', functools.partial(
         faulty, marks=str(tmp_path), fault=dies, forever=True))
-    results = {result.bag: result for result in parallel.check_here(bags, Options(), 2)}
+    results = {result.bag: result for result in command.check_here(bags, Options(), 2)}
     assert sorted(results) == bags
     assert [bag for bag in bags if results[bag].problems] == [bags[3]]
     assert '3 attempts' in results[bags[3]].problems[0]
 
 
 def test_cluster_gives_the_same_results(bags, cluster):
-    alone = [parallel.check_one(bag, Options()) for bag in bags]
-    assert summed(parallel.check_on_cluster(bags, Options(), cluster)) == summed(alone)
+    alone = [command.check_one(bag, Options()) for bag in bags]
+    assert summed(command.check_on_cluster(bags, Options(), cluster)) == summed(alone)
 
 
 @pytest.mark.parametrize('fault', (dies, fails))
 def test_lost_worker_is_retried(bags, tmp_path, monkeypatch, cluster, fault):
     monkeypatch.setattr(parallel, 'check_one', functools.partial(
         faulty, marks=str(tmp_path), fault=fault))
-    results = list(parallel.check_on_cluster(bags, Options(), cluster))
+    results = list(command.check_on_cluster(bags, Options(), cluster))
     assert sorted(result.bag for result in results) == bags
     assert all(not result.problems for result in results)
 

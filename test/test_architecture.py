@@ -37,7 +37,7 @@ BELOW = {
 }
 # The modules that know numba.
 COMPILERS = tuple(f'sat_collision.geometry.{name}'
-                  for name in ('drafts', 'jit', 'kernel_cache'))
+                  for name in ('jit', 'kernel_cache'))
 # Parts of other projects that are for some modules only; a module is said by its full name.
 RESERVED = {
     'numba': COMPILERS,

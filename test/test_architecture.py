@@ -37,7 +37,7 @@ BELOW = {
 }
 # The modules that may import numba.
 COMPILERS = tuple(f'sat_collision.geometry.{name}'
-                  for name in ('drafts', 'jit', 'kernel_cache'))
+                  for name in ('jit', 'kernel_cache'))
 # Libraries that only some modules may import, by full name.
 RESERVED = {
     'numba': COMPILERS,

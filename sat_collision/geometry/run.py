@@ -17,10 +17,9 @@
 from typing import Any, TypeAlias
 
 from sat_collision.geometry.arithmetic import require_nearest
-from sat_collision.geometry.jit import inner, kernel, scratch, words_and_floats
+from sat_collision.geometry.jit import inner, kernel, words_and_floats
 from sat_collision.geometry.layout import rows_of
-from sat_collision.geometry.packing import pack
-from sat_collision.geometry.ring import clean, CONVEX
+from sat_collision.geometry.packing import clean, CONVEX, moved, pack
 from sat_collision.geometry.scan import box_gap, NO_ROOM, write_row
 
 # Messages that differ only in their points, see `write_run`. A plain tuple is passed to a kernel
@@ -70,7 +69,6 @@ def write_run(run, set_array, rows, row, limit, others, margin):
     require_nearest(count_at)
     words, values = words_and_floats(data)
     near = rows_of(others)
-    a, b, c, d, e, f = affine
     header = count_at // _WORD
     begin = ends[first - 1] if first else 0
     model = begin // _WORD
@@ -92,13 +90,7 @@ def write_run(run, set_array, rows, row, limit, others, margin):
             same = same and words[start + i] == words[model + i]
         if not same:
             return k
-        points = scratch(2 * received)
-        start += header + 1
-        for i in range(received):
-            x = values[start + _POINT * i]
-            y = values[start + _POINT * i + 1]
-            points[2 * i] = a * x + b * y + c
-            points[2 * i + 1] = d * x + e * y + f
+        points = moved(values, start + header + 1, received, affine)
         if not is_placed:
             verdict, _, _, _ = clean(points, packed, max_vertices, 0)
             if verdict != CONVEX:

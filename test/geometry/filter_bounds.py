@@ -26,9 +26,8 @@ import numpy as np
 from rationals import square_root
 from sat_collision.geometry.jit import kernel
 from sat_collision.geometry.layout import first_vertex, HEADER, Packed
-from sat_collision.geometry.packing import _SHORTER, pack
+from sat_collision.geometry.packing import _SHORTER, CONVEX, pack
 from sat_collision.geometry.predicates import orient, ORIENTATION_BOUND, UNDERFLOW_BOUND
-from sat_collision.geometry.ring import CONVEX
 from sat_collision.geometry.separating_axis import (
     _gap, _rise, _turn, hill_climb, PRODUCT_BOUND, Search, support, SUPPORT_BOUND)
 

@@ -23,12 +23,12 @@ from fractions import Fraction
 import numpy as np
 from rationals import exact_depth, exact_distance, square_root
 from sat_collision import Polygon
-from sat_collision.geometry.distance import measure_with_normal
-from sat_collision.geometry.double_double import (
+from sat_collision.geometry.arithmetic import (
     cross, difference, dot, negative, plus, quotient, scaled, square_root as root)
+from sat_collision.geometry.convex_distance import reach_of
+from sat_collision.geometry.distance import measure
 from sat_collision.geometry.jit import kernel
 from sat_collision.geometry.layout import first_vertex, Packed, packed_size
-from sat_collision.geometry.nearest_features import reach_of
 from sat_collision.geometry.plane import scale_to_one
 import steering
 
@@ -121,7 +121,7 @@ def _gap_along(p, q, ux, uy):
 @kernel
 def error(which, p, q):
     """Return the error of a measurement of two convex polygons, and its bound; 0 if none."""
-    value, points = measure_with_normal(p, q)
+    value, points = measure(p, q)
     ax, ay, bx, by, ux, uy = points
     reach = reach_of(p, q)
     if which == WAY:
@@ -174,8 +174,7 @@ def climb(which, x, n, steps, random):
 def exact(which, x, n):
     """Return the error relative to its bound in rationals."""
     p, q = Polygon(x[:2 * n].reshape(-1, 2)), Polygon(x[2 * n:].reshape(-1, 2))
-    value, points = measure_with_normal(*(Packed(body.packed[0], 0, body.packed[1])
-                                          for body in (p, q)))
+    value, points = measure(*(Packed(body.packed[0], 0, body.packed[1]) for body in (p, q)))
     ax, ay, bx, by, ux, uy = map(Fraction, points)
     value = Fraction(value)
     reach = Fraction(float(abs(x).max()))

@@ -21,8 +21,8 @@ import numpy as np
 import pytest
 from rationals import exact_depth, exact_distance
 from sat_collision import closest_points, intersects, Polygon, PolygonSet, separation
+from sat_collision.geometry.convex_distance import of_all_features
 from sat_collision.geometry.layout import Packed
-from sat_collision.geometry.nearest_features import of_all_features
 from sat_collision.geometry.polygon import as_polygon
 import separations
 import shapes

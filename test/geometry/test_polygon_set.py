@@ -154,6 +154,9 @@ def test_pairs_are_row_by_row():
     assert answers.dtype == np.bool_ and answers.tolist() == expected
     with pytest.raises(ValueError, match='399'):
         intersects_pairs(PolygonSet(a), PolygonSet(b[1:]))
+    for paired in (PolygonSet.intersects_pairs, PolygonSet.separations):
+        with pytest.raises(TypeError, match='a list, but .* a PolygonSet'):
+            paired(PolygonSet(a), b)
 
 
 def test_pairs_with_few_and_many_vertices():

@@ -399,6 +399,11 @@ def test_removed_rows_are_ignored():
     ({'velocities': (1, 0)}, r'velocities of shape \(2,\), but for 2 rows'),
     ({'velocities': [(1, 0)]}, r'velocities of shape \(1, 2\), but for 2 rows'),
     ({'velocities': [(1, 0), (0, math.nan)]}, 'velocity 1 is not finite'),
+    ({'velocities': [(1, 0), (10**400, 0)]}, 'a velocity is beyond the largest double'),
+    ({'twist': (10**400, 0, 0)}, 'twist .* three finite numbers'),
+    ({'pose': (0, 10**400, 0)}, 'pose .* three finite numbers'),
+    ({'horizon': 10**400}, 'horizon .* finite'),
+    ({'tolerance': 10**400}, 'tolerance .* finite'),
     ({'footprint': []}, 'no points'),
 ])
 def test_invalid_arguments_are_refused(change, words):

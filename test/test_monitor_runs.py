@@ -182,7 +182,7 @@ def test_whole_sets_are_runs_if_no_contacts_are_decided():
     for k in range(3):
         stamp = NOW + k * SECOND // 10
         batch = Batch([serialised(box(0), stamp), *(ordinary(k, stamp) for k in range(8)),
-                       serialised(MOVING, stamp), ordinary(9, stamp)])
+                       serialised(NON_CONVEX, stamp), ordinary(9, stamp)])
         taken.append(monitor.receive_run('lidar', batch, 0, stamp))
         monitor.receive_batch('lidar', batch.messages[taken[-1]:], stamp)
     assert taken == [0, 9, 9]

@@ -83,7 +83,7 @@ def test_progress_of_several_jobs_counts_recordings(bags, monkeypatch):
 @pytest.mark.parametrize('fault', (dies, fails))
 def test_lost_process_is_retried(bags, tmp_path, monkeypatch, fault):
     """No result is lost or doubled."""
-    monkeypatch.setattr(parallel, 'check_one', functools.partial(
+    monkeypatch.setattr(command, 'check_one', functools.partial(
         faulty, marks=str(tmp_path), fault=fault))
     results = list(command.check_here(bags, Options(), 2))
     assert sorted(result.bag for result in results) == bags
@@ -107,7 +107,7 @@ def test_cluster_gives_the_same_results(bags, cluster):
 
 @pytest.mark.parametrize('fault', (dies, fails))
 def test_lost_worker_is_retried(bags, tmp_path, monkeypatch, cluster, fault):
-    monkeypatch.setattr(parallel, 'check_one', functools.partial(
+    monkeypatch.setattr(command, 'check_one', functools.partial(
         faulty, marks=str(tmp_path), fault=fault))
     results = list(command.check_on_cluster(bags, Options(), cluster))
     assert sorted(result.bag for result in results) == bags

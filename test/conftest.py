@@ -70,6 +70,13 @@ def locked_domain():
 
 
 @pytest.fixture
+def without_tf2_msgs(monkeypatch):
+    """Make tf2_msgs not installed, as where ROS comes from pip."""
+    monkeypatch.setitem(sys.modules, 'tf2_msgs', None)
+    monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', None)
+
+
+@pytest.fixture
 def domain():
     """Return a DDS domain id of the test's own."""
     with locked_domain() as number:

@@ -131,7 +131,7 @@ def test_changed_outline_is_logged_as_a_list(start):
                    'to [0.0, 0.0, 2.0, 0.0, 0.0, 2.0]')
 
 
-def test_frame_id_cannot_forge_a_log_line(start):
+def test_frame_id_cannot_forge_a_log_line(start, without_tf2_msgs):
     """Control characters are escaped, and a long name is cut."""
     running = start(frame_id='map')
     forged = 'odom\n[INFO] all is well \x1b[2J' + 100 * 'x'

@@ -14,7 +14,6 @@
 
 """Frames over DDS; another type stands in for tf2_msgs, since only bytes are sent."""
 
-import sys
 import time
 
 from builders import box, odometry, transforms
@@ -100,9 +99,7 @@ def test_invalid_transform_is_logged(start_with_tf):
     assert running.logged("the transform of 'base' in 'odom' by an unknown publisher")
 
 
-def test_missing_tf2_msgs_is_logged_once(start, monkeypatch):
-    monkeypatch.setitem(sys.modules, 'tf2_msgs', None)
-    monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', None)
+def test_missing_tf2_msgs_is_logged_once(start, without_tf2_msgs):
     running = start(frame_id='odom')
     assert len(running.logged('tf2_msgs is not installed (apt install ros-jazzy-tf2-msgs')) == 1
     running.send_until('unknown', '/footprint', box(0), frame_id='base')
@@ -150,10 +147,8 @@ def test_outline_follows_tf(start_with_tf):
     assert reason == 'footprint.points has 3 numbers, but each point has two'
 
 
-def test_outline_follows_odometry(start, monkeypatch):
-    """Without tf2_msgs; obstacles in the robot's frame are placed by it, too."""
-    monkeypatch.setitem(sys.modules, 'tf2_msgs', None)
-    monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', None)
+def test_outline_follows_odometry(start, without_tf2_msgs):
+    """Obstacles in the robot's frame are placed by it, too."""
     running = start(frame_id='odom', footprint__odometry='odom', **SQUARE_OF_BASE)
 
     def report(x):
@@ -170,9 +165,7 @@ def test_outline_follows_odometry(start, monkeypatch):
         running.until(lambda: report(x) or running.state() == state, state)
 
 
-def test_outline_without_tf2_msgs_is_logged(start, monkeypatch):
-    monkeypatch.setitem(sys.modules, 'tf2_msgs', None)
-    monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', None)
+def test_outline_without_tf2_msgs_is_logged(start, without_tf2_msgs):
     running = start(frame_id='odom', **SQUARE_OF_BASE)
     assert running.logged('tf2_msgs is not installed', 'it is not known where footprint is')
 

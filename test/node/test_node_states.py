@@ -134,7 +134,7 @@ def test_node_in_a_namespace(start):
     monitor.until(lambda: monitor.flag('footprint'))
 
 
-def test_body_in_another_frame_is_unknown(start):
+def test_body_in_another_frame_is_unknown(start, without_tf2_msgs):
     """Without transforms, for an obstacle and for a footprint."""
     monitor = start(frame_id='map', **LASTING)
     monitor.send('footprint', ROBOT)

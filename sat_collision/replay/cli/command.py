@@ -78,8 +78,10 @@ def _run(arguments: argparse.Namespace) -> int:
         check_bag_writer()
         from sat_collision.replay.output.bag import write_example
         write_example(example)
+        # An installation in a ROS workspace keeps commands in lib/sat_collision, not on the path.
+        run = 'ros2 run sat_collision ' if Path(sys.argv[0]).parent.name == 'sat_collision' else ''
         print(f'wrote {example}; check it with\n'
-              f'  replay_check {example} --params-file {example}/params.yaml')
+              f'  {run}replay_check {example} --params-file {example}/params.yaml')
         return int(Verdict.CLEAR)
     options = _options(arguments)
     _check_outputs(arguments)

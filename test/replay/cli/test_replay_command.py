@@ -212,6 +212,15 @@ def test_example(tmp_path, capsys):
     assert main(['--write-example', example]) == 3
 
 
+@pytest.mark.parametrize('folder, command', [
+    ('bin', 'replay_check'), ('lib/sat_collision', 'ros2 run sat_collision replay_check')])
+def test_command_shown_is_the_one_installed(tmp_path, capsys, monkeypatch, folder, command):
+    monkeypatch.setattr(sys, 'argv', [str(tmp_path / folder / 'replay_check')])
+    example = str(tmp_path / 'example')
+    assert main(['--write-example', example]) == 0
+    assert f'\n  {command} {example} --params-file' in capsys.readouterr().out
+
+
 def test_written_bag_does_not_overwrite(bags, tmp_path, capsys):
     to_out = '--as-live', '--write-bag', str(tmp_path / 'out')
     assert main([bags['clear'], '--as-live', '--write-bag', str(tmp_path)]) == 3

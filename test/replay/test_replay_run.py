@@ -264,5 +264,5 @@ def test_one_topic_may_feed_several_sources(tmp_path):
 
 def test_recording_can_be_closed_early(tmp_path):
     with Recording(write(tmp_path / 'bag', drive())) as recording:
-        next(recording.messages({'/footprint'}))
+        next(recording.rows({'/footprint'}))
     assert recording.problems == []

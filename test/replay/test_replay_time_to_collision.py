@@ -32,7 +32,9 @@ def published(bag):
     topics = ['/footprint_monitor/footprint/time_to_collision', '/footprint_monitor/state']
     times, states = {}, {}
     with Recording(bag, Limits()) as recording:
-        for topic, time, data in recording.messages(topics):
+        for topic, time, data in ((topic, time, data)
+                                  for topic, times, row in recording.rows(topics)
+                                  for time, data in zip(times, row)):
             time = Fraction(time - nanoseconds(0.0), SECOND)
             if topic == topics[0]:
                 times[time] = deserialize(data, Float64).data

@@ -174,7 +174,7 @@ class Contacts:
 
 
 class Undecided(Contacts):
-    """No contacts, only who is there: obstacles that are have the row NOWHERE."""
+    """Decides no contacts; records only which obstacles there are, all in the row NOWHERE."""
 
     def place_footprint(self, footprint: Footprint, where: PackedBody) -> None:
         """Do nothing."""

@@ -79,9 +79,10 @@ def _run(arguments: argparse.Namespace) -> int:
         from sat_collision.replay.output.bag import write_example
         write_example(example)
         # An installation in a ROS workspace keeps commands in lib/sat_collision, not on the path.
-        run = 'ros2 run sat_collision ' if Path(sys.argv[0]).parent.name == 'sat_collision' else ''
+        is_in_workspace = Path(sys.argv[0]).parent.name == 'sat_collision'
+        prefix = 'ros2 run sat_collision ' if is_in_workspace else ''
         print(f'wrote {example}; check it with\n'
-              f'  {run}replay_check {example} --params-file {example}/params.yaml')
+              f'  {prefix}replay_check {example} --params-file {example}/params.yaml')
         return int(Verdict.CLEAR)
     options = _options(arguments)
     _check_outputs(arguments)

@@ -39,16 +39,7 @@ def use_plain_python() -> None:
 
 
 def say_compiling(name: str, kept_in: str) -> None:
-    """
-    Say that a kernel is being compiled.
-
-    Parameters
-    ----------
-    name : str
-    kept_in : str
-        The folder where it is kept.
-
-    """
+    """Say that a kernel is being compiled, to be kept in a folder."""
     global _is_said
     if _is_reported_elsewhere:
         return

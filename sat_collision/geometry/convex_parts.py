@@ -34,20 +34,10 @@ _REFLEX = -2
 @kernel
 def convex_parts(vertices):
     """
-    Return the convex parts of a simple polygon.
+    Return the convex parts of a simple counter-clockwise ring x, y, ... without repeated vertices.
 
-    Parameters
-    ----------
-    vertices : (2 n,) flat array of float64
-        A simple counter-clockwise ring x, y, x, y, ..., without repeated vertices.
-
-    Returns
-    -------
-    corners : (k,) array of int64
-        Vertex indices of the parts, one counter-clockwise part after another.
-    ends : (m,) array of int64
-        The end of each part in corners.
-
+    Returned are the vertex indices of the parts, one counter-clockwise part after another, and the
+    end of each part among them.
     """
     corner_vertex, following, previous, diagonals = _triangulate(vertices)
     _merge(vertices, corner_vertex, following, previous, diagonals)

@@ -63,14 +63,9 @@ def measure(p, q):
     """
     Return the separation of two packed polygons, convex or not, and the points that realise it.
 
-    Returns
-    -------
-    value : float
-        As returned by `query.separation`.
-    points : (float, float, float, float, float, float)
-        A point x, y of P, one of Q, and the unit vector from P to Q along which they are apart, or
-        Q leaves P; the offset from the first point to the second is the value times this vector.
-
+    The points are six numbers: x, y of a point of P, those of one of Q, and the unit vector from P
+    to Q along which they are apart, or Q leaves P; the offset from the first point to the second
+    is the separation times this vector.
     """
     p = Packed(elements(p.array), p.start, p.n)
     q = Packed(elements(q.array), q.start, q.n)

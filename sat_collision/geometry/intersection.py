@@ -14,24 +14,13 @@
 
 """Exact intersection tests: a search in plain doubles, and exact signs where it is undecided."""
 
-from typing import Any, NamedTuple
-
 from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.jit import elements, inlined, inner, kernel
-from sat_collision.geometry.layout import convex_part, first_vertex, Packed, packed_polygon
+from sat_collision.geometry.layout import (
+    convex_part, first_vertex, Packed, packed_polygon, vertex_after, vertex_before)
 from sat_collision.geometry.predicates import orient, segments_meet
 from sat_collision.geometry.separating_axis import (
     boxes_apart, find_separating_axis, MEET, SEPARATE, UNCERTAIN)
-
-
-class Ring(NamedTuple):
-    """The vertices of a convex polygon."""
-
-    # Flat array of float64 with the vertices x, y, x, y, ..., counter-clockwise.
-    array: Any
-    # The index at which they start, and their number.
-    first: int
-    n: int
 
 
 @kernel
@@ -97,12 +86,10 @@ def meet_near(p, q, i, j):
     lemma 11). Most touching pairs are recognised by their edges next to the vertices at i and j,
     where the search ended.
     """
-    p = _ring(p)
-    q = _ring(q)
-    i = (i - p.first) // 2 if i >= p.first else 0
-    j = (j - q.first) // 2 if j >= q.first else 0
-    for a in (i - 1 if i > 0 else p.n - 1, i):
-        for b in (j - 1 if j > 0 else q.n - 1, j):
+    i = max(i, first_vertex(p))
+    j = max(j, first_vertex(q))
+    for a in (vertex_before(p, i), i):
+        for b in (vertex_before(q, j), j):
             if _edges_meet(p, a, q, b):
                 return True
     if p.n <= 2 and q.n <= 2:
@@ -113,25 +100,19 @@ def meet_near(p, q, i, j):
 @kernel
 def interiors_apart(p, q):
     """Decide exactly whether an edge of one convex polygon has no point of the other inside it."""
-    p = _ring(p)
-    q = _ring(q)
-    return _some_edge_separates(p, q, 0, 0, 1) or _some_edge_separates(q, p, 0, 0, 1)
-
-
-@inlined
-def _ring(p):
-    return Ring(elements(p.array), first_vertex(p), p.n)
+    i = first_vertex(p)
+    j = first_vertex(q)
+    return _some_edge_separates(p, q, i, j, 1) or _some_edge_separates(q, p, j, i, 1)
 
 
 @inner
-def _edges_meet(p, i, q, j):
-    """Return whether the edges of P and Q that start at vertices i and j share a point."""
-    a = p.first + 2 * i
-    b = p.first + 2 * (i + 1 if i + 1 < p.n else 0)
-    c = q.first + 2 * j
-    d = q.first + 2 * (j + 1 if j + 1 < q.n else 0)
-    return segments_meet(p.array[a], p.array[a + 1], p.array[b], p.array[b + 1],
-                         q.array[c], q.array[c + 1], q.array[d], q.array[d + 1])
+def _edges_meet(p, a, q, c):
+    """Return whether the edges of P and Q that start at the vertices at a and c share a point."""
+    v = p.array
+    w = q.array
+    b = vertex_after(p, a)
+    d = vertex_after(q, c)
+    return segments_meet(v[a], v[a + 1], v[b], v[b + 1], w[c], w[c + 1], w[d], w[d + 1])
 
 
 @inner
@@ -139,19 +120,19 @@ def _some_edge_separates(p, q, i, j, inner):
     """Decide exactly whether, for some edge of P, `orient` of all of Q is less than inner."""
     if p.n < 2:
         return False
-    inside = j
-    for s in range(p.n):
-        a = p.first + 2 * ((i + p.n - 1 + s) % p.n)
-        b = p.first + 2 * ((i + s) % p.n)
+    v = p.array
+    w = q.array
+    a = vertex_before(p, i)
+    c = j
+    for _ in range(p.n):
+        b = vertex_after(p, a)
         separates = True
-        for t in range(q.n):
-            k = (inside + t) % q.n
-            c = q.first + 2 * k
-            if orient(p.array[a], p.array[a + 1], p.array[b], p.array[b + 1],
-                      q.array[c], q.array[c + 1]) >= inner:
-                inside = k
+        for _ in range(q.n):
+            if orient(v[a], v[a + 1], v[b], v[b + 1], w[c], w[c + 1]) >= inner:
                 separates = False
                 break
+            c = vertex_after(q, c)
         if separates:
             return True
+        a = b
     return False

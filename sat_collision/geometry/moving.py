@@ -66,20 +66,8 @@ def moving_body(start: NDArray[np.float64], end: NDArray[np.float64],
     """
     Return a moving body, cut into the convex parts of the pose that has more of them.
 
-    A body that is flat or convex in one pose may not be so in the other.
-
-    Parameters
-    ----------
-    start, end : (n, 2) ndarray
-        Vertices at times 0 and 1, the same ones in the same order.
-    polygon0, polygon1 : Polygon
-        The polygons that they make.
-
-    Raises
-    ------
-    ValueError
-        The numbers of vertices differ.
-
+    A body that is flat or convex in one pose may not be so in the other. Given are its vertices at
+    times 0 and 1, (n, 2) each, and the polygons that they make; `ValueError` if n differs.
     """
     if len(start) != len(end):
         raise ValueError(f'{len(start)} vertices at time 0, but {len(end)} at time 1: each '
@@ -166,16 +154,8 @@ def relative(a, b):
     Return moving bodies, given by their arrays, relative to their least x and y at time 0.
 
     If the result is of extreme magnitude it is multiplied by a power of two, so that nothing
-    overflows, and underflow has no visible effect.
-
-    Returns
-    -------
-    a, b : flat arrays of float64
-    extent : float
-        The greatest relative coordinate, before the multiplication; maybe infinite.
-    scale : float
-        The power of two.
-
+    overflows, and underflow has no visible effect. Returned with the arrays are the greatest
+    relative coordinate before the multiplication, maybe infinite, and the power of two.
     """
     x = min(_least_coordinate(a, 0), _least_coordinate(b, 0))
     y = min(_least_coordinate(a, 1), _least_coordinate(b, 1))

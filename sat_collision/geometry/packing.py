@@ -55,14 +55,21 @@ def pack(points, packed, max_vertices, max_non_convex):
     packed : flat array of float64
         Receives the polygon; of `packed_size(n)` at least.
     max_vertices, max_non_convex : int
-        The most vertices accepted, see `clean`.
+        The most vertices accepted of a convex and of a non-convex polygon; larger ones are not
+        examined any further.
 
     Returns
     -------
-    verdict, count, i, j : int
-        As returned by `clean`. If the points are refused, the array has the vertices in the
-        ring's order from its start on; for a non-convex polygon only its bounds, fingerprint and
-        vertices are valid.
+    verdict : int
+        CONVEX or NON_CONVEX (the points are valid), or NOT_FINITE, SPIKE, CROSSING or TOO_MANY.
+        If they are not, the array has the vertices in the ring's order from its start on; for a
+        non-convex polygon only its bounds, fingerprint and vertices are valid.
+    count : int
+        Vertices in the ring.
+    i, j : int
+        NOT_FINITE: i is the index of the received point. SPIKE: i is the vertex of the ring at
+        which the boundary folds back on itself. CROSSING: the edges that start at vertices i and
+        j of the ring share a point.
     first : int
         The index at which the vertices start in the array.
 
@@ -104,32 +111,17 @@ def pack_convex(data, start, received, packed, max_vertices, affine):
 
 @kernel
 def moved_points(data, start, received, affine):
-    """
-    Return the points of a message, transformed by an affine map.
-
-    Each coordinate is rounded four times, see docs/exactness.md, lemma 14; not at all by UNMOVED.
-
-    Parameters
-    ----------
-    data : bytes
-    start, received : int
-        Where in the data the points start, and how many there are, at least one: x, y and z of
-        each as float32 in this machine's byte order.
-    affine : Affine2D
-        The affine map of the points to another frame.
-
-    Returns
-    -------
-    (2 n,) flat array of float64
-        x, y of each point.
-
-    """
+    """Return x, y of points, given as for `Polygon.from_float32`, as a flat array."""
     return moved(float32_values(data, start), 0, received, affine)
 
 
 @inlined
 def moved(values, first, received, affine):
-    """Return the same for values from an index on: x, y and z of each point."""
+    """
+    Return x, y of points transformed by an affine map, of values from an index on: x, y, z each.
+
+    Each coordinate is rounded four times, see docs/exactness.md, lemma 14; not at all by UNMOVED.
+    """
     a, b, c, d, e, f = affine
     points = scratch(2 * received)
     for i in range(received):
@@ -225,36 +217,7 @@ def _write_table(ring, count, packed):
 
 @inner
 def clean(points, ring, max_vertices, max_non_convex):
-    """
-    Turn points into a clean counter-clockwise ring.
-
-    Repeated points, the closing point and vertices at which the boundary goes straight on are
-    dropped, clockwise order is reversed, and the lexicographically least vertex goes first, so
-    equal polygons have equal rings. Points that all lie on one line become a segment, equal points
-    one vertex.
-
-    Parameters
-    ----------
-    points : (2 n,) flat array of float64, n >= 1
-        x, y of each point as received.
-    ring : (2 n,) flat array of float64
-        Receives the clean vertices; its tail may stay unused.
-    max_vertices, max_non_convex : int
-        The most vertices accepted of a convex and of a non-convex ring; larger ones are not
-        examined any further.
-
-    Returns
-    -------
-    verdict : int
-        CONVEX or NON_CONVEX (the ring is valid), or NOT_FINITE, SPIKE, CROSSING or TOO_MANY.
-    count : int
-        Vertices in the ring.
-    i, j : int
-        NOT_FINITE: i is the index of the received point. SPIKE: i is the vertex of the ring at
-        which the boundary folds back on itself. CROSSING: the edges that start at vertices i and
-        j of the ring share a point.
-
-    """
+    """Write points as a ring, cleaned as `Polygon` says; return verdict, count, i, j of `pack`."""
     verdict, count, clockwise, i = _classify(points, ring)
     j = i
     if count > max_vertices or (verdict == NON_CONVEX and count > max_non_convex):

@@ -68,13 +68,7 @@ def centroid(ring, count):
     """
     Return x, y of the centroid of a polygon, for a segment its midpoint (paper section 2.2).
 
-    Parameters
-    ----------
-    ring : flat array of float64
-        Begins with the vertices x, y, x, y, ... of a simple polygon, counter-clockwise.
-    count : int
-        How many there are.
-
+    The ring is a flat array that begins with so many vertices, counter-clockwise.
     """
     largest = 0.0
     for k in range(2 * count):

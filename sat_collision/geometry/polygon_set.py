@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-import math
 from operator import index
 from typing import Any
 
@@ -29,7 +28,7 @@ from sat_collision.geometry.polygon import as_polygon, BodyLike, PackedBody, Pol
 from sat_collision.geometry.prediction import first_row_met, motion_of, velocities_of
 from sat_collision.geometry.run import Run, write_run
 from sat_collision.geometry.scan import (
-    decide_rows, intersecting_rows, measure_rows, near_rows, NO_ROOM, UNCHANGED,
+    decide_rows, intersecting_rows, measure_rows, near_rows, NEAREST, NO_ROOM, UNCHANGED,
     write_and_intersect, write_row)
 from sat_collision.geometry.separating_axis import MEET
 
@@ -137,21 +136,9 @@ class PolygonSet:
     def _place(self, row: int, body: PackedBody, others: PolygonSet,
                margin: float = 0.0) -> list[int] | None:
         """
-        Replace the body of a row, and find which rows of another set the new one meets.
+        Replace the body of a row; return which rows of another set are within a margin, ascending.
 
-        Parameters
-        ----------
-        row : int
-        body : PackedBody
-        others : PolygonSet
-        margin : float, optional
-            Bodies no further apart than this count as meeting, metres; see `rows_within`.
-
-        Returns
-        -------
-        list of int or None
-            Rows of the other set, ascending; None if the row had the same body already.
-
+        None if the row had the same body already.
         """
         packed, count = body
         while True:
@@ -160,7 +147,7 @@ class PolygonSet:
             else:
                 outcome = write_row(self._array, row, packed, count)
                 if outcome == 0:
-                    outcome, _ = near_rows(others._array, packed, count, margin, _NO_ROWS, False)
+                    outcome = near_rows(others._array, packed, count, margin, _NO_ROWS)[0]
             if outcome == NO_ROOM:
                 self._make_room(row, size_of(body))
             elif outcome == UNCHANGED:
@@ -248,7 +235,7 @@ class PolygonSet:
         if margin == 0.0:
             return self.intersecting_rows(body)
         packed, count = as_polygon(body).packed
-        found, _ = near_rows(self._array, packed, count, float(margin), _NO_ROWS, False)
+        found = near_rows(self._array, packed, count, float(margin), _NO_ROWS)[0]
         rows: NDArray[np.int64] = self._rows.found[:found].copy()
         return rows
 
@@ -276,12 +263,9 @@ class PolygonSet:
 
         """
         packed, count = as_polygon(body).packed
-        found, (separation, points) = near_rows(
-            self._array, packed, count, math.inf, _ascending(skipped), True)
-        if not found:
-            return None
-        ax, ay, bx, by, _, _ = points
-        return int(self._rows.found[0]), separation, (ax, ay), (bx, by)
+        row, separation, ax, ay, bx, by = near_rows(
+            self._array, packed, count, NEAREST, _ascending(skipped))
+        return None if row < 0 else (row, separation, (ax, ay), (bx, by))
 
     def first_contact(self, footprint: BodyLike, twist: ArrayLike, horizon: float,
                       velocities: ArrayLike | None = None, pose: ArrayLike = (0.0, 0.0, 0.0),

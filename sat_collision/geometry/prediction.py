@@ -29,7 +29,6 @@ distance from a line along the path.
 
 from __future__ import annotations
 
-import contextlib
 import math
 import sys
 from typing import Any, NamedTuple
@@ -137,11 +136,13 @@ def velocities_of(velocities: ArrayLike | None, rows: int) -> NDArray[np.float64
 
 
 def _finite(values: ArrayLike, name: str, meaning: str) -> NDArray[np.float64]:
-    with contextlib.suppress(OverflowError, TypeError, ValueError):
+    try:
         array = np.asarray(values, np.float64)
-        if array.shape == (3,) and np.isfinite(array).all():
-            return array
-    raise ValueError(f'{name} {values!r}, but it has to be three finite numbers: {meaning}')
+    except (OverflowError, TypeError, ValueError):
+        array = np.empty(0)
+    if array.shape != (3,) or not np.isfinite(array).all():
+        raise ValueError(f'{name} {values!r}, but it has to be three finite numbers: {meaning}')
+    return array
 
 
 @kernel

@@ -22,8 +22,11 @@ from sat_collision.geometry.layout import rows_of
 from sat_collision.geometry.packing import clean, CONVEX, moved, pack
 from sat_collision.geometry.scan import box_gap, NO_ROOM, write_row
 
-# Messages that differ only in their points, see `write_run`. A plain tuple is passed to a kernel
-# half a microsecond faster than a named one.
+# Messages that differ only in their points: their bytes, joined; the end of each but the last, an
+# array of int64; the number of the first message to write; the offset in a message of the number
+# of its points, which follow it, x, y and z of each as float32 in this machine's byte order; the
+# affine map of the points; the most vertices accepted; an array with room for one packed polygon.
+# A plain tuple is passed to a kernel half a microsecond faster than a named one.
 Run: TypeAlias = tuple[bytes, Any, int, int, tuple[float, float, float, float, float, float],
                        int, Any]
 
@@ -41,28 +44,21 @@ def write_run(run, set_array, rows, row, limit, others, margin):
 
     Parameters
     ----------
-    run : tuple
-        The bytes of the messages, joined; the end of each but the last, an array of int64; the
-        number of the first message to write; the offset in a message of the number of its points,
-        which follow it, x, y and z of each as float32 in this machine's byte order; the affine map
-        of the points; the most vertices accepted; an array with room for one polygon, see
-        `layout`.
-    set_array : flat array of float64
-        The set; if it is empty the messages are only checked, and rows do not matter.
+    run : Run
+    set_array, others : flat array of float64
+        The set, and the one that the polygons must not be near to. If the first is empty the
+        messages are only checked, and rows do not matter.
     rows : array of int64
         The row of each polygon, -1 for none.
     row, limit : int
         The index in rows for the first message to write, and how many messages may be written.
-    others : flat array of float64
-        The set that the polygons must not be near to.
     margin : float
         Bounds no further apart than this are near, metres.
 
     Returns
     -------
     int
-        How many were written: all before the first that is not ordinary, has no row, or is near
-        another body.
+        How many were written: all before the first that is not ordinary, has no row, or is near.
 
     """
     data, ends, first, count_at, affine, max_vertices, packed = run

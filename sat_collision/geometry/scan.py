@@ -41,8 +41,7 @@ from sat_collision.geometry.separating_axis import (
 
 UNCHANGED = -1
 NO_ROOM = -2
-# In place of what `measure` returns.
-_NO_MEASURE = math.inf, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+NEAREST = -1.0
 
 _CACHE_LINE = 8
 _AHEAD = 16
@@ -163,18 +162,19 @@ else:
 
 
 @kernel
-def near_rows(set_array, body, count, margin, skipped, only_nearest):
+def near_rows(set_array, body, count, margin, skipped):
     """
-    Write the rows no further than a margin from a body into found, ascending.
+    Write the rows no further than a margin from a body into found, ascending; return how many.
 
-    Or only the row that is nearest, or deepest in it, at any distance, of those that are not
-    skipped, an ascending array. Returned are how many there are, and `measure` of the nearest
-    row's body and the other. One kernel does both: `measure` takes a second to compile.
+    If the margin is NEAREST, find instead the row nearest to the body, or deepest in it, of those
+    that are not skipped, an ascending array; returned are the row, -1 if there is none, and the
+    separation and closest points x, y, x, y of its body and the other. One kernel does both,
+    because `measure` takes a second to compile.
     """
     require_nearest(count)
     rows = rows_of(set_array)
     body = Packed(elements(body), 0, count)
-    if only_nearest:
+    if margin == NEAREST:
         return _nearest_row(rows, body, skipped)
     hits = 0
     for row in range(rows.used):
@@ -182,7 +182,7 @@ def near_rows(set_array, body, count, margin, skipped, only_nearest):
                 and measure(body_of(rows, row), body)[0] <= margin):
             rows.found[hits] = row
             hits += 1
-    return hits, _NO_MEASURE
+    return hits, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
 @inner
@@ -197,18 +197,20 @@ def _nearest_row(rows, body, skipped):
             gap = box_gap(rows, row, body.array)
             first = row
     if first < 0:
-        return 0, _NO_MEASURE
-    found = measure(body_of(rows, first), body)
-    rows.found[0] = first
+        return -1, 0.0, 0.0, 0.0, 0.0, 0.0
+    nearest = first
+    least, points = measure(body_of(rows, first), body)
     for row in range(rows.used):
         if (row != first and rows.n[row] != 0
-                and box_gap(rows, row, body.array) < found[0]
+                and box_gap(rows, row, body.array) < least
                 and not contains(skipped, row)):
-            other = measure(body_of(rows, row), body)
-            if other[0] < found[0]:
-                found = other
-                rows.found[0] = row
-    return 1, found
+            value, found = measure(body_of(rows, row), body)
+            if value < least:
+                nearest = row
+                least = value
+                points = found
+    ax, ay, bx, by, _, _ = points
+    return nearest, least, ax, ay, bx, by
 
 
 @inlined
@@ -362,15 +364,8 @@ def _go_on(pairs, start, count):
 
 @inlined
 def _store(searches, slot, search):
-    s = _STATE * slot
-    searches[s] = search.ax
-    searches[s + 1] = search.ay
-    searches[s + 2] = search.bx
-    searches[s + 3] = search.by
-    searches[s + 4] = search.ux
-    searches[s + 5] = search.uy
-    searches[s + 6] = search.reach_x
-    searches[s + 7] = search.reach_y
+    for k in range(_STATE):
+        searches[_STATE * slot + k] = search[k]
 
 
 @inlined

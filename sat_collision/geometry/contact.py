@@ -33,9 +33,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.convex_distance import reach_of
 from sat_collision.geometry.distance import goes_first, measure, open_pairs
+from sat_collision.geometry.floating_point import require_nearest
 from sat_collision.geometry.jit import inner, kernel, scratch
 from sat_collision.geometry.layout import (
     convex_part, first_vertex, packed_polygon, vertex_after)

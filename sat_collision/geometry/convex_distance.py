@@ -27,14 +27,14 @@ is along the normal of an edge of one of them, as far as the other polygon reach
 edge. All edges are tried in plain doubles, and those that might have the least depth again with
 double-doubles: see lemma 18.
 
-An axis of double-doubles is given as x and y, each a head and a tail, see `arithmetic`.
+An axis of double-doubles is given as x and y, each a head and a tail, see `double_double`.
 Coordinates are below 2^301 in magnitude, and the largest is above 2^-301, see `distance`.
 """
 
 import math
 from typing import Any, NamedTuple
 
-from sat_collision.geometry.arithmetic import (
+from sat_collision.geometry.double_double import (
     cross, difference, dot, negative, plus, quotient, scaled, square_root, times)
 from sat_collision.geometry.jit import inlined, inner, kernel, scratch
 from sat_collision.geometry.layout import first_vertex, vertex_after, vertex_before

@@ -32,9 +32,9 @@ import math
 
 import numpy as np
 
-from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.convex_distance import (
     closest_of, nearest_features, penetration, reach_of, ROUNDING)
+from sat_collision.geometry.floating_point import require_nearest
 from sat_collision.geometry.intersection import convex_meet, interiors_apart
 from sat_collision.geometry.jit import COMPILED, elements, inner, kernel, scratch
 from sat_collision.geometry.layout import (

@@ -14,7 +14,7 @@
 
 """Exact intersection tests: a search in plain doubles, and exact signs where it is undecided."""
 
-from sat_collision.geometry.arithmetic import require_nearest
+from sat_collision.geometry.floating_point import require_nearest
 from sat_collision.geometry.jit import elements, inlined, inner, kernel
 from sat_collision.geometry.layout import (
     convex_part, first_vertex, Packed, packed_polygon, vertex_after, vertex_before)

@@ -44,7 +44,7 @@ from numba.core.sigutils import normalize_signature
 from sat_collision.geometry.compilation import report_problem, say_compiling
 
 # Compiling these, which importing the package does, takes a fraction of a second.
-_QUICK = 'sat_collision.geometry.arithmetic', 'sat_collision.geometry.jit'
+_QUICK = 'sat_collision.geometry.floating_point', 'sat_collision.geometry.jit'
 _HERE = Path(__file__).parent
 _DIGEST_SIZE = hashlib.sha256().digest_size
 

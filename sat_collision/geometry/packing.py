@@ -18,7 +18,7 @@ Packed polygons, see `layout`, made from received points, or what is wrong with 
 All decisions are exact: they compare coordinates or take the sign of `predicates.orient`.
 """
 
-from sat_collision.geometry.arithmetic import require_nearest
+from sat_collision.geometry.floating_point import require_nearest
 from sat_collision.geometry.jit import (
     float32_values, inlined, inner, kernel, scratch, scratch_integers)
 from sat_collision.geometry.layout import ENTRY_BITS, entry_step, FINGERPRINT, HEADER, table_size

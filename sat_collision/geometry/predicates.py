@@ -33,8 +33,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
-from sat_collision.geometry.arithmetic import (
-    difference_error, product_error, require_nearest)
+from sat_collision.geometry.double_double import difference_error, product_error
+from sat_collision.geometry.floating_point import require_nearest
 from sat_collision.geometry.jit import inner, kernel, scratch_integers
 
 # Shewchuk's ccwerrboundA, (3 + 16 u) u with u = 2^-53; the absolute term covers products that

@@ -35,7 +35,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sat_collision.geometry.arithmetic import require_nearest
+from sat_collision.geometry.floating_point import require_nearest
 from sat_collision.geometry.jit import (
     elements, inlined, inner, kernel, scratch, scratch_integers)
 from sat_collision.geometry.layout import (

@@ -16,7 +16,7 @@
 
 from typing import Any, TypeAlias
 
-from sat_collision.geometry.arithmetic import require_nearest
+from sat_collision.geometry.floating_point import require_nearest
 from sat_collision.geometry.jit import inner, kernel, words_and_floats
 from sat_collision.geometry.layout import rows_of
 from sat_collision.geometry.packing import clean, CONVEX, moved, pack

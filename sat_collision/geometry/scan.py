@@ -27,8 +27,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.distance import measure
+from sat_collision.geometry.floating_point import require_nearest
 from sat_collision.geometry.intersection import bodies_meet, filtered_verdict, meet_near
 from sat_collision.geometry.jit import (
     COMPILED, elements, inlined, inner, kernel, prefetch, scratch, scratch_integers)

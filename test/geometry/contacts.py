@@ -20,11 +20,12 @@ the precision of doubles, over all parts, vertices and edges without any search.
 """
 
 import numpy as np
-from sat_collision.geometry.arithmetic import difference, dot, negative, plus, square_root, times
 from sat_collision.geometry.contact import contact_of_arrays
 from sat_collision.geometry.convex_distance import reach_of
 from sat_collision.geometry.convex_parts import convex_parts
 from sat_collision.geometry.distance import measure_arrays
+from sat_collision.geometry.double_double import (
+    difference, dot, negative, plus, square_root, times)
 from sat_collision.geometry.intersection import arrays_meet
 from sat_collision.geometry.jit import kernel
 from sat_collision.geometry.layout import convex_part, first_vertex, HEADER, Packed, packed_size

@@ -23,10 +23,10 @@ from fractions import Fraction
 import numpy as np
 from rationals import exact_depth, exact_distance, square_root
 from sat_collision import Polygon
-from sat_collision.geometry.arithmetic import (
-    cross, difference, dot, negative, plus, quotient, scaled, square_root as root)
 from sat_collision.geometry.convex_distance import reach_of
 from sat_collision.geometry.distance import measure
+from sat_collision.geometry.double_double import (
+    cross, difference, dot, negative, plus, quotient, scaled, square_root as root)
 from sat_collision.geometry.jit import kernel
 from sat_collision.geometry.layout import first_vertex, Packed, packed_size
 from sat_collision.geometry.plane import scale_to_one

@@ -27,7 +27,7 @@ import pytest
 from sat_collision import (
     closest_points, contact, intersects, intersects_many, intersects_pairs, Polygon,
     separation, time_of_contact)
-from sat_collision.geometry import arithmetic
+from sat_collision.geometry import floating_point
 from sat_collision.geometry.jit import COMPILED
 from sat_collision.geometry.polygon_set import PackedSet
 from sat_collision.geometry.predicates import orient, orientation
@@ -161,8 +161,8 @@ def test_fused_multiply_add_is_noticed(monkeypatch):
     import numba
     if 'fma' not in Path('/proc/cpuinfo').read_text():
         pytest.skip('this processor has no fused multiply-add')
-    fused = numba.njit(fastmath={'contract'})(arithmetic.problem.py_func)
-    arithmetic.require_proved()
-    monkeypatch.setattr(arithmetic, 'problem', fused)
+    fused = numba.njit(fastmath={'contract'})(floating_point.problem.py_func)
+    floating_point.require_proved()
+    monkeypatch.setattr(floating_point, 'problem', fused)
     with pytest.raises(FloatingPointError, match='fused'):
-        arithmetic.require_proved()
+        floating_point.require_proved()

@@ -38,8 +38,8 @@ from sat_collision.geometry.floating_point import require_nearest
 from sat_collision.geometry.intersection import convex_meet, interiors_apart
 from sat_collision.geometry.jit import COMPILED, elements, inner, kernel, scratch
 from sat_collision.geometry.layout import (
-    body_size, convex_part, first_vertex, HEADER, Packed, packed_polygon, packed_size,
-    vertex_after)
+    body_size, convex_part, FINGERPRINT, first_vertex, HEADER, Packed, packed_polygon,
+    packed_size, vertex_after)
 from sat_collision.geometry.plane import length, scale_to_one
 
 # Up to this depth, relative to the largest coordinate, an overlap may be a rounding error.
@@ -176,13 +176,10 @@ def _scaled(p, scale, array):
     """Return a convex polygon multiplied by a power of two; coordinates that underflow round."""
     for k in range(len(array)):
         array[k] = p.array[p.start + k]
-    for k in range(2, 6):
+    for k in range(FINGERPRINT):
         array[k] *= scale
-    for k in range(packed_size(p.n) - 2 * p.n, packed_size(p.n)):
+    for k in range(len(array) - 2 * p.n, len(array)):
         array[k] *= scale
-    for k in range(2):
-        array[k] *= scale
-    array[6] *= scale
     return packed_polygon(array, p.n)
 
 

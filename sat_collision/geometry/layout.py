@@ -184,19 +184,12 @@ class Rows(NamedTuple):
 def rows_of(array):
     """Return the parts of the array of a set."""
     numbers = elements(array)
-    whole = integers(numbers)
     room = int(numbers[0])
-    a = _HEAD
-    b = a + room
-    c = b + room
-    d = c + room
-    e = d + room
-    f = e + room
-    g = f + room
-    h = g + room
-    return Rows(beyond(numbers, a), beyond(numbers, b), beyond(numbers, c), beyond(numbers, d),
-                beyond(whole, e), beyond(whole, f), beyond(whole, g), beyond(whole, h),
-                beyond(numbers, h + room), int(numbers[1]))
+    column = beyond(numbers, _HEAD)
+    whole = integers(column)
+    return Rows(column, beyond(column, room), beyond(column, 2 * room), beyond(column, 3 * room),
+                beyond(whole, 4 * room), beyond(whole, 5 * room), beyond(whole, 6 * room),
+                beyond(whole, 7 * room), beyond(column, _COLUMNS * room), int(numbers[1]))
 
 
 @inlined

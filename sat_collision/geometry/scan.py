@@ -33,8 +33,8 @@ from sat_collision.geometry.intersection import bodies_meet, filtered_verdict, m
 from sat_collision.geometry.jit import (
     COMPILED, elements, inlined, inner, kernel, prefetch, scratch, scratch_integers)
 from sat_collision.geometry.layout import (
-    body_of, body_size, HEADER, near_support, Packed, Rows, rows_of, SCAN_LIMIT, table_place,
-    table_sector)
+    body_of, body_size, HEADER, near_support, Packed, packed_polygon, Rows, rows_of, SCAN_LIMIT,
+    table_place, table_sector)
 from sat_collision.geometry.separating_axis import (
     boxes_apart, find_separating_axis, first_axis, hill_climb, MEET, MOST_QUERIES, OPEN, refine,
     Search, SEPARATE, UNCERTAIN)
@@ -105,34 +105,15 @@ def intersecting_rows(set_array, body, count):
     """Write the rows that share a point with a body into found, ascending; return how many."""
     require_nearest(count)
     rows = rows_of(set_array)
-    body = elements(body)
-    found = rows.found
-    candidates = _candidates(rows, body, count)
+    body = packed_polygon(body, count)
     hits = 0
-    for k in range(candidates):
-        row = found[k]
-        if row < 0:
-            row = -1 - row
-            if not bodies_meet(body_of(rows, row), Packed(body, 0, count)):
-                continue
-        found[hits] = row
-        hits += 1
+    for k in range(_near_rows(rows, body.array)):
+        row = rows.found[k]
+        verdict = filtered_verdict(body_of(rows, row), body)
+        if verdict == MEET or (verdict == UNCERTAIN and bodies_meet(body_of(rows, row), body)):
+            rows.found[hits] = row
+            hits += 1
     return hits
-
-
-@inner
-def _candidates(rows, body, count):
-    """Write the rows that meet a body, and -1 - row if that is still to be decided exactly."""
-    found = rows.found
-    near = _near_rows(rows, body)
-    candidates = 0
-    for k in range(near):
-        row = found[k]
-        verdict = filtered_verdict(body_of(rows, row), Packed(body, 0, count))
-        if verdict != SEPARATE:
-            found[candidates] = row if verdict == MEET else -1 - row
-            candidates += 1
-    return candidates
 
 
 if COMPILED:
@@ -173,7 +154,7 @@ def near_rows(set_array, body, count, margin, skipped):
     """
     require_nearest(count)
     rows = rows_of(set_array)
-    body = Packed(elements(body), 0, count)
+    body = packed_polygon(body, count)
     if margin == NEAREST:
         return _nearest_row(rows, body, skipped)
     hits = 0
@@ -282,16 +263,14 @@ def _unchecked(pairs):
 def _begin(pairs, start, end, used):
     """Decide pairs with few vertices, start on the others; list and count those still open."""
     rows, others, verdicts, searches, places, pending = _unchecked(pairs)
-    data = rows.packed
-    other_data = others.packed
     count = 0
     for row in range(start, end):
         ahead = row + _AHEAD
         if ahead < used:
-            _prefetch(data, rows.start[ahead], rows.n[ahead])
-            _prefetch(other_data, others.start[ahead], others.n[ahead])
-        p = Packed(data, rows.start[row], rows.n[row])
-        q = Packed(other_data, others.start[row], others.n[row])
+            _prefetch(body_of(rows, ahead))
+            _prefetch(body_of(others, ahead))
+        p = body_of(rows, row)
+        q = body_of(others, row)
         slot = row - start
         if p.n == 0 or q.n == 0 or boxes_apart(p, q):
             verdicts[row] = SEPARATE
@@ -316,8 +295,6 @@ def _begin(pairs, start, end, used):
 def _go_on(pairs, start, count):
     """Continue as `find_separating_axis` does, all pending pairs by one axis per round."""
     rows, others, verdicts, searches, places, pending = _unchecked(pairs)
-    data = rows.packed
-    other_data = others.packed
     queries = 0
     while count > 0 and queries < MOST_QUERIES:
         queries += 1
@@ -328,18 +305,17 @@ def _go_on(pairs, start, count):
             uy = searches[_STATE * slot + 5]
             i = table_sector(rows.n[row], ux, uy)
             j = table_sector(others.n[row], -ux, -uy)
-            prefetch(data, table_place(rows.start[row], i))
-            prefetch(other_data, table_place(others.start[row], j))
+            prefetch(rows.packed, table_place(rows.start[row], i))
+            prefetch(others.packed, table_place(others.start[row], j))
             places[2 * slot] = i
             places[2 * slot + 1] = j
         for k in range(count):
             row = pending[k]
             slot = row - start
-            i = near_support(Packed(data, rows.start[row], rows.n[row]), places[2 * slot])
-            j = near_support(Packed(other_data, others.start[row], others.n[row]),
-                             places[2 * slot + 1])
-            _prefetch_neighbours(data, i)
-            _prefetch_neighbours(other_data, j)
+            i = near_support(body_of(rows, row), places[2 * slot])
+            j = near_support(body_of(others, row), places[2 * slot + 1])
+            _prefetch_neighbours(rows.packed, i)
+            _prefetch_neighbours(others.packed, j)
             places[2 * slot] = i
             places[2 * slot + 1] = j
         left = 0
@@ -347,11 +323,11 @@ def _go_on(pairs, start, count):
             row = pending[k]
             slot = row - start
             search = _load(searches, slot)
-            i = hill_climb(Packed(data, rows.start[row], rows.n[row]),
-                           places[2 * slot], search.ux, search.uy)
-            j = hill_climb(Packed(other_data, others.start[row], others.n[row]),
-                           places[2 * slot + 1], -search.ux, -search.uy)
-            verdict, search = refine(data, i, other_data, j, search)
+            p = body_of(rows, row)
+            q = body_of(others, row)
+            i = hill_climb(p, places[2 * slot], search.ux, search.uy)
+            j = hill_climb(q, places[2 * slot + 1], -search.ux, -search.uy)
+            verdict, search = refine(p.array, i, q.array, j, search)
             verdicts[row] = verdict
             places[2 * slot] = i
             places[2 * slot + 1] = j
@@ -376,12 +352,12 @@ def _load(searches, slot):
 
 
 @inlined
-def _prefetch(packed, start, count):
+def _prefetch(p):
     """Prefetch a header, and the vertices if there are few."""
-    end = HEADER + 2 * count if count <= SCAN_LIMIT else HEADER
+    end = HEADER + 2 * p.n if p.n <= SCAN_LIMIT else HEADER
     for k in range(0, end, _CACHE_LINE):
-        prefetch(packed, start + k)
-    prefetch(packed, start + end - 1)
+        prefetch(p.array, p.start + k)
+    prefetch(p.array, p.start + end - 1)
 
 
 @inlined

@@ -137,20 +137,21 @@ def closest_of(p, q, features):
 
 @inner
 def offset(v, w, i, j):
-    """Return the offset from the vertex at i of P to that at j of Q, exactly."""
+    """Return the offset from the vertex at i of one body to that at j of another, exactly."""
     return difference(w[j], v[i]), difference(w[j + 1], v[i + 1])
 
 
 @inner
 def _edge(v, w, pa, pb, qa, qb):
     """Return how the offset from P to Q changes along features, one of them a vertex; scaled."""
-    if pa == pb:
-        ex = difference(w[qb], w[qa])
-        ey = difference(w[qb + 1], w[qa + 1])
-    else:
-        ex = difference(v[pa], v[pb])
-        ey = difference(v[pa + 1], v[pb + 1])
-    return scaled(ex, ey, scale_to_one(max(abs(ex[0]), abs(ey[0]))))
+    return _line(w, qa, qb) if pa == pb else _line(v, pb, pa)
+
+
+@inner
+def _line(v, a, b):
+    """Return the offset from the vertex at a to that at b, multiplied by a power of two."""
+    x, y = offset(v, v, a, b)
+    return scaled(x, y, scale_to_one(max(abs(x[0]), abs(y[0]))))
 
 
 @inner
@@ -292,7 +293,7 @@ def furthest(p, i, nx, ny):
 @inlined
 def along(v, i, k, nx, ny):
     """Return the component along n of the offset from the vertex at i to that at k."""
-    return dot(difference(v[k], v[i]), difference(v[k + 1], v[i + 1]), nx, ny)
+    return dot(*offset(v, v, i, k), nx, ny)
 
 
 @inner
@@ -365,29 +366,19 @@ def _least_reach(p, q, slack):
         if rough[i] > least + slack:
             continue
         a = first + 2 * i
-        ex, ey = _edge_at(p, a)
+        ex, ey = _line(v, a, vertex_after(p, a))
         if ex[0] == 0.0 and ey[0] == 0.0:
             continue
         # No vertex of P is beyond its edge, unless this is so short that underflow turns it.
         k = furthest(p, a, ey, negative(ex))
         j = furthest(q, first_vertex(q), negative(ey), ex)
-        reach = cross(ex, ey, difference(w[j], v[k]), difference(w[j + 1], v[k + 1]))
+        reach = cross(ex, ey, *offset(v, w, k, j))
         found = quotient(reach, square_root(dot(ex, ey, ex, ey)))
         if found < depth:
             depth = found
             edge = a
             vertex = j
     return depth, edge, vertex
-
-
-@inner
-def _edge_at(p, a):
-    """Return the edge of P that starts at a, multiplied by a power of two."""
-    v = p.array
-    b = vertex_after(p, a)
-    ex = difference(v[b], v[a])
-    ey = difference(v[b + 1], v[a + 1])
-    return scaled(ex, ey, scale_to_one(max(abs(ex[0]), abs(ey[0]))))
 
 
 @inner
@@ -401,11 +392,11 @@ def _move(p, q, a, j):
     """
     v = p.array
     w = q.array
-    ex, ey = _edge_at(p, a)
+    i, c = a, vertex_after(p, a)
+    ex, ey = _line(v, i, c)
     size = square_root(dot(ex, ey, ex, ey))
     ux = quotient(ey, size)[0]
     uy = -quotient(ex, size)[0]
-    i, c = a, vertex_after(p, a)
     k = d = j
     forward = dot(ex, ey, *offset(v, w, a, j))[0] >= 0.0
     if not forward:
@@ -419,8 +410,8 @@ def _move(p, q, a, j):
         i, k = c, d
         c = vertex_after(p, i) if forward else vertex_before(p, i)
         d = vertex_after(q, k) if forward else vertex_before(q, k)
-        fx, fy = difference(v[c], v[i]), difference(v[c + 1], v[i + 1])
-        gx, gy = difference(w[d], w[k]), difference(w[d + 1], w[k + 1])
+        fx, fy = offset(v, v, i, c)
+        gx, gy = offset(w, w, k, d)
         turn = cross(fx, fy, gx, gy)[0]
         # If both next edges lead on, the one that turns less comes first.
         if not dot(ex, ey, gx, gy)[0] < 0.0 or (

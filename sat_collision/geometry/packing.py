@@ -21,7 +21,8 @@ All decisions are exact: they compare coordinates or take the sign of `predicate
 from sat_collision.geometry.floating_point import require_nearest
 from sat_collision.geometry.jit import (
     float32_values, inlined, inner, kernel, scratch, scratch_integers)
-from sat_collision.geometry.layout import ENTRY_BITS, entry_step, FINGERPRINT, HEADER, table_size
+from sat_collision.geometry.layout import (
+    ENTRY_BITS, entry_step, FINGERPRINT, HEADER, table_place, table_size)
 from sat_collision.geometry.plane import centroid, length
 from sat_collision.geometry.predicates import orient, segments_meet
 
@@ -191,6 +192,9 @@ def _write_table(ring, count, packed):
     """March around the boundary once while the axis turns once, sector by sector."""
     size = table_size(count)
     i = 0
+    for k in range(count):
+        if ring[2 * k + 1] < ring[2 * i + 1]:
+            i = k
     for sector in range(4 * size):
         turn = sector / size
         if turn < 2.0:
@@ -199,20 +203,16 @@ def _write_table(ring, count, packed):
         else:
             uy = 3.0 - turn
             ux = abs(uy) - 1.0
-        if sector == 0:
-            for k in range(count):
-                if ring[2 * k + 1] < ring[2 * i + 1]:
-                    i = k
         for _ in range(count):
             k = i + 1 if i + 1 < count else 0
             if ((ring[2 * k] - ring[2 * i]) * ux + (ring[2 * k + 1] - ring[2 * i + 1]) * uy
                     <= 0.0):
                 break
             i = k
+        place = table_place(0, sector)
         if sector % 4 == 0:
-            packed[HEADER + sector // 4] = 0.0
-        entry = i // entry_step(count)
-        packed[HEADER + sector // 4] += float(entry << (ENTRY_BITS * (sector % 4)))
+            packed[place] = 0.0
+        packed[place] += float((i // entry_step(count)) << (ENTRY_BITS * (sector % 4)))
 
 
 @inner
@@ -279,7 +279,7 @@ def _classify(points, ring):
         before_x = x
         before_y = y
     if kept == 0:
-        _span(walk, count, ring)
+        _span(walk, count, least, ring)
         return CONVEX, 2, False, -1
     if spike >= 0:
         ring[0] = walk[2 * spike]
@@ -318,20 +318,16 @@ def _drop_repeated(points):
 
 
 @inner
-def _span(walk, count, ring):
-    """Write the two ends of collinear points into the ring."""
-    low = 0
-    high = 0
+def _span(walk, count, least, ring):
+    """Write the two ends of collinear points into the ring, given the index of the least."""
+    most = least
     for i in range(count):
         x = walk[2 * i]
-        y = walk[2 * i + 1]
-        if x < walk[2 * low] or (x == walk[2 * low] and y < walk[2 * low + 1]):
-            low = i
-        if x > walk[2 * high] or (x == walk[2 * high] and y > walk[2 * high + 1]):
-            high = i
+        if x > walk[2 * most] or (x == walk[2 * most] and walk[2 * i + 1] > walk[2 * most + 1]):
+            most = i
     for k in range(2):
-        ring[k] = walk[2 * low + k]
-        ring[2 + k] = walk[2 * high + k]
+        ring[k] = walk[2 * least + k]
+        ring[2 + k] = walk[2 * most + k]
 
 
 @inner
@@ -395,12 +391,7 @@ def _sorted(keys, count):
 @inner
 def _reverse(ring, count):
     """Reverse the order of the vertices, keeping the first one first."""
-    i = 1
-    j = count - 1
-    while i < j:
+    for i in range(1, (count + 1) // 2):
+        j = count - i
         for k in range(2):
-            a = 2 * i + k
-            b = 2 * j + k
-            ring[a], ring[b] = ring[b], ring[a]
-        i += 1
-        j -= 1
+            ring[2 * i + k], ring[2 * j + k] = ring[2 * j + k], ring[2 * i + k]

@@ -25,7 +25,6 @@ import numpy as np
 from sat_collision.geometry.jit import inner, kernel, scratch_integers
 from sat_collision.geometry.predicates import orient
 
-
 # Entries of `in_the_way` that are no vertices: nothing is known, or the vertex is reflex.
 _UNKNOWN = -1
 _REFLEX = -2
@@ -118,15 +117,11 @@ def _triangulate(vertices):
                 corner_vertex[corners + corner] = vertex
                 following[corners + corner] = corners + (corner + 1) % 3
                 previous[corners + corner] = corners + (corner + 2) % 3
-            for corner, vertex in ((0, i), (1, j)):
-                if twin[vertex] >= 0:
+                # The third edge is one of the ring's only in the last triangle.
+                if twin[vertex] >= 0 and (corner < 2 or left == 3):
                     diagonals[cuts, 0] = corners + corner
                     diagonals[cuts, 1] = twin[vertex]
                     cuts += 1
-            if left == 3 and twin[k] >= 0:
-                diagonals[cuts, 0] = corners + 2
-                diagonals[cuts, 1] = twin[k]
-                cuts += 1
             twin[i] = corners + 2
             corners += 3
         else:

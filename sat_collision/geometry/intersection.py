@@ -52,8 +52,6 @@ def filtered_verdict(p, q):
 
     A count of 0 means no body. Non-convex bodies whose boxes meet are UNCERTAIN.
     """
-    p = Packed(elements(p.array), p.start, p.n)
-    q = Packed(elements(q.array), q.start, q.n)
     if p.n == 0 or q.n == 0 or boxes_apart(p, q):
         return SEPARATE
     if p.n < 0 or q.n < 0:

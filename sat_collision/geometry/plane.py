@@ -23,8 +23,6 @@ _LARGE = 2.0 ** 300
 _SMALL = 2.0 ** -300
 _MAX_SHIFT = 1000
 
-_INFINITY = float('inf')
-
 
 @kernel
 def length(x, y):
@@ -111,7 +109,7 @@ def _within_bounds(ring, axis, count, x):
 @kernel
 def scale_to_one(largest):
     """Return a power of two that scales a magnitude so that products are safe; 1 if they are."""
-    if _SMALL < largest < _LARGE or largest in (0.0, _INFINITY):
+    if _SMALL < largest < _LARGE or largest in (0.0, math.inf):
         return 1.0
     _, exponent = math.frexp(largest)
     return math.ldexp(1.0, max(-_MAX_SHIFT, min(_MAX_SHIFT, -exponent)))

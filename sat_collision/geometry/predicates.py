@@ -28,13 +28,9 @@ C. the six products of the expanded determinant summed in a fixed-point accumula
 For the proofs see docs/exactness.md, lemmas 1 to 3.
 """
 
-from __future__ import annotations
-
-from collections.abc import Sequence
 import math
 
 from sat_collision.geometry.double_double import difference_error, product_error
-from sat_collision.geometry.floating_point import require_nearest
 from sat_collision.geometry.jit import inner, kernel, scratch_integers
 
 # Shewchuk's ccwerrboundA, (3 + 16 u) u with u = 2^-53; the absolute term covers products that
@@ -52,16 +48,9 @@ _EXPONENT_OFFSET = 1128
 _LIMBS = 184
 
 
-def orientation(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> int:
-    """Return 1 if points a, b, c turn left, -1 if right, 0 if they are collinear; exact."""
-    require_nearest(0)
-    return int(orient(float(a[0]), float(a[1]), float(b[0]), float(b[1]),
-                      float(c[0]), float(c[1])))
-
-
 @kernel
 def orient(ax, ay, bx, by, cx, cy):
-    """Return the sign of the turn a, b, c; see `orientation`."""
+    """Return 1 if points a, b, c turn left, -1 if right, 0 if they are collinear; exact."""
     acx = ax - cx
     bcx = bx - cx
     acy = ay - cy

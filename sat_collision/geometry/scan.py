@@ -41,6 +41,7 @@ from sat_collision.geometry.separating_axis import (
 
 UNCHANGED = -1
 NO_ROOM = -2
+# In place of a margin, see `near_rows`.
 NEAREST = -1.0
 
 _CACHE_LINE = 8

@@ -30,7 +30,7 @@ from sat_collision import (
 from sat_collision.geometry import floating_point
 from sat_collision.geometry.jit import COMPILED
 from sat_collision.geometry.polygon_set import PackedSet
-from sat_collision.geometry.predicates import orient, orientation
+from sat_collision.geometry.predicates import orient
 
 ROOT = Path(__file__).resolve().parents[2]
 if not (platform.machine() == 'x86_64' and platform.libc_ver()[0] == 'glibc'):
@@ -75,7 +75,6 @@ QUESTIONS = {
     'contact': lambda: contact(POLYGON, OTHER),
     'time_of_contact': lambda: time_of_contact(BOX, BOX, BOX + 2.0, BOX),
     'first_contact': lambda: SET.first_contact(POLYGON, (1, 0, 1), 1.0),
-    'orientation': lambda: orientation(*BOX[:3]),
     'intersecting_rows': lambda: SET.intersecting_rows(POLYGON),
     'rows_within': lambda: SET.rows_within(POLYGON, 1.0),
     'nearest': lambda: SET.nearest(POLYGON),
@@ -144,10 +143,10 @@ def test_library_that_sets_the_mode_on_loading(tmp_path, machine, plain):
     source.write_text('')
     subprocess.run(['gcc', '-shared', '-fPIC', '-ffast-math', source, '-o', library], check=True)
     result = run(f'import ctypes, platform\nplatform.machine = lambda: {machine!r}\n'
-                 'from sat_collision.geometry.predicates import orientation\n'
+                 'from sat_collision.geometry.floating_point import require_nearest\n'
                  f'ctypes.CDLL({str(library)!r})\n'
                  'if 2.0**-1060 * float("0.5") == 0.0:\n'
-                 '    orientation((0, 0), (1, 0), (0, 1))\n'
+                 '    require_nearest(0)\n'
                  'else:\n    print("not set")',
                  NUMBA_DISABLE_JIT=plain, NUMBA_CACHE_DIR=str(tmp_path))
     if 'not set' in result.stdout:

@@ -23,7 +23,7 @@ from sat_collision.geometry.jit import (
     float32_values, inlined, inner, kernel, scratch, scratch_integers)
 from sat_collision.geometry.layout import (
     ENTRY_BITS, entry_step, FINGERPRINT, HEADER, table_place, table_size)
-from sat_collision.geometry.plane import centroid, length
+from sat_collision.geometry.plane import centroid, length, range_of
 from sat_collision.geometry.predicates import orient, segments_meet
 
 # Verdicts on points.
@@ -84,7 +84,8 @@ def pack(points, packed, max_vertices, max_non_convex):
         packed[0] = ring[0]
         packed[1] = ring[1]
         packed[6] = 0.0
-        _write_bounds(ring, count, packed)
+        packed[2], packed[4] = range_of(ring, 0, count)
+        packed[3], packed[5] = range_of(ring, 1, count)
         if verdict == CONVEX:
             _write_inner_disc(ring, count, packed)
             _write_table(ring, count, packed)
@@ -138,21 +139,6 @@ def _fingerprint(packed):
     """Return a weighted sum; the weights add up to less than 1, so it is finite."""
     return (0.04 * packed[0] + 0.11 * packed[1] + 0.03 * packed[2] + 0.07 * packed[3]
             + 0.19 * packed[4] + 0.43 * packed[5] + 0.01 * packed[6])
-
-
-@inner
-def _write_bounds(ring, count, packed):
-    min_x = max_x = ring[0]
-    min_y = max_y = ring[1]
-    for i in range(1, count):
-        min_x = min(min_x, ring[2 * i])
-        max_x = max(max_x, ring[2 * i])
-        min_y = min(min_y, ring[2 * i + 1])
-        max_y = max(max_y, ring[2 * i + 1])
-    packed[2] = min_x
-    packed[3] = min_y
-    packed[4] = max_x
-    packed[5] = max_y
 
 
 @inner

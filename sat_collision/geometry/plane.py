@@ -88,8 +88,10 @@ def centroid(ring, count):
         moment_y += double_area * (ay + by)
     if area > 0.0:
         # For slivers rounding may give anything, even an overflow.
-        return (_within_bounds(ring, 0, count, (x0 + moment_x / area / 3.0) / scale),
-                _within_bounds(ring, 1, count, (y0 + moment_y / area / 3.0) / scale))
+        min_x, max_x = range_of(ring, 0, count)
+        min_y, max_y = range_of(ring, 1, count)
+        return (min(max((x0 + moment_x / area / 3.0) / scale, min_x), max_x),
+                min(max((y0 + moment_y / area / 3.0) / scale, min_y), max_y))
     # A point, a segment, or so thin that its area is lost.
     x1 = ring[2 * count - 2] * scale
     y1 = ring[2 * count - 1] * scale
@@ -97,13 +99,14 @@ def centroid(ring, count):
 
 
 @inner
-def _within_bounds(ring, axis, count, x):
-    """Return a coordinate clamped to the range of those of the vertices."""
-    least = most = ring[axis]
-    for k in range(2 + axis, 2 * count, 2):
-        least = min(least, ring[k])
-        most = max(most, ring[k])
-    return min(max(x, least), most)
+def range_of(points, axis, count):
+    """Return the least and the greatest x (axis 0) or y (axis 1) of points, a flat array."""
+    least = math.inf
+    most = -math.inf
+    for k in range(axis, 2 * count, 2):
+        least = min(least, points[k])
+        most = max(most, points[k])
+    return least, most
 
 
 @kernel

@@ -41,7 +41,7 @@ from sat_collision.geometry.jit import (
 from sat_collision.geometry.layout import (
     body_of, convex_part, first_vertex, packed_polygon, rows_of)
 from sat_collision.geometry.moving import STRIDE
-from sat_collision.geometry.plane import length, unit
+from sat_collision.geometry.plane import length, range_of, unit
 from sat_collision.geometry.predicates import UNDERFLOW_BOUND
 from sat_collision.geometry.scan import contains
 from sat_collision.geometry.sweep import first_contact_of_moving, limits
@@ -277,11 +277,7 @@ def _bound(path):
         _write_pose(path, start, chords, 0)
         _write_pose(path, end, chords, 2)
         for axis in range(2):
-            least = math.inf
-            most = -math.inf
-            for k in range(axis, len(chords), 2):
-                least = min(least, chords[k])
-                most = max(most, chords[k])
+            least, most = range_of(chords, axis, len(chords) // 2)
             box = 4 * piece + axis
             boxes[box] = least - sagitta
             boxes[box + 2] = most + sagitta

@@ -23,7 +23,7 @@ from sat_collision.geometry.jit import (
     float32_values, inlined, inner, kernel, scratch, scratch_integers)
 from sat_collision.geometry.layout import (
     ENTRY_BITS, entry_step, FINGERPRINT, HEADER, table_place, table_size)
-from sat_collision.geometry.plane import centroid, length, range_of
+from sat_collision.geometry.plane import bounds_of, centroid, length
 from sat_collision.geometry.predicates import orient, segments_meet
 
 # Verdicts on points.
@@ -84,8 +84,7 @@ def pack(points, packed, max_vertices, max_non_convex):
         packed[0] = ring[0]
         packed[1] = ring[1]
         packed[6] = 0.0
-        packed[2], packed[4] = range_of(ring, 0, count)
-        packed[3], packed[5] = range_of(ring, 1, count)
+        packed[2], packed[3], packed[4], packed[5] = bounds_of(ring, count)
         if verdict == CONVEX:
             _write_inner_disc(ring, count, packed)
             _write_table(ring, count, packed)

@@ -88,8 +88,7 @@ def centroid(ring, count):
         moment_y += double_area * (ay + by)
     if area > 0.0:
         # For slivers rounding may give anything, even an overflow.
-        min_x, max_x = range_of(ring, 0, count)
-        min_y, max_y = range_of(ring, 1, count)
+        min_x, min_y, max_x, max_y = bounds_of(ring, count)
         return (min(max((x0 + moment_x / area / 3.0) / scale, min_x), max_x),
                 min(max((y0 + moment_y / area / 3.0) / scale, min_y), max_y))
     # A point, a segment, or so thin that its area is lost.
@@ -99,14 +98,16 @@ def centroid(ring, count):
 
 
 @inner
-def range_of(points, axis, count):
-    """Return the least and the greatest x (axis 0) or y (axis 1) of points, a flat array."""
-    least = math.inf
-    most = -math.inf
-    for k in range(axis, 2 * count, 2):
-        least = min(least, points[k])
-        most = max(most, points[k])
-    return least, most
+def bounds_of(points, count):
+    """Return min x, min y, max x, max y of so many points, given as a flat array."""
+    min_x = min_y = math.inf
+    max_x = max_y = -math.inf
+    for k in range(0, 2 * count, 2):
+        min_x = min(min_x, points[k])
+        max_x = max(max_x, points[k])
+        min_y = min(min_y, points[k + 1])
+        max_y = max(max_y, points[k + 1])
+    return min_x, min_y, max_x, max_y
 
 
 @kernel

@@ -41,7 +41,7 @@ from sat_collision.geometry.jit import (
 from sat_collision.geometry.layout import (
     body_of, convex_part, first_vertex, packed_polygon, rows_of)
 from sat_collision.geometry.moving import STRIDE
-from sat_collision.geometry.plane import length, range_of, unit
+from sat_collision.geometry.plane import bounds_of, length, unit
 from sat_collision.geometry.predicates import UNDERFLOW_BOUND
 from sat_collision.geometry.scan import contains
 from sat_collision.geometry.sweep import first_contact_of_moving, limits
@@ -276,15 +276,17 @@ def _bound(path):
         sagitta = _sagitta(path, end - start)
         _write_pose(path, start, chords, 0)
         _write_pose(path, end, chords, 2)
-        for axis in range(2):
-            least, most = range_of(chords, axis, len(chords) // 2)
-            box = 4 * piece + axis
-            boxes[box] = least - sagitta
-            boxes[box + 2] = most + sagitta
-            box = whole + axis
-            boxes[box] = least - sagitta if piece == 0 else min(boxes[box], least - sagitta)
-            boxes[box + 2] = (most + sagitta if piece == 0
-                              else max(boxes[box + 2], most + sagitta))
+        min_x, min_y, max_x, max_y = bounds_of(chords, len(chords) // 2)
+        box = 4 * piece
+        boxes[box] = min_x - sagitta
+        boxes[box + 1] = min_y - sagitta
+        boxes[box + 2] = max_x + sagitta
+        boxes[box + 3] = max_y + sagitta
+        for k in range(2):
+            low = boxes[box + k]
+            high = boxes[box + k + 2]
+            boxes[whole + k] = low if piece == 0 else min(boxes[whole + k], low)
+            boxes[whole + k + 2] = high if piece == 0 else max(boxes[whole + k + 2], high)
 
 
 @inlined

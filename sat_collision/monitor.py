@@ -16,20 +16,17 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
-from sat_collision.messages.commands import Commands
-from sat_collision.messages.ingest import Batch, Ingest
-from sat_collision.messages.outlines import Outlines
-from sat_collision.messages.placement import Placement
+from sat_collision.messages.ingest import Batch, Ingest, Placement, WAIT, Wait
+from sat_collision.messages.outlines import Commands, Outlines
 from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import FootprintSettings, NEVER, ObstacleSettings, Settings
 from sat_collision.scene.streams import Endpoint
-from sat_collision.scene.waiting import WAIT, Wait, Waiting
 
 # Max messages that wait for transforms: of a footprint; of a source in multiples of max_count.
 _FOOTPRINTS_WAIT = 100
@@ -80,7 +77,7 @@ class Monitor:
         self.rejected = self.ingest.rejected
         self.outlines = Outlines(settings, self.ingest, self.transforms, self.received)
         self.commands = Commands(settings, self.ingest, self.scene)
-        self.waiting: Waiting[_Item, Rejection] = Waiting(self._take_waiting)
+        self.waiting: Waiting = Waiting(self._take_waiting)
         self.scene.waiting = self.waiting.queues
         self._timeout = round(settings.transform_timeout * 1e9)
         self._now = 0
@@ -223,3 +220,71 @@ class Monitor:
         elif settings.enabled:
             return self.ingest.take(settings, *item, now, may_wait)
         return None
+
+
+class Waiting:
+    """
+    Queues of waiting items by name, each in order of arrival.
+
+    `take` is called with a name, the first item, the present time in ns and whether it may go on
+    waiting; it returns WAIT if it does, else an outcome.
+    """
+
+    def __init__(self, take: Callable[[str, _Item, int, bool], Rejection | Wait | None]) -> None:
+        self._take = take
+        # The items and until when they may wait, by name; none is empty.
+        self.queues: dict[str, deque[tuple[_Item, int]]] = {}
+        # When the first of them must be taken.
+        self.earliest = NEVER
+
+    def __contains__(self, name: object) -> bool:
+        """Return whether something waits under this name."""
+        return name in self.queues
+
+    def counts(self) -> dict[str, int]:
+        """Return the number of waiting items by name."""
+        return {name: len(queue) for name, queue in self.queues.items()}
+
+    def add(self, name: str, item: _Item, now: int, timeout: int, limit: int) -> list[Rejection]:
+        """
+        Append an item to the queue of its name, where it may wait until the timeout.
+
+        Beyond `limit` items the oldest are taken at once; return their outcomes.
+        """
+        queue = self.queues.setdefault(name, deque())
+        queue.append((item, now + timeout))
+        outcomes: list[Rejection] = []
+        while len(queue) > limit:
+            self._take_first(name, now, False, outcomes)
+        self._find_earliest()
+        return outcomes
+
+    def take(self, now: int) -> list[Rejection]:
+        """Take the items that need not wait any more, and return their outcomes."""
+        outcomes: list[Rejection] = []
+        for name, queue in [*self.queues.items()]:
+            while queue and self._take_first(name, now, now <= queue[0][1], outcomes):
+                pass
+            if not queue:
+                del self.queues[name]
+        self._find_earliest()
+        return outcomes
+
+    def drop(self) -> None:
+        """Drop all that waits."""
+        self.queues.clear()
+        self.earliest = NEVER
+
+    def _take_first(self, name: str, now: int, may_wait: bool, outcomes: list[Rejection]) -> bool:
+        """Take the first item of a name, if it need not wait; return whether it was taken."""
+        queue = self.queues[name]
+        outcome = self._take(name, queue[0][0], now, may_wait)
+        if isinstance(outcome, Wait):
+            return False
+        queue.popleft()
+        if outcome is not None:
+            outcomes.append(outcome)
+        return True
+
+    def _find_earliest(self) -> None:
+        self.earliest = min((queue[0][1] for queue in self.queues.values()), default=NEVER)

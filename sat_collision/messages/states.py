@@ -23,7 +23,7 @@ import numpy as np
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.messages.interfaces import DiagnosticArray, DiagnosticStatus, KeyValue
 from sat_collision.scene.footprints import State, Status
-from sat_collision.scene.frame_tree import in_words as name_in_words
+from sat_collision.scene.frames import in_words as name_in_words
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.prediction import Prediction
 from sat_collision.scene.scene import Nearest, Scene

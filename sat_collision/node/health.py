@@ -25,7 +25,7 @@ from rclpy.node import Node
 from sat_collision.monitor import Monitor
 from sat_collision.node.loop import Backlog
 from sat_collision.node.publishers import publishers_of_tf
-from sat_collision.scene.frame_tree import in_words
+from sat_collision.scene.frames import in_words
 
 # A shorter backlog, in s, is a burst that is just being taken.
 _NOTEWORTHY = 0.1

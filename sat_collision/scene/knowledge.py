@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sat_collision.scene.obstacle_store import KeyedGroup, ObstacleStore, SetGroup
+from sat_collision.scene.obstacles import KeyedGroup, ObstacleStore, SetGroup
 from sat_collision.scene.settings import NEVER, ObstacleSettings
 from sat_collision.scene.streams import BEGUN, CONTINUES, LOST, MET, News
 

@@ -27,9 +27,8 @@ from sat_collision.geometry.polygon_set import Point
 from sat_collision.geometry.run import Run
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.footprints import Evaluation, Footprint, Origin, State, Status
-from sat_collision.scene.frame_tree import in_quotes
-from sat_collision.scene.obstacle_store import OTHER_FRAME
-from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.frames import in_quotes
+from sat_collision.scene.obstacles import ObstacleId, OTHER_FRAME
 from sat_collision.scene.prediction import predict, Prediction, velocity_of
 from sat_collision.scene.settings import FootprintSettings, NEVER, ObstacleSettings, Settings
 from sat_collision.scene.sources import Source

@@ -24,8 +24,7 @@ from sat_collision.geometry.polygon import PackedBody, size_of
 from sat_collision.geometry.run import Run
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.knowledge import Keys, LOSS, Maps, Sets
-from sat_collision.scene.obstacle_store import KeyedGroup, ObstacleStore, SetGroup, TOO_MANY
-from sat_collision.scene.obstacles import Key
+from sat_collision.scene.obstacles import Key, KeyedGroup, ObstacleStore, SetGroup, TOO_MANY
 from sat_collision.scene.settings import (
     BY_ANOTHER_CLOCK, FAR, NEVER, ObstacleSettings, POLYGON_INSTANCE)
 from sat_collision.scene.streams import BEGUN, CONTINUES, Endpoint, MET, News, Stream

@@ -26,7 +26,7 @@ import oracle
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 import rclpy.serialization
-from sat_collision.messages.transform_listener import decode_odometry
+from sat_collision.messages.cdr import decode_odometry
 
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

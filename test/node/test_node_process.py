@@ -25,7 +25,7 @@ import time
 from harness import box, Peer
 import pytest
 from sat_collision.node.__main__ import main
-from sat_collision.node.arguments import unused_files
+from sat_collision.node.footprint_monitor import unused_files
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -19,8 +19,7 @@ from dataclasses import replace
 import pytest
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.footprints import Footprint
-from sat_collision.scene.obstacle_store import ObstacleStore
-from sat_collision.scene.obstacles import Obstacle
+from sat_collision.scene.obstacles import Obstacle, ObstacleStore
 from stage import CART, PATIENT_LIDAR, PATIENT_ROBOT, ROBOT, square, Stage
 
 

@@ -20,8 +20,8 @@ import numpy as np
 from published import load
 import pytest
 from sat_collision.scene import frames
-from sat_collision.scene.frame_tree import BAD_NAMES, BAD_TRANSFORM, OLD_TRANSFORM
-from sat_collision.scene.frames import Frames, Mapped, NoTransform
+from sat_collision.scene.frames import (
+    BAD_NAMES, BAD_TRANSFORM, Frames, Mapped, NoTransform, OLD_TRANSFORM)
 from sat_collision.scene.rotations import (
     accepted, affine_of, composed, fixed, IDENTITY, interpolated, relative, rounded, tilt)
 
@@ -260,7 +260,7 @@ def test_transforms_do_not_pile_up():
         buffer.insert('odom', 'base', START + k * SECOND // 100, (float(k), 0.0, 0.0, *UPRIGHT))
     for k in range(5000):
         buffer.insert('odom', 'base', START + 50 * SECOND, (float(k), 0.0, 0.0, *UPRIGHT))
-    track = buffer._tree.moving['base']
+    track = buffer._moving['base']
     assert 1000 <= len(track.stamps) == len(track.links) <= 1004
 
 

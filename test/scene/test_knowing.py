@@ -21,7 +21,7 @@ import pytest
 from sat_collision.scene import knowledge, prediction, sources, velocity
 from sat_collision.scene.footprints import Footprint
 from sat_collision.scene.knowledge import Keys, Maps, Sets
-from sat_collision.scene.obstacle_store import KeyedGroup, SetGroup
+from sat_collision.scene.obstacles import KeyedGroup, SetGroup
 from sat_collision.scene.settings import NEVER
 from sat_collision.scene.streams import CONTINUES, LOST, Stream
 from sat_collision.scene.velocity import MotionTracker

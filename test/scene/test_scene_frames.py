@@ -12,12 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The frame of the scene: how it is chosen, bodies in other frames, and waiting messages."""
+"""The frame of the scene: how it is chosen, and bodies in other frames."""
 
 from dataclasses import replace
 
-from sat_collision.scene.settings import NEVER
-from sat_collision.scene.waiting import WAIT, Waiting
 from stage import ACCUMULATED, CART, clear_stage, EVERY_KIND, ROBOT, Stage
 
 
@@ -146,38 +144,3 @@ def test_refused_footprint_does_not_choose_the_frame():
     stage.refuse(name='robot')
     stage.robot(name='cart', frame='odom')
     assert stage.scene.frame_id == ''
-
-
-class Desk:
-    """Takes numbers that are at most `ready`, and notes what it is given."""
-
-    def __init__(self):
-        self.ready = 0
-        self.taken = []
-        self.waiting = Waiting(self.take)
-
-    def take(self, name, item, now, may_wait):
-        if item > self.ready and may_wait:
-            return WAIT
-        self.taken.append((name, item))
-        return f'{item} gave up' if item > self.ready else None
-
-
-def test_patience_ends_for_each_at_its_time():
-    desk = Desk()
-    desk.waiting.add('a', 5, 0, 10, 9)
-    desk.waiting.add('a', 6, 4, 10, 9)
-    assert desk.waiting.earliest == 10
-    assert desk.waiting.take(10) == []
-    assert desk.waiting.take(11) == ['5 gave up']
-    assert desk.waiting.earliest == 14
-    assert desk.waiting.take(15) == ['6 gave up']
-    assert desk.waiting.earliest == NEVER
-
-
-def test_what_is_dropped_is_not_taken():
-    desk = Desk()
-    desk.waiting.add('a', 5, 0, 10, 9)
-    desk.waiting.drop()
-    assert desk.waiting.take(99) == desk.taken == []
-    assert desk.waiting.earliest == NEVER and 'a' not in desk.waiting

@@ -34,7 +34,7 @@ from sat_collision.geometry.polygon import Polygon
 from sat_collision.messages.rejections import UNDECODABLE
 from sat_collision.monitor import Monitor
 from sat_collision.scene.footprints import Status
-from sat_collision.scene.obstacle_store import OTHER_FRAME, TOO_MANY
+from sat_collision.scene.obstacles import OTHER_FRAME, TOO_MANY
 from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN, Scene
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)

@@ -24,7 +24,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from builders import SECOND
-from sat_collision.scene.obstacle_store import OTHER_FRAME
+from sat_collision.scene.obstacles import OTHER_FRAME
 from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
 import shapely
 from source_model import (

@@ -26,7 +26,7 @@ from math import inf
 from typing import NamedTuple
 
 from builders import SECOND
-from sat_collision.scene.obstacle_store import TOO_MANY
+from sat_collision.scene.obstacles import TOO_MANY
 from sat_collision.scene.settings import POLYGON_INSTANCE
 from sat_collision.scene.sources import TOO_OLD
 

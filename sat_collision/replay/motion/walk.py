@@ -25,7 +25,7 @@ from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Sequence
 from operator import attrgetter
 
-from sat_collision.messages.placement import Placement
+from sat_collision.messages.ingest import Placement
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.model.result import Contact, FootprintResult, Unknown, Unknowns
 from sat_collision.replay.motion.bodies import Block, Bodies

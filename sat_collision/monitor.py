@@ -72,7 +72,7 @@ class Monitor:
         self.transforms = TransformListener(settings)
         has_transforms = transforms or any(one.odometry for one in settings.footprints)
         self.ingest = Ingest(settings, self.scene, self.transforms if has_transforms else None,
-                             self._watch_clock, placements)
+                             placements)
         # Number of refused messages, by (name, reason).
         self.rejected = self.ingest.rejected
         self.outlines = Outlines(settings, self.ingest, self.transforms, self.received)
@@ -115,6 +115,7 @@ class Monitor:
         self.received[name] += len(messages)
         if name in self.commands.names:
             return self.commands.receive(name, messages, now)
+        self._watch_clock(now)
         rejections: Sequence[Rejection] = _NOTHING
         if number is None:
             self.is_numbered = False
@@ -135,6 +136,7 @@ class Monitor:
 
         Returns how many were taken. The next one must be received by itself.
         """
+        self._watch_clock(now)
         taken = self.ingest.take_run(name, batch, begin, now)
         self.received[name] += taken
         return taken
@@ -193,11 +195,10 @@ class Monitor:
         if not settings.enabled:
             return _NOTHING
         if name in self.outlines.names:
-            self._watch_clock(now)
             if number is not None:
                 self.scene.receive_number(name, number, now)
             return self.outlines.receive(name, data, now) + self._take_moved(now)
-        if self.waiting.earliest == NEVER or name not in self.waiting:
+        if name not in self.waiting:
             outcome = self.ingest.take(settings, data, number, now)
             if outcome is not WAIT:
                 return [outcome] if outcome else _NOTHING
@@ -206,10 +207,9 @@ class Monitor:
     def _hold(self, settings: FootprintSettings | ObstacleSettings, item: _Item,
               now: int) -> list[Rejection]:
         """Queue a message, or publishers that apply after it."""
-        self._watch_clock(now)
-        most = (_SETS_WAIT * settings.max_count if isinstance(settings, ObstacleSettings)
-                else _FOOTPRINTS_WAIT)
-        return self.waiting.add(settings.name, item, now, self._timeout, most)
+        limit = (_SETS_WAIT * settings.max_count if isinstance(settings, ObstacleSettings)
+                 else _FOOTPRINTS_WAIT)
+        return self.waiting.add(settings.name, item, now, self._timeout, limit)
 
     def _take_waiting(self, name: str, item: _Item, now: int,
                       may_wait: bool) -> Rejection | Wait | None:
@@ -227,7 +227,7 @@ class Waiting:
     Queues of waiting items by name, each in order of arrival.
 
     `take` is called with a name, the first item, the present time in ns and whether it may go on
-    waiting; it returns WAIT if it does, else an outcome.
+    waiting; it returns WAIT if it does.
     """
 
     def __init__(self, take: Callable[[str, _Item, int, bool], Rejection | Wait | None]) -> None:
@@ -246,36 +246,33 @@ class Waiting:
         return {name: len(queue) for name, queue in self.queues.items()}
 
     def add(self, name: str, item: _Item, now: int, timeout: int, limit: int) -> list[Rejection]:
-        """
-        Append an item to the queue of its name, where it may wait until the timeout.
-
-        Beyond `limit` items the oldest are taken at once; return their outcomes.
-        """
+        """Let an item wait; beyond `limit` items the oldest are taken at once."""
         queue = self.queues.setdefault(name, deque())
         queue.append((item, now + timeout))
-        outcomes: list[Rejection] = []
+        rejections: list[Rejection] = []
         while len(queue) > limit:
-            self._take_first(name, now, False, outcomes)
+            self._take_first(name, now, False, rejections)
         self._find_earliest()
-        return outcomes
+        return rejections
 
     def take(self, now: int) -> list[Rejection]:
-        """Take the items that need not wait any more, and return their outcomes."""
-        outcomes: list[Rejection] = []
+        """Take the items that need not wait any more."""
+        rejections: list[Rejection] = []
         for name, queue in [*self.queues.items()]:
-            while queue and self._take_first(name, now, now <= queue[0][1], outcomes):
+            while queue and self._take_first(name, now, now <= queue[0][1], rejections):
                 pass
             if not queue:
                 del self.queues[name]
         self._find_earliest()
-        return outcomes
+        return rejections
 
     def drop(self) -> None:
         """Drop all that waits."""
         self.queues.clear()
         self.earliest = NEVER
 
-    def _take_first(self, name: str, now: int, may_wait: bool, outcomes: list[Rejection]) -> bool:
+    def _take_first(self, name: str, now: int, may_wait: bool,
+                    rejections: list[Rejection]) -> bool:
         """Take the first item of a name, if it need not wait; return whether it was taken."""
         queue = self.queues[name]
         outcome = self._take(name, queue[0][0], now, may_wait)
@@ -283,7 +280,7 @@ class Waiting:
             return False
         queue.popleft()
         if outcome is not None:
-            outcomes.append(outcome)
+            rejections.append(outcome)
         return True
 
     def _find_earliest(self) -> None:

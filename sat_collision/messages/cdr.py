@@ -18,6 +18,7 @@ Decodes serialised messages in place, with every length checked.
 Of geometry_msgs PolygonStamped, PolygonInstanceStamped and TwistStamped, of nav_msgs Odometry, of
 tf2_msgs TFMessage. Polygons are read in this machine's byte order: one that does not match to the
 byte goes to the decoder of rclpy, or without ROS to that of rosbags. Others are read in either.
+What no decoder can account for to the byte raises a MessageError.
 """
 
 from __future__ import annotations
@@ -75,25 +76,7 @@ def decode(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
     """
     Read a PolygonStamped, or a PolygonInstanceStamped if `instance` is true.
 
-    Parameters
-    ----------
-    data : bytes
-    instance : bool
-
-    Returns
-    -------
-    stamp : int
-        In ns.
-    frame_id : str
-    points : Points
-    identity : int or None
-        The id of a PolygonInstanceStamped.
-
-    Raises
-    ------
-    MessageError
-        If neither this decoder nor the library's can account for every byte.
-
+    Return the stamp in ns, the frame_id, the points, and the id of a PolygonInstanceStamped.
     """
     size = len(data)
     if size < _HEADER_SIZE:
@@ -159,8 +142,7 @@ def _decode_with_library(data: bytes, instance: bool) -> tuple[int, str, Points,
     try:
         from sat_collision.messages import interfaces
     except ImportError as error:
-        raise MessageError(
-            f'only rclpy or rosbags could read this encoding: {error}') from error
+        raise MessageError(f'only rclpy or rosbags could read this encoding: {error}') from error
     kind = interfaces.PolygonInstanceStamped if instance else interfaces.PolygonStamped
     try:
         message = interfaces.deserialize(data, kind)
@@ -216,15 +198,7 @@ _ORDERS = {b'\x00\x01\x00\x00': _Order('<'), b'\x00\x00\x00\x00': _Order('>')}
 
 
 def decode_transforms(data: bytes) -> list[StampedTransform]:
-    """
-    Read a TFMessage, of either byte order.
-
-    Raises
-    ------
-    MessageError
-        If lengths do not add up, a name is not UTF-8 or a stamp is invalid.
-
-    """
+    """Read a TFMessage."""
     order = _order_of(data, _COUNTED_SIZE)
     count, = order.count(data, _COUNTED_SIZE - COUNT_SIZE)
     head, link, transform, names = order.head, order.count, order.transform, _names
@@ -254,15 +228,7 @@ def decode_transforms(data: bytes) -> list[StampedTransform]:
 
 
 def decode_odometry(data: bytes) -> StampedTransform:
-    """
-    Read an Odometry, of either byte order, as the transform that its pose is.
-
-    Raises
-    ------
-    MessageError
-        As `decode_transforms`.
-
-    """
+    """Read an Odometry as the transform that its pose is."""
     try:
         order, stamp, parent, end = _read_either_header(data)
         start = ((end + 3) & ~3) + COUNT_SIZE
@@ -284,15 +250,7 @@ def decode_twist(data: bytes) -> Twist:
 
 
 def decode_command(data: bytes) -> tuple[int, str, Twist]:
-    """
-    Read a TwistStamped, of either byte order: its stamp in ns, its frame and its twist.
-
-    Raises
-    ------
-    MessageError
-        As `decode_transforms`.
-
-    """
+    """Read a TwistStamped: its stamp in ns, its frame and its twist."""
     try:
         order, stamp, frame_id, end = _read_either_header(data)
         at = ((end - 4 + 7) & ~7) + 4
@@ -331,11 +289,7 @@ def _order_of(data: bytes, least: int = 0) -> _Order:
 
 
 def _name(text: bytes, length: int) -> str:
-    """
-    Return the name that a string holds, and keep it for the next time.
-
-    The text may be shorter than its announced length, if the message is cut off.
-    """
+    """Return the name that a string holds, cut off if shorter than its length; keep the name."""
     if length > LONGEST_FRAME_ID + 1:
         raise MessageError(f'a frame name of {length} bytes where {LONGEST_FRAME_ID} are accepted')
     # The first NUL must be the last byte of the string.

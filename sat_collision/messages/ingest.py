@@ -123,12 +123,10 @@ class Ingest:
     """
     Passes messages to a scene, or refuses them; if `transforms` is None all in other frames.
 
-    `watch_clock` is called with the present time in ns before a transform is looked up, and
     `placements` receives the accepted messages.
     """
 
     def __init__(self, settings: Settings, scene: Scene, transforms: TransformListener | None,
-                 watch_clock: Callable[[int], None],
                  placements: list[Placement] | None = None) -> None:
         self._placements = placements
         # Number of refused messages, by (name, reason).
@@ -136,7 +134,6 @@ class Ingest:
         self._scene = scene
         self._transforms = transforms
         self._fixed = settings.frame_id
-        self._watch_clock = watch_clock
         self._with_ids = {source.name for source in settings.obstacles
                           if source.type == POLYGON_INSTANCE}
         self._packer = Packer(settings.max_vertices)
@@ -156,7 +153,6 @@ class Ingest:
             return 0
         affine = None
         if self._transforms and frame_id != self._fixed:
-            self._watch_clock(now)
             found = self._transforms.lookup_affine(
                 frame_id, stamp, now, self._scene.settings_of(name).timeout)
             if isinstance(found, NoTransform):
@@ -198,7 +194,6 @@ class Ingest:
                     f'{LONGEST_FRAME_ID} are accepted', now, stamp, instance, number)
             origin = None
             if self._transforms and frame_id != self._fixed and points[2]:
-                self._watch_clock(now)
                 found = self._transforms.lookup_affine(frame_id, stamp, now, settings.timeout)
                 if isinstance(found, NoTransform):
                     if found.may_come and may_wait and stamp:
@@ -287,15 +282,7 @@ class Packer:
         self.array = indexable(np.empty(packed_size(self._max_points)))
 
     def pack(self, points: Points, affine: Affine2D = UNMOVED) -> PackedBody:
-        """
-        Return the body of points moved by an affine map, valid until the next call.
-
-        Raises
-        ------
-        PolygonError
-            If they make no valid body.
-
-        """
+        """Return the body of points moved by an affine map, valid until the next call."""
         count = points[2]
         if 0 < count <= self._max_points:
             vertices = pack_convex(*points, self.array, self.max_vertices, affine)

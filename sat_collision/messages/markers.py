@@ -338,15 +338,10 @@ def _candidates(box: Box, half_width: float, half_height: float,
 
 def contact_marks(footprint: Polygon, obstacle: Polygon) -> list[Ring]:
     """
-    Return marks of where two bodies meet.
+    Return marks of where two bodies meet: convex pieces of the region that they share.
 
-    Returns
-    -------
-    list of (n, 2) ndarray
-        Convex pieces of the region that they share; where that has no area, the segments or
-        points of it; where they are apart within the margin, or have too many parts, the segment
-        from one to the other.
-
+    Where that has no area, its segments or points; where they are apart within the margin, or have
+    too many parts, the segment from one to the other.
     """
     slack = _slack(footprint.bounds, obstacle.bounds)
     pairs = list(product(footprint.parts, obstacle.parts))

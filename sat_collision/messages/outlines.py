@@ -78,50 +78,43 @@ class Outlines:
 
     def follow(self, now: int) -> list[Rejection]:
         """Place the outlines that have moved."""
-        rejections: list[Rejection] = []
-        for one in self._outlines.values():
-            rejections += self._follow(one, now)
-        return rejections
+        return [rejection for one in self._outlines.values()
+                if (rejection := self._follow(one, now))]
 
     @property
     def deadline(self) -> float:
         """The time in ns until which nothing is to be placed unless a message comes."""
         return min((one.due(self._timeout) for one in self._outlines.values()), default=NEVER)
 
-    def _follow(self, one: _Placed, now: int) -> list[Rejection]:
+    def _follow(self, one: _Placed, now: int) -> Rejection | None:
         """Place an outline, if its frame has moved and it is not too soon."""
         settings = one.settings
         if not settings.enabled:
-            return []
+            return None
         if now + one.period < one.next:
             one.is_pending = True
-            return []
+            return None
         one.is_pending = False
         one.begin(now)
         found = self._transforms.newest(settings.frame_id, now)
         if isinstance(found, NoTransform):
             if one.fault == found.reason or (found.may_come and not one.has_waited(
                     now, self._timeout)):
-                return []
+                return None
             one.forget(found.reason)
-            return [self._ingest.refuse(settings, found.reason, found.detail, now)]
+            return self._ingest.refuse(settings, found.reason, found.detail, now)
         if not one.is_moved(found.at, now):
-            return []
+            return None
         one.next = max(one.next, now) + one.period
         one.stamp, one.is_static, one.fault = min(found.at or now, now), found.at is None, ''
         if not settings.odometry:
             self._received[settings.name] += 1
-        rejection = self._ingest.place(settings, one.points, found, now,
-                                       partial(self._velocity, one))
-        return [rejection] if rejection else []
+        return self._ingest.place(settings, one.points, found, now, partial(self._velocity, one))
 
     def _velocity(self, one: _Placed, found: Mapped) -> Velocity | None:
-        """
-        Return the velocity given for an outline, whose frame was found; None if none is.
-
-        With commands only the pose counts: the twist is that of the command.
-        """
+        """Return the velocity given for an outline, whose frame was found; None if none is."""
         if one.settings.cmd_vel or found.at is None:
+            # With commands only the pose counts: the twist is that of the command.
             return Velocity((0.0, 0.0, 0.0), pose_of(found.affine),
                             COMMAND if one.settings.cmd_vel else TRANSFORMS)
         if not one.odometry:
@@ -190,7 +183,6 @@ class _Placed:
         self.forget()
 
     def configure(self, footprint: FootprintSettings, max_vertices: int) -> None:
-        """Apply settings."""
         self.settings = footprint
         # The least time between two placements, on average, in ns.
         self.period = round(1e9 / footprint.rate)

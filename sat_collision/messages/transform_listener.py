@@ -77,13 +77,11 @@ class TransformListener:
                 refusal: str | None = FROM_FUTURE
             else:
                 refusal = insert(parent, child, stamp, transform, static)
-            if refusal == FROM_FUTURE:
+            if refusal:
                 self._count(in_words(child), refusal)
-                rejections.append(Rejection(topic, topic, refusal, _ahead(child, stamp, now)))
-            elif refusal:
-                self._count(in_words(child), refusal)
-                rejections.append(Rejection(topic, topic, refusal, _detail(
-                    parent, child, transform, 'by an unknown publisher ')))
+                detail = (_ahead(child, stamp, now) if refusal == FROM_FUTURE else
+                          _detail(parent, child, transform, 'by an unknown publisher '))
+                rejections.append(Rejection(topic, topic, refusal, detail))
             elif number is not None and not static:
                 # Each publisher counts its messages upwards, so a number that is not above the
                 # last one for a frame is another publisher's, or of one that has begun again.
@@ -109,7 +107,6 @@ class TransformListener:
         return None
 
     def _count(self, child: str, refusal: str) -> None:
-        """Count a transform that was refused."""
         key = child, refusal
         if key not in self.rejected and len(self.rejected) >= _MAX_COUNTED:
             key = _OTHERS, refusal

@@ -83,13 +83,7 @@ class FootprintMonitor(Node):
 
     Everything happens in one thread, see `loop`: messages are checked in batches, changes are
     published once per batch, and a tick by the steady clock does whatever is due by time alone.
-    Options are those of `rclpy.node.Node`.
-
-    Raises
-    ------
-    ParameterError
-        If the initial parameters are invalid.
-
+    Options are those of `rclpy.node.Node`. Invalid initial parameters raise a ParameterError.
     """
 
     def __init__(self, **options: Any) -> None:

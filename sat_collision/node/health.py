@@ -31,7 +31,7 @@ from sat_collision.scene.frames import in_words
 _NOTEWORTHY = 0.1
 # If a frame's publishers take turns less often per period, one was only restarted.
 _FEW_TURNS = 2
-_MOST_NAMED = 10
+_MAX_NAMED = 10
 
 
 class Health:
@@ -146,7 +146,7 @@ class Health:
         problems = [*monitor.scene.source_faults]
         if twice:
             publishers = ', '.join(sorted(publishers_of_tf(self._node))) or 'unknown'
-            frames = ', '.join(map(in_words, [*twice][:_MOST_NAMED]))
+            frames = ', '.join(map(in_words, [*twice][:_MAX_NAMED]))
             problems.append(f'more than one publisher of /tf, of {publishers}, sends {frames}')
         if not self._node.get_clock().ros_time_is_active and self._node.count_publishers('/clock'):
             problems.append('/clock is published, but not used here: set use_sim_time: true')

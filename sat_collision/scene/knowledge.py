@@ -33,11 +33,17 @@ from sat_collision.scene.streams import BEGUN, CONTINUES, LOST, MET, News
 LOSS = 'messages were lost'
 
 # Max sets kept that are not whole, besides the last whole one.
-_MOST_SETS = 20
+_MAX_SETS = 20
 
 
 class _Listing:
-    """The base of all listings; the store makes the groups of obstacles."""
+    """
+    The base of all listings; the store makes the groups of obstacles.
+
+    `receive` takes a polygon and returns the group that it joins, `end` takes an empty polygon,
+    and `spoil` messages of unknown content. `deadline` is the time after which `pass_time` changes
+    something. `problem` says why no listing is known, as the end of a sentence; empty if one is.
+    """
 
     timeout: float = NEVER
     window: float = 0
@@ -104,7 +110,6 @@ class Sets(_Listing):
         return [one.group for one in self._sets]
 
     def receive(self, news: News, stamp: int, time: int, now: int) -> SetGroup:
-        """Receive a polygon; return the group that it joins."""
         current = self.current
         if (current is None or stamp != current.last or news is not CONTINUES
                 or time < current.time or self._is_spoiled):
@@ -164,7 +169,6 @@ class Sets(_Listing):
         return min((group.oldest for group in self.groups), default=NEVER) + self.timeout
 
     def problem(self, now: int) -> str:
-        """Return why no listing is known, as the end of a sentence; empty if one is."""
         if self._is_cut:
             return ('sends sets that set_window cuts in two: set it to more than a set takes and '
                     'less than the time between sets, or to 0 with one stamp a set')
@@ -221,7 +225,7 @@ class Sets(_Listing):
         self.current = current = _Set(self._store.new_set(), stamp, time, is_begun)
         self._sets.append(current)
         is_first_whole = self._sets[0].is_whole
-        if len(self._sets) > _MOST_SETS + 1 + is_first_whole:
+        if len(self._sets) > _MAX_SETS + 1 + is_first_whole:
             # Too many sets: drop the oldest that is not whole.
             self.is_known = False
             self._sets.pop(is_first_whole).group.clear()
@@ -277,7 +281,6 @@ class Keys(_Keyed):
         self._last: float = -NEVER
 
     def receive(self, news: News, stamp: int, time: int, now: int) -> KeyedGroup:
-        """Receive a polygon; return the group that it joins."""
         last = self._last
         if news is not CONTINUES or self._since == NEVER or last + self.timeout < now:
             self._restart(max(time, last), LOSS if news is LOST else '')
@@ -312,7 +315,6 @@ class Keys(_Keyed):
         return self.timeout + (self._last if self._since < NEVER else self.group.oldest)
 
     def problem(self, now: int) -> str:
-        """Return why no listing is known, as the end of a sentence; empty if one is."""
         if self.is_known:
             return ''
         if self._last == -NEVER:
@@ -343,7 +345,6 @@ class Maps(_Keyed):
         self._settles: float = NEVER
 
     def receive(self, news: News, stamp: int, time: int, now: int) -> KeyedGroup:
-        """Receive a polygon; return the group that it joins."""
         if news is BEGUN:
             self._is_begun, self.wants_history = True, False
             self._settles = now
@@ -387,7 +388,6 @@ class Maps(_Keyed):
         return self._settles
 
     def problem(self, now: int) -> str:
-        """Return why no listing is known, as the end of a sentence; empty if one is."""
         if self.is_known:
             return ''
         if self._settles < NEVER:

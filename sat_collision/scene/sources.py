@@ -33,7 +33,7 @@ from sat_collision.scene.velocity import MotionTracker, Vertices
 TOO_OLD = 'too old'
 
 # Max interrupted listings whose obstacles are kept.
-_MOST_FORMER = 20
+_MAX_FORMER = 20
 
 _Listing: TypeAlias = Sets | Keys | Maps
 _Group: TypeAlias = SetGroup | KeyedGroup
@@ -255,7 +255,7 @@ class Source:
         is_replaced = (self.timeout == NEVER and self.listing.is_known
                        and self.stream.is_alone)
         for k, group in reversed([*enumerate(self._former)]):
-            if is_replaced or group.oldest == NEVER or k < len(self._former) - _MOST_FORMER:
+            if is_replaced or group.oldest == NEVER or k < len(self._former) - _MAX_FORMER:
                 del self._former[k]
                 group.clear()
 

@@ -107,7 +107,6 @@ class FootprintMonitor(Node):
         taken_by = Reserved()
         self._inputs = Subscriptions(self, settings, taken_by, self._health)
         transform_inputs = transforms and subscribe_transforms(self, transforms, taken_by)
-        self._behind: set[str] = set()
         self._reports_unknown_at = time.monotonic() + _STARTED
         self._clock_watch = ClockWatch()
         self._warns_of_losses = True
@@ -177,10 +176,6 @@ class FootprintMonitor(Node):
     def note_backlog(self, name: str, backlog: Backlog | None) -> None:
         """Record how far behind a topic is, None if it is no longer behind."""
         self._health.note_backlog(name, backlog)
-        if backlog:
-            self._behind.add(name)
-        else:
-            self._behind.discard(name)
 
     def due(self, now: int, steady: float) -> float:
         """Return when the next tick is due, by the steady clock in s."""
@@ -209,7 +204,7 @@ class FootprintMonitor(Node):
 
     def _look_around(self, now: int, steady: float) -> None:
         """Poll what gives no event: publishers, clock, middleware, kernels being compiled."""
-        for name, endpoints in self._inputs.publishers.news(self._behind):
+        for name, endpoints in self._inputs.publishers.news(self._health.backlogs):
             self._monitor.update_publishers(name, endpoints)
         self._commands.follow()
         for one in self._inputs.inputs:

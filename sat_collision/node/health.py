@@ -55,7 +55,8 @@ class Health:
         self._transforms = 0
         self._refused = self._lost = 0
         self._begun = time.monotonic()
-        self._backlogs: dict[str, Backlog] = {}
+        # How far behind topics are, by name of the footprint or source.
+        self.backlogs: dict[str, Backlog] = {}
         self._messages = 0
         self._seconds = 0.0
         self._longest = 0.0
@@ -86,9 +87,9 @@ class Health:
     def note_backlog(self, name: str, backlog: Backlog | None) -> None:
         """Record how far behind a footprint or source is, None if it is no longer behind."""
         if backlog:
-            self._backlogs[name] = backlog
+            self.backlogs[name] = backlog
         else:
-            self._backlogs.pop(name, None)
+            self.backlogs.pop(name, None)
 
     def publish(self, monitor: Monitor, states: Iterable[DiagnosticStatus]) -> None:
         """Publish the states of footprints and the figures since the last message."""
@@ -136,7 +137,7 @@ class Health:
             values[f'{name}: lost'] = str(count)
         for (topic, what), count in self._events.items():
             values[f'{topic}: {what}'] = str(count)
-        for name, backlog in self._backlogs.items():
+        for name, backlog in self.backlogs.items():
             values[f'{name}: behind'] = f'{backlog.seconds:.3f} s, {backlog.messages} messages'
         if self._stalls:
             values['stalls'] = f'{self._stalls}, the longest of {self._longest_stall:.1f} s'
@@ -155,7 +156,7 @@ class Health:
         if lost > self._lost:
             problems.append(f'messages lost: {lost - self._lost}')
         problems += [f'{name} is behind by {backlog.seconds:.3f} s'
-                     for name, backlog in self._backlogs.items()
+                     for name, backlog in self.backlogs.items()
                      if backlog.seconds > _NOTEWORTHY]
         problems += [f'{what}: {count}' for what, count in (+self._news).items()]
         self._news.clear()

@@ -30,8 +30,8 @@ from typing import NamedTuple, TypeAlias
 
 from sat_collision.geometry.polygon import Affine2D
 from sat_collision.scene.rotations import (
-    accepted, affine_of, composed, fixed, FixedTransform, IDENTITY, interpolated, relative,
-    rounded, tilt, Transform)
+    accepted, affine_of, composed, fixed, FixedTransform, IDENTITY, interpolated, relative, tilt,
+    Transform)
 from sat_collision.scene.settings import NEVER
 
 # Why a transform is refused.
@@ -69,11 +69,6 @@ class Located(NamedTuple):
 
     pose: FixedTransform  # from the one to the other
     at: int | None  # the time that it holds for in ns, None for all times
-
-    @property
-    def transform(self) -> Transform:
-        """The pose, rounded to doubles."""
-        return rounded(self.pose)
 
 
 class Mapped(NamedTuple):

@@ -25,6 +25,7 @@ which it counts and the present, in ns. docs/knowing.md has the guarantees, and 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from sat_collision.scene.obstacles import KeyedGroup, ObstacleStore, SetGroup
 from sat_collision.scene.settings import NEVER, ObstacleSettings
@@ -70,20 +71,18 @@ class _Listing:
         return f'its timeout of {self.timeout / 1e9:g} s'
 
 
+@dataclass(slots=True, eq=False)
 class _Set:
     """One set of obstacles."""
 
-    __slots__ = ('group', 'start', 'last', 'time', 'count', 'is_begun', 'is_ended', 'is_whole')
-
-    def __init__(self, group: SetGroup, stamp: int, time: int, is_begun: bool) -> None:
-        self.group = group
-        self.start = stamp  # of its first message
-        self.last = stamp  # of the last one so far
-        self.time = time  # the earliest from which its messages count
-        self.count = 0  # of its messages so far
-        self.is_begun = is_begun  # whether nothing is missing since its beginning
-        self.is_ended = False  # whether an empty polygon has ended it
-        self.is_whole = False  # whether it is proved whole
+    group: SetGroup
+    start: int  # the stamp of its first message
+    last: int  # that of the last one so far
+    time: int  # the earliest from which its messages count
+    is_begun: bool  # whether nothing is missing since its beginning
+    count: int = 0  # of its messages so far
+    is_ended: bool = False  # whether an empty polygon has ended it
+    is_whole: bool = False  # whether it is proved whole
 
 
 class Sets(_Listing):
@@ -222,7 +221,7 @@ class Sets(_Listing):
             elif news is CONTINUES:
                 self._end(current, now)
                 is_begun = True
-        self.current = current = _Set(self._store.new_set(), stamp, time, is_begun)
+        self.current = current = _Set(self._store.new_set(), stamp, stamp, time, is_begun)
         self._sets.append(current)
         is_first_whole = self._sets[0].is_whole
         if len(self._sets) > _MAX_SETS + 1 + is_first_whole:

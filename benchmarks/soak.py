@@ -185,11 +185,13 @@ def soak(minutes, obstacles):
         drive = Drive(traffic.node)
         traffic.footprint_at = drive.footprint_at
         traffic.connect()
-        traffic.run(_SETTLING)
+        # This takes so long that the person is unknown afterwards, for its timeout.
+        count = reader.steady()
+        _, sent, _ = traffic.run(_SETTLING)
         traffic.changes.clear()
         traffic.heard.clear()
         traffic.times.clear()
-        count, used, sent = reader.steady(), cpu_time(pid), 0
+        used = cpu_time(pid)
         for k in range(round(60.0 * minutes / _SLICE)):
             traffic.restart()
             footprints, more, latencies = traffic.run(_SLICE)

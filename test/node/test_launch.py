@@ -14,6 +14,7 @@
 
 """The launch file in a real launch: the effect of each argument on the node."""
 
+import contextlib
 import os
 from pathlib import Path
 import re
@@ -77,7 +78,8 @@ def launch(installed, domain):
     yield launch
     for process in running:
         # As Ctrl-C does: to launch and node; after any other signal launch would leave the node.
-        os.killpg(process.pid, signal.SIGINT)
+        with contextlib.suppress(ProcessLookupError):  # it has ended by itself
+            os.killpg(process.pid, signal.SIGINT)
         process.communicate(timeout=60)
 
 

@@ -185,7 +185,7 @@ def soak(minutes, obstacles):
         drive = Drive(traffic.node)
         traffic.footprint_at = drive.footprint_at
         traffic.connect()
-        # This takes so long that the person is unknown afterwards, for its timeout.
+        # Before settling: it may take 2 s, and then the person is unknown for its timeout.
         count = reader.steady()
         _, sent, _ = traffic.run(_SETTLING)
         traffic.changes.clear()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What to install for a library that is missing."""
+"""What to say about an error: what to install, or what is wrong, in one line."""
 
 from __future__ import annotations
 
@@ -33,3 +33,13 @@ def missing(error: ModuleNotFoundError) -> str:
         return (f'{library} is not installed: source /opt/ros/jazzy/setup.bash, or in a clone '
                 "pip install '.[ros]'")
     return f'{error.name} is not installed'
+
+
+def unexpected(error: BaseException) -> str:
+    """Say in one line what an unexpected error of replay_check is."""
+    return f'{type(error).__name__}: {in_one_line(error)} (--debug shows where)'
+
+
+def in_one_line(error: BaseException) -> str:
+    """Return an exception's message in one line, or its type if it has none."""
+    return ' '.join(str(error).split()) or type(error).__name__

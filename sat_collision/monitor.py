@@ -59,12 +59,15 @@ class Monitor:
         Whether /tf is received; if not, messages in other frames are refused.
     placements : list of Placement, optional
         Receives the accepted messages.
+    decides_contacts : bool, optional
+        Whether the scene decides contacts; if not, only what is unknown is found.
 
     """
 
     def __init__(self, settings: Settings, transforms: bool = False,
-                 placements: list[Placement] | None = None) -> None:
-        self.scene = Scene(settings)
+                 placements: list[Placement] | None = None,
+                 decides_contacts: bool = True) -> None:
+        self.scene = Scene(settings, decides_contacts)
         # Number of messages by name of the footprint or source; for an outline, of its poses.
         self.received: Counter[str] = Counter()
         # Whether the messages of all batches have numbers; without them losses go unnoticed.

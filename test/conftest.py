@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What every test runs with: DDS that stays on this machine, and nodes that end with the test."""
+"""Fixtures of all tests: DDS that stays on this machine, and nodes that end with the test."""
 
 import contextlib
 import fcntl
@@ -27,13 +27,13 @@ import types
 from discovery import discover_promptly
 import pytest
 
-# Another domain for each test, so that nothing of one reaches the next.
+# Each test has another domain, so that no message reaches the next test.
 _DOMAINS = itertools.cycle((os.getpid() + k) % 101 + 1 for k in range(101))
 
 
 def pytest_configure(config):
     """Set the environment."""
-    # A shell has what it starts in the background ignore it.
+    # A shell makes background processes ignore it.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     config.ros_files = tempfile.TemporaryDirectory(prefix='sat_collision_test_')
     discover_promptly(config.ros_files.name)
@@ -41,7 +41,7 @@ def pytest_configure(config):
 
 
 def pytest_collection_modifyitems(config, items):
-    """Give what is long more time before it counts as hung, where pytest-timeout is there."""
+    """Give long tests more time, if pytest-timeout is installed."""
     if config.pluginmanager.hasplugin('timeout'):
         for item in items:
             if item.get_closest_marker('long'):
@@ -70,6 +70,13 @@ def locked_domain():
 
 
 @pytest.fixture
+def without_tf2_msgs(monkeypatch):
+    """Make tf2_msgs not installed, as where ROS comes from pip."""
+    monkeypatch.setitem(sys.modules, 'tf2_msgs', None)
+    monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', None)
+
+
+@pytest.fixture
 def domain():
     """Return a DDS domain id of the test's own."""
     with locked_domain() as number:
@@ -85,7 +92,7 @@ def module_domain():
 
 @pytest.fixture
 def start(domain):
-    """Start a monitor with these parameters, dots as double underscores."""
+    """Start a monitor with parameters, whose dots are written as double underscores."""
     from harness import RunningMonitor
     running = []
 
@@ -100,7 +107,7 @@ def start(domain):
 
 @pytest.fixture
 def join(domain):
-    """Return a function that starts another peer, whose node has a name of its own."""
+    """Start another peer, whose node has its own name."""
     from harness import Peer
     peers = []
 
@@ -115,7 +122,7 @@ def join(domain):
 
 @pytest.fixture
 def start_with_tf(start, monkeypatch):
-    """Start a monitor where tf2_msgs is installed, as far as it can tell."""
+    """Start a monitor that finds a stand-in for tf2_msgs."""
     from geometry_msgs.msg import PolygonStamped
     messages = types.ModuleType('tf2_msgs.msg')
     messages.TFMessage = PolygonStamped

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The build of the project: who may import whom, how long a file is, and documents that follow."""
+"""The structure of the project: imports, lengths of files, and generated documents."""
 
 import ast
 import re
@@ -35,10 +35,10 @@ BELOW = {
     'demo': {'extras', 'geometry'},
     'prepare_kernels': {'extras', 'replay', 'geometry'},
 }
-# The modules that know numba.
+# The modules that may import numba.
 COMPILERS = tuple(f'sat_collision.geometry.{name}'
-                  for name in ('drafts', 'jit', 'kernel_cache'))
-# Parts of other projects that are for some modules only; a module is said by its full name.
+                  for name in ('jit', 'kernel_cache'))
+# Libraries that only some modules may import, by full name.
 RESERVED = {
     'numba': COMPILERS,
     'llvmlite': ('sat_collision.geometry.jit',),
@@ -47,9 +47,9 @@ RESERVED = {
                             'sat_collision.messages.interfaces'),
     'rosbags': ('sat_collision.messages.rosbags_interfaces', 'sat_collision.replay'),
 }
-LONGEST = 600
-MOST_ARGUMENTS = 7
-# Two coordinates a point: a name for each pair would only hide the arithmetic.
+MAX_LINES = 600
+MAX_ARGUMENTS = 7
+# Kernels that take the two coordinates of each point.
 POINTS = {'segments_meet': 8}
 
 IMPORTS = imports()
@@ -59,27 +59,26 @@ PAGES = [*ROOT.glob('*.md'), *ROOT.glob('docs/**/*.md')]
 FILES = sorted((ROOT / 'sat_collision').rglob('*.py'))
 
 
-def lies_in(name, wider):
-    """Tell whether a full name is another one or lies in it."""
+def is_within(name, wider):
+    """Tell whether a full name is another one or lies within it."""
     return name == wider or name.startswith(f'{wider}.')
 
 
-def test_there_is_something_to_check():
-    """Every part has modules, and imports are found."""
+def test_all_parts_and_their_imports_are_found():
     assert set(map(part, PACKAGE)) == set(BELOW)
     assert 'sat_collision.scene.scene.Scene' in IMPORTS['sat_collision.monitor']
 
 
 def test_imports_point_one_way():
-    """Down the parts, never up and never between node and replay."""
+    """Down the parts, never up, and never between node and replay."""
     leaf = 'sat_collision.replay.output.bag', 'sat_collision.demo.warehouse'
     for module, name in BY_MODULE:
         allowed = {None, part(module)} | BELOW[part(module)]
         assert (module, name) == leaf or part(name) in allowed, f'{module} imports {name}'
 
 
-def test_no_modules_import_each_other():
-    """Not within a part either, by whatever way round."""
+def test_imports_have_no_cycles():
+    """Within a part, either."""
     below = {module: {other for other in IMPORTS if other != module and any(
         name == other or name.rpartition('.')[0] == other for name in names)}
         for module, names in PACKAGE.items()}
@@ -88,20 +87,19 @@ def test_no_modules_import_each_other():
             del below[module]
         for others in below.values():
             others.difference_update(lowest)
-    assert not below, f'in a circle: {sorted(below)}'
+    assert not below, f'in a cycle: {sorted(below)}'
 
 
 def test_libraries_are_imported_where_they_belong():
-    """ROS in the node, what compiles in jit, the formats of recordings in replay."""
+    """ROS in the node, compilers in geometry, recording formats in replay."""
     for module, name in BY_MODULE:
-        library = max((library for library in RESERVED if lies_in(name, library)), key=len,
+        library = max((library for library in RESERVED if is_within(name, library)), key=len,
                       default=None)
-        assert library is None or any(lies_in(module, home) for home in RESERVED[library]), (
+        assert library is None or any(is_within(module, home) for home in RESERVED[library]), (
             f'{module} imports {name}')
 
 
 def test_core_needs_numpy_only():
-    """Geometry and scene run wherever NumPy does."""
     for module, name in BY_MODULE:
         if part(module) in ('geometry', 'scene'):
             allowed = {*sys.stdlib_module_names, 'numpy', 'sat_collision',
@@ -109,36 +107,34 @@ def test_core_needs_numpy_only():
             assert name.partition('.')[0] in allowed, f'{module} imports {name}'
 
 
-def test_files_are_read_in_one_sitting():
-    """No file of the package is too long, no function takes too much."""
+def test_files_and_argument_lists_are_short():
     for path in FILES:
         text = path.read_text()
-        assert text.count('\n') <= LONGEST, path
+        assert text.count('\n') <= MAX_LINES, path
         for node in ast.walk(ast.parse(text)):
             if isinstance(node, (ast.FunctionDef, ast.Lambda)):
                 arguments = node.args
                 names = [one.arg for one in (*arguments.posonlyargs, *arguments.args,
                                              *arguments.kwonlyargs)]
                 taken = [name for name in names if name not in ('self', 'cls')]
-                most = POINTS.get(getattr(node, 'name', ''), MOST_ARGUMENTS)
-                assert len(taken) <= most, f'{path}:{node.lineno}: {len(taken)} arguments'
+                limit = POINTS.get(getattr(node, 'name', ''), MAX_ARGUMENTS)
+                assert len(taken) <= limit, f'{path}:{node.lineno}: {len(taken)} arguments'
 
 
 @pytest.mark.parametrize('path', documents(), ids=lambda path: path.name)
-def test_documents_say_what_the_code_says(path):
-    """The parameters, the picture of the imports and the figures; else run `make docs`."""
+def test_generated_documents_are_up_to_date(path):
+    """If this fails, run `make docs`."""
     assert path.read_text() == documents()[path]
 
 
-def test_recipe_shows_the_parameters_beside_nav2():
-    """As they are in the file that is installed."""
+def test_recipe_shows_the_shipped_nav2_parameters():
     block = (ROOT / 'docs' / 'recipes.md').read_text().split('```yaml\n')[1]
     assert block.partition('```')[0] == (ROOT / 'config' / 'nav2.yaml').read_text()
 
 
 @pytest.mark.parametrize('path', PAGES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_links_lead_somewhere(path):
-    """Files are there, and so are the headings within."""
+def test_links(path):
+    """Files and headings exist."""
     for target in re.findall(r'\]\(([^)\s]+)\)', path.read_text()):
         name, _, heading = target.partition('#')
         other = (path.parent / name).resolve() if name else path
@@ -147,7 +143,7 @@ def test_links_lead_somewhere(path):
             assert not heading or heading in headings(other), target
 
 
-def test_commands_of_make_exist():
+def test_make_commands_exist():
     """Each one that a page names has a rule."""
     rules = re.findall(r'^([a-z-][a-z -]*):', (ROOT / 'Makefile').read_text(), re.MULTILINE)
     rules = ' '.join(rules).split()
@@ -157,13 +153,13 @@ def test_commands_of_make_exist():
 
 
 def headings(path):
-    """Return the anchors of a page's headings, as they are on the web."""
+    """Return the anchors of a page's headings, as GitHub forms them."""
     return {re.sub(r'[^a-z0-9_ -]', '', line.lstrip('# ').lower()).replace(' ', '-')
             for line in path.read_text().splitlines() if line.startswith('#')}
 
 
-def test_example_of_the_readme_gives_what_it_says():
-    """Every expression in the Python block has the value in the comment behind it."""
+def test_readme_example():
+    """Every expression in the Python block has the value in the comment after it."""
     _, block = (ROOT / 'README.md').read_text().split('```python\n')
     known = {}
     checked = 0

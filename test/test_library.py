@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a user of the library meets: names, help, examples, geometries and words of errors."""
+"""The public API of the library: names, help, examples, shapely geometries and errors."""
 
 import doctest
 import importlib
@@ -35,8 +35,8 @@ shapely = pytest.importorskip('shapely')
 SQUARE = [(0, 0), (2, 0), (2, 2), (0, 2)]
 
 
-def test_completion_and_help_show_what_is_offered():
-    """Though it is imported only when it is asked for."""
+def test_completion_and_help_show_all_public_names():
+    """They are imported lazily."""
     assert {*sat_collision.__all__, '__version__'} <= {*dir(sat_collision)}
     text = pydoc.plain(pydoc.render_doc(sat_collision))
     for name in sat_collision.__all__:
@@ -45,8 +45,7 @@ def test_completion_and_help_show_what_is_offered():
 
 
 @pytest.mark.parametrize('name', [name for name in sat_collision.__all__ if name != 'KERNEL'])
-def test_every_docstring_has_an_example_that_works(name):
-    """As the interpreter runs it."""
+def test_docstrings_have_working_examples(name):
     thing = getattr(sat_collision, name)
     names = vars(importlib.import_module(thing.__module__))
     found = doctest.DocTestFinder().find(thing, name, globs=names)
@@ -57,8 +56,7 @@ def test_every_docstring_has_an_example_that_works(name):
     assert said.getvalue() == ''
 
 
-def test_kernels_are_prepared_where_there_is_only_the_library():
-    """Nothing of ROS, and not what recordings are read with."""
+def test_kernels_are_prepared_without_optional_libraries():
     absent = ['argcomplete', 'lz4', 'rclpy', 'rosbags', 'yaml']
     program = (f'import sys; sys.modules.update(dict.fromkeys({absent}))\n'
                'from sat_collision.prepare_kernels import main; sys.exit(main())')
@@ -68,8 +66,8 @@ def test_kernels_are_prepared_where_there_is_only_the_library():
     assert 'without replay_check: yaml is not installed: pip install pyyaml' in result.stdout
 
 
-def test_geometries_of_shapely_are_bodies():
-    """Polygons, rings, segments and points, with and without z, answered as shapely does."""
+def test_shapely_geometries_are_accepted():
+    """Polygons, rings, segments and points, with and without z, with shapely's answers."""
     rng = np.random.default_rng(2)
     bodies = [random_body(rng) for _ in range(60)]
     shapes = [as_shapely(body) for body in bodies]
@@ -85,8 +83,8 @@ def test_geometries_of_shapely_are_bodies():
                            shapely.Point(4, 1)) == 0.5
 
 
-def test_bodies_become_geometries_of_shapely():
-    """By shapely's `shape`, of each kind."""
+def test_polygons_convert_to_shapely():
+    """By `__geo_interface__`, of each kind."""
     for points in (SQUARE, SQUARE[:2], SQUARE[:1]):
         polygon = Polygon(points)
         assert shapely.geometry.shape(polygon).equals(as_shapely(polygon))
@@ -94,7 +92,7 @@ def test_bodies_become_geometries_of_shapely():
 
 
 def test_separations_of_many_pairs():
-    """Of sets and of plain lists, one value a pair."""
+    """Of sets and of lists, one value per pair."""
     rng = np.random.default_rng(3)
     a, b = ([random_body(rng) for _ in range(40)] for _ in range(2))
     expected = [separation(*pair) for pair in zip(a, b)]
@@ -121,8 +119,8 @@ def test_separations_of_many_pairs():
     (shapely.Polygon(), 'no points'),
     (shapely.Point(), 'no points'),
 ])
-def test_what_is_no_body_is_refused_in_its_own_terms(points, words):
-    """Nothing is guessed, and nothing passes in silence."""
+def test_invalid_bodies_are_refused(points, words):
+    """The message names the type or shape that was given."""
     for use in (Polygon, lambda body: intersects(body, [(0, 0)]),
                 lambda body: contact([(0, 0)], body), lambda body: PolygonSet([[(0, 0)], body]),
                 lambda body: time_of_contact(body, body, [(0, 0)], [(0, 0)])):
@@ -131,28 +129,28 @@ def test_what_is_no_body_is_refused_in_its_own_terms(points, words):
         assert error.value.reason in (Reason.WRONG_SHAPE, Reason.EMPTY)
 
 
-def test_holes_as_shapely_takes_them_are_refused():
-    """The second argument is another one here."""
+def test_holes_as_a_second_argument_are_refused():
+    """As shapely.Polygon accepts them."""
     with pytest.raises(TypeError, match='max_vertices has to be an integer.*holes'):
         Polygon(SQUARE, [[(0.5, 0.5), (1, 0.5), (1, 1)]])
 
 
-def test_a_polygon_cannot_move_by_itself():
-    """Its vertices have an order of their own, so that those of two poses do not match."""
+def test_motion_of_a_polygon_object_is_refused():
+    """Its vertices are reordered, so those of two poses may not match."""
     with pytest.raises(PolygonError, match='a Polygon, which has dropped and reordered vertices'):
         time_of_contact(Polygon(SQUARE), Polygon(SQUARE), SQUARE, SQUARE)
 
 
 @pytest.mark.parametrize('margin', [-1.0, -1e-300, float('nan')])
-def test_a_margin_that_is_none_is_refused(margin):
-    """Also where it would find nothing."""
+def test_invalid_margin_is_refused(margin):
+    """Even if nothing would be found."""
     with pytest.raises(ValueError, match='margin .* 0 or more'):
         PolygonSet([SQUARE]).rows_within([(9, 9)], margin)
 
 
 @pytest.mark.parametrize('one', [Polygon(SQUARE), shapely.Polygon(SQUARE)])
-def test_one_body_where_several_are_expected(one):
-    """A set of its vertices would be something else."""
+def test_one_body_instead_of_several_is_refused(one):
+    """It is not taken as a set of its vertices."""
     for use in (PolygonSet, lambda body: intersects_many(SQUARE, body),
                 lambda body: separations(body, body)):
         with pytest.raises(TypeError, match='one Polygon, but a set is made of several bodies'):

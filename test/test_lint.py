@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The sources keep to the style of ament and carry the licence."""
+"""The sources follow the style of ament and carry the licence."""
 
 import importlib
 from pathlib import Path
@@ -32,7 +32,7 @@ pytestmark = pytest.mark.linter
 
 
 def ament(name):
-    """Return the main module of a linter of ament, None where it is not installed."""
+    """Return the main module of an ament linter, None if it is not installed."""
     try:
         return importlib.import_module(f'{name}.main')
     except ImportError:
@@ -40,7 +40,7 @@ def ament(name):
 
 
 def test_style(monkeypatch):
-    """Flake8 as ament_flake8 runs it; without that, by the same rules, which setup.cfg has."""
+    """Flake8 as ament_flake8 runs it; otherwise with the same rules from setup.cfg."""
     monkeypatch.chdir(ROOT)
     if linter := ament('ament_flake8'):
         status, errors = linter.main_with_errors(argv=['--exclude', *BUILT])
@@ -56,8 +56,8 @@ def test_docstrings(monkeypatch, capfd):
     """
     PEP 257 as ament_pep257 checks it; without that it is part of the style.
 
-    But for D401, which takes properties for functions, and D417, which overlooks parameters that
-    numpydoc describes together or by their type alone.
+    Except for D401, which takes properties for functions, and D417, which overlooks parameters
+    that numpydoc describes together or by type alone.
     """
     monkeypatch.chdir(ROOT)
     linter = ament('ament_pep257') or pytest.skip('ament_pep257 is not installed')
@@ -66,7 +66,7 @@ def test_docstrings(monkeypatch, capfd):
 
 
 def test_licence_of_the_package(monkeypatch, capfd):
-    """LICENSE, CONTRIBUTING.md and every source say what ament_copyright reads."""
+    """As ament_copyright reads LICENSE, CONTRIBUTING.md and every source."""
     monkeypatch.chdir(ROOT)
     linter = ament('ament_copyright') or pytest.skip('ament_copyright is not installed')
     assert linter.main(argv=['--exclude', *BUILT, '--', '.']) == 0, capfd.readouterr()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The monitor: serialised messages in, states out, and nothing that arrives makes it fail."""
+"""The monitor: serialised messages in, states out; invalid messages never make it fail."""
 
 from dataclasses import replace
 import math
@@ -30,7 +30,7 @@ ONE_SOURCE = replace(SETTINGS, obstacles=SETTINGS.obstacles[:1])
 
 
 def test_messages_become_contacts():
-    """A footprint, a set and an instance touch; every message is counted."""
+    """Of a set and of an instance; every message is counted."""
     monitor = clear_monitor()
     assert monitor.receive('lidar', serialised(box(1)), NOW) is None
     assert monitor.receive('tracks', serialised(box(-0.5), instance=-7), NOW) is None
@@ -49,9 +49,9 @@ def test_messages_become_contacts():
     ('not finite', [(0, 0), (math.inf, 0), (1, 1)], 'map'),
     ('self-intersecting', BOW_TIE, 'map'),
     ('too many vertices', CIRCLE, 'map')])
-def test_bad_message_is_rejected_until_good_data_arrives(
+def test_invalid_message_is_unknown_until_a_valid_one(
         name, instance, reason, points, frame_id):
-    """The state is unknown and says why; the rejection says where, why and what to do."""
+    """The rejection says where, why and what to do."""
     monitor = clear_monitor()
     rejection = monitor.receive(name, serialised(points, NOW, frame_id, instance), NOW)
     topic = monitor.scene.settings_of(name).topic
@@ -69,7 +69,6 @@ def test_bad_message_is_rejected_until_good_data_arrives(
 
 
 def test_empty_footprint_is_rejected():
-    """There is no footprint without points: a zero-point message must not read as clear."""
     monitor = clear_monitor()
     assert monitor.receive('robot', serialised([]), NOW).reason == 'empty'
     assert status(monitor) == 'unknown'
@@ -77,7 +76,7 @@ def test_empty_footprint_is_rejected():
 
 @pytest.mark.parametrize('name, instance', [('robot', None), ('lidar', None), ('tracks', 5)])
 def test_undecodable_message_is_rejected(name, instance):
-    """Bytes that end too early, or none at all."""
+    """Truncated or empty."""
     good = serialised(box(0), instance=instance)
     for data in (good[:-1], good[:3], b''):
         monitor = clear_monitor()
@@ -85,8 +84,7 @@ def test_undecodable_message_is_rejected(name, instance):
         assert status(monitor) == 'unknown'
 
 
-def test_source_over_its_limit_is_rejected():
-    """The third track of a source that may hold two."""
+def test_obstacle_beyond_max_count_is_rejected():
     monitor = clear_monitor()
     assert monitor.receive('tracks', serialised(box(21), instance=2), NOW) is None
     rejection = monitor.receive('tracks', serialised(box(22), instance=3), NOW)
@@ -96,7 +94,7 @@ def test_source_over_its_limit_is_rejected():
 
 
 def test_obstacle_past_its_timeout_is_rejected():
-    """The clocks of two machines differ by more than the timeout: the log must say so."""
+    """The clocks of two machines differ by more than the timeout; the rejection says so."""
     monitor = clear_monitor()
     rejection = monitor.receive('lidar', serialised(box(0), NOW - 3 * SECOND), NOW)
     assert rejection.reason == 'too old'
@@ -104,8 +102,7 @@ def test_obstacle_past_its_timeout_is_rejected():
     assert status(monitor) == 'clear'
 
 
-def test_message_of_what_is_disabled_is_neither_taken_nor_rejected():
-    """Whatever it holds; it is counted as received."""
+def test_messages_of_a_disabled_source_are_only_counted():
     monitor = clear_monitor()
     lidar, tracks = SETTINGS.obstacles
     monitor.scene.update(replace(SETTINGS, obstacles=(replace(lidar, enabled=False), tracks)))
@@ -116,8 +113,7 @@ def test_message_of_what_is_disabled_is_neither_taken_nor_rejected():
     assert status(monitor) == 'clear'
 
 
-def test_limit_of_vertices_can_be_changed():
-    """max_vertices is a setting of the monitor."""
+def test_max_vertices():
     monitor = clear_monitor(replace(SETTINGS, max_vertices=3000))
     assert monitor.receive('lidar', serialised(CIRCLE), NOW) is None
     assert status(monitor) == 'collision'
@@ -125,7 +121,7 @@ def test_limit_of_vertices_can_be_changed():
 
 @pytest.mark.parametrize('name, instance', [('robot', None), ('lidar', None), ('tracks', 5)])
 def test_stamp_from_the_future_is_rejected(name, instance):
-    """The clocks of two machines differ by an hour: the log says what to do."""
+    """The clocks of two machines differ by an hour; the rejection says what to do."""
     monitor = clear_monitor()
     rejection = monitor.receive(
         name, serialised(box(30), NOW + 3600 * SECOND, instance=instance), NOW)
@@ -135,7 +131,7 @@ def test_stamp_from_the_future_is_rejected(name, instance):
 
 
 def test_damaged_messages_never_raise():
-    """Random bytes are changed, inserted and cut in messages of every kind."""
+    """Random bytes are changed or cut in messages of every kind."""
     rng = random.Random(0)
     monitor = clear_monitor()
     for step in range(3000):
@@ -152,14 +148,14 @@ def test_damaged_messages_never_raise():
 
 
 def star(vertices):
-    """Return a polygon with a notch at every second vertex."""
+    """Return a non-convex polygon with a reflex angle at every second vertex."""
     return [((2 + k % 2) * math.cos(2 * math.pi * k / vertices),
              (2 + k % 2) * math.sin(2 * math.pi * k / vertices)) for k in range(vertices)]
 
 
 @pytest.mark.parametrize('vertices, in_time', [(128, True), (130, COMPILED), (1024, COMPILED)])
-def test_notches_cost_more_than_plain_python_has_time_for(vertices, in_time):
-    """Refused with the number and the kernel, so that nothing else has to wait."""
+def test_plain_python_limits_vertices_of_non_convex_polygons(vertices, in_time):
+    """Their decomposition would delay all other messages."""
     monitor = clear_monitor()
     rejection = monitor.receive('lidar', serialised(star(vertices)), NOW)
     assert status(monitor) == ('collision' if in_time else 'unknown')
@@ -170,14 +166,12 @@ def test_notches_cost_more_than_plain_python_has_time_for(vertices, in_time):
         assert f'{vertices} vertices' in rejection.detail and 'plain Python' in rejection.detail
 
 
-def test_convex_polygons_have_no_such_limit():
-    """As many vertices as max_vertices allows, compiled or not."""
+def test_plain_python_does_not_limit_convex_polygons():
     circle = [(math.cos(k / 163), math.sin(k / 163)) for k in range(1024)]
     assert clear_monitor().receive('lidar', serialised(circle), NOW) is None
 
 
-def test_endless_superfluous_points_are_not_looked_at():
-    """Repeated points are dropped, but not any number of them."""
+def test_number_of_repeated_points_is_limited():
     monitor = clear_monitor()
     corners = box(10)
     assert monitor.receive('lidar', serialised(corners + corners[-1:] * 8000), NOW) is None
@@ -187,8 +181,8 @@ def test_endless_superfluous_points_are_not_looked_at():
 
 
 @pytest.mark.parametrize('frame_id', ['odom\n[INFO] fine', '\x1b[31mred', 'a' * 255, '\u202egnol'])
-def test_names_of_frames_are_shown_not_obeyed(frame_id):
-    """In the rejection and in the state: one line, nothing invisible, not too long."""
+def test_control_characters_in_frame_names_are_escaped(frame_id):
+    """In the rejection and in the state: one line, printable, not too long."""
     monitor = clear_monitor()
     rejection = monitor.receive('robot', serialised(box(0), frame_id=frame_id), NOW)
     assert rejection.text.isprintable() and len(rejection.text) < 300
@@ -199,16 +193,14 @@ def test_names_of_frames_are_shown_not_obeyed(frame_id):
         assert reason.isprintable() and len(reason) < 200
 
 
-def test_long_names_of_frames_are_refused():
-    """A frame's name is repeated in all that is published."""
+def test_long_frame_names_are_refused():
     monitor = clear_monitor()
     rejection = monitor.receive('robot', serialised(box(0), frame_id='a' * 256), NOW)
     assert rejection.reason == 'long frame_id' and '256' in rejection.detail
     assert status(monitor) == 'unknown'
 
 
-def test_publisher_that_is_known_after_its_message():
-    """Messages may come sooner than word of who sends them."""
+def test_publisher_announced_after_its_message():
     monitor = Monitor(ONE_SOURCE)
 
     def publish_by(*endpoints):
@@ -225,8 +217,8 @@ def test_publisher_that_is_known_after_its_message():
     assert [reason[-16:] for reason in reasons if 'no pub' in reason] == ['has no publisher'] * 2
 
 
-def places(monitor):
-    """Return number and place of the obstacles of sets, in order."""
+def positions(monitor):
+    """Return number and x of the obstacles of sets, sorted."""
     return sorted((name.key, polygon.bounds[0]) for name, polygon in monitor.scene.obstacles
                   if name.source == 'lidar')
 
@@ -241,16 +233,16 @@ def test_set_is_as_old_as_its_oldest_message():
         monitor.receive('lidar', serialised(box(x), stamp), first + 40 * millisecond)
     last = first + 40 * millisecond
     assert monitor.receive('lidar', serialised([], last), last) is None
-    assert places(monitor) == [(0, 11), (1, 21)]
+    assert positions(monitor) == [(0, 11), (1, 21)]
     for late, expected, held in ((0, 'clear', [(0, 11), (1, 21)]), (1, 'unknown', [(0, 11)])):
         now = first + 2 * SECOND + 25 * millisecond + late
         monitor.receive('robot', serialised(box(0), now), now)
-        assert (status(monitor), places(monitor)) == (expected, held)
+        assert (status(monitor), positions(monitor)) == (expected, held)
 
 
 @pytest.mark.parametrize('number, known', [(1, 'clear'), (5, 'unknown')])
-def test_first_set_counts_where_the_publisher_began_with_it(number, known):
-    """Its first message has the number 1; where others went before, they may be of this set."""
+def test_first_set_is_whole_if_it_begins_with_number_1(number, known):
+    """Otherwise earlier messages may belong to it."""
     monitor = Monitor(ONE_SOURCE)
     monitor.receive('robot', serialised(box(0)), NOW)
     for k, stamp, expected in ((0, NOW, known), (2, NOW + SECOND // 10, 'clear')):
@@ -259,19 +251,19 @@ def test_first_set_counts_where_the_publisher_began_with_it(number, known):
         assert status(monitor) == expected
 
 
-def test_messages_without_numbers_are_noted():
-    """No loss shows where the middleware does not count; one after another continues."""
+def test_messages_without_numbers():
+    """Losses cannot be noticed, and messages are assumed to be consecutive."""
     monitor = clear_monitor()
     assert monitor.is_numbered
     monitor.receive('lidar', serialised(box(10), NOW + 1), NOW + 1)
     monitor.receive('lidar', serialised([], NOW + 1), NOW + 1)
     assert not monitor.is_numbered
-    assert places(monitor) == [(0, 10)]
+    assert positions(monitor) == [(0, 10)]
     assert monitor.lost == {}
 
 
-def test_each_message_is_a_whole_set_with_a_max_count_of_1():
-    """As the footprint of another robot is: nothing else ends the set."""
+def test_max_count_1_makes_each_message_a_set():
+    """Such as the footprint of another robot."""
     lidar, = ONE_SOURCE.obstacles
     monitor = Monitor(replace(ONE_SOURCE, obstacles=(replace(lidar, max_count=1),)))
     for number, (x, known) in enumerate(((10, 'clear'), (0.5, 'collision'), (10, 'clear')), 1):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Predictions by what a robot is told to do, where it has commands: never by anything else."""
+"""Predictions by velocity commands, which replace the measured velocity."""
 
 from dataclasses import replace
 import math
@@ -36,7 +36,7 @@ MAP = ObstacleSettings('map', '/map', type='polygon_instance', timeout=0.0)
 
 
 class Driven(World):
-    """A monitor of a robot with commands, among obstacles."""
+    """A monitor of a robot with commands among obstacles."""
 
     def __init__(self, *polygons, **robot):
         super().__init__(Settings(frame_id='odom', footprints=(replace(ROBOT, **robot),),
@@ -44,18 +44,18 @@ class Driven(World):
         self.send_map('map', *polygons)
 
     def drive(self, *twist, age=None, **more):
-        """Let a command come, stamped if it has an age in s; return why it is refused."""
+        """Receive a command, stamped if it has an age in s; return why it is refused."""
         stamp = 0 if age is None else self.now - round(age * SECOND)
         return self.order(command(*twist, stamp=stamp, **more))
 
     def order(self, data):
-        """Let the bytes of a command come; return why they are refused."""
+        """Receive the bytes of a command; return why they are refused."""
         rejection = self.receive('robot.cmd_vel', data)
         return rejection and rejection.text
 
     @property
     def velocity(self):
-        """The words of ~/state for it."""
+        """The velocity in the values of ~/state."""
         states = States('/node', self.settings)
         states.write('robot', self.state(), 0.0)
         states.write_moving('robot', None, None, {}, ('', None), self.scene.velocity('robot'),
@@ -67,8 +67,8 @@ class Driven(World):
 AHEAD = box(2.5, -0.5)
 
 
-def test_what_it_is_told_counts_and_not_what_it_does():
-    """It drives away from the wall that it is told to drive to, and the other way round."""
+def test_command_counts_instead_of_the_measured_velocity():
+    """The robot drives away from the wall while it is commanded towards it, and vice versa."""
     world = Driven(AHEAD)
     world.move(0.0, 0.0)
     world.move(0.1, -0.1)
@@ -86,8 +86,8 @@ def test_what_it_is_told_counts_and_not_what_it_does():
     assert world.velocity == '0.000 m/s, 0.000 m/s, 0.000 rad/s by command'
 
 
-def test_a_command_is_in_the_frame_of_the_robot():
-    """It looks along y; to its left is -x. One place is enough, as no velocity is measured."""
+def test_command_is_in_the_frame_of_the_robot():
+    """It faces along y, so its left is -x; one pose is enough."""
     world = Driven(box(-3.25, 0.0))
     world.move(0.0, 0.0, yaw=math.pi / 2)
     world.drive(0.0, 1.0)
@@ -97,7 +97,7 @@ def test_a_command_is_in_the_frame_of_the_robot():
     assert world.prediction.velocity.pose == pytest.approx((0.0, 0.0, math.pi / 2))
 
 
-def test_it_is_told_of_before_it_is_anywhere():
+def test_command_before_the_first_pose():
     world = Driven(AHEAD)
     world.drive(1.0)
     assert world.prediction is None and world.velocity == 'unknown'
@@ -106,26 +106,26 @@ def test_it_is_told_of_before_it_is_anywhere():
 
 
 @pytest.mark.parametrize(('timeout', 'lasts'), [(0.5, 0.5), (1.0, 1.0), (9.0, 2.0), (0.0, 2.0)])
-def test_a_command_expires(timeout, lasts):
-    """With the timeout of the footprint, and like any velocity after two seconds; one of 0 too."""
+def test_command_expires(timeout, lasts):
+    """After the footprint's timeout, but at most two seconds; commands of 0, too."""
     world = Driven(AHEAD, timeout=timeout, min_time_to_collision=5.0)
     world.move(0.0, 0.0)
     for speed in (1.0, 0.0):
         world.move(world.time + 0.1, 0.0)
         world.drive(speed)
-        told = world.time
-        world.move(told + lasts - 0.01, 0.0)
+        sent = world.time
+        world.move(sent + lasts - 0.01, 0.0)
         assert world.prediction is not None
         assert world.status() == ('imminent' if speed else 'clear')
         assert world.scene.state('robot').reasons == ((
             'moving as it is told to, it is in contact within min_time_to_collision, 5 s',
         ) if speed else ())
-        world.move(told + lasts + 0.01, 0.0)
+        world.move(sent + lasts + 0.01, 0.0)
         assert world.status() == 'clear' and world.prediction is None
         assert world.velocity == f'unknown: no command on /cmd_vel for {lasts:.1f} s'
 
 
-def test_its_age_is_that_of_its_stamp():
+def test_command_expires_from_its_stamp():
     world = Driven(AHEAD, timeout=0.5)
     world.move(0.0, 0.0)
     assert world.drive(1.0, age=0.4) is None and world.prediction.seconds < 3.0
@@ -138,7 +138,7 @@ def test_its_age_is_that_of_its_stamp():
     assert world.prediction is None
 
 
-# More than an hour after no stamp at all.
+# More than an hour after stamp 0.
 LATER = START + 4000 * SECOND
 
 
@@ -157,8 +157,8 @@ LATER = START + 4000 * SECOND
     (stamped(b'\0\1\0\0' + bytes(40)), 'undecodable', 'ends before its twist does')],
     ids=['nan', 'infinite', 'too fast', 'frame', 'late', 'clock', 'future', 'cut off', 'too long',
          'nothing', 'cut off Twist'])
-def test_a_bad_command_is_refused_and_what_it_does_is_unknown(data, reason, detail):
-    """The one before does not count any more, as the robot may well have understood the last."""
+def test_refused_command_makes_the_velocity_unknown(data, reason, detail):
+    """The previous command no longer counts, since the robot may have accepted this one."""
     world = Driven(AHEAD, min_time_to_collision=2.5)
     world.move(4000.1, 0.0)
     world.drive(1.0)
@@ -175,8 +175,8 @@ def test_a_bad_command_is_refused_and_what_it_does_is_unknown(data, reason, deta
     assert world.status() == 'imminent'
 
 
-def test_the_last_one_counts_whatever_its_stamp():
-    """As of those that a robot hears from several who may drive it, by clocks that differ."""
+def test_last_command_counts_whatever_its_stamp():
+    """Several publishers may take turns, with different clocks."""
     world = Driven(AHEAD)
     world.move(0.1, 0.0)
     world.drive(0.0, age=0.0)
@@ -184,11 +184,11 @@ def test_the_last_one_counts_whatever_its_stamp():
     assert world.prediction.seconds < 3.0
 
 
-def test_whatever_bytes_come_are_taken_or_refused_in_words():
-    """Each prefix, each byte changed, of both orders: never raised, and no byte in the words."""
+def test_damaged_commands_never_raise():
+    """Every prefix and changed byte in both orders; refusals are printable."""
     world = Driven(AHEAD)
     world.move(0.1, 0.0)
-    taken = 0
+    accepted = 0
     for order in '<>':
         good = command(1.0, 0.5, 0.1, world.now, 'base', order)
         for data in (*(good[:k] for k in range(len(good))),
@@ -199,12 +199,11 @@ def test_whatever_bytes_come_are_taken_or_refused_in_words():
             velocity = world.scene.velocity('robot')
             assert (text is not None) == isinstance(velocity, str)
             assert text or all(abs(value) <= 1000 for value in velocity.twist)
-            taken += text is None
-    assert 100 < taken < world.monitor.received['robot.cmd_vel'] - 200
+            accepted += text is None
+    assert 100 < accepted < world.monitor.received['robot.cmd_vel'] - 200
 
 
-def test_none_of_another_time_counts():
-    """The clock was set back."""
+def test_step_back_in_time_drops_commands():
     world = Driven(AHEAD)
     world.move(5.0, 0.0)
     world.drive(1.0)
@@ -213,12 +212,12 @@ def test_none_of_another_time_counts():
     assert world.prediction is None and world.velocity.endswith('no command on /cmd_vel yet')
 
 
-def test_a_disabled_footprint_hears_nothing():
+def test_commands_of_a_disabled_footprint_are_ignored():
     world = Driven(AHEAD, enabled=False)
     assert world.drive(math.nan) is None and not world.monitor.rejected
 
 
-def test_a_published_footprint_has_no_frame_for_commands():
+def test_commands_need_an_outline():
     with pytest.raises(ParameterError, match=r'give robot\.points or robot\.radius, and robot'):
         check_outlines(Settings(
             footprints=(FootprintSettings('robot', '/robot', cmd_vel='/cmd_vel'),),
@@ -227,7 +226,7 @@ def test_a_published_footprint_has_no_frame_for_commands():
 
 @pytest.mark.parametrize('seed', range(6))
 def test_no_time_by_command_is_late(seed):
-    """Random commands, poses and ages, against twists followed by small steps with shapely."""
+    """Random commands, poses and ages, against small steps with shapely."""
     rng = np.random.default_rng(seed)
     obstacles = [Polygon(rng.uniform(-0.4, 0.4, (3, 2)) + rng.uniform(-4, 4, 2)).convex_hull
                  for _ in range(8)]

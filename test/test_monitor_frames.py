@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bodies in frames that move: each is where it was at its own stamp, in the fixed frame."""
+"""Bodies in moving frames are placed in the fixed frame by the transform at their stamp."""
 
 from dataclasses import replace
 import math
@@ -36,26 +36,27 @@ SETS = replace(SETTINGS, obstacles=(ObstacleSettings('lidar', '/polygons', timeo
 
 class Robot(World):
     """
-    The monitor of a robot, whose fixed frame is odom.
+    The monitor of a robot whose fixed frame is odom.
 
-    The robot moves by 1 m/s along x from 0 at 0 s and is as wide as a box of 1 m; its laser, 1 m
-    before its origin, is turned to the left.
+    The robot moves along x at 1 m/s from 0 at 0 s and is a box of 1 m; its laser, 1 m ahead of
+    its origin, is rotated to the left.
     """
 
     def __init__(self, settings=SETTINGS):
         super().__init__(settings)
-        self.tell(TF_STATIC, ('base', 'laser', 0, 1.0, 0.0, math.pi / 2))
+        self.receive_transforms(TF_STATIC, ('base', 'laser', 0, 1.0, 0.0, math.pi / 2))
 
     def move(self, time, x=None):
-        """Let the transform of the base at a time come now."""
-        self.tell(TF, ('odom', 'base', nanoseconds(time), time if x is None else x, 0.0))
+        """Receive the transform of the base at a time."""
+        x = time if x is None else x
+        self.receive_transforms(TF, ('odom', 'base', nanoseconds(time), x, 0.0))
 
     def stand(self, x, time=None):
         """Send a footprint in the fixed frame."""
         assert self.send('robot', box(x), time) is None
 
     def know_all(self):
-        """Receive of the source for its timeout until now."""
+        """Make the source known by messages that span its timeout."""
         for time in (self.time - 2.0, self.time):
             self.see((), time)
 
@@ -70,7 +71,7 @@ class Robot(World):
 
 @pytest.fixture
 def robot():
-    """Return a robot whose place is known from 0 to 1 s, in an empty world."""
+    """Return a robot whose pose is known from 0 to 1 s, in an empty world."""
     robot = Robot()
     for k in range(11):
         robot.move(k / 10)
@@ -80,8 +81,8 @@ def robot():
     return robot
 
 
-def test_an_obstacle_is_where_the_laser_was_at_its_stamp(robot):
-    """What is 2 m to the right of the laser's axis lies ahead of the robot."""
+def test_obstacle_is_placed_by_the_pose_at_its_stamp(robot):
+    """A point 2 m to the right of the laser's axis is ahead of the robot."""
     robot.see([(0, -2), (1, -2), (0, -3)], 0.35)
     assert robot.seen == [pytest.approx((3.35, 0.0, 4.35, 1.0), abs=1e-12)]
     robot.see([(0, -2), (1, -2), (0, -3)], 1.0)
@@ -89,7 +90,7 @@ def test_an_obstacle_is_where_the_laser_was_at_its_stamp(robot):
     assert robot.status() == 'clear' and not robot.rejections
 
 
-def test_a_footprint_in_its_own_frame_is_one_too():
+def test_footprint_in_a_moving_frame_is_placed():
     robot = Robot()
     robot.move(0.5)
     robot.move(1.0)
@@ -103,7 +104,7 @@ def test_a_footprint_in_its_own_frame_is_one_too():
 
 
 def test_messages_in_the_fixed_frame_need_no_transform():
-    """They are taken at once and bit for bit, whatever is known of frames."""
+    """They are accepted at once and unchanged."""
     robot = Robot()
     robot.stand(0)
     robot.see([(0.1, 0.3), (3, 7), (1 / 3, 5)], None, 'odom')
@@ -113,15 +114,15 @@ def test_messages_in_the_fixed_frame_need_no_transform():
     assert 'lidar' not in robot.monitor.waiting
 
 
-def test_what_is_not_convex_is_moved_too(robot):
+def test_non_convex_obstacle_is_placed(robot):
     robot.see([(0, 0), (4, 0), (4, 4), (2, 1)], 1.0, 'base')
     (_, polygon), = robot.monitor.scene.obstacles
     assert polygon.vertices.tolist() == [[1, 0], [5, 0], [5, 4], [3, 1]]
     assert robot.status() == 'collision'
 
 
-def test_a_message_waits_for_its_transform(robot):
-    """What waits is not yet seen: what was there before stays."""
+def test_message_waits_for_its_transform(robot):
+    """Until then the obstacles before it stay."""
     robot.see(box(0.5), 1.0, 'odom')
     assert robot.status() == 'collision'
     robot.wait_until(1.05)
@@ -134,7 +135,7 @@ def test_a_message_waits_for_its_transform(robot):
 
 
 def test_messages_wait_in_order(robot):
-    """The second one's frame is fixed, but it tells of later."""
+    """The second one needs no transform, but waits behind the first."""
     robot.wait_until(1.05)
     robot.see(box(9), 1.04, 'base')
     robot.see(box(0), 1.05, 'odom')
@@ -144,8 +145,8 @@ def test_messages_wait_in_order(robot):
     assert robot.seen == [(0, 0, 1, 1)]
 
 
-def test_patience_ends(robot):
-    """The refused obstacle makes the footprint unknown, and says why."""
+def test_waiting_ends_after_transform_timeout(robot):
+    """The refused obstacle makes the footprint unknown, with the reason."""
     robot.see(box(9), 1.0, 'odom')
     robot.wait_until(1.05)
     robot.see(box(9), 1.05, 'laser')
@@ -164,15 +165,14 @@ def test_patience_ends(robot):
     assert robot.status() == 'clear'
 
 
-def test_waiting_ends_when_the_timeout_says_and_not_before(robot):
+def test_deadline_of_a_waiting_message(robot):
     assert robot.monitor.deadline >= robot.now
     robot.wait_until(1.05)
     robot.see(box(9), 1.05)
     assert robot.monitor.deadline == nanoseconds(1.25)
 
 
-def test_waiting_is_part_of_the_age(robot):
-    """An obstacle counts from its stamp, not from when it could be placed."""
+def test_waiting_counts_towards_the_age(robot):
     robot.wait_until(1.05)
     robot.see(box(9), 1.05)
     robot.wait_until(1.2)
@@ -185,7 +185,7 @@ def test_waiting_is_part_of_the_age(robot):
 
 
 @pytest.mark.parametrize('time, reason', [(-0.1, frames.NO_TRANSFORM), (1.3, frames.GAP)])
-def test_what_cannot_come_any_more_is_not_waited_for(robot, time, reason):
+def test_transform_that_cannot_come_is_not_waited_for(robot, time, reason):
     robot.wait_until(1.6)
     robot.move(1.6)
     robot.see(box(9), time)
@@ -195,21 +195,21 @@ def test_what_cannot_come_any_more_is_not_waited_for(robot, time, reason):
 
 def test_tilted_frames_are_refused(robot):
     tilt = math.radians(6)
-    robot.tell(TF_STATIC, ('base', 'ramp', 0, 0, 0, 0, 0, math.sin(tilt / 2), 0,
-                           math.cos(tilt / 2)))
+    robot.receive_transforms(TF_STATIC, ('base', 'ramp', 0, 0, 0, 0, 0, math.sin(tilt / 2), 0,
+                                         math.cos(tilt / 2)))
     robot.see(box(9), 1.0, 'ramp')
     assert robot.reasons == [frames.TILTED]
     assert 'ramp is tilted by 6.0 degrees in odom, more than 5' in robot.rejections[0].text
 
 
-def test_a_frame_that_never_comes_is_named(robot):
+def test_missing_frame_is_named(robot):
     robot.see(box(9), 1.0, 'camera')
     robot.wait_until(1.3)
     assert robot.reasons == [frames.UNKNOWN_FRAME]
     assert 'no good transform has named camera yet' in robot.rejections[0].text
 
 
-def test_a_footprint_waits_as_well_and_is_refused(robot):
+def test_footprint_waits_and_is_refused(robot):
     robot.see(box(9), 1.0, 'odom')
     robot.wait_until(1.1)
     robot.send('robot', box(0), 1.1, 'base')
@@ -220,12 +220,12 @@ def test_a_footprint_waits_as_well_and_is_refused(robot):
         'footprint robot on /footprint was refused: no transform',)
 
 
-def test_stamp_zero_takes_the_newest_transform(robot):
+def test_stamp_0_uses_the_newest_transform(robot):
     robot.see(box(1), 'none', 'base')
     assert robot.seen == [(2, 0, 3, 1)]
 
 
-def test_stamp_zero_takes_no_newest_that_is_older_than_the_timeout(robot):
+def test_stamp_0_refuses_a_newest_transform_past_the_timeout(robot):
     """The timeout of the source is 2 s."""
     robot.wait_until(3.0)
     assert robot.see(box(1), 'none', 'base') is None
@@ -235,7 +235,7 @@ def test_stamp_zero_takes_no_newest_that_is_older_than_the_timeout(robot):
     assert 'lidar' not in robot.monitor.waiting
 
 
-def test_an_empty_polygon_is_nowhere_and_needs_no_transform(robot):
+def test_empty_polygon_needs_no_transform(robot):
     robot.wait_until(2.5)
     robot.see([], 2.5, 'camera')
     robot.wait_until(4.5)
@@ -243,8 +243,8 @@ def test_an_empty_polygon_is_nowhere_and_needs_no_transform(robot):
     assert robot.status() == 'clear' and not robot.rejections
 
 
-def test_where_too_much_waits_the_first_are_refused(robot):
-    """Of a source no more than twice its max_count waits."""
+def test_number_of_waiting_messages_is_limited(robot):
+    """To twice the max_count of a source; the first ones are refused."""
     robot.wait_until(1.01)
     for k in range(12):
         robot.see(box(9 + k), 1.01, instance=k % 5)
@@ -252,8 +252,8 @@ def test_where_too_much_waits_the_first_are_refused(robot):
     assert robot.reasons == [frames.NO_TRANSFORM] * 2
 
 
-def test_losses_count_where_they_happened():
-    """What was lost before a message that waits is not before one that was there already."""
+def test_loss_before_a_waiting_message():
+    """It is counted when that message is received."""
     robot = Robot(SETS)
     robot.move(0.0)
     robot.see(box(1), 0.1, 'base', None)
@@ -266,8 +266,8 @@ def test_losses_count_where_they_happened():
     assert len(robot.seen) == 2
 
 
-def test_a_set_that_waits_is_not_whole():
-    """One of it could be taken, and its end has come."""
+def test_set_with_a_waiting_message_is_not_whole():
+    """Even if its end has arrived."""
     robot = Robot(SETS)
     robot.stand(0)
     robot.move(0.1)
@@ -286,8 +286,8 @@ def test_a_set_that_waits_is_not_whole():
     assert sorted(robot.seen) == [pytest.approx((0.14, 0, 1.14, 1)), (7, 0, 8, 1)]
 
 
-def test_publishers_are_those_once_what_they_sent_is_taken():
-    """The one that has ended sent a set that waits for a transform."""
+def test_change_of_publishers_waits_for_their_messages():
+    """The publisher has ended, but a set of it waits for a transform."""
     robot = Robot(SETS)
     robot.stand(0)
     robot.monitor.update_publishers('lidar', [Endpoint('a', '/a')])
@@ -300,7 +300,7 @@ def test_publishers_are_those_once_what_they_sent_is_taken():
     assert 'has no publisher' in robot.monitor.scene.state('robot').reasons[0]
 
 
-def test_the_disabled_receive_nothing_of_what_waited(robot):
+def test_disabled_source_drops_waiting_messages(robot):
     robot.wait_until(1.05)
     robot.see(box(9), 1.05)
     off = replace(SETTINGS.obstacles[0], enabled=False)
@@ -309,8 +309,8 @@ def test_the_disabled_receive_nothing_of_what_waited(robot):
     assert robot.seen == [] and not robot.rejections
 
 
-def test_a_jump_back_begins_anew(robot):
-    """A bag that loops: what waits and what moves belongs to another time, the static stays."""
+def test_step_back_in_time_drops_waiting_messages_and_transforms(robot):
+    """Static transforms stay."""
     robot.wait_until(1.05)
     robot.see(box(9), 1.05)
     robot.wait_until(0.0)
@@ -324,8 +324,8 @@ def test_a_jump_back_begins_anew(robot):
     assert robot.status() == 'clear' and not robot.rejections
 
 
-def test_a_jump_back_is_seen_by_a_message_first(robot):
-    """It must not be moved by what was received of that time before the jump."""
+def test_step_back_is_noticed_by_the_first_message(robot):
+    """It is not placed by transforms from before the step."""
     robot.time = 0.5
     robot.see(box(9), 0.5, 'base')
     assert robot.seen == [] and 'lidar' in robot.monitor.waiting
@@ -334,7 +334,7 @@ def test_a_jump_back_is_seen_by_a_message_first(robot):
     assert robot.seen == [(59, 0, 60, 1)]
 
 
-def test_settings_change_while_it_runs(robot):
+def test_settings_of_transforms_can_be_changed_live(robot):
     robot.monitor.update(replace(SETTINGS, transform_timeout=1.0, max_tf_gap=0.05, max_tilt=0.2))
     robot.see(box(9), 0.55)
     assert robot.reasons == [frames.GAP]
@@ -343,16 +343,16 @@ def test_settings_change_while_it_runs(robot):
 
 
 def test_without_transforms_other_frames_are_refused_at_once():
-    """Where there is no tf2_msgs, or no /tf in a recording."""
+    """Without tf2_msgs, or without /tf in a recording."""
     monitor = Monitor(SETTINGS)
     rejection = monitor.receive('lidar', serialised(box(0), START, 'laser', 1), START)
     assert rejection.reason == 'other frame'
 
 
-def test_a_refused_transform_is_told_with_its_frame(robot):
-    robot.tell(TF, ('odom', 'base', nanoseconds(1.1), math.nan, 0.0),
-               ('odom', 'arm', nanoseconds(1.1), 1, 2, 3, 0, 0, 0, 0),
-               ('odom', 'cart', nanoseconds(1.1), 5.0, 0.0))
+def test_refused_transform_is_reported_with_its_frame(robot):
+    robot.receive_transforms(TF, ('odom', 'base', nanoseconds(1.1), math.nan, 0.0),
+                             ('odom', 'arm', nanoseconds(1.1), 1, 2, 3, 0, 0, 0, 0),
+                             ('odom', 'cart', nanoseconds(1.1), 5.0, 0.0))
     assert [one.text for one in robot.rejections] == [
         '/tf: a message on /tf was rejected, not finite or no rotation: the transform of '
         f"'{child}' in 'odom' by an unknown publisher is ({numbers}); the publisher must send "
@@ -364,19 +364,19 @@ def test_a_refused_transform_is_told_with_its_frame(robot):
     assert robot.see(box(0), 1.1, 'cart') is None and robot.seen == [(5, 0, 6, 1)]
 
 
-def test_what_is_no_message_is_told(robot):
+def test_undecodable_transforms_are_reported(robot):
     robot.rejections += robot.monitor.receive_transforms(TF, b'\0\1\0\0\1\0\0\0', robot.now)
     assert robot.reasons == ['undecodable']
     assert robot.monitor.transforms.received == {TF: 12, TF_STATIC: 1}
 
 
 @pytest.mark.parametrize('name', ('a\nb', '\x1b[31mred', 'c' * 200, "'; --"))
-def test_names_of_strangers_reach_no_words_as_they_are(robot, name):
-    """Neither a new line nor a colour, nor pages of letters."""
+def test_control_characters_in_frame_names_are_escaped(robot, name):
+    """And long names are cut."""
     robot.move(1.0)
-    robot.tell(TF, (name, 'lost', nanoseconds(1.1), math.nan, 0.0),
-               ('lost', name, nanoseconds(1.1), math.nan, 0.0), (name, 'island', robot.now, 0, 0),
-               ('island', name, robot.now, 0, 0))
+    robot.receive_transforms(TF, (name, 'lost', nanoseconds(1.1), math.nan, 0.0),
+                             ('lost', name, nanoseconds(1.1), math.nan, 0.0),
+                             (name, 'island', robot.now, 0, 0), ('island', name, robot.now, 0, 0))
     robot.see(box(0), 1.0, name)
     robot.see(box(0), 1.0, 'island')
     robot.wait_until(2.0)
@@ -387,16 +387,17 @@ def test_names_of_strangers_reach_no_words_as_they_are(robot, name):
     assert len(words) > 6 and all(word.isprintable() and len(word) < 600 for word in words)
 
 
-def test_names_that_are_too_long_are_refused(robot):
-    robot.tell(TF, ('odom', 'x' * 10**6, robot.now, 0.0, 0.0))
+def test_very_long_frame_names_are_undecodable(robot):
+    robot.receive_transforms(TF, ('odom', 'x' * 10**6, robot.now, 0.0, 0.0))
     assert robot.reasons == ['undecodable']
     assert robot.rejections[0].detail == 'a frame name of 1000001 bytes where 255 are accepted'
 
 
-def test_who_makes_up_names_takes_a_bounded_part_of_the_memory(robot):
-    """And frames that are known go on being received."""
+def test_memory_of_unknown_frames_is_bounded(robot):
+    """Known frames are still received."""
     for k in range(110):
-        robot.tell(TF, *((f'odom{k}', f'frame{k}_{i}', robot.now, 0.0, 0.0) for i in range(100)))
+        robot.receive_transforms(TF, *(
+            (f'odom{k}', f'frame{k}_{i}', robot.now, 0.0, 0.0) for i in range(100)))
     assert set(robot.reasons) == {'too many frames'}
     assert len(robot.monitor.transforms.rejected) <= 101
     robot.wait_until(1.1)
@@ -405,7 +406,7 @@ def test_who_makes_up_names_takes_a_bounded_part_of_the_memory(robot):
 
 
 def test_two_publishers_of_a_frame_are_noticed(robot):
-    """By the numbers of their messages; one that begins again takes but one turn."""
+    """By their message numbers; a restart counts as one turn."""
     listener = robot.monitor.transforms
     for number in (7, 8, 9, 1, 2, 3):
         listener.receive(TF, transforms(('odom', 'base', robot.now, 0, 0)), robot.now, number)
@@ -415,8 +416,8 @@ def test_two_publishers_of_a_frame_are_noticed(robot):
     assert listener.turns == {'base': 3}
 
 
-class Desk:
-    """Takes numbers that are at most `ready`, and notes what it is given."""
+class Receiver:
+    """Accepts numbers up to `ready` and records them."""
 
     def __init__(self):
         self.ready = 0
@@ -427,24 +428,24 @@ class Desk:
         if item > self.ready and may_wait:
             return WAIT
         self.taken.append((name, item))
-        return f'{item} gave up' if item > self.ready else None
+        return f'{item} timed out' if item > self.ready else None
 
 
-def test_patience_ends_for_each_at_its_time():
-    desk = Desk()
-    desk.waiting.add('a', 5, 0, 10, 9)
-    desk.waiting.add('a', 6, 4, 10, 9)
-    assert desk.waiting.earliest == 10
-    assert desk.waiting.take(10) == []
-    assert desk.waiting.take(11) == ['5 gave up']
-    assert desk.waiting.earliest == 14
-    assert desk.waiting.take(15) == ['6 gave up']
-    assert desk.waiting.earliest == NEVER
+def test_waiting_messages_time_out_one_by_one():
+    receiver = Receiver()
+    receiver.waiting.add('a', 5, 0, 10, 9)
+    receiver.waiting.add('a', 6, 4, 10, 9)
+    assert receiver.waiting.earliest == 10
+    assert receiver.waiting.take(10) == []
+    assert receiver.waiting.take(11) == ['5 timed out']
+    assert receiver.waiting.earliest == 14
+    assert receiver.waiting.take(15) == ['6 timed out']
+    assert receiver.waiting.earliest == NEVER
 
 
-def test_what_is_dropped_is_not_taken():
-    desk = Desk()
-    desk.waiting.add('a', 5, 0, 10, 9)
-    desk.waiting.drop()
-    assert desk.waiting.take(99) == desk.taken == []
-    assert desk.waiting.earliest == NEVER and 'a' not in desk.waiting
+def test_dropped_messages_are_not_received():
+    receiver = Receiver()
+    receiver.waiting.add('a', 5, 0, 10, 9)
+    receiver.waiting.drop()
+    assert receiver.waiting.take(99) == receiver.taken == []
+    assert receiver.waiting.earliest == NEVER and 'a' not in receiver.waiting

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Random scenes in random moving frames: the states of the fixed frame, by rational numbers."""
+"""Random scenes in random moving frames have the same states as in the fixed frame."""
 
 from builders import serialised
 from moving_scenes import FIXED, MovingScene, OUTLINE, WINDOW, WINDOWS
@@ -44,7 +44,7 @@ class Playback:
         self._events = list(reversed(events))
 
     def until(self, time):
-        """Receive what comes until then, and have each answer proved."""
+        """Receive all events up to a time, and check the contacts after each."""
         while self._events and self._events[-1].time <= time:
             at, topic, data = self._events.pop()
             now = START + round(at * 1e9)
@@ -52,13 +52,13 @@ class Playback:
                 self.rejections += self.monitor.receive_transforms(topic, data, now)
             else:
                 self.monitor.receive(NAMES[topic], data, now)
-            self.prove()
+            self.check_contacts()
         self.rejections += self.monitor.advance(START + round(time * 1e9))
-        self.prove()
+        self.check_contacts()
 
     @property
     def bodies(self):
-        """The vertices of all by name; those of obstacles by id."""
+        """The vertices of footprints by name and of obstacles by id."""
         scene = self.monitor.scene
         return {**{name: polygon.vertices for name, polygon in scene.footprints},
                 **{obstacle.key: polygon.vertices for obstacle, polygon in scene.obstacles}}
@@ -66,8 +66,8 @@ class Playback:
     def contacts(self, name):
         return {obstacle.key for obstacle in self.monitor.scene.state(name).contacts}
 
-    def prove(self):
-        """Compare the contacts of each footprint with those of its doubles, by integers."""
+    def check_contacts(self):
+        """Compare the contacts of each footprint with exact ones of the stored vertices."""
         bodies = self.bodies
         for name in {'robot', 'cart'} & bodies.keys():
             assert self.contacts(name) == {
@@ -76,7 +76,7 @@ class Playback:
 
 
 def near(vertices, truth):
-    """Tell whether each corner has a vertex by it, to single precision and what turns it."""
+    """Tell whether each corner has a vertex near it, up to single precision."""
     points = [complex(x, y) for x, y in vertices.tolist()]
     return len(points) == len(truth) and all(
         min(abs(point - corner) for point in points) < 2e-4 for corner in truth)
@@ -86,10 +86,10 @@ def near(vertices, truth):
     *range(12), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(12, 25))])
 def test_states_are_those_of_the_fixed_frame(seed):
     """
-    Whatever the frames, the rates of /tf, the delays and the order of arrival.
+    With any frames, rates of /tf, delays and orders of arrival.
 
-    Wherever transforms and bodies have come, all is where it truly was; and at all times the
-    contacts are those of the doubles that the scene has.
+    Once transforms and bodies have arrived, all bodies are where they truly were; contacts are
+    exact for the stored vertices at all times.
     """
     scene = MovingScene(seed, START)
     moving, fixed = Playback(scene.moving), Playback(scene.fixed)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Footprints that nobody publishes: an outline goes where its frame goes."""
+"""Footprints given as an outline, which follows its frame."""
 
 from dataclasses import replace
 import math
@@ -31,7 +31,7 @@ SOURCE = ObstacleSettings('lidar', '/polygons', type='polygon_instance', timeout
 
 
 class OutlineWorld(World):
-    """A monitor in moving frames; one obstacle is far off."""
+    """A monitor with outlines and one far obstacle."""
 
     def __init__(self, *footprints, transforms=True, **more):
         super().__init__(Settings(frame_id='odom', footprints=footprints or (ROBOT,),
@@ -40,7 +40,7 @@ class OutlineWorld(World):
         self.send_map('lidar', box(50.0))
 
 
-def test_an_outline_goes_where_its_frame_goes():
+def test_outline_follows_its_frame():
     world = OutlineWorld()
     assert world.state().reasons == ('footprint robot on /tf has not been received yet',)
     world.move(0.1, 1.0)
@@ -52,8 +52,7 @@ def test_an_outline_goes_where_its_frame_goes():
     assert world.monitor.received['robot'] == 3 and not world.rejections
 
 
-def test_its_age_is_that_of_the_transform():
-    """And so is that which tells where it came from."""
+def test_age_is_that_of_the_transform():
     world = OutlineWorld()
     world.move(0.1, 1.0)
     world.wait_until(0.35)
@@ -66,30 +65,30 @@ def test_its_age_is_that_of_the_transform():
         'footprint robot on /tf is older than its timeout of 1 s',)
 
 
-def test_it_is_as_old_as_the_oldest_transform_that_it_takes():
-    """Localization is slower than odometry: the pose is that of the last time both know."""
+def test_age_is_that_of_the_oldest_transform_in_the_chain():
+    """Localisation is slower than odometry: the pose is the last common one."""
     world = OutlineWorld()
-    world.tell(TF_STATIC, ('map', 'wall', 0, 1.0, 0.0))
+    world.receive_transforms(TF_STATIC, ('map', 'wall', 0, 1.0, 0.0))
     world.move(0.1, 100.0, child='middle')
     world.move(0.1, 1.0, parent='middle')
     world.move(0.2, 2.0, parent='middle')
     assert world.bounds() == (100.5, -0.5, 101.5, 0.5) and world.state().age == pytest.approx(0.1)
     world.move(0.3, 3.0, parent='middle')
     world.time = 0.35
-    world.tell(TF, ('odom', 'middle', nanoseconds(0.25), 200.0, 0.0))
+    world.receive_transforms(TF, ('odom', 'middle', nanoseconds(0.25), 200.0, 0.0))
     assert world.bounds() == pytest.approx((202.0, -0.5, 203.0, 0.5), abs=1e-9)
     assert world.state().age == pytest.approx(0.1)
 
 
-def test_what_does_not_move_it_leaves_it_alone():
+def test_unrelated_transform_does_not_place_it():
     world = OutlineWorld()
     world.move(0.1, 1.0)
     world.move(0.2, 9.0, child='other')
     assert world.monitor.received['robot'] == 1 and world.state().age == pytest.approx(0.1)
 
 
-def test_it_is_placed_no_more_often_than_its_rate():
-    """On the average; and what came too soon is placed when it is time, without a message."""
+def test_rate_limits_placements():
+    """On average; a skipped pose is placed when it is due, without another message."""
     world = OutlineWorld(replace(ROBOT, rate=10.0))
     for k in range(100):
         world.move(k / 100, k / 10)
@@ -102,17 +101,17 @@ def test_it_is_placed_no_more_often_than_its_rate():
 
 
 def test_regular_poses_at_its_rate_are_all_placed():
-    """Though some come a little early."""
+    """Even if some come a little early."""
     world = OutlineWorld(replace(ROBOT, rate=50.0))
     for k in range(100):
         world.move(k / 50 + (k * 7 % 5) / 1000, k / 10)
     assert world.monitor.received['robot'] == 100
 
 
-def test_in_a_static_frame_it_stays_known():
-    """Nothing is ever told again, and nothing grows old."""
+def test_outline_in_a_static_frame_never_expires():
+    """Although its transform is sent once."""
     world = OutlineWorld()
-    world.tell(TF_STATIC, ('odom', 'base', 0, 7.0, 0.0))
+    world.receive_transforms(TF_STATIC, ('odom', 'base', 0, 7.0, 0.0))
     assert world.bounds() == (6.5, -0.5, 7.5, 0.5)
     for _ in range(1000):
         world.wait_until((world.monitor.deadline + 1 - START) / SECOND)
@@ -120,15 +119,15 @@ def test_in_a_static_frame_it_stays_known():
     assert world.time > 100 and world.scene.origin('robot') == ('base', None)
 
 
-def test_without_a_timeout_a_static_frame_asks_for_nothing():
+def test_static_frame_without_a_timeout_has_no_deadline():
     world = OutlineWorld(replace(ROBOT, timeout=0.0))
-    world.tell(TF_STATIC, ('odom', 'base', 0, 7.0, 0.0))
+    world.receive_transforms(TF_STATIC, ('odom', 'base', 0, 7.0, 0.0))
     world.wait_until(2.0)
     assert world.monitor.deadline > nanoseconds(1e6)
 
 
-def test_why_it_is_nowhere_is_said_once():
-    """After the time that a message would wait for a transform."""
+def test_missing_transform_is_reported_once():
+    """After transform_timeout."""
     world = OutlineWorld()
     world.move(0.1, 1.0, child='arm')
     assert not world.rejections
@@ -145,20 +144,20 @@ def test_why_it_is_nowhere_is_said_once():
     assert world.status() == 'clear'
 
 
-def test_a_frame_that_tilts_is_nowhere():
-    """At once, though it was somewhere."""
+def test_tilted_frame_is_unknown_at_once():
     world = OutlineWorld()
     world.move(0.1, 1.0)
     world.wait_until(0.2)
     half = math.radians(3)
-    world.tell(TF, ('odom', 'base', world.now, 1, 0, 0, math.sin(half), 0, 0, math.cos(half)))
+    world.receive_transforms(
+        TF, ('odom', 'base', world.now, 1, 0, 0, math.sin(half), 0, 0, math.cos(half)))
     assert world.reasons == [frames.TILTED] and world.status() == 'unknown'
     world.move(0.3, 1.0)
     assert world.status() == 'clear'
 
 
-def test_another_outline_counts_at_once():
-    """A load is picked up, and it reaches into something, before the robot moves on."""
+def test_changed_outline_counts_at_once():
+    """Before the robot moves on."""
     world = OutlineWorld()
     world.move(0.1, 49.0, 0.5)
     assert world.status() == 'clear'
@@ -168,8 +167,7 @@ def test_another_outline_counts_at_once():
     assert world.status() == 'clear'
 
 
-def test_another_outline_that_cannot_be_placed_is_unknown():
-    """What was there before had another shape."""
+def test_changed_outline_that_cannot_be_placed_is_unknown():
     world = OutlineWorld()
     world.move(0.1, 49.0, 0.5)
     world.monitor.transforms.clear()
@@ -179,8 +177,8 @@ def test_another_outline_that_cannot_be_placed_is_unknown():
     assert world.status() == 'collision'
 
 
-def test_a_disc_is_covered():
-    """By a polygon round it, in single precision too."""
+def test_radius_is_covered_by_a_polygon():
+    """Also after rounding to single precision."""
     world = OutlineWorld(replace(ROBOT, points='', radius=0.3, radius_vertices=7))
     world.move(0.1, 0.0)
     (_, polygon), = world.scene.footprints
@@ -192,7 +190,7 @@ def test_a_disc_is_covered():
         polygon.vertices, [*polygon.vertices[1:], polygon.vertices[0]])) > 0.3
 
 
-def test_the_disabled_follow_nothing():
+def test_disabled_outline_is_not_placed():
     world = OutlineWorld()
     world.move(0.1, 1.0)
     world.use(enabled=False)
@@ -203,7 +201,7 @@ def test_the_disabled_follow_nothing():
     assert world.bounds() == (1.5, -0.5, 2.5, 0.5)
 
 
-def test_it_lives_beside_footprints_that_are_told():
+def test_outline_beside_a_published_footprint():
     world = OutlineWorld(ROBOT, FootprintSettings('cart', '/cart'))
     world.move(0.1, 1.0)
     world.monitor.receive('cart', serialised(box(49.5), world.now, 'odom'), world.now)
@@ -214,34 +212,33 @@ def test_it_lives_beside_footprints_that_are_told():
     assert world.scene.origin('cart') == ('base', 0.0)
 
 
-def test_odometry_moves_it_without_tf():
+def test_outline_follows_odometry():
     world = OutlineWorld(replace(ROBOT, topic='/odom', odometry='/odom'))
-    world.report(0.1, 1.0, 2.0)
+    world.receive_odometry(0.1, 1.0, 2.0)
     assert world.bounds() == (0.5, 1.5, 1.5, 2.5) and world.status() == 'clear'
-    world.report(0.3, 49.5)
+    world.receive_odometry(0.3, 49.5)
     assert world.status() == 'collision'
     assert world.monitor.received['robot'] == 2 and not world.rejections
 
 
-def test_odometry_moves_what_the_robot_sees_too():
-    """In its own frame, without /tf; what is stamped later waits."""
+def test_odometry_places_obstacles_in_the_robots_frame():
+    """Without /tf; a later stamp waits for the next message."""
     odometer = replace(ROBOT, topic='/odom', odometry='/odom')
     world = OutlineWorld(odometer, transforms=False)
-    world.report(0.1, 1.0, 2.0)
+    world.receive_odometry(0.1, 1.0, 2.0)
     world.time = 0.15
     world.monitor.receive('lidar', serialised(box(0.25), world.now, 'base', 0), world.now)
     assert world.monitor.waiting.counts() == {'lidar': 1}
-    world.report(0.2, 2.0, 2.0)
+    world.receive_odometry(0.2, 2.0, 2.0)
     assert world.status() == 'collision'
     (_, polygon), = world.scene.obstacles
     assert polygon.bounds == pytest.approx((1.75, 2.0, 2.75, 3.0), abs=1e-12)
 
 
-def test_odometry_between_other_frames_is_of_no_use():
-    """It says so, and which."""
+def test_odometry_between_other_frames_is_reported():
     world = OutlineWorld(replace(ROBOT, topic='/odom', odometry='/odom'))
-    world.report(0.1, 1.0, parent='earth')
-    world.report(0.4, 1.0, parent='earth')
+    world.receive_odometry(0.1, 1.0, parent='earth')
+    world.receive_odometry(0.4, 1.0, parent='earth')
     assert world.status() == 'unknown'
     assert world.rejections[0].text.startswith(
         'robot: a message on /odom was rejected, unknown frame: no transform from base to odom: '
@@ -250,7 +247,7 @@ def test_odometry_between_other_frames_is_of_no_use():
 
 @pytest.mark.parametrize('data', [
     b'', odometry('odom', 'b' * 300, START, 0, 0), serialised(box(0), START, 'odom')])
-def test_what_is_no_odometry_is_refused(data):
+def test_undecodable_odometry_is_refused(data):
     world = OutlineWorld(replace(ROBOT, topic='/odom', odometry='/odom'))
     rejection = world.monitor.receive('robot', data, world.now)
     assert rejection.reason == 'undecodable' and rejection.name == 'robot'
@@ -259,15 +256,15 @@ def test_what_is_no_odometry_is_refused(data):
 
 def test_odometry_that_is_not_finite_is_refused():
     world = OutlineWorld(replace(ROBOT, topic='/odom', odometry='/odom'))
-    world.report(0.1, math.nan)
+    world.receive_odometry(0.1, math.nan)
     assert world.reasons == ['not finite or no rotation']
 
 
-def test_a_jump_back_begins_anew():
-    """A bag that loops: where the frame was belongs to another time."""
+def test_step_back_in_time_drops_poses():
+    """A recording is played in a loop."""
     world = OutlineWorld()
     world.wait_until(4.9)
-    world.tell(TF_STATIC, ('base', 'tool', 0, 0.0, 0.0))
+    world.receive_transforms(TF_STATIC, ('base', 'tool', 0, 0.0, 0.0))
     for _ in range(3):
         for k in range(5):
             world.move(5.0 + k / 10, k)
@@ -277,20 +274,19 @@ def test_a_jump_back_begins_anew():
     assert not world.rejections
 
 
-def test_a_pose_in_a_gap_between_transforms_is_refused():
-    """It would have to be made up."""
+def test_pose_in_a_gap_between_transforms_is_refused():
     world = OutlineWorld(max_tf_gap=0.2, transform_timeout=9.0)
     world.move(0.0, 0.0, parent='middle')
     world.time = 0.5
-    world.tell(TF, ('middle', 'base', nanoseconds(0.5), 5.0, 0.0))
-    world.tell(TF, ('odom', 'middle', nanoseconds(0.25), 0.0, 0.0))
+    world.receive_transforms(TF, ('middle', 'base', nanoseconds(0.5), 5.0, 0.0))
+    world.receive_transforms(TF, ('odom', 'middle', nanoseconds(0.25), 0.0, 0.0))
     assert world.reasons == [frames.GAP] and world.status() == 'unknown'
-    world.tell(TF, ('odom', 'middle', nanoseconds(0.5), 0.0, 0.0))
+    world.receive_transforms(TF, ('odom', 'middle', nanoseconds(0.5), 0.0, 0.0))
     assert world.status() == 'clear' and world.bounds() == (4.5, -0.5, 5.5, 0.5)
 
 
-def test_its_velocity_is_that_of_the_transforms():
-    """Tracked from when somebody asks: two places on, on an arc; none after a time jump."""
+def test_velocity_by_transforms():
+    """Tracked on request, after two poses, here on an arc; reset by a step back in time."""
     world = OutlineWorld()
     world.move(0.1, 0.0)
     world.move(0.2, 0.1)
@@ -307,27 +303,27 @@ def test_its_velocity_is_that_of_the_transforms():
     assert world.scene.velocity('robot') == ''
 
 
-def test_its_velocity_is_that_of_odometry():
-    """In the frame that the message names, which another one may be fixed to."""
+def test_velocity_by_odometry():
+    """In the message's child frame, to which the outline's frame may be fixed."""
     world = OutlineWorld(replace(ROBOT, odometry='odometry', frame_id='body'))
     world.scene.tracks_motion = True
-    world.tell(TF_STATIC, ('base', 'body', 0, 0.5, 0.0))
-    world.report(0.1, 1.0, 2.0, 0.5, twist=(0.7, 0.1, -0.2))
+    world.receive_transforms(TF_STATIC, ('base', 'body', 0, 0.5, 0.0))
+    world.receive_odometry(0.1, 1.0, 2.0, 0.5, twist=(0.7, 0.1, -0.2))
     assert world.scene.velocity('robot') == (
         (0.7, 0.1, -0.2), pytest.approx((1.0, 2.0, 0.5)), 'odometry')
-    world.report(0.2, 1.1, 2.0, 0.5, twist=(math.nan, 0.0, 0.0))
+    world.receive_odometry(0.2, 1.1, 2.0, 0.5, twist=(math.nan, 0.0, 0.0))
     assert world.scene.velocity('robot')[2] == 'transforms'
 
 
-def test_an_outline_in_a_fixed_frame_stands():
+def test_velocity_in_a_static_frame_is_0():
     world = OutlineWorld()
     world.scene.tracks_motion = True
-    world.tell(TF_STATIC, ('odom', 'base', 0, 3.0, 0.0))
+    world.receive_transforms(TF_STATIC, ('odom', 'base', 0, 3.0, 0.0))
     assert world.scene.velocity('robot').twist == (0, 0, 0)
 
 
-def test_the_velocity_of_a_published_footprint_is_that_of_two_messages():
-    """Of two of one shape and one publisher, also where vertices change their place in order."""
+def test_velocity_of_a_published_footprint():
+    """By two messages with the same shape, even if rotation changes the first vertex."""
     monitor = Monitor(Settings(frame_id='', footprints=(FootprintSettings('robot', '/robot'),),
                                obstacles=(SOURCE,)))
     monitor.scene.tracks_motion = True
@@ -347,27 +343,27 @@ def test_the_velocity_of_a_published_footprint_is_that_of_two_messages():
 
 PUBLISHED = FootprintSettings('robot', '/robot')
 BY_ODOMETRY = replace(ROBOT, topic='/odom', odometry='/odom')
-EVERY_WAY = pytest.mark.parametrize('footprint', [PUBLISHED, ROBOT, BY_ODOMETRY],
-                                    ids=['published', 'by /tf', 'by odometry'])
+EVERY_INPUT = pytest.mark.parametrize('footprint', [PUBLISHED, ROBOT, BY_ODOMETRY],
+                                      ids=['published', 'by /tf', 'by odometry'])
 
 
 def place(world, time, x, ahead=0.0):
-    """Let the robot be received at a place, with a stamp ahead of the clock."""
+    """Receive a pose of the robot, with a stamp ahead of the clock."""
     world.wait_until(time)
     stamp = nanoseconds(time + ahead)
     footprint, = world.settings.footprints
     if footprint is ROBOT:
-        world.tell(TF, ('odom', 'base', stamp, x, 0.0))
+        world.receive_transforms(TF, ('odom', 'base', stamp, x, 0.0))
     elif footprint is BY_ODOMETRY:
         world.receive('robot', odometry('odom', 'base', stamp, x, 0.0))
     else:
         world.send('robot', box(x - 0.5, -0.5), time + ahead)
 
 
-@EVERY_WAY
+@EVERY_INPUT
 @pytest.mark.parametrize('is_first', [False, True])
-def test_one_place_ahead_of_the_clock_shuts_out_none_after_it(footprint, is_first):
-    """It counts as of now at most: each that comes after it counts when it comes."""
+def test_pose_stamped_ahead_does_not_block_later_ones(footprint, is_first):
+    """It counts as of its arrival."""
     world = OutlineWorld(footprint)
     if not is_first:
         place(world, 0.1, 1.0)
@@ -377,9 +373,9 @@ def test_one_place_ahead_of_the_clock_shuts_out_none_after_it(footprint, is_firs
         assert world.bounds()[0] == tenths - 0.5
 
 
-@EVERY_WAY
-def test_one_place_beyond_the_tolerance_is_refused(footprint):
-    """An hour ahead; the next one heals."""
+@EVERY_INPUT
+def test_pose_beyond_the_tolerance_is_refused(footprint):
+    """It is stamped an hour ahead; the next one counts."""
     world = OutlineWorld(footprint)
     place(world, 0.1, 1.0)
     place(world, 0.2, 5.0, ahead=3600.0)
@@ -387,7 +383,7 @@ def test_one_place_beyond_the_tolerance_is_refused(footprint):
     assert world.bounds()[0] == 2.5 and len(world.rejections) == 1
 
 
-def test_age_of_a_transform_ahead_of_the_clock_counts_from_its_arrival():
+def test_transform_stamped_ahead_ages_from_its_arrival():
     world = OutlineWorld()
     place(world, 0.2, 5.0, ahead=0.9)
     world.wait_until(0.7)

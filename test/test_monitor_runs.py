@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Messages that are taken as a run: the same as one after the other."""
+"""Messages received as a run give the same as one after the other."""
 
 from dataclasses import replace
 import random
@@ -20,24 +20,31 @@ import random
 from builders import box, SECOND, serialised, transforms
 from monitors import BOW_TIE, NOW, SETTINGS
 import pytest
+from sat_collision.messages.ingest import Batch
 from sat_collision.monitor import Monitor
 from sat_collision.scene.streams import Endpoint
 
-MOVING = [(0, 3), (2, 3), (2, 5), (0, 5), (1, 4)]
+NON_CONVEX = [(0, 3), (2, 3), (2, 5), (0, 5), (1, 4)]
 
 
 def snapshot(monitor):
-    """Return all that can be seen of a monitor."""
+    """Return everything observable of a monitor."""
     scene = monitor.scene
     obstacles = [(str(name), polygon.vertices.tolist()) for name, polygon in scene.obstacles]
     names = {name for name, _ in scene.obstacles}
-    return (scene.state('robot'), sorted(obstacles), scene.newer_by('robot', names),
-            scene.deadline, scene.source_faults, monitor.rejected, monitor.received,
-            monitor.lost, 'lidar' in monitor.waiting)
+    return scene.state('robot'), sorted(obstacles), known(monitor, names)
+
+
+def known(monitor, names):
+    """Return what does not depend on where bodies are, and how old the named obstacles are."""
+    scene = monitor.scene
+    return (scene.unknown_reasons('robot'), scene.newer_by('robot', names), scene.deadline,
+            scene.source_faults, monitor.rejected, monitor.received, monitor.lost,
+            'lidar' in monitor.waiting)
 
 
 def random_set(source, stamp, frame_id):
-    """Return messages of one stamp: far, near, touching, refused, not convex, ended or not."""
+    """Return messages with one stamp: far, touching, refused, non-convex, ended or not."""
     count = source.choice((1, 2, 5, 30))
     messages = [serialised(box(10 + k, source.uniform(-5, 5)), stamp, frame_id)
                 for k in range(count)]
@@ -47,7 +54,7 @@ def random_set(source, stamp, frame_id):
             serialised(box(0.5), stamp, frame_id),
             serialised(box(1.2), stamp, frame_id),
             serialised(BOW_TIE, stamp, frame_id),
-            serialised(MOVING, stamp, frame_id),
+            serialised(NON_CONVEX, stamp, frame_id),
             serialised([(4, 4)] * 5, stamp, frame_id),
             serialised(box(float('nan')), stamp, frame_id),
             serialised(box(10), stamp, 'elsewhere'),
@@ -63,18 +70,22 @@ def random_set(source, stamp, frame_id):
 
 
 @pytest.mark.parametrize('seed', range(60))
-def test_batches_are_taken_as_their_messages_one_by_one(seed):
-    """With gaps in their numbers, other frames, a margin, and sets cut between two batches."""
+def test_batches_give_the_same_as_single_messages(seed):
+    """
+    With gaps in numbers, other frames, a margin, and sets split between batches.
+
+    What is known is the same if no contacts are decided.
+    """
     source = random.Random(seed)
     settings = replace(SETTINGS, margin=source.choice((0.0, 0.0, 0.5)), obstacles=(
         replace(SETTINGS.obstacles[0], max_count=source.choice((10, 100)),
                 timeout=source.choice((0.0, 1.0, 1.0)),
                 set_window=source.choice((0.0, 0.0, 0.02))),))
     follows = source.choice((False, True))
-    places = [], [], []
-    monitors = [Monitor(settings, transforms=True, placements=one if follows else None)
-                for one in places]
-    singly, alone, together = monitors
+    places = [], [], [], []
+    monitors = [Monitor(settings, True, one if follows else None, decides_contacts=k < 3)
+                for k, one in enumerate(places)]
+    singly, alone, together, undecided = monitors
     singly.ingest.take_run = lambda *_: 0
     now, number = NOW, source.choice((1, 7, None))
     for monitor in monitors:
@@ -99,10 +110,11 @@ def test_batches_are_taken_as_their_messages_one_by_one(seed):
                 number += 1
         left = left[cut:]
         answer, *others = (monitor.receive('robot', robot, now) for monitor in monitors)
-        assert others == [answer, answer]
+        assert others == [answer] * 3
         for first, batch in batches:
             now += source.choice((0, 0, SECOND // 100))
             rejections = together.receive_batch('lidar', batch, now, first)
+            assert undecided.receive_batch('lidar', batch, now, first) == rejections
             rejected = []
             for k, data in enumerate(batch, first or 0):
                 expected = singly.receive('lidar', data, now, first and k)
@@ -111,11 +123,14 @@ def test_batches_are_taken_as_their_messages_one_by_one(seed):
                 rejected += [expected] if expected else []
             assert [*rejections] == rejected
             assert snapshot(together) == snapshot(singly)
-            changes, *others = (monitor.scene.changes() for monitor in monitors)
+            names = {name for name, _ in singly.scene.obstacles}
+            names -= {name for name, _, _ in singly.scene.contacts('robot')}
+            assert known(undecided, names) == known(singly, names)
+            changes, *others = (monitor.scene.changes() for monitor in monitors[:3])
             assert others == [changes, changes]
-    taken, *others = ([(one.shape, one._replace(points=None))
+    placed, *others = ([(one.shape, one._replace(points=None))
                        for placement in place for one in placement.each()] for place in places)
-    assert others == [taken, taken] and bool(taken) == follows
+    assert others == [placed] * 3 and bool(placed) == follows
 
 
 def ordinary(k, stamp):
@@ -123,17 +138,17 @@ def ordinary(k, stamp):
 
 
 @pytest.mark.parametrize('size', (1, 21))
-@pytest.mark.parametrize('odd, margin, status, together', [
+@pytest.mark.parametrize('unusual, margin, status, together', [
     (lambda stamp: serialised(box(1), stamp), 0.0, 'collision', 18),
     (lambda stamp: serialised(box(1.25), stamp), 0.5, 'collision', 18),
-    (lambda stamp: serialised(MOVING, stamp), 0.0, 'clear', 18),
+    (lambda stamp: serialised(NON_CONVEX, stamp), 0.0, 'clear', 18),
     (lambda stamp: serialised(BOW_TIE, stamp), 0.0, 'unknown', 18),
     (lambda stamp: ordinary(10, stamp)[:20] + b'\5\0\0\0' + ordinary(10, stamp)[24:], 0.0,
      'unknown', 17),
 ], ids=['touching', 'within the margin', 'not convex', 'refused', 'another count'])
-def test_odd_message_in_the_middle_of_a_run_is_taken_by_itself(
-        monkeypatch, size, odd, margin, status, together):
-    """All but the first message of a set and what is odd are taken in runs."""
+def test_unusual_message_in_a_run_is_received_by_itself(
+        monkeypatch, size, unusual, margin, status, together):
+    """The first message of a set, too; all others are received in runs."""
     monitor = Monitor(replace(SETTINGS, obstacles=SETTINGS.obstacles[:1], margin=margin))
     taken = []
     take_run = monitor.ingest.take_run
@@ -148,7 +163,7 @@ def test_odd_message_in_the_middle_of_a_run_is_taken_by_itself(
     for stamp in (NOW, NOW + SECOND // 10, NOW + SECOND // 5):
         batch = [ordinary(k, stamp) for k in range(20)]
         if stamp > NOW + SECOND // 10:
-            batch[10] = odd(stamp)
+            batch[10] = unusual(stamp)
         del taken[:]
         batch.append(serialised([], stamp))
         for k in range(0, 21, size):
@@ -156,3 +171,18 @@ def test_odd_message_in_the_middle_of_a_run_is_taken_by_itself(
         number += 21
     assert sum(taken) == together and max(taken) == min(size, 9)
     assert monitor.scene.state('robot').status.value == status
+
+
+def test_whole_sets_are_runs_if_no_contacts_are_decided():
+    """From the second one on, by its header; what touches is no exception, what is odd is one."""
+    monitor = Monitor(replace(SETTINGS, obstacles=SETTINGS.obstacles[:1]), placements=[],
+                      decides_contacts=False)
+    monitor.receive('robot', serialised(box(0)), NOW)
+    taken = []
+    for k in range(3):
+        stamp = NOW + k * SECOND // 10
+        batch = Batch([serialised(box(0), stamp), *(ordinary(k, stamp) for k in range(8)),
+                       serialised(NON_CONVEX, stamp), ordinary(9, stamp)])
+        taken.append(monitor.receive_run('lidar', batch, 0, stamp))
+        monitor.receive_batch('lidar', batch.messages[taken[-1]:], stamp)
+    assert taken == [0, 9, 9]

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""When a footprint is in contact, by what a monitor has received: never late, never guessed."""
+"""The time to collision of a footprint: never late, and unknown if motion is unknown."""
 
 from dataclasses import replace
 import math
@@ -30,12 +30,12 @@ from shapely.geometry import Polygon
 MAP = ObstacleSettings('map', '/map', type='polygon_instance', timeout=0.0)
 DOCK = replace(MAP, name='dock', topic='/dock')
 ROBOT = [(-0.5, -0.5), (0.5, -0.5), (0.7, 0.0), (0.5, 0.5), (-0.5, 0.5)]
-# What rounding to float32 and the tolerance of a prediction make of a place a horizon ahead, m.
-GRAZE = 2e-3
+# Error of a position a horizon ahead, by rounding to float32 and the prediction's tolerance, in m.
+TOLERANCE = 2e-3
 
 
 class Predicted(World):
-    """A monitor that is asked for predictions."""
+    """A monitor that tracks motion for predictions."""
 
     def __init__(self, bodies, dock=(), horizon=3.0, release_delay=0.0, margin=0.0, moving=False,
                  **footprint):
@@ -47,17 +47,17 @@ class Predicted(World):
         self.send_map('dock', *dock)
 
     def place(self, time, points, age=0.0):
-        """Let a footprint come that is so old already."""
+        """Receive a footprint that has an age."""
         self.wait_until(time)
         self.send('robot', points, time - age)
 
     def drive(self, *times, speed=1.0, y=0.0):
-        """Let a footprint come again and again that drives along x, at x = 0 at time 0."""
+        """Receive footprints that drive along x, from x = 0 at time 0."""
         for time in times:
             self.place(time, [(x + speed * time, v + y) for x, v in ROBOT])
 
     def see(self, time, points, key=0, age=0.0):
-        """Let an obstacle come of an id that is so old already."""
+        """Receive an obstacle with an id and an age."""
         self.wait_until(time)
         self.send('map', points, time - age, instance=key)
 
@@ -70,8 +70,8 @@ AHEAD = box(2.7, -0.5)
 FAR = box(50.0)
 
 
-def test_seconds_are_counted_from_now_and_not_from_the_stamp():
-    """The front is 2 m away at 1 m/s; what came late and what has waited is that much later."""
+def test_time_is_counted_from_now():
+    """The front is 2 m away at 1 m/s; delays of messages do not matter."""
     world = Predicted([FAR, AHEAD])
     world.drive(0.0)
     assert world.status() == 'clear' and world.prediction is None
@@ -85,8 +85,8 @@ def test_seconds_are_counted_from_now_and_not_from_the_stamp():
     assert world.prediction.duration == pytest.approx(1.6, abs=1e-3)
 
 
-def test_zero_in_contact_and_where_contact_was_due():
-    """The last footprint is 0.5 s old and was 0.1 s from the obstacle; then one touches."""
+def test_time_is_0_in_contact_and_after_predicted_contact():
+    """The last footprint is 0.5 s old and was 0.1 s before contact; then one touches."""
     world = Predicted([AHEAD])
     world.drive(1.8, 1.9)
     world.wait_until(2.4)
@@ -97,7 +97,7 @@ def test_zero_in_contact_and_where_contact_was_due():
     assert world.prediction == (0.0, ObstacleId('map', 0), None, 0.0, ())
 
 
-def test_a_margin_is_a_collision_so_the_time_is_that_until_within_it():
+def test_time_until_within_the_margin():
     world = Predicted([AHEAD], margin=0.5)
     world.drive(1.3, 1.4)
     assert world.seconds == pytest.approx(0.1, abs=1e-3)
@@ -107,7 +107,7 @@ def test_a_margin_is_a_collision_so_the_time_is_that_until_within_it():
     assert world.status() == 'collision' and world.seconds == 0.0
 
 
-def test_infinity_beyond_the_horizon_and_for_what_stands():
+def test_time_is_infinite_beyond_the_horizon_and_at_rest():
     world = Predicted([AHEAD], horizon=1.0)
     world.drive(0.0, 0.5)
     assert world.seconds == math.inf and world.prediction.obstacle is None
@@ -118,7 +118,7 @@ def test_infinity_beyond_the_horizon_and_for_what_stands():
         math.inf, None, ((0, 0, 0), pytest.approx((0.14, 0, 0)), 'footprints'), math.inf, ())
 
 
-def test_only_what_concerns_the_footprint_is_in_its_way():
+def test_only_monitored_sources_count():
     world = Predicted([FAR], [AHEAD], obstacles=('map',))
     world.drive(0.0, 0.1)
     assert world.seconds == math.inf
@@ -127,7 +127,7 @@ def test_only_what_concerns_the_footprint_is_in_its_way():
     assert world.prediction[:2] == (pytest.approx(1.9, abs=1e-3), ObstacleId('dock', 0))
 
 
-def test_unknown_while_the_state_is_and_where_nothing_is_asked():
+def test_no_prediction_while_unknown_or_not_requested():
     world = Predicted([AHEAD], horizon=0.0)
     world.drive(0.0, 0.1)
     assert world.prediction is None
@@ -142,8 +142,8 @@ def test_unknown_while_the_state_is_and_where_nothing_is_asked():
     assert world.prediction is None
 
 
-def test_motion_goes_on_for_two_seconds_at_most():
-    """Of a footprint that never grows old; one that stands goes on standing."""
+def test_velocity_is_used_for_two_seconds():
+    """Even if the footprint has no timeout; one at rest stays at rest."""
     world = Predicted([box(9.0)], horizon=60.0, timeout=0.0)
     world.drive(0.0, 0.1)
     world.wait_until(2.0)
@@ -155,8 +155,8 @@ def test_motion_goes_on_for_two_seconds_at_most():
     assert world.seconds == math.inf
 
 
-def test_a_flag_ahead_of_contact():
-    """Imminent from 1 s before contact by time alone, and until it is clear for long enough."""
+def test_imminent_within_min_time_to_collision():
+    """It begins by time alone, and ends after release_delay."""
     world = Predicted([AHEAD], min_time_to_collision=1.0, release_delay=0.5)
     world.scene.tracks_motion = False
     world.drive(0.0, 0.6, 0.7)
@@ -181,8 +181,8 @@ def test_a_flag_ahead_of_contact():
     assert world.status() == 'clear'
 
 
-def test_the_flag_falls_when_the_footprint_brakes_and_where_its_velocity_is_unknown():
-    """With the delay of any release; without a threshold it is not raised at all."""
+def test_imminent_ends_when_the_footprint_brakes_or_its_velocity_is_unknown():
+    """Or without a threshold."""
     world = Predicted([AHEAD], min_time_to_collision=1.0, horizon=0.0)
     world.drive(1.5, 1.6)
     assert world.status() == 'imminent' and world.seconds == pytest.approx(0.4, abs=1e-3)
@@ -199,8 +199,7 @@ def test_the_flag_falls_when_the_footprint_brakes_and_where_its_velocity_is_unkn
     assert world.status() == 'clear'
 
 
-def test_unknown_is_unknown_whatever_is_imminent():
-    """And its flag is what it is without a threshold."""
+def test_unknown_takes_precedence_over_imminent():
     world = Predicted([AHEAD], min_time_to_collision=2.0)
     world.drive(0.0, 0.1)
     assert world.status() == 'imminent'
@@ -211,13 +210,13 @@ def test_unknown_is_unknown_whatever_is_imminent():
 
 
 def walker(time, speed=-1.0, turn=0.0, x=5.0):
-    """Return where one is who comes along x, at x = 5 at time 0."""
+    """Return the corners of a person who moves along x, from x = 5 at time 0."""
     c, s = math.cos(turn * time), math.sin(turn * time)
     return [(x + speed * time + c * u - s * v, s * u + c * v) for u, v in box(-0.25, -0.25, 0.5)]
 
 
-def test_an_obstacle_that_moves():
-    """4.05 m apart at first and coming together at 2 m/s, whatever the ages of the messages."""
+def test_moving_obstacle():
+    """At first 4.05 m apart, approaching at 2 m/s; messages have different ages."""
     world = Predicted([walker(0.0)], moving=True)
     world.drive(0.0, 0.1)
     assert world.prediction.unknown == (ObstacleId('map', 0),) and not world.prediction.is_known
@@ -238,8 +237,8 @@ def test_an_obstacle_that_moves():
 @pytest.mark.parametrize('next_one', [
     walker(0.3)[:3], walker(0.3, turn=0.5), walker(0.3, speed=2000.0)],
     ids=['another shape', 'one that turns', 'too fast'])
-def test_unknown_motion_is_said_and_not_guessed(next_one):
-    """The flag is raised by when it is in contact at the latest."""
+def test_obstacles_of_unknown_motion_are_listed(next_one):
+    """The flag is raised by the other obstacles."""
     world = Predicted([walker(0.0), AHEAD], moving=True, min_time_to_collision=3.0)
     world.see(0.1, AHEAD, 1)
     world.see(0.2, AHEAD, 1)
@@ -252,8 +251,8 @@ def test_unknown_motion_is_said_and_not_guessed(next_one):
     assert world.status() == 'imminent'
 
 
-def test_a_velocity_of_an_obstacle_lasts_two_seconds():
-    """One that stood goes on standing."""
+def test_velocity_of_an_obstacle_is_used_for_two_seconds():
+    """One at rest stays at rest."""
     world = Predicted([walker(0.0), FAR], moving=True, timeout=9.0)
     world.see(0.1, walker(0.1))
     world.see(0.1, FAR, 1)
@@ -263,8 +262,8 @@ def test_a_velocity_of_an_obstacle_lasts_two_seconds():
     assert world.prediction.unknown == (ObstacleId('map', 0),)
 
 
-def test_what_moves_slowly_is_met_by_a_fast_footprint_and_at_a_wide_margin():
-    """At 10 m/s it comes to what is 20 m ahead, and stands, to what comes to within 5 m."""
+def test_slow_obstacle_with_a_fast_footprint_or_a_wide_margin():
+    """Both enlarge the reach within which obstacles are considered."""
     def slow(time):
         return box(20.0 - time / 16, -0.5)
     world = Predicted([slow(0.0)], moving=True)
@@ -279,8 +278,8 @@ def test_what_moves_slowly_is_met_by_a_fast_footprint_and_at_a_wide_margin():
 
 @pytest.mark.parametrize('seed', [
     *range(6), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(6, 20))])
-def test_no_time_is_late_among_many_that_move(seed):
-    """Most are out of reach, some far and fast; stamps differ. Against places every 10 ms."""
+def test_no_time_is_late_among_many_moving_obstacles(seed):
+    """Most are out of reach, some far and fast; compared with positions every 10 ms."""
     rng = np.random.default_rng(seed)
     margin = rng.choice([0.0, 0.3])
     where_from = rng.choice([0.0, 1e5])
@@ -288,7 +287,7 @@ def test_no_time_is_late_among_many_that_move(seed):
     for _ in range(40):
         centre = rng.uniform(-30, 30, 2)
         speed = rng.choice([0.0, 1.0, 10.0], p=[0.2, 0.5, 0.3])
-        # Most go about where the footprint goes, so that some are met.
+        # Most move towards the footprint, so that some meet it.
         velocity = speed * (rng.uniform(-5, 5, 2) - centre) / np.hypot(*centre)
         body = np.float32(where_from + centre + rng.uniform(-0.4, 0.4, (3, 2))).astype(float)
         bodies.append((body, np.round(velocity * 16) / 16))
@@ -308,9 +307,9 @@ def test_no_time_is_late_among_many_that_move(seed):
     assert world.prediction.is_known
     touched = math.inf
     for step in np.arange(0.0, 3.0, 0.01):
-        # Where float32 has the footprint, it goes on as fitted to it.
+        # The motion is fitted to positions rounded to float32.
         placed = affinity.translate(where(own, twist, 0.625 + step), *offset)
-        zone = placed.buffer(margin - 0.2 if where_from else margin - GRAZE)
+        zone = placed.buffer(margin - 0.2 if where_from else margin - TOLERANCE)
         if any(zone.intersects(Polygon(body + velocity * (0.625 + step)))
                for body, velocity in bodies):
             touched = step
@@ -320,13 +319,13 @@ def test_no_time_is_late_among_many_that_move(seed):
         placed = affinity.translate(where(own, twist, 0.625 + world.seconds), *offset)
         near = min(placed.distance(Polygon(body + velocity * (0.625 + world.seconds)))
                    for body, velocity in bodies)
-        assert near <= margin + (0.3 if where_from else GRAZE)
+        assert near <= margin + (0.3 if where_from else TOLERANCE)
 
 
 @pytest.mark.parametrize('seed', [
     *range(8), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(8, 25))])
 def test_no_time_is_late_and_none_is_given_while_unknown(seed):
-    """Random ways among random obstacles, that stand or move, with gaps and other shapes."""
+    """Random motion among random obstacles, at rest or moving, with gaps and changed shapes."""
     rng = np.random.default_rng(seed)
     obstacles = [Polygon(rng.uniform(-0.4, 0.4, (3, 2)) + rng.uniform(-6, 6, 2)).convex_hull
                  for _ in range(6)]
@@ -338,7 +337,7 @@ def test_no_time_is_late_and_none_is_given_while_unknown(seed):
     count, found, last = 60, 0, []
 
     def places(time):
-        """Return where obstacles are, as messages have them."""
+        """Return the obstacles at a time."""
         return [affinity.translate(one, *(time * velocity))
                 for one, velocity in zip(obstacles, velocities)]
 
@@ -351,7 +350,7 @@ def test_no_time_is_late_and_none_is_given_while_unknown(seed):
             time, last = max(time - rng.uniform(0.3, 1.0), 0.01), []
             world.wait_until(time)
         elif event == 'turn':
-            # All that was before is of another way.
+            # Earlier positions do not fit the new motion.
             twist, last = (*rng.uniform(-1.5, 1.5, 2), rng.uniform(-1.5, 1.5)), []
             world.wait_until(time := time + 2.1)
         for key in np.flatnonzero(rng.uniform(0.0, 1.0, 6) < 0.9 * (seed % 2)).tolist():
@@ -375,7 +374,7 @@ def test_no_time_is_late_and_none_is_given_while_unknown(seed):
         sent = Polygon(points)
         samples = np.arange(0.0, 3.0 + age, 0.02)
         touched = [seconds for seconds in samples if any(
-            where(sent, twist, seconds).buffer(-GRAZE).intersects(one)
+            where(sent, twist, seconds).buffer(-TOLERANCE).intersects(one)
             for one in places(time + seconds))]
         seconds = world.seconds
         if touched and touched[0] - age <= 3.0:
@@ -384,5 +383,5 @@ def test_no_time_is_late_and_none_is_given_while_unknown(seed):
             found += 1
             there = where(sent, twist, world.prediction.duration)
             at_contact = places(time + world.prediction.duration)
-            assert min(map(there.distance, at_contact)) < GRAZE, 'early'
+            assert min(map(there.distance, at_contact)) < TOLERANCE, 'early'
     assert found or seed

@@ -26,7 +26,6 @@ from sat_collision.extras import missing
 def main(args: Sequence[str] | None = None) -> int:
     """Run the demo; return the exit status."""
     try:
-        import matplotlib  # noqa: F401
         from sat_collision.demo.show import show
     except ModuleNotFoundError as error:
         print(f'sat_collision_demo: {missing(error)}', file=sys.stderr)

@@ -18,11 +18,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple, TYPE_CHECKING
 
+from matplotlib.animation import PillowWriter
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.patheffects import withStroke
+from matplotlib.textpath import TextPath
 import numpy as np
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from visualization_msgs.msg import MarkerArray
 
 # Texts are drawn larger than in the markers, because a picture cannot be zoomed.
@@ -40,27 +46,14 @@ class Frame(NamedTuple):
 
 
 def write_picture(frame: Frame, bounds: Sequence[float], path: str) -> None:
-    """Draw one frame; parameters as those of `write_movie`."""
-    _draw(frame, bounds, _figure()).savefig(path, dpi=120)
+    """Draw one frame; `bounds` are the least x and y and the greatest x and y shown (m)."""
+    figure = _figure()
+    _draw(frame, bounds, figure)
+    figure.savefig(path, dpi=120)
 
 
-def write_movie(frames: Sequence[Frame], bounds: Sequence[float], rate: int,
-                path: str) -> None:
-    """
-    Draw a moving picture.
-
-    Parameters
-    ----------
-    frames : sequence of Frame
-    bounds : sequence of float
-        Least x and y and greatest x and y of the picture, in metres.
-    rate : int
-        Frames to show in a second.
-    path : str
-        The GIF file to write.
-
-    """
-    from matplotlib.animation import PillowWriter
+def write_movie(frames: Sequence[Frame], bounds: Sequence[float], rate: int, path: str) -> None:
+    """Draw frames into a GIF file, so many in a second; `bounds` as for a picture."""
     figure = _figure()
     writer = PillowWriter(fps=rate)
     with writer.saving(figure, path, dpi=92):
@@ -71,14 +64,12 @@ def write_movie(frames: Sequence[Frame], bounds: Sequence[float], rate: int,
 
 
 def _figure() -> Figure:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
     figure = Figure(figsize=(9.0, 5.0))
     FigureCanvasAgg(figure)
     return figure
 
 
-def _draw(frame: Frame, bounds: Sequence[float], figure: Figure) -> Figure:
+def _draw(frame: Frame, bounds: Sequence[float], figure: Figure) -> None:
     """Draw the markers, and above them the time and the states."""
     axes = figure.add_axes((0.06, 0.1, 0.925, 0.84))
     min_x, min_y, max_x, max_y = bounds
@@ -89,15 +80,10 @@ def _draw(frame: Frame, bounds: Sequence[float], figure: Figure) -> Figure:
         word, colour = _WORDS[state]
         axes.text(0.11 + 0.21 * number, 1.02, f'{name}: {word}', color=colour,
                   transform=axes.transAxes)
-    return figure
 
 
 def _draw_markers(markers: MarkerArray, axes: Axes) -> None:
     """Draw markers (triangles, lines, spheres and text) into axes whose limits are set."""
-    from matplotlib.collections import LineCollection, PolyCollection
-    from matplotlib.patches import PathPatch
-    from matplotlib.patheffects import withStroke
-    from matplotlib.textpath import TextPath
     for marker in markers.markers:
         colour = np.array([marker.color.r, marker.color.g, marker.color.b])
         # Blended with the white background.

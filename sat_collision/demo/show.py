@@ -23,7 +23,7 @@ which begins at that contact. One robot brakes when its flag is raised, before i
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 import math
 import os
@@ -46,7 +46,7 @@ _PERIOD = 0.05
 _STATIC_STEPS = 20
 # The animation: seconds of the scene from frame to frame, and how many times faster it runs.
 _FRAME_PERIOD = 0.24
-_HASTE = 2.0
+_SPEEDUP = 2.0
 _START_TIMEOUT = 90.0
 # The robot that brakes: m/s and m/s^2; how many s before contact its flag is raised, and how many
 # s it waits once the flag is lowered.
@@ -86,9 +86,10 @@ class _Publisher(Node):
         self._topics = {name: self.create_publisher(PolygonStamped, name, 100)
                         for name in [*published, 'warehouse', 'people']}
         self._topics[_ODOMETRY] = self.create_publisher(Odometry, _ODOMETRY, 100)
-        self._elapsed = self._goes_on_at = self._speed = self._way = 0.0
+        self._elapsed = self._goes_on_at = self._speed = self._distance = 0.0
         # Depth 1: only the newest flag counts, and one is received per step.
-        self.create_subscription(Bool, f'{_MONITOR}/{warehouse.BRAKES}/collision', self._obey, 1)
+        self.create_subscription(Bool, f'{_MONITOR}/{warehouse.BRAKES}/collision',
+                                 self._receive_flag, 1)
 
     def play(self) -> None:
         while any(topic.get_subscription_count() == 0 for topic in self._topics.values()):
@@ -100,31 +101,32 @@ class _Publisher(Node):
             if step % _STATIC_STEPS == 0:
                 self._publish_set('warehouse', warehouse.STATIC, stamp)
             robot = warehouse.BY_ODOMETRY
-            self._tell_odometry(robot, elapsed, stamp)
+            self._publish_odometry(robot, elapsed, stamp)
             person = warehouse.seen_by(robot, warehouse.person(elapsed), elapsed)
             self._publish_set('people', [person], stamp, _BASE)
             for name in warehouse.FOOTPRINTS:
                 if name != robot:
                     self._publish(name, warehouse.footprint(name, elapsed), stamp)
             self._drive()
-            self._publish(warehouse.BRAKES, warehouse.courier(self._way), stamp)
+            self._publish(warehouse.BRAKES, warehouse.courier(self._distance), stamp)
             time.sleep(_PERIOD)
             rclpy.spin_once(self, timeout_sec=0.0)
 
-    def _obey(self, flag: Bool) -> None:
+    def _receive_flag(self, flag: Bool) -> None:
         """Stop the robot that brakes while its flag is raised, and _WAITS seconds longer."""
         if flag.data:
             self._goes_on_at = self._elapsed + _WAITS
 
     def _drive(self) -> None:
         """Advance the robot that brakes by a step."""
-        may_drive = self._elapsed >= self._goes_on_at and self._way < warehouse.COURIER_WAY
+        may_drive = (self._elapsed >= self._goes_on_at
+                     and self._distance < warehouse.COURIER_DISTANCE)
         change = _ACCELERATION * _PERIOD
         self._speed = (min(self._speed + change, _SPEED) if may_drive
                        else max(self._speed - change, 0.0))
-        self._way += self._speed * _PERIOD
+        self._distance += self._speed * _PERIOD
 
-    def _tell_odometry(self, name: str, elapsed: float, stamp: Time) -> None:
+    def _publish_odometry(self, name: str, elapsed: float, stamp: Time) -> None:
         x, y, heading = warehouse.pose(name, elapsed)
         message = Odometry(child_frame_id=_BASE)
         message.header.stamp = stamp
@@ -150,11 +152,12 @@ class _Publisher(Node):
 
 
 class _Viewer(Node):
-    """Records the flags, the states, the obstacles in contact or ahead, and the markers."""
+    """Records and prints what the node publishes."""
 
     def __init__(self) -> None:
         super().__init__('viewer')
         self.flags: dict[str, list[bool]] = {name: [] for name in _ROBOTS}
+        # The obstacles in contact or ahead, one after the other.
         self.met: dict[str, list[str]] = {name: [] for name in _ROBOTS}
         self._states = dict.fromkeys(_ROBOTS, 'unknown')
         self.frames: list[Frame] = []
@@ -163,16 +166,16 @@ class _Viewer(Node):
         self._start: float | None = None
         for name in self.flags:
             self.create_subscription(Bool, f'{_MONITOR}/{name}/collision',
-                                     partial(self._note_flag, name), 10)
-        self.create_subscription(DiagnosticArray, f'{_MONITOR}/state', self._note_state, 10)
-        self.create_subscription(MarkerArray, f'{_MONITOR}/markers', self._note_markers, 10)
+                                     partial(self._record_flag, name), 10)
+        self.create_subscription(DiagnosticArray, f'{_MONITOR}/state', self._record_states, 10)
+        self.create_subscription(MarkerArray, f'{_MONITOR}/markers', self._record_markers, 10)
 
     @property
     def elapsed(self) -> float:
         """Seconds since the scene has begun, 0 before."""
         return time.monotonic() - self._start if self._start else 0.0
 
-    def _note_flag(self, name: str, flag: Bool) -> None:
+    def _record_flag(self, name: str, flag: Bool) -> None:
         flags = self.flags[name]
         raised = flag.data
         if not flags or flags[-1] != raised:
@@ -181,7 +184,7 @@ class _Viewer(Node):
             flags.append(raised)
             _print(f'{self.elapsed:6.2f} s  {name:8} collision: {raised}')
 
-    def _note_state(self, states: DiagnosticArray) -> None:
+    def _record_states(self, states: DiagnosticArray) -> None:
         for name, status in zip(self.flags, states.status):
             values = {pair.key: pair.value for pair in status.values}
             state = self._states[name] = values['state']
@@ -193,7 +196,7 @@ class _Viewer(Node):
                 met.append(obstacles)
                 _print(f'{"":8}  {name:8} {status.message}')
 
-    def _note_markers(self, markers: MarkerArray) -> None:
+    def _record_markers(self, markers: MarkerArray) -> None:
         self.is_shown = True
         # Before the scene begins and after it ends all states are unknown.
         if 'clear' in self._states.values():
@@ -211,12 +214,6 @@ def _print(line: str) -> None:
     print(f'\r\033[K{line}' if sys.stdout.isatty() else line, flush=True)
 
 
-def _parameters() -> Iterator[str]:
-    for name, value in _PARAMETERS.items():
-        text = f'[{", ".join(map(str, value))}]' if isinstance(value, list) else value
-        yield from ('-p', f'{name}:={text}')
-
-
 def _spin(viewer: _Viewer, condition: Callable[[], bool], timeout: float) -> bool:
     """Spin until a condition holds; return whether it came to hold within the timeout (s)."""
     deadline = time.monotonic() + timeout
@@ -230,8 +227,10 @@ def _spin(viewer: _Viewer, condition: Callable[[], bool], timeout: float) -> boo
 
 def _watch(viewer: _Viewer) -> bool:
     """Run node and publisher to the end; return whether they came up and ended well."""
-    monitor = subprocess.Popen([sys.executable, '-m', 'sat_collision.node',
-                                '--ros-args', *_parameters()])
+    parameters = [argument for name, value in _PARAMETERS.items()
+                  for argument in ('-p', f'{name}:={value}'.replace("'", ''))]
+    monitor = subprocess.Popen([sys.executable, '-m', 'sat_collision.node', '--ros-args',
+                                *parameters])
     publisher = None
     try:
         # Markers are shown only once the kernels for distances are compiled, too.
@@ -251,21 +250,20 @@ def _watch(viewer: _Viewer) -> bool:
             process.wait()
 
 
-def _verdict(viewer: _Viewer) -> bool:
+def _is_right(viewer: _Viewer) -> bool:
     """Print and return whether the flags and contacts received are those that the scene causes."""
-    # Flags are raised while unknown, fall, rise and fall for each contact, or contact ahead, and
-    # are raised again once the publisher has ended.
-    right = True
+    is_right = True
     expected = {name: [f'{source}/{number}' for source, number in contacts]
                 for name, contacts in warehouse.CONTACTS.items()}
     expected[warehouse.BRAKES] = ['people/0 ahead']
     for name, met in expected.items():
-        flags = [True, False] + [True, False] * len(met) + [True]
-        right &= viewer.flags[name] == flags and viewer.met[name] == met
+        # Flags are raised while unknown, for each contact or contact ahead, and at the end.
+        flags = [True, False] * (len(met) + 1) + [True]
+        is_right &= viewer.flags[name] == flags and viewer.met[name] == met
         _print(f'{name:8} met {", ".join(viewer.met[name]) or "nothing"}, '
                f'expected {", ".join(met)}; flags {viewer.flags[name]}, expected {flags}')
-    print('the flags are right' if right else 'THE FLAGS ARE WRONG')
-    return right
+    print('the flags are right' if is_right else 'THE FLAGS ARE WRONG')
+    return is_right
 
 
 def _draw(frames: Sequence[Frame], picture: str, movie: str) -> bool:
@@ -280,10 +278,9 @@ def _draw(frames: Sequence[Frame], picture: str, movie: str) -> bool:
     for frame in frames:
         if not shown or frame.time - shown[-1].time >= _FRAME_PERIOD:
             shown.append(frame)
-    rate = round(_HASTE * len(shown) / shown[-1].time)
+    rate = round(_SPEEDUP * len(shown) / shown[-1].time)
     # Begin with a contact, for viewers that show only the first frame.
-    shown = ([frame for frame in shown if frame.time >= first.time]
-             + [frame for frame in shown if frame.time < first.time])
+    shown.sort(key=lambda frame: frame.time < first.time)
     write_movie(shown, warehouse.BOUNDS, rate, movie)
     print(f'wrote {movie}', flush=True)
     return True
@@ -306,7 +303,7 @@ def show(args: Sequence[str] | None = None) -> int:
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     rclpy.init()
     viewer = _Viewer()
-    right = _watch(viewer) and _verdict(viewer)
+    is_right = _watch(viewer) and _is_right(viewer)
     rclpy.shutdown()
-    drawn = _draw(viewer.frames, options.picture, options.movie)
-    return 0 if right and drawn else 1
+    is_drawn = _draw(viewer.frames, options.picture, options.movie)
+    return 0 if is_right and is_drawn else 1

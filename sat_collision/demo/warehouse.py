@@ -26,7 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Outline: TypeAlias = NDArray[np.float64]
-_Path: TypeAlias = Sequence[tuple[float, float, float, float]]
+_Pose: TypeAlias = tuple[float, float, float]  # x, y, heading
+_Path: TypeAlias = Sequence[tuple[float, float, float, float]]  # way points: time, pose
 
 FRAME = 'map'
 DURATION = 16.0
@@ -85,7 +86,7 @@ BY_ODOMETRY = 'amr'
 BRAKES = 'courier'
 COURIER = _box(-0.4, -0.3, 0.4, 0.3)
 COURIER_START = 15.5, 7.0, np.pi
-COURIER_WAY = 6.9
+COURIER_DISTANCE = 6.9
 
 # The obstacles that each robot touches in turn, as (source, number of the obstacle).
 CONTACTS = {
@@ -97,23 +98,22 @@ CONTACTS = {
 
 def footprint(name: str, time: float) -> Outline:
     """Return the (n, 2) footprint of a robot at a time in seconds."""
-    return _placed(FOOTPRINTS[name], _PATHS[name], time)
+    return _placed(FOOTPRINTS[name], pose(name, time))
 
 
-def courier(way: float) -> Outline:
-    """Return the (n, 2) footprint of the robot that brakes after a way in metres."""
+def courier(distance: float) -> Outline:
+    """Return the (n, 2) footprint of the robot that brakes, after a distance in metres."""
     x, y, heading = COURIER_START
-    placed: Outline = _turned(COURIER, heading) + (x + way * np.cos(heading),
-                                                   y + way * np.sin(heading))
-    return placed
+    return _placed(COURIER, (x + distance * np.cos(heading), y + distance * np.sin(heading),
+                             heading))
 
 
 def person(time: float) -> Outline:
     """Return the (n, 2) outline of the person at a time in seconds."""
-    return _placed(_PERSON, _PERSON_PATH, time)
+    return _placed(_PERSON, _pose(_PERSON_PATH, time))
 
 
-def pose(name: str, time: float) -> tuple[float, float, float]:
+def pose(name: str, time: float) -> _Pose:
     """Return x, y and heading of a robot at a time in seconds."""
     return _pose(_PATHS[name], time)
 
@@ -124,14 +124,14 @@ def seen_by(name: str, outline: Outline, time: float) -> Outline:
     return _turned(outline - (x, y), -heading)
 
 
-def _pose(path: _Path, time: float) -> tuple[float, float, float]:
+def _pose(path: _Path, time: float) -> _Pose:
     times, *coordinates = zip(*path)
     x, y, heading = (float(np.interp(time, times, values)) for values in coordinates)
     return x, y, heading
 
 
-def _placed(outline: Outline, path: _Path, time: float) -> Outline:
-    x, y, heading = _pose(path, time)
+def _placed(outline: Outline, pose: _Pose) -> Outline:
+    x, y, heading = pose
     placed: Outline = _turned(outline, heading) + (x, y)
     return placed
 

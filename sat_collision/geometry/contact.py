@@ -15,7 +15,7 @@
 """
 Contacts of two bodies, touching or not: the normal, the points of contact, and the depth.
 
-The normal is that of `distance.measure_with_normal`: for two convex bodies the direction from the
+The normal is that of `distance.measure`: for two convex bodies the direction from the
 origin to the nearest point on the boundary of their Minkowski difference, be it outside or inside.
 It is computed from an edge or from two vertices, so it is defined however near the bodies are.
 Where an edge of each faces the other, the edges are clipped against each other, as in physics
@@ -34,11 +34,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from sat_collision.geometry.arithmetic import require_nearest
-from sat_collision.geometry.distance import goes_first, measure_with_normal
+from sat_collision.geometry.convex_distance import reach_of
+from sat_collision.geometry.distance import goes_first, measure, open_pairs
 from sat_collision.geometry.jit import inner, kernel, scratch
-from sat_collision.geometry.layout import convex_part, first_vertex, packed_polygon
-from sat_collision.geometry.nearest_features import reach_of
-from sat_collision.geometry.part_bounds import open_pairs
+from sat_collision.geometry.layout import (
+    convex_part, first_vertex, packed_polygon, vertex_after)
 from sat_collision.geometry.plane import unit
 from sat_collision.geometry.polygon import as_polygon, BodyLike
 from sat_collision.geometry.separating_axis import support
@@ -161,7 +161,7 @@ def _contact(p, q):
 @inner
 def _deciding_parts(p, q):
     """Return the separation, the convex parts that realise it, and their points and normal."""
-    least, found = measure_with_normal(p, q)
+    least, found = measure(p, q)
     if p.n > 0 and q.n > 0:
         return least, p, q, found
     parts = max(1, -q.n)
@@ -172,7 +172,7 @@ def _deciding_parts(p, q):
     for pair in open_pairs(p, q, np.nextafter(least, math.inf)):
         one = convex_part(p, pair // parts)
         other = convex_part(q, pair % parts)
-        value, points = measure_with_normal(one, other)
+        value, points = measure(one, other)
         if value < best:
             best = value
             found = points
@@ -221,11 +221,10 @@ def _level_edge(p, ux, uy):
     """Return start and end of the edge of P that faces u best; -1, -1 if none does to FACING."""
     v = p.array
     first = first_vertex(p)
-    last = first + 2 * p.n - 2
     least = FACING
     start = end = -1
-    for a in range(first, last + 2 if p.n > 1 else first, 2):
-        b = a + 2 if a < last else first
+    for a in range(first, first + 2 * p.n if p.n > 1 else first, 2):
+        b = vertex_after(p, a)
         ex, ey = unit(v[b] - v[a], v[b + 1] - v[a + 1])
         slant = abs(ex * ux + ey * uy)
         if ey * ux - ex * uy > 0.0 and slant <= least:
@@ -263,7 +262,7 @@ def _way_out(p, q, depth):
     for pair in pairs:
         a = convex_part(p, pair // parts)
         b = convex_part(q, pair % parts)
-        value, found = measure_with_normal(a, b)
+        value, found = measure(a, b)
         if value <= 0.0:
             pushes[count] = -value
             pushes[count + 1] = -found[4]
@@ -345,7 +344,7 @@ def _overlap_along(a, b, ux, uy, rounding):
         w = q.array
         first = first_vertex(p)
         for k in range(first, first + 2 * p.n if p.n > 1 else first, 2):
-            end = k + 2 if k < first + 2 * p.n - 2 else first
+            end = vertex_after(p, k)
             ex, ey = unit(v[end] - v[k], v[end + 1] - v[k + 1])
             j = _furthest(q, -ey, ex)
             # How far Q reaches behind this edge, and by how much that grows per metre.

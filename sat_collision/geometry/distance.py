@@ -16,28 +16,39 @@
 Signed distance of two bodies: the least of their pairs of convex parts.
 
 Whether two parts meet is decided exactly, and so is the sign. Values are those of
-`nearest_features` and `penetration`, which get coordinates of extreme magnitude multiplied by a
-power of two. Rings begin with their least vertex and the bodies are put in a fixed order, so that
-neither start vertices nor the order of the bodies change a bit of the result. For error bounds
-see docs/exactness.md, lemmas 15 to 20.
+`convex_distance`, which gets coordinates of extreme magnitude multiplied by a power of two. Rings
+begin with their least vertex and the bodies are put in a fixed order, so that neither start
+vertices nor the order of the bodies change a bit of the result. For error bounds see
+docs/exactness.md, lemmas 15 to 20.
+
+Pairs are skipped by lower bounds, which are much cheaper than measuring. Parts are no nearer than
+their boxes, and overlap no deeper: a move that separates the boxes separates the parts; this is
+made true of rounded separations, too. Along any axis the gap between bodies is at most their
+separation, and along the normal of an edge the overlap is at least their depth; where rounding
+could invalidate this, nothing is concluded.
 """
 
+import math
+
+import numpy as np
+
 from sat_collision.geometry.arithmetic import require_nearest
+from sat_collision.geometry.convex_distance import (
+    closest_of, nearest_features, penetration, reach_of, ROUNDING)
 from sat_collision.geometry.intersection import convex_meet, interiors_apart
-from sat_collision.geometry.jit import elements, inner, kernel, scratch
+from sat_collision.geometry.jit import COMPILED, elements, inner, kernel, scratch
 from sat_collision.geometry.layout import (
-    body_size, convex_part, Packed, packed_polygon, packed_size)
-from sat_collision.geometry.nearest_features import closest_of, nearest_features, reach_of
-from sat_collision.geometry.part_bounds import (
-    is_beyond_edge, limit_of, may_be_less, nearest_boxes, open_pairs, overlap, reaches)
-from sat_collision.geometry.penetration import penetration
-from sat_collision.geometry.plane import scale_to_one
+    body_size, convex_part, first_vertex, HEADER, Packed, packed_polygon, packed_size,
+    vertex_after)
+from sat_collision.geometry.plane import length, scale_to_one
 
 # Up to this depth, relative to the largest coordinate, an overlap may be a rounding error.
 _DOUBTFUL = 2.0 ** -94
 _LEAST = 5e-324
 # A prime greater than any number of pairs, so that steps of it visit every pair.
 _STRIDE = 2 ** 61 - 1
+# Below this magnitude underflow may have taken too much from products.
+_LEAST_PRODUCT = 1e-290
 
 
 @kernel
@@ -49,13 +60,6 @@ def measure_arrays(p, n, q, m):
 
 @kernel
 def measure(p, q):
-    """Return separation and closest points x, y, x, y of two packed polygons, convex or not."""
-    value, points = measure_with_normal(p, q)
-    return value, points[0], points[1], points[2], points[3]
-
-
-@kernel
-def measure_with_normal(p, q):
     """
     Return the separation of two packed polygons, convex or not, and the points that realise it.
 
@@ -98,12 +102,12 @@ def _measure_parts(p, q):
         return least, found
     parts = max(1, -q.n)
     reach = reach_of(p, q)
-    first = nearest_boxes(p, q)
+    first = _nearest_boxes(p, q)
     meeting, least, found = _measure_pair(
         convex_part(p, first // parts), convex_part(q, first % parts))
-    limit = limit_of(least, reach)
-    along = reaches(p, found[4], found[5])
-    back = reaches(q, -found[4], -found[5])
+    limit = _limit_of(least, reach)
+    along = _reaches(p, found[4], found[5])
+    back = _reaches(q, -found[4], -found[5])
     pairs = open_pairs(p, q, least)
     count = len(pairs)
     stride = _STRIDE % max(count, 1)
@@ -118,8 +122,8 @@ def _measure_parts(p, q):
             continue
         a = convex_part(p, i)
         b = convex_part(q, j)
-        if (not may_be_less(overlap(a, b), least)
-                or is_beyond_edge(a, b, limit) or is_beyond_edge(b, a, limit)):
+        if (not -_overlap(a, b) < least
+                or _is_beyond_edge(a, b, limit) or _is_beyond_edge(b, a, limit)):
             continue
         meet, value, points = _measure_pair(a, b)
         if (meeting and not meet) or not (value < least or (meet and not meeting)):
@@ -127,9 +131,9 @@ def _measure_parts(p, q):
         least = value
         found = points
         meeting = meet
-        limit = limit_of(least, reach)
-        along = reaches(p, found[4], found[5])
-        back = reaches(q, -found[4], -found[5])
+        limit = _limit_of(least, reach)
+        along = _reaches(p, found[4], found[5])
+        back = _reaches(q, -found[4], -found[5])
     return least, found
 
 
@@ -148,7 +152,7 @@ def _measure_pair(a, b):
         bx, by = _within(b, points[2] / scale, points[3] / scale)
         points = ax, ay, bx, by, points[4], points[5]
     # Rounding must not contradict the boxes, by which bodies and parts are skipped.
-    value = max(value / scale, -overlap(a, b))
+    value = max(value / scale, -_overlap(a, b))
     if not meet:
         return meet, max(value, _LEAST), points
     if -value <= _DOUBTFUL * reach and (interiors_apart(a, b) or max(a.n, b.n) == 1):
@@ -160,8 +164,8 @@ def _measure_pair(a, b):
 def _measure_usual(meet, p, q):
     """Return the separation of polygons, its points and normal, given whether they meet."""
     if meet:
-        depth, ax, ay, bx, by, ux, uy = penetration(p, q)
-        return -depth, (ax, ay, bx, by, ux, uy)
+        depth, points = penetration(p, q)
+        return -depth, points
     features = nearest_features(p, q)
     return features.distance, closest_of(p, q, features)
 
@@ -193,3 +197,124 @@ def _within(p, x, y):
     a = p.array
     i = p.start
     return min(max(x, a[i + 2]), a[i + 4]), min(max(y, a[i + 3]), a[i + 5])
+
+
+@inner
+def _limit_of(least, reach):
+    """
+    Return the gap along an axis above which a pair cannot be the nearest or deepest.
+
+    Given are the least separation found so far, and the largest coordinate.
+    """
+    # Where products of coordinates may overflow or underflow, axes prove nothing.
+    return least + ROUNDING * reach if scale_to_one(reach) == 1.0 else math.inf
+
+
+@inner
+def _is_beyond_edge(p, q, limit):
+    """Return whether the gap from some edge of P to Q, < 0 if Q is inside it, is above a limit."""
+    v = p.array
+    w = q.array
+    first = first_vertex(p)
+    other_first = first_vertex(q)
+    for i in range(p.n if p.n > 2 else 0):
+        a = first + 2 * i
+        b = vertex_after(p, a)
+        ex = v[b] - v[a]
+        ey = v[b + 1] - v[a + 1]
+        enough = -limit * length(ex, ey)
+        beyond = abs(enough) > _LEAST_PRODUCT
+        for k in range(other_first, other_first + 2 * q.n if beyond else other_first, 2):
+            if not ex * (w[k + 1] - v[a + 1]) - ey * (w[k] - v[a]) < enough:
+                beyond = False
+                break
+        if beyond:
+            return True
+    return False
+
+
+@inner
+def _reaches(p, ux, uy):
+    """Return how far each convex part of a body reaches along an axis: an array."""
+    v = p.array
+    found = np.empty(max(1, -p.n))
+    for i in range(max(1, -p.n)):
+        part = convex_part(p, i)
+        first = first_vertex(part)
+        furthest = -math.inf
+        for k in range(first, first + 2 * part.n, 2):
+            furthest = max(furthest, v[k] * ux + v[k + 1] * uy)
+        found[i] = furthest
+    return found
+
+
+@inner
+def _overlap(p, q):
+    """Return the least move along x or y that parts the boxes of P and Q; minus a gap between."""
+    a = p.array
+    b = q.array
+    i = p.start
+    j = q.start
+    return min(min(a[i + 4] - b[j + 2], b[j + 4] - a[i + 2]),
+               min(a[i + 5] - b[j + 3], b[j + 5] - a[i + 3]))
+
+
+if COMPILED:
+    @inner
+    def _nearest_boxes(p, q):
+        """Return the first pair of parts, see `open_pairs`, with the greatest `_overlap`."""
+        best = -math.inf
+        pair = 0
+        parts = max(1, -q.n)
+        for i in range(max(1, -p.n)):
+            a = convex_part(p, i)
+            if _overlap(a, q) > best:
+                for j in range(parts):
+                    found = _overlap(a, convex_part(q, j))
+                    if found > best:
+                        best = found
+                        pair = i * parts + j
+        return pair
+
+    @inner
+    def open_pairs(p, q, least):
+        """
+        Return the pairs of parts whose separation may be less than the least found: an array.
+
+        Part i of P and part j of Q are the pair i m + j, where Q has m parts.
+        """
+        parts = max(1, -q.n)
+        pairs = np.empty(max(1, -p.n) * parts, np.int64)
+        count = 0
+        for i in range(max(1, -p.n)):
+            a = convex_part(p, i)
+            if -_overlap(a, q) < least:
+                for j in range(parts):
+                    if -_overlap(a, convex_part(q, j)) < least:
+                        pairs[count] = i * parts + j
+                        count += 1
+        return pairs[:count]
+else:
+    def _overlaps(p, q):
+        """Return `_overlap` of all pairs of parts."""
+        a = _boxes(p)[:, None]
+        b = _boxes(q)
+        return np.minimum(
+            np.minimum(a[..., 2] - b[:, 0], b[:, 2] - a[..., 0]),
+            np.minimum(a[..., 3] - b[:, 1], b[:, 3] - a[..., 1])).ravel()
+
+    def _boxes(p):
+        """Return the bounds of each part: (parts, 4)."""
+        array = np.asarray(p.array)
+        first = p.start + HEADER
+        starts = [0] if p.n > 0 else array[first:first - 2 * p.n:2].astype(int)
+        return array[p.start + np.add.outer(starts, np.arange(2, 6))]
+
+    def _nearest_boxes(p, q):
+        """Return the first pair of parts with the greatest `_overlap`."""
+        return int(np.argmax(_overlaps(p, q)))
+
+    def open_pairs(p, q, least):
+        """Return the pairs of parts whose separation may be less than the least found: a list."""
+        gaps = _overlaps(p, q)
+        return np.flatnonzero(-gaps < least).tolist()

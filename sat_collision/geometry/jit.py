@@ -45,8 +45,7 @@ try:
     import numba
     import numba.extending
     from llvmlite import ir
-    from sat_collision.geometry.drafts import Draft, Whole
-    from sat_collision.geometry.kernel_cache import keep_compiled
+    from sat_collision.geometry.kernel_cache import Draft, keep_compiled, Whole
 
     def _compiled(function: Callable[..., Any], pipeline: type, **options: Any) -> Any:
         return numba.njit(error_model='numpy', no_cfunc_wrapper=True, pipeline_class=pipeline,
@@ -91,7 +90,7 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 def inner(function: Callable[..., Any], **options: Any) -> Any:
     """
-    Compile like `kernel`, but only for use in other kernels, see `drafts`.
+    Compile like `kernel`, but only for use in other kernels, see `kernel_cache`.
 
     Python must not call it: it has no machine code of its own.
     """

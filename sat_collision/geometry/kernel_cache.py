@@ -12,7 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Compiled kernels kept on disk from one process to the next, so that starting is quick.
+What numba does differently here: kernels are compiled once each, and kept on disk.
+
+numba compiles every function to machine code together with all that it calls, and again in each
+that calls it: the last function of a chain of ten is compiled ten times. Here a function stays a
+`Draft`, unlinked LLVM intermediate representation, until one that Python calls is compiled.
 
 numba compiles a function again if its own file has changed, but not if a kernel that it calls has.
 Here all sources in `sat_collision.geometry`, and in the folder of a kernel, count as its source.
@@ -33,6 +37,8 @@ from typing import Any, Callable
 
 from numba import __version__, config
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
 from numba.core.registry import cpu_target
 from numba.core.sigutils import normalize_signature
 from sat_collision.geometry.compilation import report_problem, say_compiling
@@ -170,3 +176,55 @@ class _CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
         if hashlib.sha256(data[_DIGEST_SIZE:]).digest() != data[:_DIGEST_SIZE]:
             raise ValueError(f'{Path(path).name} has another checksum')
         return pickle.loads(data[_DIGEST_SIZE:])
+
+
+class _Code(JITCodeLibrary):  # type: ignore[misc]
+    """The code of a function and of all that it calls."""
+
+    def add_linking_library(self, library: Any) -> None:
+        """Add the code of a function that is called."""
+        # Each before those that it calls, because LLVM links only what is already called.
+        if library not in self._linking_libraries:
+            super().add_linking_library(library)
+            for called in library._linking_libraries if isinstance(library, _DraftCode) else ():
+                self.add_linking_library(called)
+
+
+class _DraftCode(_Code):
+    """The code of a function that Python cannot call: it has no address."""
+
+    @property
+    def codegen(self) -> Any:
+        """Return the object whose `set_env` receives the environment, which only Python needs."""
+        return self
+
+    def set_env(self, name: str, environment: Any) -> None:
+        """Drop an environment."""
+
+    def finalize(self) -> None:
+        """Compile nothing: the functions that call this one do."""
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Return 0: there is no machine code."""
+        self._ensure_finalized()
+        return 0
+
+
+class Whole(Compiler):  # type: ignore[misc]
+    """Compiles a function for Python to call."""
+
+    def compile_extra(self, function: Callable[..., Any]) -> Any:
+        """Compile a function, to be kept on disk."""
+        self.state.library = _Code(self.state.targetctx.codegen(), function.__qualname__)
+        self.state.library.enable_object_caching()
+        return super().compile_extra(function)
+
+
+class Draft(Compiler):  # type: ignore[misc]
+    """Compiles a function for use in others."""
+
+    def compile_extra(self, function: Callable[..., Any]) -> Any:
+        """Compile a function as far as it can be without those that call it."""
+        self.state.library = _DraftCode(self.state.targetctx.codegen(), function.__qualname__)
+        return super().compile_extra(function)

@@ -95,6 +95,20 @@ def first_vertex(p):
 
 
 @inlined
+def vertex_after(p, i):
+    """Return the index of the vertex of a convex polygon after that at i."""
+    first = first_vertex(p)
+    return i + 2 if i < first + 2 * p.n - 2 else first
+
+
+@inlined
+def vertex_before(p, i):
+    """Return the index of the vertex of a convex polygon before that at i."""
+    first = first_vertex(p)
+    return i - 2 if i > first else first + 2 * p.n - 2
+
+
+@inlined
 def table_sector(count, ux, uy):
     """Return the sector of an axis in the table of a polygon with count vertices."""
     size = table_size(count)

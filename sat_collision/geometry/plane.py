@@ -21,7 +21,7 @@ from sat_collision.geometry.jit import inner, kernel
 # are multiplied by a power of two, which is exact.
 _LARGE = 2.0 ** 300
 _SMALL = 2.0 ** -300
-_MOST_SHIFT = 1000
+_MAX_SHIFT = 1000
 
 _INFINITY = float('inf')
 
@@ -120,4 +120,4 @@ def scale_to_one(largest):
     if _SMALL < largest < _LARGE or largest in (0.0, _INFINITY):
         return 1.0
     _, exponent = math.frexp(largest)
-    return math.ldexp(1.0, max(-_MOST_SHIFT, min(_MOST_SHIFT, -exponent)))
+    return math.ldexp(1.0, max(-_MAX_SHIFT, min(_MAX_SHIFT, -exponent)))

@@ -24,11 +24,11 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sat_collision.geometry import ring
 from sat_collision.geometry.convex_parts import convex_parts
 from sat_collision.geometry.jit import indexable, KERNEL
 from sat_collision.geometry.layout import BOUNDS, HEADER, packed_size
-from sat_collision.geometry.packing import moved_points, pack
+from sat_collision.geometry.packing import (
+    CONVEX, moved_points, NON_CONVEX, NOT_FINITE, pack, SPIKE, TOO_MANY)
 from sat_collision.geometry.plane import centroid
 
 MAX_VERTICES = 1024
@@ -182,13 +182,13 @@ class Polygon:
         verdict, count, i, j, first = pack(indexable(points.ravel()), indexable(array),
                                            max_vertices, max_non_convex)
         end = first + 2 * count
-        if verdict == ring.CONVEX:
+        if verdict == CONVEX:
             self.packed = indexable(array[:end] if end != len(array) else array), count
-        elif verdict == ring.NON_CONVEX:
+        elif verdict == NON_CONVEX:
             outline = array[first:end]
             parts = _decompose(outline)
             self.packed = indexable(_joined(array[:HEADER], parts, outline)), -len(parts)
-        elif verdict == ring.TOO_MANY:
+        elif verdict == TOO_MANY:
             limit = str(max_vertices)
             if count <= max_vertices:
                 limit = f'{max_non_convex} of a polygon that is not convex, in {KERNEL},'
@@ -337,10 +337,10 @@ def _empty() -> PolygonError:
 
 
 def _error(verdict: int, vertices: list[list[float]], i: int, j: int) -> PolygonError:
-    """Return the error that says what `ring.clean` found wrong."""
-    if verdict == ring.NOT_FINITE:
+    """Return the error that says what `pack` found wrong."""
+    if verdict == NOT_FINITE:
         return PolygonError(Reason.NOT_FINITE, f'vertex {i} is not finite')
-    if verdict == ring.SPIKE:
+    if verdict == SPIKE:
         x, y = vertices[i]
         return PolygonError(Reason.SELF_INTERSECTING,
                             f'the boundary folds back on itself at ({x:.9g}, {y:.9g})')

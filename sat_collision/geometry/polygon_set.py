@@ -17,20 +17,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+import math
 from operator import index
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sat_collision.geometry.batch import decide_rows, measure_rows
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.layout import new_array, use_rows, views_of
 from sat_collision.geometry.polygon import as_polygon, BodyLike, PackedBody, Polygon, size_of
 from sat_collision.geometry.prediction import first_row_met, motion_of, velocities_of
 from sat_collision.geometry.run import Run, write_run
 from sat_collision.geometry.scan import (
-    intersecting_rows, nearest_row, NO_ROOM, rows_within, UNCHANGED, write_and_intersect,
-    write_row)
+    decide_rows, intersecting_rows, measure_rows, near_rows, NO_ROOM, UNCHANGED,
+    write_and_intersect, write_row)
 from sat_collision.geometry.separating_axis import MEET
 
 Point = tuple[float, float]
@@ -38,6 +38,7 @@ Point = tuple[float, float]
 _FEWEST_ROWS = 16
 _FEWEST_DOUBLES = 1024
 _NO_ROWS = np.empty(0, np.int64)
+_NO_ARRAY = indexable(np.empty(0))
 
 
 class PolygonSet:
@@ -159,7 +160,7 @@ class PolygonSet:
             else:
                 outcome = write_row(self._array, row, packed, count)
                 if outcome == 0:
-                    outcome = rows_within(others._array, packed, count, margin)
+                    outcome, _ = near_rows(others._array, packed, count, margin, _NO_ROWS, False)
             if outcome == NO_ROOM:
                 self._make_room(row, size_of(body))
             elif outcome == UNCHANGED:
@@ -247,7 +248,7 @@ class PolygonSet:
         if margin == 0.0:
             return self.intersecting_rows(body)
         packed, count = as_polygon(body).packed
-        found = rows_within(self._array, packed, count, margin)
+        found, _ = near_rows(self._array, packed, count, float(margin), _NO_ROWS, False)
         rows: NDArray[np.int64] = self._rows.found[:found].copy()
         return rows
 
@@ -275,9 +276,12 @@ class PolygonSet:
 
         """
         packed, count = as_polygon(body).packed
-        row, separation, ax, ay, bx, by = nearest_row(
-            self._array, packed, count, _ascending(skipped))
-        return None if row < 0 else (row, separation, (ax, ay), (bx, by))
+        found, (separation, points) = near_rows(
+            self._array, packed, count, math.inf, _ascending(skipped), True)
+        if not found:
+            return None
+        ax, ay, bx, by, _, _ = points
+        return int(self._rows.found[0]), separation, (ax, ay), (bx, by)
 
     def first_contact(self, footprint: BodyLike, twist: ArrayLike, horizon: float,
                       velocities: ArrayLike | None = None, pose: ArrayLike = (0.0, 0.0, 0.0),
@@ -337,6 +341,8 @@ class PolygonSet:
 
         Raises
         ------
+        TypeError
+            The other is not a PolygonSet.
         ValueError
             The sets differ in length.
 
@@ -358,6 +364,8 @@ class PolygonSet:
 
         Raises
         ------
+        TypeError
+            The other is not a PolygonSet.
         ValueError
             The sets differ in length.
 
@@ -368,6 +376,9 @@ class PolygonSet:
         return values
 
     def _require_pairs(self, other: PolygonSet) -> None:
+        if not isinstance(other, PolygonSet):
+            raise TypeError(f'a {type(other).__name__}, but rows are paired with those of a '
+                            'PolygonSet: make one of the bodies')
         if self._used_rows != other._used_rows:
             raise ValueError(f'{self._used_rows} bodies cannot be paired with '
                              f'{other._used_rows}')
@@ -415,6 +426,11 @@ class PackedSet(PolygonSet):
                   margin: float) -> int:
         """Replace the bodies of rows by polygons of a run, see `write_run`; return how many."""
         count: int = write_run(run, self._array, rows, first, limit, others._array, margin)
+        return count
+
+    def check_run(self, run: Run, limit: int) -> int:
+        """Return how many messages of a run are ordinary, see `write_run`; nothing is written."""
+        count: int = write_run(run, _NO_ARRAY, _NO_ROWS, 0, limit, self._array, 0.0)
         return count
 
     def hide(self, rows: Sequence[int]) -> None:

@@ -33,7 +33,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
-from sat_collision.geometry.arithmetic import require_nearest
+from sat_collision.geometry.arithmetic import (
+    difference_error, product_error, require_nearest)
 from sat_collision.geometry.jit import inner, kernel, scratch_integers
 
 # Shewchuk's ccwerrboundA, (3 + 16 u) u with u = 2^-53; the absolute term covers products that
@@ -44,7 +45,6 @@ UNDERFLOW_BOUND = 2.0 ** -1060
 # Between these magnitudes neither Dekker's splitting overflows nor a product's tail underflows.
 _LARGEST_SPLIT = 2.0 ** 490
 _SMALLEST_PRODUCT = 2.0 ** -960
-_SPLITTER = 2.0 ** 27 + 1.0
 
 _LIMB_BITS = 24
 _LIMB_MASK = (1 << _LIMB_BITS) - 1
@@ -98,26 +98,6 @@ def _orient_adaptive(ax, ay, bx, by, cx, cy):
                 difference = product_error(acx, bcy, left) - product_error(acy, bcx, right)
             return (difference > 0.0) - (difference < 0.0)
     return _orient_exact(ax, ay, bx, by, cx, cy)
-
-
-@kernel
-def difference_error(a, b, difference):
-    """Return a - b - difference exactly, difference being the rounded a - b (Knuth)."""
-    b_virtual = a - difference
-    a_virtual = difference + b_virtual
-    return (a - a_virtual) + (b_virtual - b)
-
-
-@kernel
-def product_error(a, b, product):
-    """Return a b - product exactly, product being the rounded a b (Dekker, Veltkamp)."""
-    c = _SPLITTER * a
-    a_high = c - (c - a)
-    a_low = a - a_high
-    c = _SPLITTER * b
-    b_high = c - (c - b)
-    b_low = b - b_high
-    return a_low * b_low - (((product - a_high * b_high) - a_low * b_high) - a_high * b_low)
 
 
 @inner

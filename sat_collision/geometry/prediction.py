@@ -29,7 +29,9 @@ distance from a line along the path.
 
 from __future__ import annotations
 
+import contextlib
 import math
+import sys
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,11 +45,11 @@ from sat_collision.geometry.moving import STRIDE
 from sat_collision.geometry.plane import length, unit
 from sat_collision.geometry.predicates import UNDERFLOW_BOUND
 from sat_collision.geometry.scan import contains
-from sat_collision.geometry.sweep import first_contact_of_moving
+from sat_collision.geometry.sweep import first_contact_of_moving, limits
 
 # The most that a body turns in a piece, rad, unless that takes too many pieces.
 _TURN = 0.1
-_MOST_PIECES = 4096
+_MAX_PIECES = 4096
 # Bound of the rounding error of a gap, relative to the coordinates and paths of both bodies.
 _ROUNDING = 2.0 ** -44
 _LEAST = 5e-324
@@ -106,12 +108,9 @@ def motion_of(twist: ArrayLike, horizon: float, pose: ArrayLike, tolerance: floa
     """Return a `Motion` as an array; raise `ValueError` if a value is not valid."""
     vx, vy, turn = _finite(twist, 'twist', 'vx and vy in m/s, omega in rad/s').tolist()
     x, y, yaw = _finite(pose, 'pose', 'x and y in metres, yaw in rad').tolist()
-    if not 0.0 <= horizon < math.inf:
+    if not 0.0 <= horizon <= sys.float_info.max:
         raise ValueError(f'horizon {horizon}, but it has to be 0 or more seconds, and finite')
-    if not 0.0 < tolerance < math.inf:
-        raise ValueError(f'tolerance {tolerance}, but it has to be positive and finite')
-    if not 0.0 <= margin < math.inf:
-        raise ValueError(f'margin {margin}, but it has to be 0 or more, and finite')
+    tolerance, margin = limits(tolerance, margin)
     if not math.isfinite((abs(vx) + abs(vy)) * horizon) or not math.isfinite(turn * horizon):
         raise ValueError(f'twist {(vx, vy, turn)} leads beyond the largest double within the '
                          f'horizon of {horizon} s')
@@ -124,7 +123,10 @@ def velocities_of(velocities: ArrayLike | None, rows: int) -> NDArray[np.float64
     """Return velocities of rows as a flat array; raise `ValueError` if they are not valid."""
     if velocities is None:
         return np.zeros(2 * rows)
-    array = np.asarray(velocities, np.float64)
+    try:
+        array = np.asarray(velocities, np.float64)
+    except OverflowError as error:
+        raise ValueError(f'a velocity is beyond the largest double: {error}') from error
     if array.shape != (rows, 2):
         raise ValueError(f'velocities of shape {array.shape}, but for {rows} rows it has to be '
                          f'({rows}, 2)')
@@ -135,10 +137,11 @@ def velocities_of(velocities: ArrayLike | None, rows: int) -> NDArray[np.float64
 
 
 def _finite(values: ArrayLike, name: str, meaning: str) -> NDArray[np.float64]:
-    array = np.asarray(values, np.float64)
-    if array.shape != (3,) or not np.isfinite(array).all():
-        raise ValueError(f'{name} {values!r}, but it has to be three finite numbers: {meaning}')
-    return array
+    with contextlib.suppress(OverflowError, TypeError, ValueError):
+        array = np.asarray(values, np.float64)
+        if array.shape == (3,) and np.isfinite(array).all():
+            return array
+    raise ValueError(f'{name} {values!r}, but it has to be three finite numbers: {meaning}')
 
 
 @kernel
@@ -185,7 +188,7 @@ def _path(p, motion):
     for k in range(0, len(body.array), 2):
         radius = max(radius, length(body.array[k], body.array[k + 1]))
     speed = length(motion.vx, motion.vy) + abs(motion.turn) * radius
-    turned = min(abs(motion.turn) * motion.horizon / _TURN, _MOST_PIECES)
+    turned = min(abs(motion.turn) * motion.horizon / _TURN, _MAX_PIECES)
     pieces = max(1, int(math.ceil(turned)))
     boxes = scratch(4 * pieces + 4)
     inner, outer = _distances(body, motion)
@@ -347,7 +350,7 @@ def _is_beside(path, rows, row, velocities):
         return False
     least, most = _distances(_parts(body_of(rows, row), motion), motion)
     centre = length(motion.vx, motion.vy) / abs(motion.turn) if motion.turn != 0.0 else 0.0
-    finest = motion.horizon / _MOST_PIECES
+    finest = motion.horizon / _MAX_PIECES
     margin = (motion.margin + max(motion.tolerance, 4.0 * _sagitta(path, finest))
               + _ROUNDING * centre + _rounding(path, rows, row, 0.0, 0.0))
     return least - path.outer > margin or path.inner - most > margin
@@ -373,7 +376,7 @@ def _first_contact_in_piece(path, piece, rows, row, velocities, before):
     other_chords = scratch(2 * len(other.array))
     start, end = _times(path, piece)
     step = end - start
-    finest = path.motion.horizon / _MOST_PIECES
+    finest = path.motion.horizon / _MAX_PIECES
     while start < end and start < before:
         stop = min(start + step, end)
         sagitta = _sagitta(path, stop - start)

@@ -48,7 +48,7 @@ from sat_collision.geometry.query import (
 from sat_collision.geometry.sweep import time_of_contact
 
 _TRIANGLE = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
-_NOTCHED = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (2.0, 1.0)]
+_NON_CONVEX = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (2.0, 1.0)]
 
 _others: list[subprocess.Popen[bytes]] = []
 
@@ -145,7 +145,7 @@ def prepare_packing() -> None:
 def prepare_contacts() -> None:
     """Prepare the kernels that cut bodies into parts, and find the rows of a set that meet one."""
     # Without a Polygon, because packing may still be compiling.
-    convex_parts(indexable(np.array(_NOTCHED).ravel()))
+    convex_parts(indexable(np.array(_NON_CONVEX).ravel()))
     point = _origin()
     bodies = PackedSet([point])
     bodies.intersecting_rows(point)

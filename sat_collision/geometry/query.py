@@ -214,7 +214,7 @@ def closest_points(a: BodyLike, b: BodyLike
     """
     p, n = as_polygon(a).packed
     q, m = as_polygon(b).packed
-    _, ax, ay, bx, by = measure_arrays(p, n, q, m)
+    _, (ax, ay, bx, by, _, _) = measure_arrays(p, n, q, m)
     return np.array([ax, ay]), np.array([bx, by])
 
 

@@ -17,10 +17,9 @@
 from typing import Any, TypeAlias
 
 from sat_collision.geometry.arithmetic import require_nearest
-from sat_collision.geometry.jit import inner, kernel, scratch, words_and_floats
+from sat_collision.geometry.jit import inner, kernel, words_and_floats
 from sat_collision.geometry.layout import rows_of
-from sat_collision.geometry.packing import pack
-from sat_collision.geometry.ring import CONVEX
+from sat_collision.geometry.packing import clean, CONVEX, moved, pack
 from sat_collision.geometry.scan import box_gap, NO_ROOM, write_row
 
 # Messages that differ only in their points, see `write_run`. A plain tuple is passed to a kernel
@@ -49,7 +48,7 @@ def write_run(run, set_array, rows, row, limit, others, margin):
         of the points; the most vertices accepted; an array with room for one polygon, see
         `layout`.
     set_array : flat array of float64
-        The set.
+        The set; if it is empty the messages are only checked, and rows do not matter.
     rows : array of int64
         The row of each polygon, -1 for none.
     row, limit : int
@@ -70,15 +69,18 @@ def write_run(run, set_array, rows, row, limit, others, margin):
     require_nearest(count_at)
     words, values = words_and_floats(data)
     near = rows_of(others)
-    a, b, c, d, e, f = affine
     header = count_at // _WORD
     begin = ends[first - 1] if first else 0
     model = begin // _WORD
-    count = min(limit, len(rows) - row, len(ends) + 1 - first)
+    is_placed = len(set_array) > 0
+    count = min(limit, len(ends) + 1 - first)
+    if is_placed:
+        count = min(count, len(rows) - row)
     for k in range(count):
         end = ends[first + k] if first + k < len(ends) else len(data)
         size = end - begin - count_at - _WORD
-        if begin % _WORD or size <= 0 or size % (_POINT * _WORD) or rows[row + k] < 0:
+        if begin % _WORD or size <= 0 or size % (_POINT * _WORD) or (
+                is_placed and rows[row + k] < 0):
             return k
         start = begin // _WORD
         begin = end
@@ -88,13 +90,12 @@ def write_run(run, set_array, rows, row, limit, others, margin):
             same = same and words[start + i] == words[model + i]
         if not same:
             return k
-        points = scratch(2 * received)
-        start += header + 1
-        for i in range(received):
-            x = values[start + _POINT * i]
-            y = values[start + _POINT * i + 1]
-            points[2 * i] = a * x + b * y + c
-            points[2 * i + 1] = d * x + e * y + f
+        points = moved(values, start + header + 1, received, affine)
+        if not is_placed:
+            verdict, _, _, _ = clean(points, packed, max_vertices, 0)
+            if verdict != CONVEX:
+                return k
+            continue
         verdict, vertices, _, _, _ = pack(points, packed, max_vertices, 0)
         if verdict != CONVEX or _is_near(near, packed, margin) or (
                 write_row(set_array, rows[row + k], packed, vertices) == NO_ROOM):

@@ -13,23 +13,55 @@
 # limitations under the License.
 
 """
-Queries of one body on a set: which rows it meets, which are within a margin, which is nearest.
+Kernels on sets: which rows meet a body, or are near it, and queries on the paired rows of two.
 
 A set is given as its array, see `layout`, and a body as a packed polygon and its count.
+
+A pair of rows that is not in the cache mostly waits for memory, so headers are prefetched some
+rows ahead. Of a polygon with many vertices only the few that the search visits are worth fetching,
+and these become known one axis at a time. So all pairs of a batch advance in lockstep: the
+vertices that one pair reads next are fetched while the others are computed.
 """
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from sat_collision.geometry.arithmetic import require_nearest
 from sat_collision.geometry.distance import measure
-from sat_collision.geometry.intersection import bodies_meet, filtered_verdict
-from sat_collision.geometry.jit import COMPILED, elements, inlined, inner, kernel
-from sat_collision.geometry.layout import body_of, body_size, Packed, rows_of
-from sat_collision.geometry.separating_axis import MEET, SEPARATE
+from sat_collision.geometry.intersection import bodies_meet, filtered_verdict, meet_near
+from sat_collision.geometry.jit import (
+    COMPILED, elements, inlined, inner, kernel, prefetch, scratch, scratch_integers)
+from sat_collision.geometry.layout import (
+    body_of, body_size, HEADER, near_support, Packed, Rows, rows_of, SCAN_LIMIT, table_place,
+    table_sector)
+from sat_collision.geometry.separating_axis import (
+    boxes_apart, find_separating_axis, first_axis, hill_climb, MEET, MOST_QUERIES, OPEN, refine,
+    Search, SEPARATE, UNCERTAIN)
 
 UNCHANGED = -1
 NO_ROOM = -2
+# In place of what `measure` returns.
+_NO_MEASURE = math.inf, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+_CACHE_LINE = 8
+_AHEAD = 16
+_BATCH = 128
+# Doubles that a pair keeps between two axes: the fields of a Search.
+_STATE = 8
+
+
+class Pairs(NamedTuple):
+    """Two sets paired row by row, and the state of each pair."""
+
+    rows: Rows
+    others: Rows
+    # Per row: SEPARATE, MEET, UNCERTAIN, or OPEN.
+    verdicts: Any
+    # Per batch: the searches; two indices per pair, of sectors or of support vertices; open rows.
+    searches: Any
+    places: Any
+    pending: Any
 
 
 @kernel
@@ -131,53 +163,52 @@ else:
 
 
 @kernel
-def rows_within(set_array, body, count, margin):
-    """Write the rows no further than margin from a body, ascending; return how many there are."""
+def near_rows(set_array, body, count, margin, skipped, only_nearest):
+    """
+    Write the rows no further than a margin from a body into found, ascending.
+
+    Or only the row that is nearest, or deepest in it, at any distance, of those that are not
+    skipped, an ascending array. Returned are how many there are, and `measure` of the nearest
+    row's body and the other. One kernel does both: `measure` takes a second to compile.
+    """
     require_nearest(count)
     rows = rows_of(set_array)
-    body = elements(body)
+    body = Packed(elements(body), 0, count)
+    if only_nearest:
+        return _nearest_row(rows, body, skipped)
     hits = 0
     for row in range(rows.used):
-        if (rows.n[row] != 0 and box_gap(rows, row, body) <= margin
-                and measure(body_of(rows, row), Packed(body, 0, count))[0] <= margin):
+        if (rows.n[row] != 0 and box_gap(rows, row, body.array) <= margin
+                and measure(body_of(rows, row), body)[0] <= margin):
             rows.found[hits] = row
             hits += 1
-    return hits
+    return hits, _NO_MEASURE
 
 
-@kernel
-def nearest_row(set_array, body, count, skipped):
-    """
-    Find the row nearest to a body, or deepest in it, among those that are not skipped.
-
-    Returned are the row, -1 if there is none, and `distance.measure` of the row's body and the
-    other.
-    """
-    require_nearest(count)
-    rows = rows_of(set_array)
-    body = elements(body)
+@inner
+def _nearest_row(rows, body, skipped):
     # The body with the nearest box goes first, so that most others need not be measured.
-    best = -1
+    first = -1
     gap = math.inf
     for row in range(rows.used):
-        # The gap may be infinite, hence the test of `best`.
-        if (rows.n[row] != 0 and (best < 0 or box_gap(rows, row, body) < gap)
+        # The gap may be infinite, hence the test of `first`.
+        if (rows.n[row] != 0 and (first < 0 or box_gap(rows, row, body.array) < gap)
                 and not contains(skipped, row)):
-            gap = box_gap(rows, row, body)
-            best = row
-    if best < 0:
-        return best, gap, 0.0, 0.0, 0.0, 0.0
-    first = best
-    found = measure(body_of(rows, first), Packed(body, 0, count))
+            gap = box_gap(rows, row, body.array)
+            first = row
+    if first < 0:
+        return 0, _NO_MEASURE
+    found = measure(body_of(rows, first), body)
+    rows.found[0] = first
     for row in range(rows.used):
         if (row != first and rows.n[row] != 0
-                and box_gap(rows, row, body) < found[0]
+                and box_gap(rows, row, body.array) < found[0]
                 and not contains(skipped, row)):
-            other = measure(body_of(rows, row), Packed(body, 0, count))
+            other = measure(body_of(rows, row), body)
             if other[0] < found[0]:
                 found = other
-                best = row
-    return best, found[0], found[1], found[2], found[3], found[4]
+                rows.found[0] = row
+    return 1, found
 
 
 @inlined
@@ -198,3 +229,168 @@ def box_gap(rows, row, body):
     """Return the gap of bounds along x or y, < 0 if none: a lower bound of the separation."""
     return max(max(rows.min_x[row] - body[4], body[2] - rows.max_x[row]),
                max(rows.min_y[row] - body[5], body[3] - rows.max_y[row]))
+
+
+@kernel
+def decide_rows(set_array, other_array, answers):
+    """Write for each row whether its bodies in the two sets MEET or are SEPARATE; exact."""
+    require_nearest(len(answers))
+    pairs = Pairs(rows_of(set_array), rows_of(other_array), answers,
+                  scratch(_STATE * _BATCH), scratch_integers(2 * _BATCH), scratch_integers(_BATCH))
+    # Batch by batch, so that pairs left to the exact test are still in the cache.
+    for start in range(0, len(answers), _BATCH):
+        end = min(start + _BATCH, len(answers))
+        count = _begin(pairs, start, end, len(answers))
+        _go_on(pairs, start, count)
+        for row in range(start, end):
+            if answers[row] == UNCERTAIN or answers[row] == OPEN:
+                answers[row] = MEET if _meet(pairs, row, row - start) else SEPARATE
+
+
+@kernel
+def measure_rows(set_array, other_array, values):
+    """Write for each row the separation of its bodies, infinity where a set has none."""
+    require_nearest(len(values))
+    rows = rows_of(set_array)
+    others = rows_of(other_array)
+    for row in range(len(values)):
+        values[row] = math.inf
+        if rows.n[row] != 0 and others.n[row] != 0:
+            values[row] = measure(body_of(rows, row), body_of(others, row))[0]
+
+
+@inlined
+def _meet(pairs, row, slot):
+    """Decide exactly whether bodies meet; the slot has where a search of convex ones ended."""
+    p = body_of(pairs.rows, row)
+    q = body_of(pairs.others, row)
+    if p.n > 0 and q.n > 0:
+        return meet_near(p, q, pairs.places[2 * slot], pairs.places[2 * slot + 1])
+    return bodies_meet(p, q)
+
+
+@inlined
+def _unchecked(pairs):
+    """Return the same with bare arrays, see `elements`, for use inside a hot loop."""
+    return Pairs(pairs.rows, pairs.others, elements(pairs.verdicts), elements(pairs.searches),
+                 elements(pairs.places), elements(pairs.pending))
+
+
+@inner
+def _begin(pairs, start, end, used):
+    """Decide pairs with few vertices, start on the others; list and count those still open."""
+    rows, others, verdicts, searches, places, pending = _unchecked(pairs)
+    data = rows.packed
+    other_data = others.packed
+    count = 0
+    for row in range(start, end):
+        ahead = row + _AHEAD
+        if ahead < used:
+            _prefetch(data, rows.start[ahead], rows.n[ahead])
+            _prefetch(other_data, others.start[ahead], others.n[ahead])
+        p = Packed(data, rows.start[row], rows.n[row])
+        q = Packed(other_data, others.start[row], others.n[row])
+        slot = row - start
+        if p.n == 0 or q.n == 0 or boxes_apart(p, q):
+            verdicts[row] = SEPARATE
+        elif p.n < 0 or q.n < 0:
+            verdicts[row] = UNCERTAIN
+        elif p.n <= SCAN_LIMIT or q.n <= SCAN_LIMIT:
+            verdict, i, j, _ = find_separating_axis(p, q)
+            verdicts[row] = verdict
+            places[2 * slot] = i
+            places[2 * slot + 1] = j
+        else:
+            verdict, search = first_axis(p, q)
+            verdicts[row] = verdict
+            if verdict == OPEN:
+                _store(searches, slot, search)
+                pending[count] = row
+                count += 1
+    return count
+
+
+@inner
+def _go_on(pairs, start, count):
+    """Continue as `find_separating_axis` does, all pending pairs by one axis per round."""
+    rows, others, verdicts, searches, places, pending = _unchecked(pairs)
+    data = rows.packed
+    other_data = others.packed
+    queries = 0
+    while count > 0 and queries < MOST_QUERIES:
+        queries += 1
+        for k in range(count):
+            row = pending[k]
+            slot = row - start
+            ux = searches[_STATE * slot + 4]
+            uy = searches[_STATE * slot + 5]
+            i = table_sector(rows.n[row], ux, uy)
+            j = table_sector(others.n[row], -ux, -uy)
+            prefetch(data, table_place(rows.start[row], i))
+            prefetch(other_data, table_place(others.start[row], j))
+            places[2 * slot] = i
+            places[2 * slot + 1] = j
+        for k in range(count):
+            row = pending[k]
+            slot = row - start
+            i = near_support(Packed(data, rows.start[row], rows.n[row]), places[2 * slot])
+            j = near_support(Packed(other_data, others.start[row], others.n[row]),
+                             places[2 * slot + 1])
+            _prefetch_neighbours(data, i)
+            _prefetch_neighbours(other_data, j)
+            places[2 * slot] = i
+            places[2 * slot + 1] = j
+        left = 0
+        for k in range(count):
+            row = pending[k]
+            slot = row - start
+            search = _load(searches, slot)
+            i = hill_climb(Packed(data, rows.start[row], rows.n[row]),
+                           places[2 * slot], search.ux, search.uy)
+            j = hill_climb(Packed(other_data, others.start[row], others.n[row]),
+                           places[2 * slot + 1], -search.ux, -search.uy)
+            verdict, search = refine(data, i, other_data, j, search)
+            verdicts[row] = verdict
+            places[2 * slot] = i
+            places[2 * slot + 1] = j
+            if verdict == OPEN:
+                _store(searches, slot, search)
+                pending[left] = row
+                left += 1
+        count = left
+
+
+@inlined
+def _store(searches, slot, search):
+    s = _STATE * slot
+    searches[s] = search.ax
+    searches[s + 1] = search.ay
+    searches[s + 2] = search.bx
+    searches[s + 3] = search.by
+    searches[s + 4] = search.ux
+    searches[s + 5] = search.uy
+    searches[s + 6] = search.reach_x
+    searches[s + 7] = search.reach_y
+
+
+@inlined
+def _load(searches, slot):
+    s = _STATE * slot
+    return Search(searches[s], searches[s + 1], searches[s + 2], searches[s + 3],
+                  searches[s + 4], searches[s + 5], searches[s + 6], searches[s + 7])
+
+
+@inlined
+def _prefetch(packed, start, count):
+    """Prefetch a header, and the vertices if there are few."""
+    end = HEADER + 2 * count if count <= SCAN_LIMIT else HEADER
+    for k in range(0, end, _CACHE_LINE):
+        prefetch(packed, start + k)
+    prefetch(packed, start + end - 1)
+
+
+@inlined
+def _prefetch_neighbours(packed, i):
+    """Prefetch a vertex and those before and after it."""
+    prefetch(packed, i - 2)
+    prefetch(packed, i + 3)

@@ -31,6 +31,7 @@ extreme magnitude they are multiplied by a power of two, so that nothing overflo
 from __future__ import annotations
 
 import math
+import sys
 
 from numpy.typing import ArrayLike
 from sat_collision.geometry.distance import measure_arrays
@@ -96,10 +97,7 @@ def time_of_contact(a0: ArrayLike, a1: ArrayLike, b0: ArrayLike, b1: ArrayLike,
     0.5
 
     """
-    if not 0.0 < tolerance < math.inf:
-        raise ValueError(f'tolerance {tolerance}, but it has to be positive and finite')
-    if not 0.0 <= margin < math.inf:
-        raise ValueError(f'margin {margin}, but it has to be 0 or more, and finite')
+    tolerance, margin = limits(tolerance, margin)
     p0, p1, q0, q1 = (coordinates(pose) for pose in (a0, a1, b0, b1))
     a_start, a_end, b_start, b_end = (Polygon(pose) for pose in (p0, p1, q0, q1))
     a, a_ends = moving_body(p0, p1, a_start, a_end)
@@ -111,6 +109,16 @@ def time_of_contact(a0: ArrayLike, a1: ArrayLike, b0: ArrayLike, b1: ArrayLike,
         return 0.0
     time = float(first_contact(a, a_ends, b, b_ends, tolerance, margin))
     return None if time == math.inf else time
+
+
+def limits(tolerance: float, margin: float) -> tuple[float, float]:
+    """Return tolerance and margin as doubles; raise `ValueError` if they are not valid."""
+    if not 0.0 < tolerance <= sys.float_info.max:
+        raise ValueError(f'tolerance {tolerance}, but it has to be positive and finite')
+    if not 0.0 <= margin <= sys.float_info.max:
+        raise ValueError(f'margin {margin}, but it has to be 0 or more, and finite')
+    # A kernel is compiled again for an integer.
+    return float(tolerance), float(margin)
 
 
 @kernel
@@ -196,7 +204,7 @@ def _separation(p, q, time, enough):
     """
     Return the distance of two parts at a time and, if they are apart, the unit axis that shows it.
 
-    The nearest point of the Minkowski difference is sought as in `nearest_features`. The vertices
+    The nearest point of the Minkowski difference is sought as in `convex_distance`. The vertices
     of a part need not be in order, nor all on its hull.
     """
     wx, wy = _between(p, p.first, q, q.first, time)

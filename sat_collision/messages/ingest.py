@@ -29,7 +29,8 @@ from sat_collision.geometry.layout import packed_size
 from sat_collision.geometry.packing import pack_convex
 from sat_collision.geometry.polygon import (
     Affine2D, PackedBody, Polygon, PolygonError, Reason, UNMOVED)
-from sat_collision.messages.cdr import COUNT_SIZE, decode, MessageError, POINT_SIZE, Points
+from sat_collision.messages.cdr import (
+    COUNT_SIZE, decode, header_stamp, MessageError, POINT_SIZE, Points, STAMP_SIZE)
 from sat_collision.messages.rejections import (
     detail_of, EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE)
 from sat_collision.messages.transform_listener import TransformListener
@@ -144,13 +145,24 @@ class Ingest:
             if source.type != POLYGON_INSTANCE}
 
     def take_run(self, name: str, batch: Batch, begin: int, now: int) -> int:
-        """Pass on the messages that only add to the set of the one before; return how many."""
+        """
+        Pass on the messages that only add to the set of the one before; return how many.
+
+        If no contacts are decided they may also begin a set.
+        """
         if (header := self.headers.get(name)) is None:
             return 0
-        start, points_at, stamp, frame_id = header
+        start, points_at, stamp, sent_in = header
+        frame_id = sent_in
         message = batch.messages[begin]
-        if len(message) <= points_at or not message.startswith(start):
+        if len(message) <= points_at:
             return 0
+        if not message.startswith(start):
+            if self._scene.decides_contacts or not message.startswith(
+                    start[STAMP_SIZE:], STAMP_SIZE):
+                return 0
+            # It may begin the next set.
+            start, stamp = message[:len(start)], header_stamp(message)
         affine = None
         if self._transforms and frame_id != self._fixed:
             found = self._transforms.lookup_affine(
@@ -162,11 +174,14 @@ class Ingest:
             name, (batch.data, batch.ends, begin, points_at - COUNT_SIZE, affine or UNMOVED,
                    self._packer.max_vertices, self._packer.array),
             frame_id, stamp, now, batch.number and batch.number + begin)
+        if taken:
+            self.headers[name] = start, points_at, stamp, sent_in
         placements = self._placements
         if taken and placements is not None:
             first = begin
             if begin and placements and not placements[-1].is_empty and (
-                    placements[-1].points[0] is batch.messages[begin - 1]):
+                    placements[-1].points[0] is batch.messages[begin - 1]) and (
+                    placements[-1].stamp == stamp):
                 # The run begins with the message before, which has the same header.
                 placements.pop()
                 first -= 1

@@ -21,7 +21,7 @@ from typing import NamedTuple
 from sat_collision.geometry.polygon import Reason
 from sat_collision.scene import frames
 from sat_collision.scene.frames import in_quotes
-from sat_collision.scene.obstacles import OTHER_FRAME, TOO_MANY
+from sat_collision.scene.obstacle_store import OTHER_FRAME, TOO_MANY
 from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
 from sat_collision.scene.settings import BY_ANOTHER_CLOCK, FAR
 from sat_collision.scene.sources import TOO_OLD

@@ -24,7 +24,7 @@ import traceback
 from types import FrameType
 from typing import Any
 
-from sat_collision.extras import missing
+from sat_collision.extras import missing, unexpected
 
 _STATUS_OF_INTERRUPTED = 2
 _STATUS_OF_BAD_INPUT = 3
@@ -53,9 +53,7 @@ def main(args: Sequence[str] | None = None) -> int:
     except Exception as error:
         if '--debug' in (sys.argv if args is None else args):
             traceback.print_exc()
-        words = ' '.join(str(error).split())
-        hint = missing(error) if isinstance(error, ModuleNotFoundError) else (
-            f'{type(error).__name__}: {words} (--debug shows where)')
+        hint = missing(error) if isinstance(error, ModuleNotFoundError) else unexpected(error)
         print(f'replay_check: cannot start: {hint}', file=sys.stderr)
         return _STATUS_OF_BAD_INPUT
 

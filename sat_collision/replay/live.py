@@ -129,8 +129,8 @@ class Timeline:
                 # Subtracted from 0.0 instead of negated, which would give -0.0 for touching.
                 depth = 0.0 - separation(*bodies)
                 if contact.deepen(depth, now, *bodies):
-                    self._note_least(name, Least(0.0 - depth, now, contact.obstacle,
-                                                 contact.x, contact.y))
+                    self._results[name].note_least(Least(
+                        0.0 - depth, now, contact.obstacle, contact.x, contact.y))
                     if self._tape:
                         self._tape.keep(now, depth)
 
@@ -145,8 +145,8 @@ class Timeline:
             series.add(now, found and found[1])
             if found:
                 obstacle, distance, (ax, ay), (bx, by) = found
-                self._note_least(name, Least(distance + 0.0, now, str(obstacle),
-                                             (ax + bx) / 2, (ay + by) / 2))
+                self._results[name].note_least(Least(
+                    distance + 0.0, now, str(obstacle), (ax + bx) / 2, (ay + by) / 2))
 
     def finish(self, now: int) -> None:
         """End all open contacts and intervals."""
@@ -178,11 +178,6 @@ class Timeline:
             self.touching[name] = contacts
         else:
             self.touching.pop(name, None)
-
-    def _note_least(self, name: str, found: Least) -> None:
-        result = self._results[name]
-        if result.least is None or found.separation < result.least.separation:
-            result.least = found
 
 
 def _name_and_place(contact: tuple[ObstacleId, Polygon, Polygon]) -> tuple[object, ...]:

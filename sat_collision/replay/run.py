@@ -52,8 +52,8 @@ _APART = 3600 * 10**9
 _PROGRESS_EVERY = 500
 # So many placements are processed together, which is faster than one by one; fewer if messages are
 # long, so that memory stays bounded.
-_TOGETHER = 64
-_MOST_BYTES = 2**22
+_TOGETHER = 256
+_MOST_BYTES = 2**20
 # Reasons for rejection that do not depend on when and where a message is received.
 _OF_CONTENT = {EMPTY_FRAME_ID, LONG_FRAME_ID, *(reason.value for reason in Reason)}
 _LONGEST_QUIET = 60 * 10**9
@@ -117,9 +117,9 @@ class _Run:
         self._together = 1 if any(one.has_outline for one in settings.footprints) else _TOGETHER
         self._untaken = 0
         self._monitor = Monitor(settings, bool(self._transforms),
-                                None if options.as_live else self._placements)
+                                None if options.as_live else self._placements,
+                                options.as_live or options.write_bag is not None)
         self._scene = self._monitor.scene
-        self._scene.decides_contacts = options.as_live or options.write_bag is not None
         self._timers: list[Timer] = []
         self._motion: Motion | None = None
         self._live: Timeline | None = None
@@ -280,8 +280,8 @@ class _Run:
 
     def _first_stamp(self, names: Collection[str]) -> int | None:
         """Return the header stamp with which the recording begins, None if there is none."""
-        stamps = (header_stamp(data) for topic, _, data in self._recording.messages(names)
-                  if self._recording.topics[topic] != TWIST_TYPE)
+        stamps = (header_stamp(data) for topic, _, messages in self._recording.peek(names)
+                  if self._recording.topics[topic] != TWIST_TYPE for data in messages)
         return next(filter(None, stamps), None)
 
     def _write_outputs(self, path: str) -> None:

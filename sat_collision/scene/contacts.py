@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, Generic, TypeAlias, TypeVar
 
+import numpy as np
 from sat_collision.geometry.polygon import PackedBody, Polygon
 from sat_collision.geometry.polygon_set import PackedSet, Point
 from sat_collision.geometry.prediction import motion_of
@@ -32,6 +33,8 @@ _Other = TypeVar('_Other', bound=Body[Any])
 
 # Max gap in m between a turning footprint and the obstacle it meets, at the time returned.
 _TOLERANCE = 1e-3
+# The row of an obstacle that was received while no contacts are decided.
+NOWHERE = 0
 # Where an obstacle is, and its vx and vy in m/s.
 Course: TypeAlias = tuple[Polygon, Vertices]
 
@@ -109,8 +112,9 @@ class Contacts:
             self.changed.update(update_contacts(obstacle, ()))
 
     def hide_obstacles(self, group: object, rows: Any) -> None:
-        """Hide all obstacles of a group, which keep their rows to be placed again soon."""
-        self._obstacles.polygons.hide(rows)
+        """Hide all obstacles of a group, which keep their rows (-1: none) to be placed again."""
+        rows = np.asarray(rows)
+        self._obstacles.polygons.hide(rows[rows >= 0])
         for footprint in self._footprints.bodies.values():
             lost = {one for one in footprint.contacts if one.group is group}
             if lost:
@@ -167,6 +171,29 @@ class Contacts:
         obstacles = self._obstacles.bodies
         return [obstacles[row] for row in rows
                 if footprint.settings.monitors(obstacles[row].name.source)]
+
+
+class Undecided(Contacts):
+    """Decides no contacts; records only which obstacles there are, all in the row NOWHERE."""
+
+    def place_footprint(self, footprint: Footprint, where: PackedBody) -> None:
+        """Do nothing."""
+
+    def place_obstacle(self, obstacle: Obstacle, where: PackedBody) -> bool:
+        """Record that an obstacle is there."""
+        obstacle.row = NOWHERE
+        return False
+
+    def remove_obstacle(self, obstacle: Obstacle) -> None:
+        """Record that an obstacle is gone."""
+        obstacle.row = None
+
+    def hide_obstacles(self, group: object, rows: Any) -> None:
+        """Do nothing."""
+
+    def check_run(self, run: Run, limit: int) -> int:
+        """Return how many messages of a run, up to a limit, are ordinary."""
+        return self._obstacles.polygons.check_run(run, limit)
 
 
 class _Placed(Generic[_Kind]):

@@ -27,7 +27,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from sat_collision.scene.obstacles import KeyedGroup, ObstacleStore, SetGroup
+from sat_collision.scene.obstacle_store import KeyedGroup, ObstacleStore, SetGroup
 from sat_collision.scene.settings import NEVER, ObstacleSettings
 from sat_collision.scene.streams import BEGUN, CONTINUES, LOST, MET, News
 
@@ -127,6 +127,12 @@ class Sets(_Listing):
         if current is None or stamp != current.last or self._is_spoiled or stamp < current.time:
             return None
         return current
+
+    def is_full(self, stamp: int) -> bool:
+        """Return whether messages of a stamp are of a set that has no room for more."""
+        current = self.current
+        return (current is not None and stamp == current.last
+                and current.count >= self.max_count)
 
     def end(self, news: News, stamp: int, time: int, now: int) -> None:
         """Receive an empty polygon, which ends the set of its stamp; none if that is 0."""

@@ -25,10 +25,11 @@ from typing import TypeAlias
 from sat_collision.geometry.polygon import PackedBody, Polygon
 from sat_collision.geometry.polygon_set import Point
 from sat_collision.geometry.run import Run
-from sat_collision.scene.contacts import Contacts
+from sat_collision.scene.contacts import Contacts, Undecided
 from sat_collision.scene.footprints import Evaluation, Footprint, Origin, State, Status
 from sat_collision.scene.frames import in_quotes
-from sat_collision.scene.obstacles import ObstacleId, OTHER_FRAME
+from sat_collision.scene.obstacle_store import OTHER_FRAME
+from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.prediction import predict, Prediction, velocity_of
 from sat_collision.scene.settings import FootprintSettings, NEVER, ObstacleSettings, Settings
 from sat_collision.scene.sources import Source
@@ -79,7 +80,7 @@ class Scene:
     message is its sequence number among those of its publisher, None if unknown.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, decides_contacts: bool = True) -> None:
         # The frame of all bodies: that of the settings, else the common frame of the footprints
         # received in the last second; empty until there is one.
         self.frame_id = settings.frame_id
@@ -89,11 +90,11 @@ class Scene:
         self.waiting: Container[str] = ()
         # Whether the motion of all footprints is tracked, not only where a state depends on it.
         self.tracks_motion = False
-        # Whether contacts of footprints are decided; if not, only what is unknown is found.
-        self.decides_contacts = True
         self._now = 0
         self._clock_stands = False
-        self._contacts = Contacts(settings.margin)
+        # Whether contacts of footprints are decided; if not, only what is unknown is found.
+        self.decides_contacts = decides_contacts
+        self._contacts = (Contacts if decides_contacts else Undecided)(settings.margin)
         self._sources = {source.name: Source(source, self._contacts)
                          for source in settings.obstacles}
         self._footprints = {footprint.name: Footprint(footprint)
@@ -174,8 +175,7 @@ class Scene:
         if footprint.time is not None and time < footprint.time and not (
                 footprint.stale or footprint.timeout == NEVER):
             return OVERTAKEN
-        if self.decides_contacts:
-            self._contacts.place_footprint(footprint, body)
+        self._contacts.place_footprint(footprint, body)
         footprint.origin = origin
         footprint.time = time
         if footprint.fault or footprint.stale or time + footprint.timeout < now:
@@ -270,7 +270,11 @@ class Scene:
 
     def obstacle_run(self, name: str, run: Run, frame_id: str, stamp: int, now: int,
                      number: int | None) -> int:
-        """Receive a run of obstacles that continues a set; return how many were taken."""
+        """
+        Receive a run of obstacles that continues a set; return how many were taken.
+
+        If no contacts are decided it may also begin a set.
+        """
         if name in self.waiting or self.frame_id and frame_id != self.frame_id:
             return 0
         if now != self._now:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The methods of the report against the oracle: some exact, some wrong on hard families."""
+"""The methods of the report against the oracle: some are exact, some wrong on hard families."""
 
 from fractions import Fraction
 import json
@@ -58,7 +58,7 @@ def answers(method, pairs):
 
 
 def all_answers(count, n):
-    """Return what each method answers on some pairs of each family, and the truth."""
+    """Return the answers of each method on some pairs of each family, and the truth."""
     found = {}
     for name in families.CONVEX:
         pairs = pairs_of(name, count, n)
@@ -77,7 +77,7 @@ def test_filtered_orientations_are_never_wrong(name, n):
 
 
 @pytest.mark.parametrize('exponent', [-1060, -700, 700, 1015])
-def test_filtered_orientations_are_never_wrong_where_products_leave_the_range(exponent):
+def test_filtered_orientations_with_overflow_and_underflow(exponent):
     pairs = [(np.ldexp(a, exponent), np.ldexp(b, exponent))
              for name in ('near', 'hair_gaps', 'points_and_segments')
              for a, b in pairs_of(name, 60, 5)]
@@ -95,8 +95,8 @@ def test_inexact_rivals_are_wrong_on_hard_pairs_and_right_on_near_ones(method, n
 
 @pytest.mark.long
 @pytest.mark.skipif(not COMPILED, reason='nothing to compare with')
-def test_plain_python_answers_as_compiled_code_does():
-    """The same pairs in a process where numba is switched off: equal answers."""
+def test_plain_python_gives_the_same_answers():
+    """In another process without numba."""
     program = 'import json, test_methods; print(json.dumps(test_methods.all_answers(25, 9)))'
     path = os.pathsep.join([*PATHS, str(ROOT / 'test' / 'benchmarks'), *sys.path])
     result = subprocess.run(
@@ -108,8 +108,8 @@ def test_plain_python_answers_as_compiled_code_does():
         assert found['filtered'] == found['truth']
 
 
-# Nearest B = (6, 7) of P is an end of two edges, but the edge that separates, from (0, 1) to
-# (5, 4), is not one of them.
+# The nearest vertex B = (6, 7) of P ends two edges, but not the separating one, from (0, 1) to
+# (5, 4).
 APART = np.array([[0, 1], [5, 4], [6, 7.0]]), np.array([[4, 3], [11, 5], [11, 6.0]])
 # The centre line crosses the edges (4, 1)-(1, 8) and (8, 9)-(3, 4), whose ends are apart along it;
 # but the vertex (2, 1) of Q, which is not one of the four, lies within P.
@@ -124,7 +124,7 @@ def test_traditional_is_complete_away_from_contact(method, family, n):
     np.testing.assert_array_equal(answers(method, pairs), oracle.intersects_pairs(pairs)[0])
 
 
-def test_traditional_decides_points_and_segments_that_coordinates_decide():
+def test_traditional_on_points_and_segments():
     bodies = [np.array(body, float) for body in (
         [[0, 0]], [[2, 0]], [[0, 0], [2, 0]], [[3, 0], [4, 0]], [[1, -1], [1, 1]],
         [[0, 0], [2, 2]], [[3, 3], [4, 4]], [[0, 1]], [[0, 0], [4, 0], [0, 4]])]
@@ -133,8 +133,8 @@ def test_traditional_decides_points_and_segments_that_coordinates_decide():
 
 
 @pytest.mark.skipif(not COMPILED, reason='plain Python computes in doubles')
-def test_float32_arrays_are_computed_with_in_float32():
-    """The traditional method is wrong in float32 on pairs that it decides in float64."""
+def test_float32_is_less_exact_than_float64():
+    """The traditional method is compiled for either."""
     pairs = pairs_of('float32_round_trip', 1000, 4)
     truth = oracle.intersects_pairs(pairs)[0]
     wrong, wrong_single = (np.sum(answers(method, pairs) != truth)
@@ -150,8 +150,7 @@ def test_published_readings_are_wrong_on_their_examples(method, pair):
 
 
 @pytest.mark.parametrize('n', [4, 16, 64])
-def test_published_a_errs_one_way_and_b_both(n):
-    """Every axis that A accepts separates; B is wrong in both ways."""
+def test_published_a_errs_in_one_direction_and_b_in_both(n):
     pairs = pairs_of('near', 2000, n)
     truth = oracle.intersects_pairs(pairs)[0]
     a, b = (answers(method, pairs) for method in ('published_a', 'published_b'))
@@ -159,8 +158,8 @@ def test_published_a_errs_one_way_and_b_both(n):
     assert (b & ~truth).any() and (~b & truth).any()
 
 
-def test_axes_are_counted():
-    """Deciding a deep collision takes traditional all axes, the published methods a few."""
+def test_number_of_axes():
+    """A deep collision takes the traditional method all axes, the published ones a few."""
     pairs = methods.Pairs(families.deep(np.random.default_rng(2), 50, 9))
     for method, axes in (('traditional', {18}), ('boxed', {20}), ('published_a', {9})):
         found, counts = methods.run(method, pairs)
@@ -176,7 +175,7 @@ def test_hybrid_misses_no_collision_but_invents_some():
     assert hybrid[~meet].any()
 
 
-def test_equation_5_as_printed_chooses_worse():
+def test_equation_5_as_printed_is_worse():
     pairs = pairs_of('near', 1000, 16)
     meet = oracle.intersects_pairs(pairs)[0]
     printed, meant = (answers(method, pairs)[~meet].sum() for method in ('literal', 'published_a'))
@@ -184,7 +183,7 @@ def test_equation_5_as_printed_chooses_worse():
 
 
 def test_equation_5_tries_the_axes_of_reading_a():
-    """One centre line, four normals and four lines to the nearest points, all where they meet."""
+    """One centre line, four normals and four lines to the nearest points."""
     pairs = pairs_of('containment', 50, 8)
     for method in ('literal', 'published_a'):
         assert set(methods.run(method, methods.Pairs(pairs))[1].tolist()) == {9}
@@ -193,15 +192,15 @@ def test_equation_5_tries_the_axes_of_reading_a():
 @pytest.mark.parametrize('move, time', [((-4, 0), Fraction(1, 2)), ((-2, 0), 1), ((-1, 0), None),
                                         ((-4, 2), Fraction(1, 2)), ((-4, -4.5), None),
                                         ((-8, 3), Fraction(1, 4))])
-def test_the_oracle_of_contact_times(move, time):
-    """A square three wide of the other one: head on, short of it, corner on corner, past it."""
+def test_oracle_of_contact_times(move, time):
+    """Two unit squares 2 m apart: head on, too short, corner on corner, and past each other."""
     square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
     assert libraries._first_contact(square, square + (3.0, 0.0), np.array(move, float)) == time
 
 
 @pytest.mark.parametrize('n', [3, 8, 9, 10, 33, 257])
 def test_binary_search_finds_the_support_vertex(n):
-    """Of bodies whose vertices are spread evenly, and of arcs with all vertices on one side."""
+    """Of bodies with evenly spaced vertices, and of arcs with all vertices on one side."""
     rng = np.random.default_rng(n)
     arc = np.linspace(0, 1.5, n)
     half = np.stack([np.cos(arc), np.sin(arc)], axis=1)
@@ -212,7 +211,7 @@ def test_binary_search_finds_the_support_vertex(n):
             assert body[k] @ axis >= (body @ axis).max() - 1e-14
 
 
-def test_gjk_takes_what_is_nearer_than_its_tolerance_for_touching():
+def test_gjk_reports_contact_within_its_tolerance():
     square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
     turned = np.array([(0.0, 0.5), (1.0, -0.5), (2.0, 0.5), (1.0, 1.5)])
     for gap, collides in ((1e-12, True), (1e-3, False)):
@@ -223,7 +222,7 @@ def test_gjk_takes_what_is_nearer_than_its_tolerance_for_touching():
 
 @pytest.mark.parametrize('exponent', [0, -512, -514, -530, 500, 1000])
 def test_semi_static_filter_is_exact_near_a_line(exponent):
-    """Where the plain determinant has the wrong sign by rounding, underflow or overflow."""
+    """Rounding, underflow or overflow give the plain determinant the wrong sign."""
     rng = np.random.default_rng(2)
     wrong = 0
     b, c, share = rng.uniform(-1, 1, (2000, 2)), rng.uniform(-1, 1, (2000, 2)), rng.random(2000)
@@ -248,7 +247,7 @@ def test_touching_bodies_have_no_gap():
     assert stability.gap_in_units(square, square + (2.0**-50, 0.0), True) > 0
 
 
-def test_exact_stage_is_needed_just_where_bodies_touch():
+def test_exact_stage_is_used_only_for_touching_bodies():
     square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
     others = [square + (3.0, 0.0), square + (0.5, 0.5), square + (1.0, 0.0)]
     axes, exact = scenes.tried([Polygon(square)] * 3, [Polygon(other) for other in others])
@@ -259,7 +258,7 @@ def test_exact_stage_is_needed_just_where_bodies_touch():
 @pytest.mark.parametrize('scene, angle', [(scenes.docking, 0.0), (scenes.racks, 0.0),
                                           (scenes.racks, 0.5)])
 def test_scenes_have_contacts_and_clear_pairs(scene, angle):
-    """Built to touch: in line with the axes they do so exactly, and the exact stage decides."""
+    """Aligned with the axes they touch exactly, and the exact stage decides."""
     frames = scene(angle)[::40]
     pairs = [(footprint, obstacle) for footprint, obstacles in frames for obstacle in obstacles]
     meet = np.array([oracle.intersects(*pair) for pair in pairs])
@@ -269,15 +268,15 @@ def test_scenes_have_contacts_and_clear_pairs(scene, angle):
 
 
 @pytest.mark.parametrize('name', scenes.NAMES)
-def test_recorded_scenes_have_the_contacts_they_are_known_to_have(name):
+def test_recorded_scenes_have_their_known_contacts(name):
     meet = [sum(oracle.intersects(footprint, obstacle) for obstacle in obstacles)
             for footprint, obstacles in scenes.recorded(name)]
     assert meet == [len(moment['hits']) for moment in load('recordings')[name]['contacts']]
 
 
 @pytest.mark.parametrize('kind', samples.KINDS)
-def test_kinds_have_the_pairs_they_promise(kind):
-    """Clear pairs are all apart, deep ones all meet, half of the others; improved is right."""
+def test_kinds_of_samples(kind):
+    """Clear pairs are apart, deep ones meet, half of the others do; improved is right."""
     pairs, meet = samples.sample(np.random.default_rng(1), 8, kind, 40)
     assert meet.sum() == {'clear': 0, 'deep': 40}.get(kind, 20)
     assert (answers('improved', pairs) == meet).all()

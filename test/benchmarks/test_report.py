@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The tables of the report are those of its figures, and what its text says holds in them."""
+"""The tables of the report match its figures, and so does its text."""
 
 import json
 from pathlib import Path
@@ -33,7 +33,7 @@ import words  # noqa: E402
 
 @pytest.fixture(scope='module')
 def figures():
-    """Return the stored figures, the accuracy run's among them."""
+    """Return the stored figures, including those of the accuracy run."""
     figures = json.loads((STORED / 'figures.json').read_text())
     figures['accuracy'] = json.loads((STORED / 'accuracy.json').read_text())
     return figures
@@ -44,13 +44,11 @@ def text_of(name):
 
 
 @pytest.mark.parametrize('name', PAGES)
-def test_stored_tables_are_those_of_their_figures(figures, name):
-    """Nobody edited them by hand, and they were written after the figures."""
+def test_stored_tables_match_their_figures(figures, name):
     assert words.with_tables(text_of(name), tables.TABLES, figures) == text_of(name)
 
 
-def test_stored_benchmarks_are_those_of_their_figures():
-    """Likewise."""
+def test_stored_benchmarks_match_their_figures():
     pytest.importorskip('rclpy')
     import bench
     page = ROOT / 'docs' / 'benchmarks' / 'README.md'
@@ -65,13 +63,12 @@ def test_each_table_is_on_a_page_once():
 
 
 def test_stored_plots_are_all_on_the_page():
-    """Each picture stored is shown, and each shown is stored."""
     shown = set(re.findall(r'\]\((\w+\.png)\)', text_of('README.md')))
     assert shown == {path.name for path in STORED.glob('*.png')}
 
 
-def test_what_the_text_says_holds_in_the_figures(figures):
-    """Where a later measurement says otherwise, the text has to be written anew."""
+def test_claims_of_the_text_hold_in_the_figures(figures):
+    """If a new measurement disagrees, the text must be changed."""
     rows = figures['speed']
     wrong = {method: tables.count_wrong(row for row in rows if row['method'] == method)
              for method in tables.distinct(rows, 'method')}
@@ -92,7 +89,7 @@ def test_what_the_text_says_holds_in_the_figures(figures):
                    if step['step'] == 'lines to the nearest points')
 
 
-def test_figures_are_stored_a_row_a_line_and_unchanged():
+def test_figures_are_stored_one_row_per_line():
     value = {'rows': [{'n': 3, 'ns': [1.5, 2.0]}, {'n': 4, 'ns': []}], 'some': {'none': None},
              'nested': {'rows': [[1, 2], [3, 4]], 'deep': {'er': {'x': 1}}}, 'empty': []}
     assert json.loads(words.compact(value)) == value
@@ -113,24 +110,24 @@ def test_ranges_of_times_have_one_unit():
 @pytest.mark.parametrize('part, whole, text', [
     (0, 10, '0'), (0, 0, '–'), (1, 10_000, '0.01 %'), (1, 3, '33 %'), (None, 1, '–'),
     (999, 1000, '99.9 %'), (10, 10, '100 %')])
-def test_shares_never_round_to_none_or_all(part, whole, text):
+def test_shares_are_not_rounded_to_0_or_100_percent(part, whole, text):
     assert words.share(part, whole) == text
 
 
 @pytest.mark.parametrize('part, whole, low, high', [
     (0, 100, 0.0, 0.0370), (1, 10, 0.0179, 0.4042), (50, 100, 0.4038, 0.5962), (9, 9, 0.7008, 1)])
-def test_intervals_are_wilsons(part, whole, low, high):
+def test_wilson_intervals(part, whole, low, high):
     assert words.wilson(part, whole) == (pytest.approx(low, abs=2e-4),
                                          pytest.approx(high, abs=2e-4))
 
 
-def test_rates_of_none_have_an_upper_end():
+def test_rate_of_0_has_an_upper_bound():
     assert words.rate(0, 100) == '0 (< 3.7 %)'
     assert words.rate(50, 100) == '50 % (40–60)'
 
 
 @pytest.mark.parametrize('units', [1e-9, 0.3, 3.0, 1e9, 1e40])
-def test_bins_hold_what_is_put_into_them(units):
+def test_centre_of_a_bin_is_near_its_values(units):
     middle = stability.centre_of_bin(stability.bin_of(units))
     inside = 10 ** stability.FIRST < units < 10 ** stability.LAST
     assert 10 ** -0.26 < units / middle < 10 ** 0.26 or not inside

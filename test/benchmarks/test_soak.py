@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What the soak calls missed and what wrong, on flags that are made up, and on a short one."""
+"""How the soak judges flags and times to collision."""
 
 import sys
 
@@ -39,9 +39,9 @@ GOOD = [(0.01, False), (0.02, True), (0.5, True), (1.01, True), (1.02, False), (
     (sorted([*GOOD, (1.5, True)]), Verdict(2, 0, 0, 2, 0, 1)),
     ([one for one in GOOD if one[0] < 3.0], Verdict(2, 0, 0, 2, 1, 0)),
     ([], Verdict(2, 2, 0, 2, 2, 0)),
-], ids=['good', 'missed', 'wrong clears', 'false alarm', 'held back', 'silence'])
+], ids=['good', 'missed', 'wrong clears', 'false collision', 'delayed', 'silence'])
 def test_verdict_on_flags(flags, expected):
-    """What is late within the stay of the robot is no fault; what comes after its end is."""
+    """A flag may be late while the robot stays, but not after that."""
     assert judge(CHANGES, flags) == expected
 
 
@@ -58,8 +58,8 @@ TIMES = [(0.01, NAN), (0.02, 0.0), (0.9, 0.0), (1.01, 0.0), (1.2, 2.31), (1.5, 2
     (TIMES, [(0.01, True), (1.25, False), (2.01, True)], Times(2, 0, 0, 0, pytest.approx(10.0))),
     (TIMES, [(0.01, True), (1.4, False), (2.01, True)], Times(2, 0, 0, 1, pytest.approx(10.0))),
     ([(1.5, NAN)], [(0.01, True)], Times(0, 0, 0, 0, pytest.approx(NAN, nan_ok=True))),
-], ids=['good', 'in contact', 'late and early', 'a flag on its way', 'unknown', 'none'])
+], ids=['good', 'in contact', 'late and early', 'delayed flag', 'late flag', 'none'])
 def test_verdict_on_times(times, flags, expected):
-    """Those of the first moments of a stay may be of the one before."""
+    """Times in the first moments of a stay may belong to the one before."""
     assert judge_times(STAYS, flags, times) == expected
     assert judge_times(STAYS, flags, times, 0.25).late <= expected.late - (expected.late > 1)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The demo's scene causes just the contacts that it says it does, and the demo sees them."""
+"""The scene of the demo has exactly its listed contacts, and the demo reports them."""
 
 import os
 import re
@@ -27,7 +27,7 @@ shapely = pytest.importorskip('shapely')
 
 @pytest.mark.parametrize('name', warehouse.FOOTPRINTS)
 def test_contacts_of_the_scene(name):
-    """Sampled finely and as float32, each robot touches one thing after another, as listed."""
+    """Finely sampled and as float32, each robot touches its obstacles in the listed order."""
     static = [shapely.Polygon(p) if len(p) > 2 else shapely.LineString(p)
               for p in warehouse.STATIC]
     touched = []
@@ -44,8 +44,8 @@ def test_contacts_of_the_scene(name):
     assert touched == expected
 
 
-def test_the_person_is_in_the_way_of_the_robot_that_brakes():
-    """If it did not brake, whenever it starts in the first 2.5 s."""
+def test_robot_would_hit_the_person_without_braking():
+    """Whenever it starts in the first 2.5 s."""
     for start in (0.0, 2.5):
         touched = [shapely.intersects(shapely.Polygon(warehouse.courier(1.2 * time)),
                                       shapely.Polygon(warehouse.person(start + time)))
@@ -68,7 +68,7 @@ def test_first_demo_does_not_wait_for_the_compiler(tmp_path):
 
 @pytest.mark.long
 def test_demo_succeeds(tmp_path):
-    """Node, publisher and viewer as three processes over DDS; log and pictures are as promised."""
+    """Node, publisher and viewer run as three processes over DDS."""
     pytest.importorskip('rclpy')
     pytest.importorskip('matplotlib')
     from PIL import Image
@@ -82,7 +82,7 @@ def test_demo_succeeds(tmp_path):
     assert picture.read_bytes().startswith(b'\x89PNG')
     with Image.open(movie) as frames:
         assert frames.format == 'GIF' and frames.n_frames > 20
-        # It begins with a contact, in red.
+        # The first frame shows a contact in red.
         red, green, blue = np.moveaxis(np.asarray(frames.convert('RGB')), 2, 0)
         assert ((red > 200) & (green < 60) & (blue < 60)).any()
     assert movie.stat().st_size < 3e6

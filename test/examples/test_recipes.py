@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The recipes, taken from their page, make obstacles that the monitor checks."""
+"""The recipes of docs/recipes.md with a running monitor."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -29,7 +29,7 @@ PAGE = (Path(__file__).resolve().parents[2] / 'docs' / 'recipes.md').read_text()
 
 
 def recipe(heading, language):
-    """Return the block of code under a heading."""
+    """Return the code block under a heading."""
     _, text = PAGE.split(f'\n## {heading}\n')
     _, block = text.partition('\n## ')[0].split(f'```{language}\n')
     return block.partition('```')[0]
@@ -42,7 +42,7 @@ def functions(heading):
 
 
 def test_static_map(start, tmp_path):
-    """Sent once, before the monitor knows of it; it counts for ever."""
+    """It is sent once, before the monitor has found its publisher."""
     params = tmp_path / 'params.yaml'
     params.write_text(recipe('A static map', 'yaml'))
     monitor = start(('--params-file', str(params)))
@@ -54,7 +54,7 @@ def test_static_map(start, tmp_path):
 
 
 def test_costmap_converter(start):
-    """A closed ring, a line, a point and nothing, in a message without a frame."""
+    """A closed ring, a line, a point and an empty outline, without a frame."""
     monitor = start()
     to_set = functions('costmap_converter').to_set
     ring = box(5.0)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The examples do what they say: a laser's scans become obstacles that the monitor checks."""
+"""The example that converts laser scans to obstacles."""
 
 import os
 from pathlib import Path
@@ -40,7 +40,7 @@ NEAR = shapely.box(0.45, -0.1, 1.0, 0.1)
 
 
 def scan_of(bodies, rays=RAYS, span=2.0 * np.pi):
-    """Return the scan that a laser at the origin makes of bodies."""
+    """Return the scan of bodies by a laser at the origin."""
     scan = LaserScan(angle_min=-0.5 * span, angle_increment=span / rays, range_min=0.05,
                      range_max=8.0)
     scan.header.frame_id = 'base_scan'
@@ -54,15 +54,15 @@ def scan_of(bodies, rays=RAYS, span=2.0 * np.pi):
 
 
 def shapes(scan, gap=0.2, thickness=0.1):
-    """Return what a scan shows, rounded as a message rounds it."""
+    """Return the outlines of a scan, rounded as in messages."""
     kinds = {1: lambda ring: shapely.Point(ring[0]), 2: shapely.LineString}
     found = [np.float32(outline) for outline in outlines(scan, gap, thickness)]
     return [kinds.get(len(ring), shapely.Polygon)(ring) for ring in found]
 
 
 @pytest.mark.parametrize('bodies', [[ROOM], [ROOM, BOX], [BOX, NEAR]])
-def test_every_return_is_on_an_obstacle_and_free_space_on_none(bodies):
-    """A wall all around does not swallow the robot, nor does a corner of it the room."""
+def test_outlines_cover_all_returns_and_no_free_space(bodies):
+    """A wall all around does not enclose the robot, nor its corner the room."""
     scan = scan_of(bodies)
     found = shapes(scan)
     angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
@@ -76,13 +76,13 @@ def test_every_return_is_on_an_obstacle_and_free_space_on_none(bodies):
 
 
 def test_wall_has_no_gap_where_the_scan_begins():
-    """The laser looks backwards first, at a wall, which is seen as one ring."""
+    """The laser first looks backwards, at a wall, which becomes one ring."""
     seen = shapely.union_all([shape.buffer(1e-6) for shape in shapes(scan_of([ROOM]))])
     assert seen.geom_type == 'Polygon' and len(seen.interiors) == 1
 
 
-def test_what_is_out_of_range_is_no_return():
-    """Nor is what is not a number."""
+def test_ranges_out_of_bounds_are_no_returns():
+    """Nor is NaN."""
     scan = LaserScan(angle_increment=0.1, range_min=0.1, range_max=5.0,
                      ranges=[0.05, 1.0, float('nan'), 6.0, float('inf'), 2.0])
     assert [len(outline) for outline in outlines(scan, 0.2, 0.1)] == [1, 1]
@@ -98,7 +98,7 @@ def converter(domain):
 
 
 def test_scans_are_checked(start, converter):
-    """In a room the robot is clear; with a box at its nose it is not."""
+    """In a room the robot is clear; with a box at its front it is not."""
     monitor = start()
     scans = monitor.node.create_publisher(LaserScan, 'scan', 1)
     for scene, state in (([ROOM, BOX], 'clear'), ([ROOM, NEAR], 'collision'),

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Faults done to a real process of the node, over DDS: how soon each shows, and for how long.
+Faults of a real node process over DDS: how soon each is detected, and how soon it recovers.
 
-``make faults`` does each several times and writes the table of docs/reliability.md. The short form
-in the test suite does each once. Clocks are stepped where libfaketime is installed.
+``make faults`` does each several times and writes the table of docs/reliability.md; the test suite
+does each once. Clocks are stepped if libfaketime is installed.
 """
 
 import argparse
@@ -45,21 +45,21 @@ from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.qos import LivelinessPolicy, QoSProfile  # noqa: E402
 from std_msgs.msg import Bool  # noqa: E402
 
-PATIENCE = 120.0
+TIMEOUT = 120.0
 _PERIOD = 0.02
 _TIMEOUT = 0.5
-# What a subscriber may count on, see the README: no flag for so long is a raised one.
+# README's rule for subscribers: without a flag for this time, it counts as raised, in s.
 _TOO_OLD = 0.3
-# Obstacles a set.
+# Obstacles per set.
 _COUNT = 20
-# How many messages a publisher keeps for a monitor that does not take them.
+# How many messages a publisher keeps for a monitor that does not receive them.
 _DEPTH = 5 * _COUNT
 _STEP = 10.0
-# On a busy machine a fault begins so much later than it is asked for, in s.
+# On a busy machine a fault begins up to this much later than requested, in s.
 _BEGINS = 1.0
 _FAKETIME = next(Path('/usr/lib').glob('*/faketime/libfaketimeMT.so.1'), None)
 
-# The node, with a loop that stands still while a file is there.
+# The node, with a loop that hangs while a file exists.
 _PROGRAM = """
 import os, sys, time
 from sat_collision.node.footprint_monitor import FootprintMonitor
@@ -77,16 +77,16 @@ sys.exit(main(sys.argv[2:]))
 class Outcome(NamedTuple):
     """How a fault went."""
 
-    # Seconds from the fault until a subscriber that follows the README's rule took the flag for
-    # raised, and from the end of the fault until the flag fell again.
+    # Seconds from the fault until a subscriber that follows README's rule considers the flag
+    # raised, and from the end of the fault until the flag falls again.
     detected: float
     recovered: float
-    # Flags that said clear, while the fault lasted, later than 1 s after it began.
+    # Flags that say clear during the fault, later than 1 s after it began.
     wrong_clears: int
 
 
 class Rig:
-    """A node's process, a robot that is clear of what is seen, and who listens to the flag."""
+    """A node process, publishers of a robot and of far obstacles, and a subscriber of the flag."""
 
     def __init__(self, domain: int) -> None:
         self._domain = domain
@@ -99,9 +99,9 @@ class Rig:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._flags: list[tuple[float, bool]] = []
-        self._told_dead = 0.0
+
         self._node.create_subscription(
-            Bool, '/footprint_monitor/collision', self._hear,
+            Bool, '/footprint_monitor/collision', self._receive,
             QoSProfile(depth=100, deadline=Duration(seconds=0.35),
                        liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
                        liveliness_lease_duration=Duration(seconds=0.6)),
@@ -119,7 +119,7 @@ class Rig:
         self.process: subprocess.Popen[bytes] | None = None
 
     def start(self, *command: str) -> None:
-        """Start the node's process, by a command before it if there is one."""
+        """Start the node's process, optionally through another command."""
         self.process = subprocess.Popen(
             [*command, sys.executable, '-c', _PROGRAM, str(self.hanging), '--ros-args',
              '-p', f'footprint.timeout:={_TIMEOUT}', '-p', f'obstacle.timeout:={_TIMEOUT}'],
@@ -127,9 +127,9 @@ class Rig:
             env={**os.environ, 'ROS_DOMAIN_ID': str(self._domain)})
 
     def restart(self, *command: str) -> None:
-        """Kill the node's process, if it is there still, and start it again."""
+        """Kill the node's process if it is running, and start it again."""
         self.kill()
-        # What the old one said is of no use for the new one.
+        # Drop the flags of the old process.
         self.spin(0.2)
         self._flags.clear()
         self.start(*command)
@@ -141,19 +141,19 @@ class Rig:
             self.process.wait()
 
     def start_with_own_clock(self) -> None:
-        """Start the node's process again, with a clock that can be stepped."""
+        """Restart the node's process with a clock that can be stepped."""
         self.step_clock(0.0)
         self.restart('env', f'LD_PRELOAD={_FAKETIME}', f'FAKETIME_TIMESTAMP_FILE={self._clock}',
                      'FAKETIME_NO_CACHE=1', 'FAKETIME_DONT_FAKE_MONOTONIC=1')
 
     def step_clock(self, seconds: float) -> None:
-        """Have the node's clock go ahead of all others, or behind."""
+        """Set the offset of the node's clock."""
         new = self._clock.with_suffix('.new')
         new.write_text(f'{seconds:+}')
         new.replace(self._clock)
 
     def publish(self, name: str) -> None:
-        """Publish a footprint or a set of obstacles, damaged if it is to be so."""
+        """Publish a footprint or a set of obstacles, possibly damaged."""
         stamp = time.time_ns()
         polygons: list[list[tuple[float, float]]] = [box(self.x[name], 0)]
         if name == 'obstacles':
@@ -164,7 +164,7 @@ class Rig:
                 self._publishers[name].publish(data[:-5] if name in self.damaged else data)
 
     def close(self) -> None:
-        """End all that was begun."""
+        """Stop all threads and processes."""
         self._ended.set()
         self._thread.join()
         self.kill()
@@ -179,40 +179,40 @@ class Rig:
                 if name not in self.silent:
                     self.publish(name)
 
-    def _hear(self, flag: Bool) -> None:
+    def _receive(self, flag: Bool) -> None:
         self._flags.append((time.monotonic(), flag.data))
 
     def spin(self, seconds: float = 0.0) -> None:
-        """Take what has arrived, for some time."""
+        """Receive what has arrived, for some time."""
         end = time.monotonic() + seconds
         self._executor.spin_once(timeout_sec=0.002)
         while time.monotonic() < end:
             self._executor.spin_once(timeout_sec=0.002)
 
     def is_clear(self) -> bool:
-        """Tell whether a subscriber that follows the rule may take the robot for clear."""
+        """Tell whether a subscriber that follows the rule may consider the robot clear."""
         if not self._flags:
             return False
         when, raised = self._flags[-1]
         return not raised and time.monotonic() - when < _TOO_OLD
 
     def until(self, condition: Callable[[], bool]) -> float:
-        """Spin until a condition holds; return for how long."""
+        """Spin until a condition holds; return how long it took."""
         begun = time.monotonic()
         while not condition():
-            if time.monotonic() - begun > PATIENCE:
+            if time.monotonic() - begun > TIMEOUT:
                 raise TimeoutError('what was awaited did not happen')
             self.spin()
         return time.monotonic() - begun
 
     def clears_since(self, when: float) -> int:
-        """Return how many flags said clear after a time."""
+        """Return the number of clear flags after a time."""
         return sum(not raised for time_, raised in self._flags if time_ > when)
 
 
 def outcome(rig: Rig, begin: Callable[[], object], end: Callable[[], object],
             lasting: float = 2.0) -> Outcome:
-    """Do a fault to a rig that is clear."""
+    """Cause a fault in a rig that is clear."""
     rig.until(rig.is_clear)
     begun = time.monotonic()
     begin()
@@ -239,7 +239,7 @@ def _stalled(rig: Rig) -> Outcome:
 
 
 def _bad(kind: str, name: str) -> Callable[[Rig], Outcome]:
-    """Have a topic be among those that are silent or damaged."""
+    """Make a topic silent or damaged."""
     return lambda rig: outcome(rig, lambda: getattr(rig, kind).add(name), getattr(rig, kind).clear)
 
 
@@ -258,9 +258,9 @@ def _contact(rig: Rig) -> Outcome:
 
 
 def _contact_in_flood(rig: Rig) -> Outcome:
-    """Let the robot touch something while another publisher floods the topic."""
+    """Let the robot touch an obstacle while another publisher floods the topic."""
     flooded = threading.Event()
-    # Not before: a topic that has two publishers is unknown.
+    # Created only with the fault: a topic with two publishers is unknown.
     noise = []
 
     def flood() -> None:
@@ -302,7 +302,7 @@ FAULTS: dict[str, Callable[[Rig], Outcome]] = {
 
 @contextlib.contextmanager
 def rig(domain: int):
-    """Run a rig whose node has become clear once."""
+    """Yield a rig whose node has been clear once."""
     made = Rig(domain)
     try:
         made.start()

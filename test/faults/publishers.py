@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Publishers as processes of their own, which can be killed and stopped at any moment.
+Publishers in their own processes, which can be killed and stopped at any moment.
 
-What a process does is one of the functions below, which gets a `Topic`. Each tells of an obstacle
-or a robot that is in contact for as long as `Topic.touching` says so.
+A process runs one of the functions below, which gets a `Topic`. Each publishes an obstacle or a
+robot that is in contact while `Topic.touching` is set.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ TOUCHING = box(0.5, 0.5)
 APART = box(5, 5)
 LEASE = 0.5
 
-# Begun without threads of ROS, and with what takes long to import.
+# The fork server has no threads of ROS, and has imported what takes long.
 _PROCESSES = multiprocessing.get_context('forkserver')
 _PROCESSES.set_forkserver_preload(['rclpy', 'nav_msgs.msg', 'numpy'])
 
@@ -96,7 +96,7 @@ class Topic:
 
     @property
     def obstacle(self) -> list[tuple[float, float]]:
-        """The polygon of the obstacle that comes and goes."""
+        """The polygon of the obstacle that touches or not."""
         return TOUCHING if self.touching else APART
 
     def now(self) -> int:
@@ -108,13 +108,13 @@ class Topic:
 
     def send(self, points: Sequence[tuple[float, ...]], stamp: int | None = None,
              instance: int = 0, frame_id: str = 'map', length: int | None = None) -> None:
-        """Publish a polygon, stamped now if nothing else is said, or some first bytes of it."""
+        """Publish a polygon, stamped now by default, or only some first bytes of it."""
         data = serialised(points, self.now() if stamp is None else stamp, frame_id,
                           instance if self._with_ids else None)
         self.publish(data[:length])
 
     def publish(self, data: bytes) -> None:
-        """Publish a message as it is."""
+        """Publish the bytes of a message."""
         self.publisher.publish(data)
         self._sent.value += 1
 
@@ -123,33 +123,33 @@ class Topic:
         self.send((), stamp)
 
     def every(self, period: float, seconds: float = math.inf) -> Iterator[int]:
-        """Give the time in ns once a period, for some seconds or until the end of the process."""
+        """Yield the time in ns once per period, for some seconds or until the process ends."""
         begun = time.monotonic()
         k = 0
         while not self.is_over() and k * period < seconds:
             yield self.now()
-            # What was missed while the process was stopped is not made up for.
+            # Periods missed while the process was stopped are skipped.
             k = max(k + 1, math.floor((time.monotonic() - begun) / period))
             time.sleep(max(begun + k * period - time.monotonic(), 0.0))
 
     def until_subscribed(self) -> None:
-        """Wait until somebody hears."""
+        """Wait for a subscription."""
         for _ in self.every(0.002):
             if self.publisher.get_subscription_count():
                 return
 
     def stay(self) -> None:
-        """Stay without a message, as the server of a map does."""
+        """Keep the publisher without sending, as a map server does."""
         for _ in self.every(0.02):
             pass
 
 
 class Publisher:
     """
-    A process that publishes until it is ended, in one way or another.
+    A process that publishes until it is ended or killed.
 
-    The script is one of the functions below, and takes the options; `kind` is the type of the
-    messages, and `qos` is as QoSProfile has it.
+    The script is one of the functions below, and takes the options; `kind` is the type of
+    messages, and `qos` has the arguments of QoSProfile.
     """
 
     def __init__(self, world: World, domain: int, script: Callable[..., None], topic: str,
@@ -164,11 +164,11 @@ class Publisher:
 
     @property
     def sent(self) -> int:
-        """How many messages it has published."""
+        """The number of messages it has published."""
         return int(self._sent.value)
 
     def end(self) -> None:
-        """Have it end in order."""
+        """End it in order."""
         self._ended.value = 1
         self.process.join()
 
@@ -178,7 +178,7 @@ class Publisher:
 
     @contextlib.contextmanager
     def stopped(self) -> Iterator[None]:
-        """Have it stand still."""
+        """Suspend it."""
         os.kill(self.process.pid, signal.SIGSTOP)
         try:
             yield
@@ -186,7 +186,7 @@ class Publisher:
             self.go_on()
 
     def go_on(self) -> None:
-        """Have it go on."""
+        """Resume it."""
         os.kill(self.process.pid, signal.SIGCONT)
 
 
@@ -201,35 +201,35 @@ def _publish(shared: Shared, domain: int, script: Callable[..., None], topic: st
 
 
 def robot(topic: Topic, x: float = 0.0) -> None:
-    """Stand still."""
+    """Publish a footprint at rest."""
     topic.until_subscribed()
     for stamp in topic.every(0.05):
         topic.send(box(x, 0), stamp)
 
 
 def robot_ahead(topic: Topic) -> None:
-    """Come onto the obstacle right after a message from the future."""
+    """Move onto the obstacle right after a message stamped ahead."""
     _ahead(topic, lambda stamp, x: topic.send(box(x, 0), stamp))
 
 
 def odometry_ahead(topic: Topic) -> None:
-    """Do the same by odometry."""
+    """Likewise by odometry."""
     _ahead(topic, lambda stamp, x: topic.publish(odometry('map', 'base', stamp, x, 0.0)))
 
 
-def _ahead(topic: Topic, tell: Callable[[int, float], None]) -> None:
+def _ahead(topic: Topic, place: Callable[[int, float], None]) -> None:
     topic.until_subscribed()
     was_touching = False
     for stamp in topic.every(0.05):
         if topic.touching and not was_touching:
-            tell(stamp + 9 * SECOND // 10, 50.0)
+            place(stamp + 9 * SECOND // 10, 50.0)
         else:
-            tell(stamp, 0.0 if topic.touching else 50.0)
+            place(stamp, 0.0 if topic.touching else 50.0)
         was_touching = topic.touching
 
 
 def transform_ahead(topic: Topic) -> None:
-    """Have one transform come an hour ahead, before good ones."""
+    """Publish one transform stamped an hour ahead, then good ones."""
     topic.until_subscribed()
     for ahead in (0.0, 3600.0):
         topic.publish(transforms(('map', 'base', topic.now() + round(ahead * SECOND), 0.0, 0.0)))
@@ -248,11 +248,11 @@ def clock(topic: Topic) -> None:
 def sets(topic: Topic, count: int = 200, period: float = 0.1, spread: float = 0.0,
          late: float = 0.0, sees: bool = True, cut: int | None = None) -> None:
     """
-    Publish sets of so many, the last of which is the obstacle that comes and goes, if seen.
+    Publish sets whose last obstacle touches or not, if it is seen.
 
-    In seconds are the period of sets, the spread from the first to the last of one, and how late
-    the last one comes after the others. In the middle of the tenth set the process sends itself
-    the signal `cut`.
+    In seconds are the period of sets, the spread from the first to the last message of one,
+    and the delay of the last one. In the middle of the tenth set the process sends itself the
+    signal `cut`.
     """
     topic.until_subscribed()
     for number, stamp in enumerate(topic.every(period)):
@@ -268,7 +268,7 @@ def sets(topic: Topic, count: int = 200, period: float = 0.1, spread: float = 0.
 
 
 def nothing_seen(topic: Topic) -> None:
-    """Say once that nothing is seen, and leave."""
+    """Publish one empty set, and leave."""
     topic.until_subscribed()
     topic.end(topic.now())
     topic.publisher.wait_for_all_acked(Duration(seconds=2.0))
@@ -290,7 +290,7 @@ def unstamped(topic: Topic) -> None:
 
 
 def latched(topic: Topic, ends: bool = True) -> None:
-    """Publish a map once, as the recipe does, with or without an empty polygon at its end."""
+    """Publish a latched map once, with or without an empty polygon at its end."""
     for k in range(5):
         topic.send(box(5 + 2 * k, 5), 0)
     if ends:
@@ -301,10 +301,10 @@ def latched(topic: Topic, ends: bool = True) -> None:
 def tracks(topic: Topic, obstacles: dict[int, tuple[float, float]], awake: float = math.inf,
            killed: float = math.inf) -> None:
     """
-    Publish ids, of which 0 is the obstacle that comes and goes.
+    Publish ids, of which 0 is the obstacle that touches or not.
 
-    Each has a period, and a time of its first message. After some seconds awake it is silent for
-    3 s; after some more the process kills itself.
+    Each has a period and the time of its first message. After `awake` seconds it is silent for
+    3 s; after `killed` seconds the process kills itself.
     """
     topic.until_subscribed()
     for seconds in (awake, math.inf):
@@ -324,14 +324,14 @@ def tracks(topic: Topic, obstacles: dict[int, tuple[float, float]], awake: float
 
 
 def track_apart(topic: Topic) -> None:
-    """Use the id of the obstacle that comes and goes for one that is elsewhere."""
+    """Use the id of the touching obstacle for one that is elsewhere."""
     topic.until_subscribed()
     for stamp in topic.every(0.1):
         topic.send(APART, stamp, 0)
 
 
 def track_out_of_order(topic: Topic) -> None:
-    """Send after each message an older one of the same id, from when it was apart."""
+    """Send after each message an older one of the same id that is apart."""
     topic.until_subscribed()
     for stamp in topic.every(0.1):
         topic.send(topic.obstacle, stamp, 0)
@@ -340,7 +340,7 @@ def track_out_of_order(topic: Topic) -> None:
 
 def refused(topic: Topic, points: Sequence[tuple[float, float]] = TOUCHING,
             frame_id: str = 'map', length: int | None = None) -> None:
-    """Send what is refused while in contact, each time with a good obstacle after it."""
+    """Send messages that are refused while in contact, each followed by a good obstacle."""
     topic.until_subscribed()
     for stamp in topic.every(0.1):
         if topic.touching:
@@ -351,7 +351,7 @@ def refused(topic: Topic, points: Sequence[tuple[float, float]] = TOUCHING,
 
 
 def late_for_deadlines(topic: Topic, count: int) -> None:
-    """Publish sets on many topics, too seldom for the deadline that is offered."""
+    """Publish sets on many topics less often than their deadline promises."""
     node = topic.node
     publishers = [node.create_publisher(PolygonStamped, f'late{k}', profile(IN_TIME))
                   for k in range(count)]

@@ -12,13 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Faults in what a monitor can know, done to real processes over DDS while a robot is in contact.
+Faults that hide a contact from the monitor, in real processes over DDS.
 
-An obstacle touches the robot in truth, and something keeps the monitor from knowing all. Counted
-are the seconds for which the README's rule would let the robot drive: the latest flag is false,
-and younger than 0.3 s. Then fault and contact are over, and the flag must fall in time.
+The robot truly touches an obstacle, and a fault keeps the monitor from knowing everything. Counted
+are the seconds in which README's rule would let the robot drive: the latest flag is false and
+younger than 0.3 s. Then fault and contact end, and the flag must fall in time.
 
-``make faults`` does each for long and writes a table of docs/reliability.md.
+``make faults`` repeats each fault and writes a table of docs/reliability.md.
 """
 
 from __future__ import annotations
@@ -54,15 +54,15 @@ from rclpy.parameter_client import AsyncParameterClient  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from std_msgs.msg import Bool  # noqa: E402
 
-PATIENCE = 60.0
-# What a subscriber may count on, see the README: no flag for so long is a raised one.
+TIMEOUT = 60.0
+# README's rule for subscribers: without a flag for this time, it counts as raised, in s.
 TOO_OLD = 0.3
-# How much later than it must a machine that has other things to do may be.
+# How much later the flag may fall on a busy machine, in s.
 SLACK = 30.0
-# For so long the flag must stay down.
+# How long the flag must stay down, in s.
 _STAYS = 1.5
 
-# The node where transforms can be received: pip has no tf2_msgs, and raw bytes need no type.
+# The node with a stand-in for tf2_msgs, which pip lacks; raw bytes need no real type.
 _WITH_TF = """
 import sys, types
 from geometry_msgs.msg import PolygonStamped
@@ -75,18 +75,18 @@ sys.exit(main(sys.argv[1:]))
 
 
 class Outcome(NamedTuple):
-    """How a situation went, in seconds."""
+    """The result of a situation, in seconds."""
 
-    drivable: float  # for how long the robot might drive later than 0.3 s after contact began
-    recovered: float  # from the end of fault and contact until the flag fell; infinity if never
+    drivable: float  # time in which the robot might drive, from 0.3 s after contact began
+    recovered: float  # from the end of fault and contact until the flag falls; inf if never
 
 
 class Stage:
     """
-    A monitor's process, the publishers it hears, and who listens to its flag.
+    A monitor process, publishers, and a subscriber of the flag.
 
-    Parameters are those of the monitor; a fault is done `length` times as often or as long as in
-    the short form.
+    Parameters are those of the monitor; `length` multiplies how often or how long a fault is
+    done.
     """
 
     def __init__(self, parameters: dict[str, Any], domain: int, length: float = 1.0) -> None:
@@ -101,7 +101,7 @@ class Stage:
         self.node = rclpy.create_node('listener', context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
-        self.node.create_subscription(Bool, '/footprint_monitor/collision', self._hear, 1000)
+        self.node.create_subscription(Bool, '/footprint_monitor/collision', self._receive, 1000)
         self._is_open = True
         self._thread = threading.Thread(target=self._spin)
         self._thread.start()
@@ -118,7 +118,7 @@ class Stage:
         self.monitor = self.run([sys.executable, *program, '--ros-args', *arguments])
 
     def run(self, command: Sequence[str]) -> subprocess.Popen[bytes]:
-        """Run a process until the end of the stage."""
+        """Run a process until the stage is closed."""
         self._processes.append(subprocess.Popen(
             command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
             env={**os.environ, 'ROS_DOMAIN_ID': str(self._domain)}))
@@ -137,22 +137,22 @@ class Stage:
         self.until(lambda: publisher.sent)
 
     def await_flag(self) -> None:
-        """Wait until the monitor is there."""
+        """Wait for the monitor's first flag."""
         self.until(lambda: self._flags, 60.0)
 
     def await_publishers(self, topic: str, count: int) -> None:
-        """Wait until all that runs should know of so many publishers."""
+        """Wait until all processes should have found some publishers."""
         self.until(lambda: self.node.count_publishers(topic) == count)
         self.wait(0.5)
 
     def contact(self, after: float = 0.0) -> None:
-        """Let the robot touch the obstacle, which can be known from now on or some time after."""
+        """Let the robot touch the obstacle; it counts now or some time later."""
         self._begun = time.time() + after
         self._ended = math.inf
         self.world.touching.value = 1
 
     def leave(self) -> None:
-        """Let it go."""
+        """End the contact."""
         if self.world.touching.value:
             self._ended = time.time()
         self.world.touching.value = 0
@@ -160,9 +160,9 @@ class Stage:
     def wait(self, seconds: float) -> None:
         time.sleep(seconds)
 
-    def until(self, condition: Callable[[], object], patience: float = PATIENCE) -> None:
+    def until(self, condition: Callable[[], object], timeout: float = TIMEOUT) -> None:
         """Wait for a condition; fail if it never holds."""
-        end = time.monotonic() + patience
+        end = time.monotonic() + timeout
         while not condition():
             if time.monotonic() > end:
                 raise TimeoutError('what was awaited did not happen')
@@ -174,7 +174,7 @@ class Stage:
         self.until(lambda: self._falls(since) < math.inf)
 
     def outcome(self, promise: float) -> Outcome:
-        """Wait until the flag has fallen and stays so, and judge."""
+        """Wait until the flag has fallen and stays down, and return the outcome."""
         since = time.time()
         with contextlib.suppress(TimeoutError):
             self.until(lambda: time.time() - self._falls(since) > _STAYS,
@@ -189,8 +189,8 @@ class Stage:
         future = client.set_parameters([Parameter('obstacle.enabled', value=enabled)])
         self.until(future.done)
 
-    def stop_again_and_again(self, stopped: Callable[[], Any]) -> None:
-        """Have a process stand still for 60 to 300 ms at random moments."""
+    def stop_repeatedly(self, stopped: Callable[[], Any]) -> None:
+        """Suspend a process for 60 to 300 ms at random moments."""
         for _ in range(round(20 * self.length)):
             self.wait(self.random.uniform(0.05, 0.35))
             with stopped():
@@ -206,7 +206,7 @@ class Stage:
 
     @contextlib.contextmanager
     def busy(self, pid: int, niceness: int = 0) -> Iterator[None]:
-        """Have four processes compute on the only core that a process may use."""
+        """Run four busy processes on the only core that a process may use."""
         busy = [self.run([sys.executable, '-c', 'while True: pass']) for _ in range(4)]
         threads = [int(name) for name in os.listdir(f'/proc/{pid}/task')]
         for one in (*threads, *(process.pid for process in busy)):
@@ -224,7 +224,7 @@ class Stage:
                     os.sched_setaffinity(thread, range(os.cpu_count() or 1))
 
     def close(self) -> None:
-        """End all that was begun."""
+        """Stop all threads and processes."""
         for publisher in self.publishers:
             publisher.kill()
         for process in self._processes:
@@ -240,8 +240,8 @@ class Stage:
         while self._is_open:
             self._executor.spin_once(timeout_sec=0.1)
 
-    def _hear(self, flag: Bool, info: dict[str, int]) -> None:
-        # When it was published: this process may be late.
+    def _receive(self, flag: Bool, info: dict[str, int]) -> None:
+        # The time of publication, since this process may be late.
         self._flags.append((info['source_timestamp'] / SECOND, flag.data))
 
     def _falls(self, since: float) -> float:
@@ -254,7 +254,7 @@ class Stage:
 
 
 def judge(situation: Situation, domain: int, length: float = 1.0) -> Outcome:
-    """Do a fault to processes of its own."""
+    """Run a situation in its own processes."""
     stage = Stage(situation.parameters, domain, length)
     try:
         stage.start_monitor()
@@ -269,7 +269,7 @@ def judge(situation: Situation, domain: int, length: float = 1.0) -> Outcome:
 
 
 def drivable(flags: Sequence[tuple[float, bool]], begun: float, ended: float) -> float:
-    """Return for how long a robot might drive within a span of time, by flags and their times."""
+    """Return how long a robot might drive within a time span, by flags and their times."""
     nexts = [when for when, _ in flags[1:]] + [math.inf]
     return sum(max(min(after, when + TOO_OLD, ended) - max(when, begun), 0.0)
                for (when, raised), after in zip(list(flags), nexts) if not raised)
@@ -278,17 +278,17 @@ def drivable(flags: Sequence[tuple[float, bool]], begun: float, ended: float) ->
 class Situation(NamedTuple):
     """A fault, and what must follow from it."""
 
-    act: Callable[[Stage], None]  # makes the contact and the fault
-    # Seconds after it in which the source is known again: three periods, or the timeout.
+    act: Callable[[Stage], None]  # causes contact and fault
+    # Seconds after the fault until the source must be known: three periods, or the timeout.
     promise: float = 0.3
     parameters: dict[str, Any] = {}  # of the monitor
-    footprint: bool = True  # whether a robot publishes its footprint all the time
-    is_short: bool = False  # whether `make test` does it, too
+    footprint: bool = True  # whether a footprint is published all the time
+    is_short: bool = False  # whether `make test` runs it, too
 
 
 def _lasting(seconds: float, script: Callable[..., None], topic: str = '/obstacles',
              **options: Any) -> Callable[[Stage], None]:
-    """Have one publisher do something for some seconds."""
+    """Run one publisher for some seconds."""
     def act(stage: Stage) -> None:
         stage.publish(script, topic, **options)
         stage.wait(seconds)
@@ -298,13 +298,13 @@ def _lasting(seconds: float, script: Callable[..., None], topic: str = '/obstacl
 def _monitor_stopped(stage: Stage) -> None:
     stage.publish(publishers.sets)
     stage.wait(1.0)
-    stage.stop_again_and_again(stage.monitor_stopped)
+    stage.stop_repeatedly(stage.monitor_stopped)
 
 
 def _publisher_stopped(stage: Stage) -> None:
     publisher = stage.publish(publishers.sets, spread=0.05)
     stage.wait(1.0)
-    stage.stop_again_and_again(publisher.stopped)
+    stage.stop_repeatedly(publisher.stopped)
 
 
 def _killed_in_a_set(stage: Stage) -> None:
@@ -334,7 +334,7 @@ def _busy_monitor(stage: Stage) -> None:
 
 def _beside(topic: str, right: dict[str, Any], wrong: dict[str, Any],
             other: dict[str, Any] | None = None) -> Callable[[Stage], None]:
-    """Have one publisher send the contact and one not, which goes, unless only it is received."""
+    """Run two publishers, one of which sends the contact; one of them ends."""
     def act(stage: Stage) -> None:
         if other:
             stage.publish(**other)
@@ -348,7 +348,7 @@ def _beside(topic: str, right: dict[str, Any], wrong: dict[str, Any],
 
 
 def _second_leaves(stage: Stage) -> None:
-    """Have a second publisher say that nothing is seen, and go."""
+    """Let a second publisher send an empty set and leave, repeatedly."""
     first = stage.publish(publishers.sets, period=2.0)
     stage.until(lambda: first.sent > 200)
     for _ in range(6):
@@ -357,7 +357,7 @@ def _second_leaves(stage: Stage) -> None:
 
 
 def _tracker_killed_beside(stage: Stage) -> None:
-    """Of two trackers the one that sees the contact is killed."""
+    """Kill the one of two trackers that sees the contact."""
     one = stage.publish(publishers.tracks, node='one', obstacles={0: (0.1, 0.0)}, **_IDS)
     stage.publish(publishers.tracks, node='two', obstacles={1: (0.1, 0.0)}, **_IDS)
     stage.await_publishers('/obstacles', 2)
@@ -366,7 +366,7 @@ def _tracker_killed_beside(stage: Stage) -> None:
 
 
 def _tracker_killed(stage: Stage) -> None:
-    # It is sent after 0.0, 1.6 and 3.2 s.
+    # The contact is sent after 0.0, 1.6 and 3.2 s.
     stage.publish(publishers.tracks, obstacles={0: (1.6, 0.0), 1: (0.1, 0.0)}, killed=4.6,
                   **_IDS).process.join()
     stage.wait(2.5)
@@ -381,7 +381,7 @@ def _ahead(script: Callable[..., None], topic: str, **options: Any) -> Callable[
         stage.await_clear()
         sent = robot.sent
         stage.contact()
-        # The one from the future may be on its way, then it is followed by these.
+        # The message stamped ahead may still be queued, followed by these.
         stage.until(lambda: robot.sent > sent + 4)
         stage.contact()
         stage.wait(1.5)
@@ -396,7 +396,7 @@ def _transform_ahead(stage: Stage) -> None:
 
 
 def _lost_among_deadlines(stage: Stage) -> None:
-    """End a publisher's lease while many others miss deadlines."""
+    """Kill a publisher with a lease while many others miss deadlines."""
     stage.leave()
     stage.publish(publishers.late_for_deadlines, 'unused', 'late', count=_LATE)
     publisher = stage.publish(publishers.sets, qos=publishers.ALIVE, count=10)
@@ -410,7 +410,7 @@ def _lost_among_deadlines(stage: Stage) -> None:
 
 def _respawned(script: Callable[..., None], end: Callable[[Publisher], None] = Publisher.end,
                **options: Any) -> Callable[[Stage], None]:
-    """Have a publisher end and start again, with nothing in contact."""
+    """End a publisher and start it again, without contact."""
     def act(stage: Stage) -> None:
         stage.leave()
         publisher = stage.publish(script, **options)
@@ -519,8 +519,8 @@ SITUATIONS = {
         _second_leaves, 6.0, {'obstacle.timeout': 5.0}),
     'liveliness is lost while 20 topics miss deadlines': Situation(
         _lost_among_deadlines, parameters=_DEADLINES),
-    # The middleware may tell the node name of one that is started again at once only after some
-    # seconds; at the latest the lease of the one that was killed is over.
+    # The middleware may report the node name of a respawned process only after some seconds, at
+    # the latest when the lease of the killed one ends.
     'the publisher is killed and respawned': Situation(
         _respawned(publishers.sets, Publisher.kill), 21.0),
     'a publisher without stamps restarts': Situation(
@@ -541,8 +541,8 @@ SITUATIONS = {
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--length', type=float, default=5.0,
-                        help='how often or how long a fault is done, compared with the tests')
-    parser.add_argument('--only', default='', help='words of the situations to be done')
+                        help='how often or how long a fault is done, relative to the tests')
+    parser.add_argument('--only', default='', help='words in the names of situations to run')
     parser.add_argument('--write', metavar='FILE', type=Path,
                         help='a page whose table is to be replaced')
     arguments = parser.parse_args()
@@ -554,7 +554,7 @@ def main() -> None:
 
 
 def table(words: str, length: float) -> list[str]:
-    """Do all whose names have some words, and return the rows of a table."""
+    """Run all situations whose names contain some words; return the rows of a table."""
     rows = ['| fault | drivable in contact | clear again after |', '|---|---|---|']
     for name, situation in SITUATIONS.items():
         if words in name:

@@ -18,13 +18,13 @@ from faults import FAULTS, rig
 import pytest
 from situations import judge, SITUATIONS, SLACK
 
-# More than the rule's 0.3 s and a timeout of 0.5 s, for the machine may be busy.
+# Well above the rule's 0.3 s and a timeout of 0.5 s, since the machine may be busy.
 _SLOW = 10.0
 
 
 @pytest.fixture(scope='module')
 def made(module_domain):
-    """Return one node's process, to which all is done."""
+    """Return a rig that all faults share."""
     with rig(module_domain) as made:
         yield made
 
@@ -32,7 +32,7 @@ def made(module_domain):
 @pytest.mark.long
 @pytest.mark.parametrize('fault', FAULTS)
 def test_fault(made, fault):
-    """Detected, recovered from, and no flag says clear in between."""
+    """It is detected, and no flag says clear meanwhile."""
     outcome = FAULTS[fault](made)
     assert outcome.wrong_clears == 0
     assert outcome.detected < _SLOW
@@ -42,8 +42,8 @@ def test_fault(made, fault):
     pytest.param(name, marks=() if situation.is_short else pytest.mark.long)
     for name, situation in SITUATIONS.items()])
 def test_situation(domain, name):
-    """No flag lets the robot drive while in contact, and the flag falls once all is over."""
+    """No flag lets the robot drive in contact, and the flag falls in time afterwards."""
     outcome = judge(SITUATIONS[name], domain)
-    # A flag is on its way for some ms, and for longer on a busy machine.
+    # A flag takes some ms to arrive, and longer on a busy machine.
     assert outcome.drivable < 0.2
     assert outcome.recovered < SITUATIONS[name].promise + SLACK

@@ -12,11 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Random bytes, polygons and parameters, as many as one likes: nothing raises, nothing passes.
+Random bytes, polygons and parameters: unexpected errors and wrong results.
 
-- bytes: a message with some bytes changed is taken, or refused with a reason; what is taken is
-  what rclpy's own decoder reads.
-- polygons: of whatever numbers, a body is made whose parts cover its area, or a PolygonError.
+- bytes: a changed message is refused with a reason, or read as rclpy's own decoder does.
+- polygons: random numbers give a body whose parts cover its area, or a PolygonError.
 - parameters: values of all types are refused in one line, or a monitor runs with them.
 """
 
@@ -51,7 +50,7 @@ declare_parameters(lambda name, default, spec: (_NAMES.append(name), default)[1]
 
 
 def fuzz_bytes(rng, monitor):
-    """Give a monitor a message that somebody has tampered with."""
+    """Give a monitor a damaged message."""
     data = bytearray(serialised(box(rng.random(), 0), order=rng.choice('<>'),
                                 frame_id=rng.choice(('map', 'a', 'odom' * 9))))
     for _ in range(rng.randrange(4)):
@@ -64,7 +63,7 @@ def fuzz_bytes(rng, monitor):
 
 
 def check_message(data, name, monitor):
-    """Give a monitor any bytes: it refuses them, or reads what rclpy's own decoder reads."""
+    """Give a monitor bytes, which it refuses or reads as rclpy's own decoder does."""
     rejection = monitor.receive(name, data, 10**18)
     assert rejection is None or (isinstance(rejection, Rejection)
                                  and rejection.text.isprintable() and len(rejection.text) < 900)
@@ -80,7 +79,7 @@ def check_message(data, name, monitor):
 
 
 def fuzz_polygon(rng, monitor):
-    """Make a polygon of few numbers that like to coincide, or of any."""
+    """Make a polygon of few different numbers, or of any."""
     count = rng.randrange(1, 12)
     if rng.random() < 0.7:
         points = [(rng.randrange(4), rng.randrange(4)) for _ in range(count)]
@@ -97,7 +96,7 @@ def fuzz_polygon(rng, monitor):
 
 
 def fuzz_parameters(rng, monitor):
-    """Start a monitor with values of any type, and have it take messages and time."""
+    """Run a monitor with values of any type."""
     given = {rng.choice(_NAMES): rng.choice(_VALUES) for _ in range(rng.randrange(1, 4))}
     try:
         settings = settings_of(given)
@@ -126,7 +125,7 @@ FUZZERS = {'bytes': fuzz_bytes, 'polygons': fuzz_polygon, 'parameters': fuzz_par
 
 
 def fuzz(name, count, seed):
-    """Run a fuzzer for so many inputs; what fails can be repeated by its seed."""
+    """Run a fuzzer on a number of inputs; a failure can be repeated with its seed."""
     monitor = Monitor(settings_of({}))
     for k in range(count):
         try:

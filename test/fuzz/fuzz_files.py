@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Damaged recordings and parameter files, made by chance: python test/fuzz/fuzz_files.py --help.
+Randomly damaged recordings and parameter files: python test/fuzz/fuzz_files.py --help.
 
-Whatever is done to a file, nothing is raised; and a recording that is said to be in order has
-every message that was written. Where a format has checksums the messages are the very same,
-unless the damage makes one 0: in MCAP that says that there is none.
+No damage raises an unexpected error, and a recording without reported problems has every message.
+If the format has checksums the messages are identical, unless the damage sets a checksum to 0,
+which in MCAP means that there is none.
 """
 
 import argparse
@@ -36,7 +36,8 @@ from recordings import box, write
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.bag.storage import Limits
 from sat_collision.replay.model.configuration import parameters_of_file, settings_of
-from sat_collision.replay.output.formats import Baseline, BaselineError, write_json
+from sat_collision.replay.output.formats import (
+    BaselineError, differences_from, read_baseline, write_json)
 from sat_collision.replay.run import check
 from sat_collision.scene.parameters import ParameterError
 from storages import write_mcap
@@ -60,7 +61,7 @@ PARAMETERS = b"""\
 
 
 def mutated(data, rng):
-    """Return bytes with a few faults: flipped, zeroed, cut out, repeated, replaced or cut off."""
+    """Return bytes with a few random faults."""
     data = bytearray(data)
     for _ in range(rng.choice((1, 1, 1, 2, 4))):
         if not data:
@@ -90,19 +91,20 @@ def mutated(data, rng):
 def read(path):
     """Return the topics, the messages and the problems of a recording."""
     with Recording(path, LIMITS) as recording:
-        messages = list(recording.messages(TOPICS))
+        messages = [(topic, time, data) for topic, times, row in recording.rows(TOPICS)
+                    for time, data in zip(times, row)]
         return dict(recording.topics), messages, recording.problems
 
 
 def absent_checksums(data):
-    """Return how many checksums of a whole MCAP file are 0."""
+    """Return how many checksums of an MCAP file are 0."""
     fields = {Chunk: 'uncompressed_crc', DataEnd: 'data_section_crc', Footer: 'summary_crc'}
     records = StreamReader(BytesIO(data), emit_chunks=True).records
     return sum(getattr(record, fields.get(type(record), ''), None) == 0 for record in records)
 
 
 class Bag:
-    """A recording of which one file is damaged; `exact` where checksums protect its messages."""
+    """A recording of which one file is damaged; `exact` if checksums protect its messages."""
 
     def __init__(self, bag, name, exact):
         self._bag = bag
@@ -114,7 +116,7 @@ class Bag:
         assert not problems and len(self._messages) == len(MESSAGES)
 
     def try_one(self, rng):
-        """Damage the file and read it; every so often check it too."""
+        """Damage the file and read it; sometimes check it, too."""
         data = mutated(self._data, rng)
         self._file.write_bytes(data)
         topics, messages, problems = read(self._bag)
@@ -135,7 +137,7 @@ class Parameters:
         self._file = folder / self.name
 
     def try_one(self, rng):
-        """Damage it and read it: it has values that the node takes, or is refused."""
+        """Damage the file and read it."""
         self._file.write_bytes(mutated(PARAMETERS, rng))
         try:
             settings_of(parameters_of_file(self._file, '/robot/footprint_monitor'))
@@ -144,7 +146,7 @@ class Parameters:
 
 
 class Expectation:
-    """A result that was stored."""
+    """A stored result."""
 
     name = 'stored.json'
 
@@ -157,16 +159,16 @@ class Expectation:
         self._data = json.dumps(stored).encode()
 
     def try_one(self, rng):
-        """Damage it and compare with it."""
+        """Damage the file and compare with it."""
         self._file.write_bytes(mutated(self._data, rng))
         try:
-            Baseline(str(self._file)).differences(self._results)
+            differences_from(read_baseline(str(self._file)), self._results)
         except BaselineError:
             pass
 
 
 def targets(folder):
-    """Return what there is to damage."""
+    """Return all files to damage."""
     made = []
     for name, storage, compression, exact in (
             ('rows', 'sqlite3', None, False), ('packed rows', 'sqlite3', 'message', False),
@@ -174,7 +176,7 @@ def targets(folder):
         bag = write(folder / name, MESSAGES, storage, compression)
         for file in sorted(path.name for path in bag.iterdir()):
             copy = Path(shutil.copytree(bag, folder / f'{name} {file}'))
-            # What is wrong with metadata.yaml leaves the messages as they are.
+            # Damage of metadata.yaml does not change the messages.
             made.append(Bag(copy, file, exact or file == 'metadata.yaml'))
     for name, options in (('plain', {}), ('zstd', {'compression': 'zstd'}),
                           ('lz4', {'compression': 'lz4'}),
@@ -189,8 +191,8 @@ def targets(folder):
     return [*made, Parameters(folder), Expectation(folder, folder / 'rows')]
 
 
-def fuzz(count, seed, said=lambda text: None):
-    """Try so many damaged files; the first that fails is named."""
+def fuzz(count, seed, report=lambda text: None):
+    """Try a number of damaged files; a failure names its target, seed and number."""
     with tempfile.TemporaryDirectory() as folder:
         made = targets(Path(folder))
         begun = time.monotonic()
@@ -201,7 +203,7 @@ def fuzz(count, seed, said=lambda text: None):
             except Exception as error:
                 raise AssertionError(f'{target.name}, seed {seed}, number {number}') from error
             if number % 10000 == 9999:
-                said(f'{number + 1} files, {time.monotonic() - begun:.0f} s')
+                report(f'{number + 1} files, {time.monotonic() - begun:.0f} s')
 
 
 def main():
@@ -210,7 +212,7 @@ def main():
     parser.add_argument('--seed', type=int, default=0)
     options = parser.parse_args()
     fuzz(options.count, options.seed, print)
-    print(f'{options.count} damaged files: nothing raised, nothing missed')
+    print(f'{options.count} damaged files: no unexpected error, no missed message')
 
 
 if __name__ == '__main__':

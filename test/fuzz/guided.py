@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Bytes as messages, chosen by what the code does with them: for atheris, where it is installed.
+Coverage-guided fuzzing of messages with atheris, if it is installed.
 
 The arguments are those of libFuzzer, such as -runs=1000000.
 """
@@ -38,7 +38,7 @@ MONITOR = Monitor(settings_of({'frame_id': 'map'}), transforms=True)
 
 
 def take(data):
-    """Take bytes as whatever their first one says."""
+    """Receive bytes as the kind of message that their first one selects."""
     kind, data = data[:1], bytes(data[1:])
     if kind in (b'f', b'o'):
         check_message(data, 'footprint' if kind == b'f' else 'obstacle', MONITOR)
@@ -52,7 +52,7 @@ def take(data):
 
 
 def main():
-    """Begin with good messages, whose neighbours say more than noise does."""
+    """Start from valid messages."""
     good = {'f': serialised(box(0.0)), 'o': serialised(box(3.0), order='>'),
             't': transforms(('map', 'odom', 1, 2.0, 3.0)),
             's': transforms(('odom', 'base', 1, 2.0, 3.0)),

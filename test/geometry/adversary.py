@@ -14,12 +14,12 @@
 """
 A search for inputs on which the filters err more than their bounds allow: `make adversary`.
 
-From starts at the edge of a filter, where its value is about zero, one or two numbers at a time
-are changed by a power of two of ulps, and a change is kept that does not lessen the error in
-parts of the bound. The largest are confirmed in rationals. Then pairs of polygons are steered to
-the filters' edges, see `steering`, and to where separations and contacts err most, see
-`separations` and `contacts`, and points moved through chains of frames, see `frame_chains`; and
-bodies are changed in ways that change no answer, see `metamorphic`.
+Each climb starts where a filter's value is about zero. One or two numbers at a time are changed by
+a power of two of ulps, and changes that do not lessen the error relative to the bound are kept.
+The largest errors are confirmed in rationals. Then pairs of polygons are steered to the filters'
+limits, see `steering`, and to where separations and contacts err most, see `separations` and
+`contacts`; points are moved through chains of frames, see `frame_chains`; and bodies are changed
+in ways that must change no answer, see `metamorphic`.
 """
 
 import argparse
@@ -35,7 +35,7 @@ import separations
 import steering
 
 STEPS = 2000
-# So many starts, those that lead furthest, take half of all evaluations, and are confirmed.
+# The number of best starts, which take half of all evaluations and are confirmed.
 CONFIRMED = 20
 
 
@@ -68,7 +68,7 @@ def starts_of(rng, which, count):
 
 
 def _nearly_level(rng, count):
-    """Return an axis, and a convex polygon with two edges across it, but for some ulps."""
+    """Return an axis, and a convex polygon with two edges perpendicular to it up to some ulps."""
     x = np.empty((count, 12))
     width, height = rng.uniform(0.5, 2, (2, count))
     x[:, 2:] = np.stack([width, -height, width * 0.1, -height * 0.1, -width, height,
@@ -84,7 +84,7 @@ def _nearly_level(rng, count):
 
 @kernel
 def score(which, x, share):
-    """Return error over a share of the bound, less where the value is beyond twice the bound."""
+    """Return error over a share of the bound, less if the value exceeds twice the bound."""
     value, bound, error, wrong = filter_bounds.evaluate(which, x)
     bound *= share
     if not 0.0 < bound < np.inf:
@@ -94,7 +94,7 @@ def score(which, x, share):
 
 @kernel
 def climb(which, x, steps, share, random):
-    """Change an input in place, step by step; return its score and how many were wrong."""
+    """Change an input in place, step by step; return its score and the number of wrong signs."""
     best, wrong = score(which, x, share)
     mistakes = int(wrong)
     kept = x.copy()
@@ -117,15 +117,15 @@ def climb(which, x, steps, share, random):
 
 def largest(which, evaluations, seed=1, share=1.0):
     """
-    Return the largest error of a filter in parts of its bound that so many evaluations find.
+    Return the largest error of a filter relative to its bound.
 
     Parameters
     ----------
     which : int
-        A filter of `filters`.
+        A filter of `filter_bounds`.
     evaluations, seed : int
     share : float, optional
-        Of the bound, which is taken instead of it: to see whether the search finds that wrong.
+        Share of the bound that is used instead of it, to test the search.
 
     Returns
     -------

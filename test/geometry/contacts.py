@@ -12,26 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Pairs of polygons changed in steps of ulps to where a contact errs most: `make adversary`.
+Pairs of polygons changed in steps of ulps to maximise the errors of a contact: `make adversary`.
 
-Bodies are convex or not. Each evaluation checks all that a contact promises, and that `separation`
-and `intersects` say the same; a climb follows one of the errors. They are computed in twice the
-precision of doubles, of all parts, vertices and edges without any search.
+Bodies are convex or not. Each evaluation checks all promises of a contact, and that it agrees with
+`separation` and `intersects`; a climb maximises one of the errors. Errors are computed in twice
+the precision of doubles, over all parts, vertices and edges without any search.
 """
 
 import numpy as np
+from sat_collision.geometry.arithmetic import difference, dot, negative, plus, square_root, times
 from sat_collision.geometry.contact import contact_of_arrays
+from sat_collision.geometry.convex_distance import reach_of
 from sat_collision.geometry.convex_parts import convex_parts
 from sat_collision.geometry.distance import measure_arrays
-from sat_collision.geometry.double_double import (
-    difference, dot, negative, plus, square_root, times)
 from sat_collision.geometry.intersection import arrays_meet
 from sat_collision.geometry.jit import kernel
 from sat_collision.geometry.layout import convex_part, first_vertex, HEADER, Packed, packed_size
-from sat_collision.geometry.nearest_features import reach_of
-from sat_collision.geometry.packing import pack
+from sat_collision.geometry.packing import CONVEX, NON_CONVEX, pack
 from sat_collision.geometry.predicates import orient
-from sat_collision.geometry.ring import CONVEX, NON_CONVEX
 import separations
 from separations import distance_to_edges, reach_beyond_edges, UNIT
 from steering import nudge
@@ -41,7 +39,7 @@ NAMES = ('length of the normal', 'points outside their body', 'offset of the poi
          'overlap once moved by depth × normal')
 BOUNDS = '4 u', '8 u R', '32 u R', '2⁻⁴⁶ R'
 COUNTS = (1, 2), (2, 2), (1, 4), (3, 3), (4, 6), (4, 20), (1, 6), (2, 7), (4, 8), (8, 8)
-# From the sixth on the second body has notches, in the last one both.
+# From this index on the second body is non-convex, in the last pair both.
 CONVEX_COUNTS = 6
 STEPS = 5000
 _FAR = (1e300, 0.0)
@@ -49,10 +47,10 @@ _FAR = (1e300, 0.0)
 
 @kernel
 def packed_body(points):
-    """Return a body of points x, y, x, y, ..., packed, convex or not; of 0 vertices if refused."""
-    most = len(points) // 2
-    ring = np.empty(packed_size(most))
-    verdict, count, _, _, first = pack(points, ring, most, most)
+    """Return a body of points x, y, x, y, ..., packed; with 0 vertices if refused."""
+    limit = len(points) // 2
+    ring = np.empty(packed_size(limit))
+    verdict, count, _, _, first = pack(points, ring, limit, limit)
     if verdict == CONVEX:
         return Packed(ring, 0, count)
     if verdict != NON_CONVEX:
@@ -103,21 +101,21 @@ def _outside(p, x, y):
 
 @kernel
 def _left_over(p, q, mx, my):
-    """Return how deep any part of P, once moved by m, overlaps one of Q."""
-    most = 0.0
+    """Return how deep any part of P, once moved by m, still overlaps one of Q."""
+    greatest = 0.0
     for i in range(max(1, -p.n)):
         a = convex_part(p, i)
         for j in range(max(1, -q.n)):
             b = convex_part(q, j)
             if a.n > 1 or b.n > 1:
                 reach = reach_beyond_edges(a, b, _FAR, negative(mx), negative(my))
-                most = max(most, reach_beyond_edges(b, a, reach, mx, my)[0])
-    return most
+                greatest = max(greatest, reach_beyond_edges(b, a, reach, mx, my)[0])
+    return greatest
 
 
 @kernel
 def errors(p, q):
-    """Return each error of a contact in parts of its bound, and whether it contradicts itself."""
+    """Return each error of a contact relative to its bound, and whether it is inconsistent."""
     value, depth, nx, ny, count, pairs = contact_of_arrays(p.array, p.n, q.array, q.n)
     convex = p.n > 0 and q.n > 0
     wrong = (value != measure_arrays(p.array, p.n, q.array, q.n)[0]
@@ -144,7 +142,7 @@ def errors(p, q):
 
 @kernel
 def climb(which, x, n, steps, random):
-    """Change two bodies in place, n points and the others, to a larger error; return it."""
+    """Change two bodies in place, n points and the rest, to increase an error; return it."""
     best = -1.0
     wrong = 0
     kept = x.copy()
@@ -174,13 +172,13 @@ def starts_of(rng, kind, count):
     """Return near pairs as flat arrays: some far from the origin, half of them on a lattice."""
     n, m = COUNTS[kind]
     x = separations.starts_of(rng, count, n, m) if kind < CONVEX_COUNTS else (
-        _pairs_with_notches(rng, count, n, m))
-    # Where edges are level, features equally near, and no coordinate is 0.
+        _non_convex_pairs(rng, count, n, m))
+    # On the lattice edges are level and features equally near, but no coordinate is 0.
     return np.where(rng.random((count, 1)) < 0.5, np.rint(4.0 * x) / 4.0 + 17.0, x)
 
 
-def _pairs_with_notches(rng, count, n, m):
-    pair = [_with_notches(rng, count, size) if size > 4 else
+def _non_convex_pairs(rng, count, n, m):
+    pair = [_non_convex(rng, count, size) if size > 4 else
             rng.uniform(-1, 1, (count, 1, 2)) + separations.starts_of(rng, count, size, 1).reshape(
                 count, -1, 2)[:, :size] for size in (n, m)]
     pair[1] += rng.uniform(-1, 1, (count, 1, 2))
@@ -188,15 +186,15 @@ def _pairs_with_notches(rng, count, n, m):
     return (np.concatenate(pair, axis=1) + offset).reshape(count, -1)
 
 
-def _with_notches(rng, count, n):
-    """Return rings around the origin whose vertices are near and far from it in turn."""
+def _non_convex(rng, count, n):
+    """Return rings around the origin whose vertices alternate between two distances."""
     angle = (np.arange(n) + rng.uniform(0, 0.9, (count, n))) * 2 * np.pi / n
     radius = rng.uniform(0.8, 1.2, (count, n)) * np.where(np.arange(n) % 2, 1.0, 0.4)
     return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=2)
 
 
 def largest(which, kind, evaluations, seed=1):
-    """Return the largest error in parts of its bound, and how many contacts break a promise."""
+    """Return the largest error relative to its bound, and the number of broken promises."""
     rng = np.random.default_rng(seed)
     starts = starts_of(rng, kind, max(evaluations // STEPS, 10))
     n = COUNTS[kind][0]
@@ -205,7 +203,7 @@ def largest(which, kind, evaluations, seed=1):
 
 
 def report(evaluations, seed):
-    """Print a row for each error that is followed; return how many contacts break a promise."""
+    """Print a row for each error; return the number of broken promises."""
     print('\n| of a contact | bound | largest error / bound | wrong | evaluations |\n'
           '|---|---|---|---|---|')
     share = evaluations // len(NAMES)

@@ -14,10 +14,9 @@
 """
 The filters of docs/exactness.md, each with its exact error.
 
-A filter computes a value, trusts its sign where its magnitude exceeds a bound, and is right as
-long as the error stays within the bound. What it errs by is computed here without rounding that
-matters: sums and products as head and tail, so that only the small terms are rounded. `exact`
-does it again in rationals.
+A filter computes a value, trusts its sign if its magnitude exceeds a bound, and is right as long
+as the error stays within the bound. The error is computed here almost without rounding: sums and
+products as head and tail, so that only small terms are rounded. `exact` repeats it in rationals.
 """
 
 from fractions import Fraction
@@ -27,9 +26,8 @@ import numpy as np
 from rationals import square_root
 from sat_collision.geometry.jit import kernel
 from sat_collision.geometry.layout import first_vertex, HEADER, Packed
-from sat_collision.geometry.packing import _SHORTER, pack
+from sat_collision.geometry.packing import _SHORTER, CONVEX, pack
 from sat_collision.geometry.predicates import orient, ORIENTATION_BOUND, UNDERFLOW_BOUND
-from sat_collision.geometry.ring import CONVEX
 from sat_collision.geometry.separating_axis import (
     _gap, _rise, _turn, hill_climb, PRODUCT_BOUND, Search, support, SUPPORT_BOUND)
 
@@ -37,7 +35,7 @@ support_here, climb_here = callable_here(support, hill_climb)
 UNIT = 2.0 ** -53
 ORIENTATION, TURN, RISE, SCAN, GAP, CLIMB, DISC = range(7)
 NAMES = 'orientation', 'turn', 'rise', 'scan', 'gap', 'climb', 'disc'
-# How many numbers an input has, and the bound as docs/exactness.md writes it.
+# The number of numbers in an input, and the bound as written in docs/exactness.md.
 SIZES = 6, 8, 6, 10, 14, 12, 8
 BOUNDS = '(3 u + 16 u²) S', '8 u S', '8 u S', '4 u M', '8 u S + 64 u M', '25 u M', '2⁻⁴⁵ (r + E)'
 
@@ -45,10 +43,10 @@ BOUNDS = '(3 u + 16 u²) S', '8 u S', '8 u S', '4 u M', '8 u S + 64 u M', '25 u 
 @kernel
 def evaluate(which, x):
     """
-    Return what a filter computes of an input, its bound, its error, and whether it is wrong.
+    Return a filter's value, its bound, its error, and whether it is wrong.
 
-    Of SCAN, CLIMB and DISC, which compute no sign, the first is 0. Where the input does not make
-    what the filter is for, the bound is 0.
+    The value is 0 for SCAN, CLIMB and DISC, which compute no sign. The bound is 0 if the input
+    is invalid for the filter.
     """
     if which == ORIENTATION:
         return _orientation(x)
@@ -84,7 +82,7 @@ def _product_error(a, b, product):
 
 @kernel
 def _product_tail(a, a_error, b, b_error):
-    """Return the rounded product of two rounded numbers, and what it lacks to the true one."""
+    """Return the rounded product of two rounded numbers, and its difference to the true one."""
     product = a * b
     return product, _product_error(a, b, product) + (a * b_error + a_error * b
                                                      + a_error * b_error)
@@ -92,7 +90,7 @@ def _product_tail(a, a_error, b, b_error):
 
 @kernel
 def two_products(left, left_tail, right, right_tail):
-    """Return a sum of two products as computed, the sum of magnitudes, and its error."""
+    """Return a rounded sum of two products, the sum of magnitudes, and its error."""
     value = left + right
     return (value, abs(left) + abs(right),
             -(_sum_error(left, right, value) + (left_tail + right_tail)))
@@ -100,7 +98,7 @@ def two_products(left, left_tail, right, right_tail):
 
 @kernel
 def difference(a, b):
-    """Return a - b rounded, and what it lacks."""
+    """Return a - b rounded, and the rest."""
     value = a - b
     return value, _sum_error(a, -b, value)
 
@@ -154,7 +152,7 @@ def _of_rise(x):
 
 @kernel
 def _reach(x, start, end):
-    """Return |ux| max|x| + |uy| max|y| of the vertices from start to end; u stands first."""
+    """Return |ux| max|x| + |uy| max|y| of the vertices from start to end; u comes first."""
     most_x = 0.0
     most_y = 0.0
     for k in range(start, end, 2):
@@ -165,7 +163,7 @@ def _reach(x, start, end):
 
 @kernel
 def _shortfall(x, start, end, chosen, ux, uy):
-    """Return by how much the vertex chosen is less far along u than another."""
+    """Return by how much the chosen vertex is less far along u than another."""
     most = 0.0
     for k in range(start, end, 2):
         value, _, error = along(difference(x[k], x[chosen]),
@@ -176,7 +174,7 @@ def _shortfall(x, start, end, chosen, ux, uy):
 
 @kernel
 def _packed(x, start, end):
-    """Return the vertices as those of a packed polygon that has no table, and its place."""
+    """Return the vertices as a packed polygon without a table."""
     array = np.zeros(HEADER + end - start)
     array[HEADER:] = x[start:end]
     return Packed(array, 0, (end - start) // 2)
@@ -211,7 +209,7 @@ def _of_gap(x):
 
 @kernel
 def is_convex(x, start, end):
-    """Tell exactly whether the vertices are those of a strictly convex polygon."""
+    """Tell exactly whether the vertices form a strictly convex polygon."""
     n = (end - start) // 2
     rounds = 0
     for k in range(n):
@@ -246,7 +244,7 @@ def _disc(x):
         return 0.0, 0.0, 0.0, False
     extent = (packed[4] - packed[2]) + (packed[5] - packed[3])
     shorter = _SHORTER * (radius + extent)
-    # By how much more than the radius the nearest edge is away, in parts that are not rounded off.
+    # The distance of the nearest edge beyond the radius, in terms that lose no digits.
     spare = np.inf
     for k in range(4):
         a = HEADER + 2 * k
@@ -267,7 +265,7 @@ def _disc(x):
 
 
 def exact(which, x, share=1.0):
-    """Return in rationals the error over a share of the bound; 0 beyond twice that."""
+    """Return in rationals the error relative to a share of the bound; 0 beyond twice that."""
     value, bound, _, _ = evaluate(which, x)
     value, bound = Fraction(float(value)), Fraction(float(bound))
     if bound == 0 or abs(value) > 2 * bound * Fraction(share):

@@ -12,11 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-A search for chains of frames that move a point further off than docs/exactness.md, lemma 22.
+A search for chains of frames with errors beyond lemma 22 of docs/exactness.md.
 
-The transforms and the point go the way of a message, through `Frames` and `moved_points`. Where
-the point truly is follows from the numbers received, in integers of any length: a quaternion of
-any length other than zero turns by a matrix of rational numbers.
+Transforms and points pass through `Frames` and `moved_points`, as in messages. The true position
+follows from the received numbers in integers of any length: the rotation of a quaternion of any
+length except zero is a matrix of rationals.
 """
 
 import math
@@ -28,7 +28,7 @@ from sat_collision.geometry.packing import moved_points
 from sat_collision.scene.frames import Frames
 
 U = 2.0 ** -53
-# Frames from the body up to a common one, and from the fixed frame up to it.
+# The number of frames from the body up to a common one, and from the fixed frame up to it.
 CHAINS = {'one yaw': (1, 0), 'two frames': (2, 0), 'ten frames': (5, 5), 'both under UTM': (1, 1),
           'all but the same frame': (2, 2)}
 STEPS = 500
@@ -43,7 +43,7 @@ def starts_of(rng, name, count):
     transforms = chains[:, :-2].reshape(count, up + down, _NUMBERS)
     transforms[..., :3] = (rng.uniform(-1, 1, (*transforms.shape[:2], 3))
                            * 2.0 ** rng.integers(-6, 5, (*transforms.shape[:2], 1)))
-    # Yaw alone, or with the roll and pitch of a level robot, at times not of length 1.
+    # Yaw alone, or with slight roll and pitch; some quaternions are not of length 1.
     angle = rng.uniform(-np.pi, np.pi, transforms.shape[:2])
     transforms[..., 3:5] = (rng.normal(0, 0.01, (*transforms.shape[:2], 2))
                             * (rng.random((count, 1, 1)) < 0.5))
@@ -54,14 +54,14 @@ def starts_of(rng, name, count):
     if name == 'both under UTM':
         transforms[..., :3] += _UTM
     elif name == 'all but the same frame':
-        # All that is large cancels, and the point is near the origin.
+        # Large terms cancel, and the point is near the origin.
         transforms[:, up:] = transforms[:, :up]
         chains[:, -2:] *= 2.0 ** rng.integers(-70, -40, (count, 1))
     return chains
 
 
 def evaluate(name, chain):
-    """Return the error of the worse coordinate of a moved point, in parts of its bound."""
+    """Return the larger error of a moved point's coordinates, relative to its bound."""
     up, down = CHAINS[name]
     transforms = [tuple(row) for row in chain[:-2].reshape(-1, _NUMBERS).tolist()]
     ups, downs = transforms[:up], transforms[up:]
@@ -87,7 +87,7 @@ def evaluate(name, chain):
 
 def moved(ups, downs, point):
     """
-    Return where a point of the plane of the first frame is in that of the last, and its origin.
+    Return a point of the plane of the first frame in the last one, and that frame's origin.
 
     Both as three integers, to be divided by a third result.
     """
@@ -109,7 +109,7 @@ def moved(ups, downs, point):
 
 
 def _integers(numbers):
-    """Return doubles times their common denominator, and that."""
+    """Return doubles times their common denominator, and that denominator."""
     ratios = [number.as_integer_ratio() for number in numbers]
     unit = max(denominator for _, denominator in ratios)
     return [numerator * (unit // denominator) for numerator, denominator in ratios], unit
@@ -125,13 +125,13 @@ def _turn(quaternion):
 
 
 def climb(name, chain, steps, rng):
-    """Change a chain in place, one or two numbers a step; return the largest error / bound."""
+    """Change a chain in place, one or two numbers per step; return the largest error / bound."""
     bits = chain.view(np.int64)
     best, kept = evaluate(name, chain), chain.copy()
     places = np.flatnonzero(chain).tolist()
     for _ in range(steps):
         for k in rng.choices(places, k=rng.randint(1, 2)):
-            # Of the point, what float32 holds.
+            # A point has the precision of float32.
             lowest = 29 if k >= len(chain) - 2 else 0
             bits[k] += rng.choice((-1, 1)) << rng.randint(lowest, 50)
         usual = all(1e-30 < abs(chain[k]) < 1e30 for k in places)
@@ -145,14 +145,14 @@ def climb(name, chain, steps, rng):
 
 
 def largest(name, evaluations, seed=1):
-    """Return the largest error in parts of its bound that so many evaluations find."""
+    """Return the largest error relative to its bound."""
     starts = starts_of(np.random.default_rng(seed), name, max(evaluations // STEPS, 1))
     rng = random.Random(seed)
     return max(climb(name, chain, evaluations // len(starts), rng) for chain in starts)
 
 
 def report(evaluations, seed):
-    """Print a row for each kind of chain; return how many broke the bound."""
+    """Print a row for each kind of chain; return how many exceeded the bound."""
     print('\n| chain of frames | largest error / bound | evaluations |\n|---|---|---|')
     failures = 0
     for name in CHAINS:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Bodies of integers in contact, or nearly so, and changes to them that change no answer."""
+"""Bodies of integers in or near contact, and changes that must not change any answer."""
 
 import families
 import numpy as np
@@ -46,7 +46,7 @@ def _sheared_twice(rng, *bodies):
     return [ring @ [[1, 3], [2, 7]] for ring in bodies]
 
 
-def _begun_elsewhere(rng, *bodies):
+def _started_elsewhere(rng, *bodies):
     return [np.take_along_axis(ring, (np.arange(ring.shape[1]) + rng.integers(
         0, ring.shape[1], (len(ring), 1)))[..., None] % ring.shape[1], axis=1) for ring in bodies]
 
@@ -69,9 +69,9 @@ def _exchanged(rng, a, b):
     return b, a
 
 
-# Each maps both bodies without rounding, writes their rings in another way, or exchanges them.
+# Each maps both bodies without rounding, rewrites their rings, or exchanges them.
 CHANGES = {change.__name__.lstrip('_').replace('_', ' '): change for change in (
-    _moved, _sheared, _sheared_twice, _begun_elsewhere, _reversed, _with_middles, _scaled,
+    _moved, _sheared, _sheared_twice, _started_elsewhere, _reversed, _with_middles, _scaled,
     _exchanged)}
 
 
@@ -85,7 +85,7 @@ def changed_answers(name, rng, count, n):
 
 
 def lost_by_a_cut(rng, count, n):
-    """Return of how many bodies, cut in two along a diagonal, the halves meet another answer."""
+    """Return for how many bodies, cut along a diagonal, the halves give another answer."""
     a, b = pairs_of(rng, count, n)
     i, k = sorted(rng.choice(n, 2, replace=False))
     whole, other = sets_of(a, b)

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Pairs of polygons changed in steps of ulps to where separation, offset or axis err most.
+Pairs of polygons changed in steps of ulps to maximise errors of separation, offset and axis.
 
-Errors are computed in twice the precision of doubles, of all pairs of vertices and edges without
-any search, and the largest are confirmed in rationals.
+Errors are computed in twice the precision of doubles, over all pairs of vertices and edges without
+any search; the largest are confirmed in rationals.
 """
 
 from fractions import Fraction
@@ -23,12 +23,12 @@ from fractions import Fraction
 import numpy as np
 from rationals import exact_depth, exact_distance, square_root
 from sat_collision import Polygon
-from sat_collision.geometry.distance import measure_with_normal
-from sat_collision.geometry.double_double import (
+from sat_collision.geometry.arithmetic import (
     cross, difference, dot, negative, plus, quotient, scaled, square_root as root)
+from sat_collision.geometry.convex_distance import reach_of
+from sat_collision.geometry.distance import measure
 from sat_collision.geometry.jit import kernel
 from sat_collision.geometry.layout import first_vertex, Packed, packed_size
-from sat_collision.geometry.nearest_features import reach_of
 from sat_collision.geometry.plane import scale_to_one
 import steering
 
@@ -44,7 +44,7 @@ _UNMOVED = (0.0, 0.0)
 
 @kernel
 def distance_to_edges(p, q, least):
-    """Return the distance of the nearest vertex of Q and edge of P, if that is less."""
+    """Return the distance of the nearest vertex of Q and edge of P, if it is smaller."""
     v = p.array
     w = q.array
     first = first_vertex(p)
@@ -75,7 +75,7 @@ def distance_to_edges(p, q, least):
 @kernel
 def reach_beyond_edges(p, q, least, mx, my):
     """
-    Return how far Q reaches beyond the edge of P where that is least, if that is less.
+    Return the smallest reach of Q beyond an edge of P, if it is smaller.
 
     Q is moved by m.
     """
@@ -89,21 +89,21 @@ def reach_beyond_edges(p, q, least, mx, my):
         ex = difference(v[b], v[a])
         ey = difference(v[b + 1], v[a + 1])
         ex, ey = scaled(ex, ey, scale_to_one(max(abs(ex[0]), abs(ey[0]))))
-        most = (-np.inf, 0.0)
+        greatest = (-np.inf, 0.0)
         for j in range(other, other + 2 * q.n, 2):
             found = cross(ex, ey, plus(difference(w[j], v[a]), mx),
                           plus(difference(w[j + 1], v[a + 1]), my))
-            if most[0] == -np.inf or plus(found, negative(most))[0] > 0.0:
-                most = found
-        most = quotient(most, root(dot(ex, ey, ex, ey)))
-        if plus(most, negative(least))[0] < 0.0:
-            least = most
+            if greatest[0] == -np.inf or plus(found, negative(greatest))[0] > 0.0:
+                greatest = found
+        greatest = quotient(greatest, root(dot(ex, ey, ex, ey)))
+        if plus(greatest, negative(least))[0] < 0.0:
+            least = greatest
     return least
 
 
 @kernel
 def _gap_along(p, q, ux, uy):
-    """Return how far apart P and Q are along an axis, less than 0 if their shadows overlap."""
+    """Return the gap of P and Q along an axis, negative if their projections overlap."""
     v = p.array
     w = q.array
     first = first_vertex(p)
@@ -120,8 +120,8 @@ def _gap_along(p, q, ux, uy):
 
 @kernel
 def error(which, p, q):
-    """Return the error of what is measured of two convex polygons, and its bound; 0 if none."""
-    value, points = measure_with_normal(p, q)
+    """Return the error of a measurement of two convex polygons, and its bound; 0 if none."""
+    value, points = measure(p, q)
     ax, ay, bx, by, ux, uy = points
     reach = reach_of(p, q)
     if which == WAY:
@@ -147,7 +147,7 @@ def error(which, p, q):
 
 @kernel
 def climb(which, x, n, steps, random):
-    """Change two bodies in place, n vertices and the others, to a larger error; return it."""
+    """Change two bodies in place, n vertices and the rest, to increase an error; return it."""
     m = len(x) // 2 - n
     a = np.empty(packed_size(n))
     b = np.empty(packed_size(m))
@@ -172,10 +172,9 @@ def climb(which, x, n, steps, random):
 
 
 def exact(which, x, n):
-    """Return in rationals the error in parts of its bound."""
+    """Return the error relative to its bound in rationals."""
     p, q = Polygon(x[:2 * n].reshape(-1, 2)), Polygon(x[2 * n:].reshape(-1, 2))
-    value, points = measure_with_normal(*(Packed(body.packed[0], 0, body.packed[1])
-                                          for body in (p, q)))
+    value, points = measure(*(Packed(body.packed[0], 0, body.packed[1]) for body in (p, q)))
     ax, ay, bx, by, ux, uy = map(Fraction, points)
     value = Fraction(value)
     reach = Fraction(float(abs(x).max()))
@@ -201,7 +200,7 @@ def starts_of(rng, count, n, m):
 
 
 def largest(which, n, m, evaluations, seed=1):
-    """Return the largest error in parts of its bound that so many evaluations find, confirmed."""
+    """Return the largest error relative to its bound, confirmed."""
     rng = np.random.default_rng(seed)
     starts = starts_of(rng, max(evaluations // STEPS, CONFIRMED), n, m)
     found = [climb(which, x, n, evaluations // len(starts), rng) for x in starts]
@@ -209,7 +208,7 @@ def largest(which, n, m, evaluations, seed=1):
 
 
 def report(evaluations, seed):
-    """Print a row for each of what is measured; return how many exceed their bound."""
+    """Print a row for each measurement; return how many exceed their bound."""
     print('\n| of a separation | bound | largest error / bound | evaluations |\n|---|---|---|---|')
     failures = 0
     for which, name in enumerate(NAMES):

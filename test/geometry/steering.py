@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Pairs of polygons steered, in steps of ulps, to where a filter all but decides, or just does.
+Pairs of polygons steered, in steps of ulps, to where a filter just decides, or just does not.
 
-What the search in plain doubles then says is compared with the exact stage each time, and where a
-climb ends with the oracle's integers.
+Each verdict of the search in doubles is compared with the exact stage, and the final pairs of
+climbs with the oracle's integers.
 """
 
 import families
@@ -25,9 +25,8 @@ import oracle
 from sat_collision.geometry.intersection import convex_meet, meet_near
 from sat_collision.geometry.jit import kernel
 from sat_collision.geometry.layout import first_vertex, Packed, packed_size
-from sat_collision.geometry.packing import pack
+from sat_collision.geometry.packing import CONVEX, pack
 from sat_collision.geometry.predicates import ORIENTATION_BOUND
-from sat_collision.geometry.ring import CONVEX
 from sat_collision.geometry.separating_axis import (
     boxes_apart, find_separating_axis, first_axis, MEET, OPEN, PRODUCT_BOUND, refine, support,
     SUPPORT_BOUND, UNCERTAIN)
@@ -35,17 +34,17 @@ import shapes
 
 GAP, TURN, RISE, DISC, ORIENTATION = range(5)
 NAMES = 'gap', 'turn', 'rise', 'disc', 'orientation'
-# Vertices of both bodies: few are scanned, many climbed.
+# Vertices of both bodies; supports are scanned for few and climbed to for many.
 COUNTS = (3, 3), (4, 6), (4, 20), (20, 20)
 STEPS = 20000
 _LARGEST_STEP = 46
-# So many ends of climbs go to the integers, of each filter and count.
+# The number of final pairs compared with the oracle, for each filter and count.
 ASKED = 300
 
 
 @kernel
 def _danger(value, bound, error):
-    """Return less than 1 far from a filter's edge, there 1 and the error in parts of the bound."""
+    """Return less than 1 far from a filter's limit, there 1 + error / bound."""
     size = abs(value)
     if not (0.0 < size < np.inf and 0.0 < bound < np.inf):
         return 0.0
@@ -56,7 +55,7 @@ def _danger(value, bound, error):
 @kernel
 def _of_orientations(p, q):
     """Return the greatest danger of an orientation of an edge of P and a vertex of Q."""
-    most = 0.0
+    greatest = 0.0
     first = first_vertex(p)
     other = first_vertex(q)
     v = p.array
@@ -67,22 +66,22 @@ def _of_orientations(p, q):
         for c in range(other, other + 2 * q.n, 2):
             value, size, error = cross(difference(v[a], w[c]), difference(v[b + 1], w[c + 1]),
                                        difference(v[a + 1], w[c + 1]), difference(v[b], w[c]))
-            most = max(most, _danger(value, ORIENTATION_BOUND * size, error))
-    return most
+            greatest = max(greatest, _danger(value, ORIENTATION_BOUND * size, error))
+    return greatest
 
 
 @kernel
 def _of_rises(p, ux, uy):
     """Return the greatest danger of an edge's rise along u."""
-    most = 0.0
+    greatest = 0.0
     first = first_vertex(p)
     v = p.array
     for i in range(p.n):
         a = first + 2 * i
         b = first + 2 * ((i + 1) % p.n)
         value, size, error = along(difference(v[b], v[a]), difference(v[b + 1], v[a + 1]), ux, uy)
-        most = max(most, _danger(value, PRODUCT_BOUND * size, error))
-    return most
+        greatest = max(greatest, _danger(value, PRODUCT_BOUND * size, error))
+    return greatest
 
 
 @kernel
@@ -94,7 +93,7 @@ def danger(which, p, q):
     if which == DISC:
         inner = p.array[6] + q.array[6]
         return _danger(search.ux * search.ux + search.uy * search.uy, inner * inner, 0.0)
-    most = 0.0
+    greatest = 0.0
     for _ in range(8):
         if verdict != OPEN:
             break
@@ -103,7 +102,7 @@ def danger(which, p, q):
         i = support(p, ux, uy)
         j = support(q, -ux, -uy)
         if which == RISE:
-            most = max(most, _of_rises(p, ux, uy), _of_rises(q, ux, uy))
+            greatest = max(greatest, _of_rises(p, ux, uy), _of_rises(q, ux, uy))
         elif i >= 0 and j >= 0:
             wx = difference(q.array[j], p.array[i])
             wy = difference(q.array[j + 1], p.array[i + 1])
@@ -111,18 +110,18 @@ def danger(which, p, q):
                 value, size, error = along(wx, wy, ux, uy)
                 bound = PRODUCT_BOUND * size + SUPPORT_BOUND * (
                     abs(ux) * search.reach_x + abs(uy) * search.reach_y)
-                most = max(most, _danger(value, bound, error))
+                greatest = max(greatest, _danger(value, bound, error))
             else:
                 for bx, by in ((search.ax, search.ay), (search.bx, search.by)):
                     value, size, error = cross((bx, 0.0), (by, 0.0), wx, wy)
-                    most = max(most, _danger(value, PRODUCT_BOUND * size, error))
+                    greatest = max(greatest, _danger(value, PRODUCT_BOUND * size, error))
         verdict, search = refine(p.array, i, q.array, j, search)
-    return most
+    return greatest
 
 
 @kernel
 def pack_both(x, n, p, q):
-    """Pack the bodies that x holds; tell whether both are strictly convex and keep their count."""
+    """Pack the bodies in x; tell whether both are strictly convex with all vertices."""
     verdict, count, _, _, _ = pack(x[:2 * n], p, n, n)
     if verdict != CONVEX or count != n:
         return False
@@ -133,7 +132,7 @@ def pack_both(x, n, p, q):
 
 @kernel
 def nudge(x, random):
-    """Change one number or two in place, by a power of two of ulps."""
+    """Change one or two numbers in place by a power of two of ulps."""
     bits = x.view(np.int64)
     for _ in range(random.integers(1, 3)):
         k = random.integers(0, len(x))
@@ -144,9 +143,9 @@ def nudge(x, random):
 @kernel
 def steer(which, x, n, steps, random):
     """
-    Change two bodies in place, n vertices and the others, to bring a filter into danger.
+    Change two bodies in place, n vertices and the rest, to increase a filter's danger.
 
-    Returns into how much, how many verdicts on the way were proved, and how many wrong.
+    Returns the danger, the number of proved verdicts on the way, and how many were wrong.
     """
     m = len(x) // 2 - n
     a = np.empty(packed_size(n))
@@ -156,7 +155,7 @@ def steer(which, x, n, steps, random):
     kept = x.copy()
     proved = 0
     wrong = 0
-    # Steps are about as large as the last one that led nearer, and ever smaller.
+    # Steps are about as large as the last successful one, and become smaller.
     exponent = _LARGEST_STEP
     power = exponent
     for step in range(steps):
@@ -191,7 +190,7 @@ def steer(which, x, n, steps, random):
 
 @kernel
 def decide(x, n):
-    """Return the answer for the bodies that x holds."""
+    """Return the answer for the bodies in x."""
     m = len(x) // 2 - n
     a = np.empty(packed_size(n))
     b = np.empty(packed_size(m))
@@ -212,16 +211,16 @@ def starts_of(rng, count, n, m):
 
 def at_the_edge(which, n, m, evaluations, seed=1):
     """
-    Steer pairs of n and m vertices to a filter's edge, and on to large errors.
+    Steer pairs of n and m vertices to a filter's limit, and on to large errors.
 
     Returns
     -------
     arrived : float
-        The share of the starts from which the edge was reached.
+        The share of starts from which the limit was reached.
     ratio : float
-        The largest error there, in parts of the bound.
+        The largest error there, relative to the bound.
     proved, wrong : int
-        How many verdicts the filters proved, and how many of them, or of the answers at the ends,
+        How many verdicts the filters proved, and how many of them, or of the final answers,
         were wrong.
 
     """

@@ -26,9 +26,9 @@ pytestmark = [pytest.mark.long,
               pytest.mark.skipif(not COMPILED, reason='the search needs compiled kernels')]
 
 EVALUATIONS = 100000
-# How much of each bound would be too little: the search finds errors beyond it. In brackets what
-# the lemma proves.
-TOO_LITTLE = {
+# A share of each bound that is too small: the search finds errors beyond it. In brackets the share
+# that the lemma proves.
+TOO_SMALL = {
     filter_bounds.ORIENTATION: 0.5,  # (1)
     filter_bounds.TURN: 0.2,         # (3/8)
     filter_bounds.RISE: 0.15,        # (1/4)
@@ -39,21 +39,21 @@ TOO_LITTLE = {
 }
 
 
-@pytest.mark.parametrize('which', TOO_LITTLE, ids=filter_bounds.NAMES)
+@pytest.mark.parametrize('which', TOO_SMALL, ids=filter_bounds.NAMES)
 def test_no_error_exceeds_its_bound(which):
     ratio, mistakes = adversary.largest(which, EVALUATIONS)
     assert 0.0 < ratio <= 1.0 and mistakes == 0
 
 
-@pytest.mark.parametrize('which', TOO_LITTLE, ids=filter_bounds.NAMES)
-def test_a_bound_that_is_too_small_is_found_out(which):
-    ratio, _ = adversary.largest(which, EVALUATIONS, share=TOO_LITTLE[which])
+@pytest.mark.parametrize('which', TOO_SMALL, ids=filter_bounds.NAMES)
+def test_search_finds_that_a_smaller_bound_is_wrong(which):
+    ratio, _ = adversary.largest(which, EVALUATIONS, share=TOO_SMALL[which])
     assert ratio > 1.0
 
 
 @pytest.mark.parametrize('which', range(len(filter_bounds.NAMES)), ids=filter_bounds.NAMES)
-def test_the_compiled_error_is_the_rational_one(which):
-    """Where the value is near zero, to a thousandth."""
+def test_compiled_error_agrees_with_rationals(which):
+    """To a thousandth, for values near zero."""
     rng = np.random.default_rng(3)
     compared = 0
     for x in adversary.starts_of(rng, which, 100):
@@ -68,7 +68,7 @@ def test_the_compiled_error_is_the_rational_one(which):
 @pytest.mark.parametrize('n, m', steering.COUNTS)
 @pytest.mark.parametrize('which', range(len(steering.NAMES)), ids=steering.NAMES)
 def test_pairs_at_the_edge_of_a_filter(which, n, m):
-    """Every verdict on the way is the exact stage's, every answer at the end the oracle's."""
+    """All verdicts agree with the exact stage, and all final answers with the oracle."""
     arrived, ratio, proved, wrong = steering.at_the_edge(which, n, m, EVALUATIONS // 2)
     assert wrong == 0 and proved > 0 and ratio <= 1.0
     assert arrived > 0.0 or n + m > 10
@@ -76,15 +76,14 @@ def test_pairs_at_the_edge_of_a_filter(which, n, m):
 
 @pytest.mark.parametrize('n, m', separations.COUNTS)
 @pytest.mark.parametrize('which', range(len(separations.NAMES)), ids=separations.NAMES)
-def test_no_separation_way_or_axis_exceeds_its_bound(which, n, m):
+def test_no_error_of_a_separation_exceeds_its_bound(which, n, m):
     assert separations.largest(which, n, m, EVALUATIONS // 2) <= 1.0
 
 
 @pytest.mark.parametrize('which, share', [
     (separations.DISTANCE, 0.45), (separations.DEPTH, 0.45), (separations.WAY, 0.12),
     (separations.AXIS, 0.12)], ids=separations.NAMES)
-def test_less_of_the_bound_of_a_separation_would_be_too_little(which, share):
-    """What is found is in parts of the bound."""
+def test_bounds_of_separations_are_not_much_too_large(which, share):
     assert max(separations.largest(which, n, m, EVALUATIONS // 2)
                for n, m in ((2, 2), (3, 3), (4, 6))) > share
 
@@ -93,7 +92,7 @@ def test_less_of_the_bound_of_a_separation_would_be_too_little(which, share):
     (contacts.NORMAL, 0.4), (contacts.POINTS, 0.09), (contacts.GAP, 0.04),
     (contacts.WAY_OUT, 0.004)], ids=contacts.NAMES)
 def test_no_contact_breaks_a_promise(which, share):
-    """And less of a bound would be too little."""
+    """And the bounds are not much too large."""
     found, wrong = zip(*(contacts.largest(which, kind, EVALUATIONS // 5)
                          for kind in range(len(contacts.COUNTS))))
     assert sum(wrong) == 0

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-What is asked of two bodies in different words has one answer, at every magnitude.
+Different queries about two bodies agree at every magnitude.
 
-Coordinates are of all exponents, within a body too, so that products overflow beside others that
-underflow; the answer is that of integers and rationals.
+Coordinates have all exponents, also within a body, so that some products overflow and others
+underflow; the expected answers come from integers and rationals.
 """
 
 from fractions import Fraction
@@ -48,7 +48,7 @@ def random_shape(rng):
 
 
 def random_exponents(rng):
-    """Return exponents for x and y of both bodies: one, one each, or one for each coordinate."""
+    """Return exponents for x and y of both bodies: common, per body, or per coordinate."""
     one, two = rng.choice(EDGES_OF_RANGES, 2)
     if rng.random() < 0.5:
         one = two = rng.integers(-1074, 1020)
@@ -67,12 +67,12 @@ def random_pairs(seed, count):
                 a, b = np.ldexp(a, first), np.ldexp(b, second)
             yield a, b, Polygon(a), Polygon(b)
             count -= 1
-        except PolygonError:  # more than the largest double, or crossing itself once rounded
+        except PolygonError:  # beyond the largest double, or self-intersecting after rounding
             pass
 
 
 def exact_separation(p, q):
-    """Return the separation of bodies, convex or not, in rationals."""
+    """Return the separation of bodies in rationals."""
     if not oracle.intersects(p.vertices, q.vertices):
         return exact_distance(p, q)
     return -max(exact_depth(a, b) for a in p.parts for b in q.parts
@@ -81,7 +81,7 @@ def exact_separation(p, q):
 
 @pytest.mark.parametrize('seed', range(3))
 def test_all_answers_agree(seed):
-    """On whether, how far, how near and when."""
+    """On intersection, separation, nearest rows, margins and times of contact."""
     met = apart = 0
     for a, b, p, q in random_pairs(seed, 100):
         value = separation(p, q)
@@ -101,8 +101,8 @@ def test_all_answers_agree(seed):
 
 
 @pytest.mark.parametrize('seed', range(2))
-def test_values_are_those_of_rationals(seed):
-    """As right as they are in the middle of the range; infinite just where no double is near."""
+def test_separations_against_rationals(seed):
+    """Within the usual bound, and infinite only beyond the largest double."""
     for _, _, p, q in random_pairs(seed, 60):
         value = separation(p, q)
         exact = exact_separation(p, q)
@@ -116,7 +116,7 @@ def test_values_are_those_of_rationals(seed):
 
 
 def test_beyond_the_largest_double():
-    """Bodies further apart than any double are infinitely far, and the nearest all the same."""
+    """Such bodies are infinitely far apart, but the nearest one is still found."""
     far, origin = [(1.7e308, 1.7e308)], [(-1.7e308, 0.0)]
     assert separation(far, origin) == math.inf
     assert PolygonSet([far]).nearest(origin)[:2] == (0, math.inf)
@@ -124,8 +124,7 @@ def test_beyond_the_largest_double():
     assert PolygonSet([far]).rows_within(origin, 1.7e308).tolist() == []
 
 
-def test_a_margin_of_the_least_double():
-    """Boxes that are so far apart are within it."""
+def test_margin_of_the_smallest_double():
     a, b = [(0.0, 1e300), (5e-324, 1e300)], [(1e-323, 1e300)]
     assert separation(a, b) == 5e-324
     assert PolygonSet([a]).rows_within(b, 5e-324).tolist() == [0]

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Where a thread does not round as the proofs assume nothing is answered, and the reason said."""
+"""Queries are refused in a thread whose floating-point mode differs from that of the proofs."""
 
 import contextlib
 import ctypes
@@ -34,7 +34,7 @@ from sat_collision.geometry.predicates import orient, orientation
 
 ROOT = Path(__file__).resolve().parents[2]
 if not (platform.machine() == 'x86_64' and platform.libc_ver()[0] == 'glibc'):
-    pytest.skip('the modes are set as glibc and x86-64 do', allow_module_level=True)
+    pytest.skip('modes are set as in glibc on x86-64', allow_module_level=True)
 
 LIBM = ctypes.CDLL('libm.so.6')
 # Bits of MXCSR, which ends glibc's fenv_t.
@@ -45,7 +45,7 @@ FLUSHING = 'flush to zero', 'denormals are zero'
 
 @contextlib.contextmanager
 def rounding(mode):
-    """Set how this thread rounds."""
+    """Set the floating-point mode of this thread."""
     usual, changed = ctypes.create_string_buffer(32), ctypes.create_string_buffer(32)
     LIBM.fegetenv(usual)
     word = int.from_bytes(usual.raw[28:], sys.byteorder) | MODES[mode]
@@ -87,7 +87,7 @@ QUESTIONS = {
 @pytest.mark.parametrize('mode', MODES)
 @pytest.mark.parametrize('question', QUESTIONS)
 def test_no_answer_in_another_mode(question, mode):
-    """Of whatever is asked, though the bodies were made before; and again once it is reset."""
+    """No query answers, although the bodies were made before; it does again after a reset."""
     QUESTIONS[question]()
     with rounding(mode), pytest.raises(FloatingPointError, match=message(mode)):
         QUESTIONS[question]()
@@ -98,8 +98,8 @@ def test_no_answer_in_another_mode(question, mode):
     ('flush to zero', (1.5 * 2.0**-1022, 0, 0, 1, 2.0**-1022, 0)),
     ('denormals are zero', (0, 0, 1, 0, 0, 2.0**-1074)),
 ])
-def test_answers_would_be_wrong(mode, points):
-    """Of three points that are not in line the kernel itself would say that they are."""
+def test_kernel_would_be_wrong_in_another_mode(mode, points):
+    """It would consider three points collinear that are not."""
     points = tuple(map(float, points))
     assert orient(*points) == 1
     with rounding(mode):
@@ -107,7 +107,7 @@ def test_answers_would_be_wrong(mode, points):
 
 
 def run(program, **environment):
-    """Run a program that can use this module in a new process, and return what it says."""
+    """Run a program that can use this module in another process."""
     path = [str(ROOT), str(ROOT / 'test' / 'support'), str(Path(__file__).parent),
             os.environ.get('PYTHONPATH', '')]
     return subprocess.run([sys.executable, '-c', program], capture_output=True, text=True,
@@ -118,8 +118,8 @@ def run(program, **environment):
     ('flush to zero', '0'), ('down', '1'),
     pytest.param('flush to zero', '1', marks=pytest.mark.long),
     pytest.param('down', '0', marks=pytest.mark.long)])
-def test_import_is_refused(mode, plain, tmp_path):
-    """And nothing compiled in that mode is kept: the next process is in order."""
+def test_import_is_refused_in_another_mode(mode, plain, tmp_path):
+    """Nothing compiled in that mode is cached."""
     program = (f'import ctypes\nmode = {MODES[mode]}\n'
                'libm, env = ctypes.CDLL("libm.so.6"), ctypes.create_string_buffer(32)\n'
                'libm.fegetenv(env)\n'
@@ -136,8 +136,8 @@ def test_import_is_refused(mode, plain, tmp_path):
 
 @pytest.mark.parametrize('machine, plain', [
     ('x86_64', '0'), pytest.param('other', '0', marks=pytest.mark.long), ('x86_64', '1')])
-def test_a_library_that_sets_the_mode_when_it_is_loaded(tmp_path, machine, plain):
-    """As one linked with -ffast-math does: noticed on every machine, compiled and in Python."""
+def test_library_that_sets_the_mode_on_loading(tmp_path, machine, plain):
+    """As one linked with -ffast-math; noticed on every machine, compiled and in plain Python."""
     if not shutil.which('gcc'):
         pytest.skip('needs gcc')
     source, library = tmp_path / 'fast.c', tmp_path / 'fast.so'
@@ -151,13 +151,13 @@ def test_a_library_that_sets_the_mode_when_it_is_loaded(tmp_path, machine, plain
                  'else:\n    print("not set")',
                  NUMBA_DISABLE_JIT=plain, NUMBA_CACHE_DIR=str(tmp_path))
     if 'not set' in result.stdout:
-        pytest.skip('this compiler links nothing that sets it')
+        pytest.skip('this compiler does not set it')
     assert 'FloatingPointError: floating point flushes' in result.stderr
 
 
 @pytest.mark.skipif(not COMPILED, reason='nothing is compiled here')
 def test_fused_multiply_add_is_noticed(monkeypatch):
-    """The same source, compiled with leave to contract."""
+    """The same source compiled with permission to contract."""
     import numba
     if 'fma' not in Path('/proc/cpuinfo').read_text():
         pytest.skip('this processor has no fused multiply-add')

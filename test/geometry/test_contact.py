@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Normals, points of contact and ways out, against rational arithmetic and shapely."""
+"""Normals, points and depths of contacts, against rational arithmetic and shapely."""
 
 from fractions import Fraction
 import math
@@ -26,8 +26,8 @@ from sat_collision import closest_points, contact, intersects, Polygon, PolygonS
 
 ULP = 2.0 ** -52
 L_SHAPE = np.array([(0, 0), (4, 0), (4, 1), (1, 1), (1, 4), (0, 4)], float)
-# Found by `make adversary`. A's vertex is 3e-8 m beside the edge of B that it is as deep behind as
-# behind the next, to a rounding.
+# Found by `make adversary`: a vertex of A is equally deep behind two edges of B, up to rounding,
+# and 3e-8 m beside one of them.
 BESIDE = [
     (-1083309.499999999, 136588.49804687488), (-1083310.0, 136587.75), (-1083308.5, 140680.0),
     (-1083308.75, 136588.501953125)]
@@ -40,7 +40,7 @@ EDGES = [
     (-1083310.0, 136588.001953125), (-1083309.75, 136588.25), (-1083309.5, 136588.5),
     (-1083309.5, 136588.875), (-1083309.5, 136589.25), (-1079213.531250015, 136589.25),
     (-1083309.75, 136589.75), (-1083309.9999999702, 136589.75), (-1083310.249998101, 136590.0)]
-# The way out of these runs almost along an edge, behind which they reach more and more.
+# The offset that separates these runs almost along an edge, behind which they reach ever further.
 SLIDING = [
     (-651.3675619372643, 3012.2314410059917), (-522.3735344423476, 2765.24060619436),
     (-603.8119338871305, 2765.001267247352), (-536.7491766791798, 2666.846092681939),
@@ -72,7 +72,7 @@ def left_of(start, end, point):
 
 
 def outside(polygon, point):
-    """Return how far a point is outside a polygon or its convex parts, exactly; 0 if inside."""
+    """Return the exact distance of a point from a polygon, 0 if inside."""
     (point,) = rational([point])
     return min(_outside(rational(part.vertices), point) for part in polygon.parts)
 
@@ -92,7 +92,7 @@ def _to_edge(point, start, end):
 
 
 def overlap_once_moved(a, b, x, y):
-    """Tell whether the insides of convex bodies overlap once a is moved, exactly."""
+    """Tell exactly whether the interiors of convex bodies overlap once a is moved."""
     p = [(px + x, py + y) for px, py in rational(a.vertices)]
     q = rational(b.vertices)
     if len(p) + len(q) == 2:
@@ -106,7 +106,7 @@ def reach_of(*bodies):
 
 
 def check(a, b):
-    """Check all that is promised of the contact of two bodies."""
+    """Check all promises of the contact of two bodies."""
     found = contact(a, b)
     ulp = math.ulp(reach_of(a, b))
     assert found.separation == separation(a, b)
@@ -128,7 +128,7 @@ def check(a, b):
 
 @pytest.mark.parametrize('turned', [False, True])
 def test_closest_points_of_overlapping_boxes_are_points_of_each(turned):
-    """Of boxes side by side a vertex of one may be beside the edge of the other that it is in."""
+    """Of boxes side by side, a vertex of one may be beside the nearest edge of the other."""
     rng = np.random.default_rng(5)
     for _ in range(300):
         a = np.array(box(0, 0, *rng.uniform(1, 3, 2)))
@@ -143,7 +143,7 @@ def test_closest_points_of_overlapping_boxes_are_points_of_each(turned):
 
 
 def test_closest_points_of_touching_bodies_are_common():
-    """Edge on edge, too, where the vertex that is looked at may be beside the other edge."""
+    """Also edge on edge, where a vertex may be beside the other edge."""
     a = Polygon(box(0, 0))
     for b in (box(0.5, 1, 3, 3), box(-5, 1, 5.5, 1), box(1, 1), box(1, 0.25, 1, 0.5)):
         p, q = closest_points(a, b)
@@ -161,9 +161,9 @@ def test_closest_points_of_touching_bodies_are_common():
     (L_SHAPE, box(1, 2), (-1, 0), [(1, 3), (1, 2)]),
     ([(3, 4)], [(3, 4)], (-1, 0), [(3, 4)]),
 ], ids=['edge on edge', 'the other way', 'vertex on edge', 'point on edge', 'point on segment',
-        'T', 'in the notch of an L', 'same point'])
+        'T', 'in the corner of an L', 'same point'])
 def test_touching_bodies_have_a_normal(a, b, normal, points):
-    """Where the vector between the closest points is zero; the points are common to both."""
+    """The vector between the closest points is zero; the points are common to both."""
     found = check(Polygon(a), Polygon(b))
     assert found.normal.tolist() == list(normal)
     assert found.depth == found.separation == 0.0
@@ -171,16 +171,16 @@ def test_touching_bodies_have_a_normal(a, b, normal, points):
 
 
 @pytest.mark.parametrize('a, b', [(BESIDE, EDGES), (EDGES, BESIDE)])
-def test_a_vertex_beside_an_edge_is_a_point_of_contact_and_not_what_is_beside_it(a, b):
-    """Two edges, all but level, are as deep to a rounding; points are of the bodies to 8 u R."""
+def test_vertex_beside_an_edge_is_a_point_of_contact(a, b):
+    """Two almost level edges are equally deep up to rounding."""
     found = check(Polygon(a), Polygon(b))
     assert found.separation == -2.0
     points = found.points_a if a is BESIDE else found.points_b
     assert points.tolist() == [list(BESIDE[1])]
 
 
-def test_a_way_out_along_an_edge_ends_all_overlaps():
-    """To 2^-46 of the largest coordinate, of every pair of parts."""
+def test_offset_almost_along_an_edge_ends_all_overlaps():
+    """Up to 2^-46 of the largest coordinate, for every pair of parts."""
     a, b = Polygon(SLIDING), Polygon(ALONG)
     found = check(a, b)
     moved = Polygon(a.vertices + found.depth * found.normal)
@@ -189,14 +189,14 @@ def test_a_way_out_along_an_edge_ends_all_overlaps():
 
 
 def test_corner_on_corner_has_a_normal_that_separates():
-    """There are many; it is one of them."""
+    """It is one of many."""
     found = check(Polygon(box(0, 0)), Polygon(box(1, 1)))
     assert found.points_a.tolist() == found.points_b.tolist() == [[1, 1]]
     assert not overlap_once_moved(Polygon(box(0, 0)), Polygon(box(1, 1)), *found.normal.tolist())
 
 
-def test_apart_and_overlapping_faces():
-    """Two points where edges face each other, one where a vertex is alone."""
+def test_points_of_facing_edges_and_of_a_vertex():
+    """Two points if edges face each other, otherwise one."""
     apart = check(Polygon(box(0, 0)), Polygon(box(1.5, 0.25)))
     assert apart.normal.tolist() == [-1, 0] and apart.separation == 0.5 and apart.depth == 0.0
     assert apart.points_a.tolist() == [[1, 1], [1, 0.25]]
@@ -222,8 +222,8 @@ def differ(found, other, tolerance):
 @pytest.mark.parametrize('other', [
     box(0.5, 1, 1.25, 2), [(0.75, 1), (2, 2), (0.25, 2)], [(0.5, 1)], [(0.25, 1), (0.5, 1)],
 ], ids=['edge on edge', 'vertex on edge', 'point', 'segment'])
-def test_tiny_changes_change_little(other, gap):
-    """Of bodies that touch, are apart or overlap, by 1e-12, in any coordinate and at any angle."""
+def test_contact_is_continuous(other, gap):
+    """Changes of 1e-12 of bodies that touch, are apart or overlap, at any angle."""
     rng = np.random.default_rng(3)
     for angle in (0.0, *rng.uniform(0, 7, 9)):
         turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
@@ -236,8 +236,7 @@ def test_tiny_changes_change_little(other, gap):
 
 
 @pytest.mark.parametrize('name', NAMES)
-def test_every_family_keeps_what_is_promised(name):
-    """Near, touching and deep, flat and thin, of points and segments, far away and tiny."""
+def test_promises_hold_for_every_family(name):
     family = {**families.CONVEX, **families.SIMPLE}[name]
     for pair in family(np.random.default_rng(6), 40, 7):
         a, b = map(Polygon, pair)
@@ -250,8 +249,8 @@ def test_every_family_keeps_what_is_promised(name):
 
 
 @pytest.mark.parametrize('name', sorted(families.CONVEX))
-def test_the_way_out_of_convex_bodies_ends_the_overlap_and_none_is_shorter(name):
-    """In rationals: moved by the depth they touch, but for rounding, and before they overlap."""
+def test_depth_of_convex_bodies_is_the_shortest_offset(name):
+    """In rationals: moved by the depth they touch up to rounding, moved by less they overlap."""
     overlaps = 0
     for pair in families.CONVEX[name](np.random.default_rng(7), 60, 6):
         a, b = map(Polygon, pair)
@@ -269,8 +268,8 @@ def test_the_way_out_of_convex_bodies_ends_the_overlap_and_none_is_shorter(name)
     assert overlaps or name not in ('near', 'deep', 'containment', 'slivers', 'many_sided')
 
 
-def notched_pairs(rng, count):
-    """Return pairs of bodies of which one or both are not convex, turned and overlapping."""
+def non_convex_pairs(rng, count):
+    """Yield pairs of which one or both are non-convex, rotated and overlapping."""
     shapes = [L_SHAPE, np.array([(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]),
               np.array([(0, 0), (4, 0), (1, 1), (0, 4)]), np.array(box(0, 0, 2, 1)),
               np.array([(0, 0), (1, 2)])]
@@ -283,10 +282,10 @@ def notched_pairs(rng, count):
         yield pair
 
 
-def test_the_way_out_of_bodies_that_are_not_convex_ends_the_overlap():
-    """As shapely sees it, moved along the normal; the deepest parts alone need less."""
+def test_depth_of_non_convex_bodies_ends_the_overlap():
+    """Compared with shapely; the deepest parts alone may need less."""
     longer = overlaps = 0
-    for a, b in notched_pairs(np.random.default_rng(8), 400):
+    for a, b in non_convex_pairs(np.random.default_rng(8), 400):
         found = check(a, b)
         overlaps += found.separation < 0.0
         longer += found.depth > 1e-9 - found.separation
@@ -296,8 +295,8 @@ def test_the_way_out_of_bodies_that_are_not_convex_ends_the_overlap():
     assert overlaps > 150 and longer > 20
 
 
-def test_the_way_out_of_a_corner_is_out_of_both_walls():
-    """Each wall alone is left sooner, but its normal leads along the other."""
+def test_depth_in_a_corner_leaves_both_walls():
+    """Either wall alone needs less."""
     found = check(Polygon(box(0.75, 0.75)), Polygon(L_SHAPE))
     assert found.separation == -0.25
     np.testing.assert_allclose(found.normal, [math.sqrt(0.5)] * 2, rtol=1e-15)
@@ -305,8 +304,8 @@ def test_the_way_out_of_a_corner_is_out_of_both_walls():
 
 
 @pytest.mark.parametrize('exponent', [-1000, -300, 300, 1015])
-def test_scale_changes_nothing(exponent):
-    """Where products of coordinates underflow or overflow."""
+def test_scale_does_not_matter(exponent):
+    """Products of coordinates underflow or overflow."""
     for a, b in families.CONVEX['near'](np.random.default_rng(9), 20, 5):
         found, scaled = contact(a, b), contact(np.ldexp(a, exponent), np.ldexp(b, exponent))
         assert scaled.normal.tolist() == found.normal.tolist()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Separation and closest points against rational arithmetic, and in agreement with intersects."""
+"""Separation and closest points against rational arithmetic and `intersects`."""
 
 from fractions import Fraction
 
@@ -21,8 +21,8 @@ import numpy as np
 import pytest
 from rationals import exact_depth, exact_distance
 from sat_collision import closest_points, intersects, Polygon, PolygonSet, separation
+from sat_collision.geometry.convex_distance import of_all_features
 from sat_collision.geometry.layout import Packed
-from sat_collision.geometry.nearest_features import of_all_features
 from sat_collision.geometry.polygon import as_polygon
 import separations
 import shapes
@@ -39,7 +39,7 @@ def random_convex(rng, count):
 @pytest.mark.parametrize('count', [3, 4, 9, pytest.param(40, marks=pytest.mark.long)])
 @pytest.mark.parametrize('offset', [0.0, 1e3, 1e6])
 def test_convex_pairs_are_accurate_to_two_u(count, offset):
-    """Random pairs apart and overlapping, also far from the origin."""
+    """Apart and overlapping, near and far from the origin."""
     rng = np.random.default_rng(count)
     signs = set()
     for _ in range(25):
@@ -51,7 +51,7 @@ def test_convex_pairs_are_accurate_to_two_u(count, offset):
 
 
 def test_closest_points_realise_the_separation():
-    """Apart they are that far apart; overlapping, the move between them just ends the overlap."""
+    """Apart, it is their distance; overlapping, the offset between them just ends the overlap."""
     rng = np.random.default_rng(7)
     for _ in range(100):
         a, b = random_convex(rng, 6), random_convex(rng, 9)
@@ -80,20 +80,20 @@ def test_closest_points_realise_the_separation():
 ], ids=['points', 'same point', 'collinear apart', 'collinear overlap', 'T', 'cross',
         'point inside', 'point on edge', 'corner to corner', 'diagonal', 'contained'])
 def test_small_cases_are_exact(a, b, expected):
-    """Points, segments and boxes whose separation is plain to see, both ways round."""
+    """In either order."""
     assert separation(a, b) == expected
     assert separation(b, a) == expected
 
 
-def test_notch_of_an_l():
-    """A box in the notch of an L is apart from it by the narrower gap."""
+def test_box_in_the_corner_of_an_l():
+    """It is apart by the narrower gap."""
     shape = [(0, 0), (4, 0), (4, 1), (1, 1), (1, 4), (0, 4)]
     assert separation(shape, [(1.5, 1.25), (2, 1.25), (2, 2), (1.5, 2)]) == 0.25
     assert separation(shape, [(3, 0.5), (5, 0.5), (5, 3), (3, 3)]) == -0.5
 
 
-def test_sign_agrees_with_intersects_where_rounding_cannot_tell():
-    """Beside a slanted edge, one ulp apart, the values are rounded but the signs are not."""
+def test_sign_agrees_with_intersects_beside_a_slanted_edge():
+    """Within an ulp the values are rounded, but the signs are exact."""
     rng = np.random.default_rng(9)
     seen = set()
     for _ in range(2000):
@@ -110,7 +110,7 @@ def test_sign_agrees_with_intersects_where_rounding_cannot_tell():
 
 
 def error(a, b):
-    """Return the error of a separation in parts of the bound of lemmas 17 and 18."""
+    """Return the error of a separation relative to the bound of lemmas 17 and 18."""
     p, q = as_polygon(a), as_polygon(b)
     value = separation(p, q)
     exact = -exact_depth(p, q) if intersects(p, q) else exact_distance(p, q)
@@ -128,9 +128,9 @@ def errors(pairs):
      [(-0.9973103812128692, 0.9729795531031207)]),
     ([(0.0, 0.0), (1.0, 1.0 + 2.0 ** -52), (0.5, 2.0)], [(1e8, 1e8 + 2.0 ** -26)]),
     ([(1e8, 0.1), (1e8 + 3.0, 0.1 + 2.0 ** -50), (1e8, 7.0)], [(1e8 + 1.0, 0.1 - 2.0 ** -55)]),
-], ids=['segment and point', 'a long way off', 'all but on the edge'])
-def test_error_is_a_share_of_the_separation_not_of_the_coordinates(a, b):
-    """The first erred by 9.8 ulp of the largest coordinate when an edge was rounded."""
+], ids=['segment and point', 'far away', 'almost on the edge'])
+def test_error_is_relative_to_the_separation(a, b):
+    """The first case erred by 9.8 ulp of the largest coordinate when an edge was rounded."""
     assert error(a, b) <= 1
 
 
@@ -141,20 +141,20 @@ def test_every_family_is_accurate_to_two_u(name, n):
 
 
 @pytest.mark.parametrize('name', ['tiny_edges', 'mixed_exponents', 'level_arcs'])
-def test_edges_that_underflow_and_arcs_that_are_all_but_flat(name):
+def test_underflowing_edges_and_nearly_flat_arcs(name):
     assert max(errors(families.EXTREME[name](np.random.default_rng(4), 60, 12))) <= 1
 
 
 @pytest.mark.parametrize('exponent', [-1060, -1000, -400, 400, 1015, 1021])
 def test_accuracy_is_the_same_at_every_scale(exponent):
-    """Where squares of coordinates underflow or overflow."""
+    """Squares of coordinates underflow or overflow."""
     for name in ('near', 'containment', 'hair_gaps'):
         pairs = families.CONVEX[name](np.random.default_rng(4), 15, 7)
         assert max(errors([np.ldexp(pair, exponent) for pair in pairs])) <= 1
 
 
 def nearly_flat_pairs(rng, count):
-    """Return bodies with edges of all lengths and at angles of all sizes, facing each other."""
+    """Return bodies facing each other with edges and angles of very different sizes."""
     pairs = []
     for _ in range(count):
         steps = 10.0 ** rng.uniform(-9, 0, (2, 4))
@@ -170,14 +170,14 @@ def nearly_flat_pairs(rng, count):
 
 
 def test_nearly_flat_edges():
-    """Where a step of the search gains less than is seen, it goes on until the end is proved."""
+    """If a step of the search gains less than rounding, it continues until the end is proved."""
     flat = [(0, 0), (.5, -1), (1, .9e-8), (1e-5, .89e-8)]
     assert separation(flat, [(0, 1)]) == pytest.approx(0.99999999115, rel=1e-15)
     assert max(errors(nearly_flat_pairs(np.random.default_rng(5), 300))) <= 1
 
 
-def test_trying_all_edges_gives_the_same():
-    """As is done where the search proves nothing, which is seldom or never."""
+def test_exhaustive_search_gives_the_same():
+    """It is the fallback if the search proves nothing."""
     for a, b in nearly_flat_pairs(np.random.default_rng(6), 100):
         if not intersects(a, b):
             p, q = (Packed(body.packed[0], 0, body.packed[1]) for body in (Polygon(a), Polygon(b)))
@@ -187,8 +187,8 @@ def test_trying_all_edges_gives_the_same():
 @pytest.mark.parametrize('name', ['vertex_on_vertex', 'edge_on_edge', 'rectangles_on_edge', 'near',
                                   'one_ulp', 'flat_arcs', 'points_and_segments', 'notched',
                                   'interlocked_combs'])
-def test_every_start_and_either_order_give_the_same_bits(name):
-    """Of convex bodies and others, apart, touching or overlapping; touching is 0."""
+def test_start_vertex_and_order_do_not_matter(name):
+    """Bit by bit; touching bodies are 0 apart."""
     family = {**families.CONVEX, **families.SIMPLE}[name]
     for a, b in family(np.random.default_rng(8), 100, 8):
         value = separation(a, b)
@@ -201,7 +201,7 @@ def test_every_start_and_either_order_give_the_same_bits(name):
 
 
 def test_touching_bodies_are_0_apart():
-    """Whichever is the larger, or farther from the origin."""
+    """Whatever their sizes and positions."""
     rng = np.random.default_rng(9)
     for a, b in families.edge_on_edge(rng, 200, 5) + families.vertex_on_edge(rng, 200, 5):
         for scale in (1e-8, 1.0, 1e8):
@@ -211,7 +211,7 @@ def test_touching_bodies_are_0_apart():
 
 
 def comb(rng, teeth):
-    """Return a comb with teeth of random lengths, turned somehow and somewhere."""
+    """Return a comb with teeth of random lengths, rotated and moved."""
     points = [(teeth, -1.0), (0.0, -1.0)]
     for k in range(teeth):
         points += [(k + 0.1, 0.0), (k + 0.5, rng.uniform(1.0, 9.0)), (k + 0.9, 0.0)]
@@ -220,8 +220,8 @@ def comb(rng, teeth):
     return Polygon(np.array(points) @ rotation + rng.uniform(-8.0, 8.0, 2))
 
 
-def test_no_pair_of_parts_that_counts_is_left_out():
-    """The boxes of parts spare most pairs: what is found is that of the nearest, or deepest."""
+def test_separation_of_combs_is_that_of_their_parts():
+    """The boxes of parts exclude most pairs, but not the nearest or deepest."""
     rng = np.random.default_rng(3)
     signs = set()
     for _ in range(60):
@@ -233,7 +233,7 @@ def test_no_pair_of_parts_that_counts_is_left_out():
 
 
 def brought_near(p, q):
-    """Return where Q stands to the right of P when it all but touches, and when it just does."""
+    """Return positions of Q to the right of P where it just does not touch, and just does."""
     apart, near = q + [200.0, 0.0], q
     for _ in range(60):
         middle = (apart + near) / 2.0
@@ -246,8 +246,8 @@ def brought_near(p, q):
 
 @pytest.mark.parametrize('offset', [0.0, 1e7])
 @pytest.mark.parametrize('exponent', [-1072, -1060, -500, 0, 1000])
-def test_axes_spare_no_pair_of_parts_at_any_scale(exponent, offset):
-    """Where products underflow, or rounding hides the gap: the sign is exact, the value near."""
+def test_separation_of_combs_at_every_scale(exponent, offset):
+    """Products underflow, or rounding hides the gap: signs are exact, values near."""
     rng = np.random.default_rng(11)
     signs = set()
     for _ in range(12):
@@ -278,24 +278,23 @@ def test_axes_spare_no_pair_of_parts_at_any_scale(exponent, offset):
       (1.9539660555749752e+154, -6.04691597291164e+152),
       (3.5146132175943033e+154, 5.374045818774084e+153)]),
 ])
-def test_a_touching_part_is_not_left_out_where_products_overflow(chevron, triangle):
-    """A product that just overflows beside one that just does not says nothing of a part."""
+def test_touching_parts_with_overflowing_products(chevron, triangle):
+    """One product overflows and another just does not."""
     assert intersects(chevron, triangle)
     assert separation(chevron, triangle) <= 0.0
     assert PolygonSet([chevron]).rows_within(triangle, 1.0).tolist() == [0]
 
 
 @pytest.mark.parametrize('name', families.CONVEX)
-def test_way_and_axis_are_the_separation_s(name):
-    """The closest points are that far apart, and along their axis so are the bodies."""
+def test_closest_points_and_axis_agree_with_the_separation(name):
     for a, b in families.CONVEX[name](np.random.default_rng(6), 15, 6):
         x = np.concatenate([Polygon(a).vertices, Polygon(b).vertices])
         for which in (separations.WAY, separations.AXIS):
             assert separations.exact(which, x.ravel(), len(Polygon(a).vertices)) <= 1
 
 
-def test_closest_points_are_of_the_bodies():
-    """Of boxes that overlap, too: where edges are parallel, the points are where both are."""
+def test_closest_points_lie_on_the_bodies():
+    """Also for overlapping boxes with parallel edges."""
     rng = np.random.default_rng(10)
     overlapping = 0
     for _ in range(300):
@@ -307,8 +306,8 @@ def test_closest_points_are_of_the_bodies():
     assert overlapping > 40
 
 
-def test_a_move_by_the_way_ends_the_overlap():
-    """In rationals, where the move rounds nothing: to 6 u of the largest coordinate, below 2."""
+def test_offset_between_closest_points_ends_the_overlap():
+    """In rationals: up to 6 u of the largest coordinate, which is below 2."""
     rng = np.random.default_rng(12)
     for _ in range(60):
         a, b = random_convex(rng, 7), random_convex(rng, 5)

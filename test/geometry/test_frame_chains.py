@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Points moved through chains of frames, against where integers say that they are."""
+"""Points moved through chains of frames, compared with exact integers."""
 
 from fractions import Fraction
 
@@ -25,18 +25,18 @@ EVALUATIONS = 2000
 
 
 @pytest.mark.parametrize('name', frame_chains.CHAINS)
-def test_no_point_is_further_off_than_lemma_22_says(name):
-    """For a short search; the long one is `make adversary`."""
+def test_error_is_within_lemma_22(name):
+    """A short search; `make adversary` runs a long one."""
     assert 0.3 < frame_chains.largest(name, EVALUATIONS) <= 1.0
 
 
 @pytest.mark.parametrize('name', frame_chains.CHAINS)
-def test_the_search_would_find_a_bound_of_half_the_size_broken(name):
+def test_search_would_find_half_the_bound_wrong(name):
     assert frame_chains.largest(name, EVALUATIONS, seed=2) > 0.5
 
 
-def test_a_robot_and_its_fixed_frame_under_utm_are_off_by_less_than_an_atom():
-    """Both 5,000 km from the origin of UTM, and a few metres from each other."""
+def test_robot_and_fixed_frame_in_utm():
+    """Both are 5,000 km from the origin and a few metres apart."""
     robot = (448265.62, 5411930.91, 117.0, 0.0, 0.0, 0.6, 0.8)
     fixed_frame = (448262.37, 5411932.68, 117.2, 0.0, 0.0, 0.28, 0.96)
     ratio = frame_chains.evaluate('both under UTM',
@@ -45,8 +45,8 @@ def test_a_robot_and_its_fixed_frame_under_utm_are_off_by_less_than_an_atom():
     assert 3.0 < abs(x / w) + abs(y / w) < 6.0 and ratio <= 1.0
 
 
-def test_the_oracle_turns_as_the_complex_numbers_do():
-    """A quarter to the left, by a quaternion of length 2, then 10 m ahead in x."""
+def test_oracle_of_rotations():
+    """A quarter turn to the left by a quaternion of length 2, then 10 m along x."""
     (x, y, _), origin, w = frame_chains.moved(
         [(10.0, 0.0, 0.0, 0.0, 0.0, 2.0, 2.0)], [(0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0)],
         (3.0, 4.0))
@@ -55,8 +55,8 @@ def test_the_oracle_turns_as_the_complex_numbers_do():
 
 
 @pytest.mark.parametrize('length', (1e-300, 1e-9, 0.3, 0.99, 1.0, 1.5, 7.0, 1e200))
-def test_a_quaternion_of_any_length_means_its_direction(length):
-    """As in tf2, and as `static_transform_publisher --qz 0.7 --qw 0.7` sends it."""
+def test_quaternions_are_normalised(length):
+    """As in tf2; `static_transform_publisher --qz 0.7 --qw 0.7` sends such ones."""
     found = accepted((1.0, 2.0, 3.0, 0.0, 0.0, 0.7 * length, 0.7 * length))
     quarter = 0.0, -1.0, 1.0, 1.0, 0.0, 2.0
     assert affine_of(fixed(found)) == pytest.approx(quarter, abs=2.0 ** -60)
@@ -64,8 +64,8 @@ def test_a_quaternion_of_any_length_means_its_direction(length):
 
 
 @pytest.mark.parametrize('length', (1 + 4e-10, 1.3, 0.8))
-def test_ten_thousand_frames_in_a_chain_neither_grow_nor_shrink(length):
-    """Their quaternions are of length 1, all but, or are made so."""
+def test_ten_thousand_frames_in_a_chain_do_not_scale(length):
+    """With quaternions of length 1, nearly 1, or other lengths."""
     pose = step = fixed(accepted((0.0, 0.0, 0.0, 0.0, 0.0, 0.6 * length, 0.8 * length)))
     for _ in range(9_999):
         pose = composed(step, pose)

@@ -24,7 +24,7 @@ from sat_collision import intersects, intersects_pairs, Polygon, PolygonSet
 ALL = {**families.CONVEX, **families.SIMPLE}
 EVERY = {**ALL, **families.EXTREME}
 
-# Each gives the same body, or both bodies changed alike without rounding.
+# Each gives the same body, or the same change of both bodies without rounding.
 UNCHANGED = {
     'other winding': lambda body: body[::-1],
     'other first vertex': lambda body: np.roll(body, len(body) // 2, axis=0),
@@ -48,7 +48,7 @@ def bulk(pairs):
 
 @pytest.mark.parametrize('n', [3, 4, 9, 24])
 @pytest.mark.parametrize('name', EVERY)
-def test_every_answer_is_the_oracles(name, n):
+def test_answers_agree_with_the_oracle(name, n):
     pairs = pairs_of(name, 500, n)
     truth, _ = oracle.intersects_pairs(pairs)
     np.testing.assert_array_equal(bulk(pairs), truth)
@@ -57,32 +57,32 @@ def test_every_answer_is_the_oracles(name, n):
 
 @pytest.mark.parametrize('n', [256, 1024])
 @pytest.mark.parametrize('name', ['many_sided', 'hair_gaps', 'flat_arcs', 'float32_round_trip'])
-def test_bodies_of_many_sides(name, n):
+def test_bodies_with_many_vertices(name, n):
     pairs = pairs_of(name, 20, n)
     np.testing.assert_array_equal(bulk(pairs), oracle.intersects_pairs(pairs)[0])
 
 
 @pytest.mark.parametrize('change', UNCHANGED)
 @pytest.mark.parametrize('name', EVERY)
-def test_answers_do_not_depend_on_how_the_bodies_are_written(name, change):
+def test_answers_do_not_depend_on_the_representation(name, change):
     if 'scaled' in change and name in ('one_ulp', *families.EXTREME):
         pytest.skip('no room for another scale')
     pairs = pairs_of(name, 60, 6)
-    if change == 'with z':  # two points with z look like three in columns, and are refused
+    if change == 'with z':  # two points with z look like three points in columns
         pairs = [pair for pair in pairs if all(len(body) != 2 for body in pair)]
     changed = [[UNCHANGED[change](body) for body in pair] for pair in pairs]
     np.testing.assert_array_equal(bulk(changed), bulk(pairs))
 
 
 @pytest.mark.parametrize('name', EVERY)
-def test_bodies_may_be_exchanged(name):
+def test_order_of_bodies_does_not_matter(name):
     pairs = pairs_of(name, 200, 6)
     np.testing.assert_array_equal(bulk([(b, a) for a, b in pairs]), bulk(pairs))
 
 
 @pytest.mark.parametrize('exponent', [-1060, -700, 700, 1015])
-def test_no_surprise_beyond_the_scales_of_the_families(exponent):
-    """Down to denormal numbers, which coarsen the bodies, and up to the largest: still exact."""
+def test_extreme_scales(exponent):
+    """Denormal numbers coarsen the bodies, but answers are exact for the result."""
     pairs = [(np.ldexp(a, exponent), np.ldexp(b, exponent))
              for name in ('near', 'hair_gaps', 'rectangles_on_edge', 'points_and_segments')
              for a, b in pairs_of(name, 100, 3)]
@@ -91,8 +91,8 @@ def test_no_surprise_beyond_the_scales_of_the_families(exponent):
 
 
 @pytest.mark.parametrize('name', ALL)
-def test_families_keep_their_promises(name):
-    """Bodies are valid, exactly convex where promised, and both answers occur."""
+def test_families(name):
+    """Bodies are valid, and convex if promised; both answers occur."""
     pairs = pairs_of(name, 300, 8)
     assert len(pairs) == 300
     truth, _ = oracle.intersects_pairs(pairs)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Compiled kernels and plain Python give the same answers and the same numbers, bit by bit."""
+"""Compiled kernels and plain Python give the same results, bit by bit."""
 
 import json
 import os
@@ -34,7 +34,7 @@ PROGRAM = ('import json, sat_collision, test_jit as t; '
 
 
 def moved_messages(seed):
-    """Return points of messages, convex ones and others, and affine maps to other frames."""
+    """Yield points of messages, convex or not, and affine maps to other frames."""
     rng = np.random.default_rng(seed)
     for name, family in ALL.items():
         for ring, _ in family(rng, 10, 9) if name != 'extreme_scales' else ():
@@ -50,7 +50,7 @@ def moved_messages(seed):
 
 
 def library_answers():
-    """Return answers, packed polygons, separations and times of some pairs of each family."""
+    """Return results of all queries for some pairs of each family."""
     answers = {}
     for name, family in ALL.items():
         rng = np.random.default_rng(7)
@@ -71,8 +71,8 @@ def library_answers():
     return json.loads(json.dumps(answers))
 
 
-def test_compiled_and_plain_python_answer_alike():
-    """The same pairs in a process where numba is switched off."""
+def test_compiled_kernels_and_plain_python_agree():
+    """In another process without numba."""
     path = [str(ROOT), str(ROOT / 'test' / 'support'), str(Path(__file__).parent),
             os.environ.get('PYTHONPATH', '')]
     result = subprocess.run(
@@ -94,7 +94,7 @@ def test_compiled_and_plain_python_answer_alike():
     (('-c', 'import sat_collision; assert sat_collision.intersects([(0, 0)], [(0, 0)])'), '1'),
 ])
 def test_numba_is_not_imported_until_a_kernel_needs_it(arguments, plain):
-    """It takes longer, and more memory, than all else."""
+    """Its import is slow and takes memory."""
     result = subprocess.run(
         [sys.executable, '-X', 'importtime', *arguments], cwd=ROOT, capture_output=True, text=True,
         env={**os.environ, 'NUMBA_DISABLE_JIT': plain})

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Compiled kernels on disk: used while good, compiled again when not, never run when damaged."""
+"""Compiled kernels on disk: reused if valid, compiled again if outdated or damaged."""
 
 import os
 from pathlib import Path
@@ -28,7 +28,7 @@ from sat_collision.geometry.jit import COMPILED
 pytestmark = pytest.mark.skipif(not COMPILED, reason='nothing is compiled here')
 
 GEOMETRY = Path(__file__).resolve().parents[2] / 'sat_collision' / 'geometry'
-# A kernel whose own file never changes, and calls one whose file does.
+# A kernel whose file never changes, but which calls one in a file that does.
 CALLER = """
 from sat_collision.geometry.jit import kernel
 from sat_collision.geometry.plane import length
@@ -47,7 +47,7 @@ print(twice(3.0), sum(hits.cache_hits.values()) if hits else 0, kernel_problem()
 
 @pytest.fixture
 def package(tmp_path):
-    """Copy the kernels to where they may be changed, without what is compiled of them."""
+    """Copy the kernels without anything compiled, so that they may be changed."""
     folder = tmp_path / 'sat_collision' / 'geometry'
     shutil.copytree(GEOMETRY, folder, ignore=shutil.ignore_patterns('__pycache__'))
     (tmp_path / 'sat_collision' / '__init__.py').touch()
@@ -56,22 +56,22 @@ def package(tmp_path):
 
 
 def run(package, program=PROGRAM, preexec_fn=None, **environment):
-    """Return in a new process: twice 3, how often it came from disk, and what was wrong."""
+    """Return from another process: twice 3, how often it came from disk, and the problem."""
     result = subprocess.run(
         [sys.executable, '-c', program], capture_output=True, text=True, cwd=package.parents[1],
         preexec_fn=preexec_fn,
         env={**os.environ, 'PYTHONPATH': '', 'NUMBA_CACHE_DIR': '', **environment})
     assert result.returncode == 0, result.stderr
     answer, hits, problem = result.stdout.split(maxsplit=2)
-    # Said once, in one line; and before each compilation that it begins.
+    # Each compilation is announced; a problem is reported once, in one line.
     lines = result.stderr.splitlines()
-    told = [line for line in lines if 'compiling kernels' not in line]
-    assert told == ([] if problem.strip() == 'None' else [problem.strip()]), result.stderr
+    problems = [line for line in lines if 'compiling kernels' not in line]
+    assert problems == ([] if problem.strip() == 'None' else [problem.strip()]), result.stderr
     return float(answer), int(hits), problem.strip()
 
 
-def test_a_change_in_a_called_kernel_is_noticed(package):
-    """The caller's own file stays as it is, yet what was compiled of it is out of date."""
+def test_change_of_a_called_kernel_is_noticed(package):
+    """The file of the caller does not change."""
     assert run(package) == (6.0, 0, 'None')
     assert run(package) == (6.0, 1, 'None')
     plane = package / 'plane.py'
@@ -79,8 +79,7 @@ def test_a_change_in_a_called_kernel_is_noticed(package):
     assert run(package) == (14.0, 0, 'None')
 
 
-def test_a_change_in_a_kernel_beside_the_caller_is_noticed(package):
-    """Those of recordings, say, call others of their own folder."""
+def test_change_of_a_kernel_in_another_folder_is_noticed(package):
     beside = package.parent / 'motion'
     beside.mkdir()
     (beside / '__init__.py').touch()
@@ -95,15 +94,14 @@ def test_a_change_in_a_kernel_beside_the_caller_is_noticed(package):
     assert run(package, program) == (14.0, 0, 'None')
 
 
-def test_what_kernels_call_is_compiled_with_them_alone(package):
-    """A change in it is a change in the caller, and no time is spent on it by itself."""
+def test_called_kernels_are_compiled_only_with_their_callers(package):
     run(package)
     kept = {path.name.split('-')[0] for path in package.rglob('*.nbc')}
     assert 'caller.twice' in kept and not any(name.startswith('plane.') for name in kept)
 
 
 def altered(change):
-    """Make a damage of a change to the bytes of a file."""
+    """Return a function that changes the bytes of a file."""
     return lambda path: path.write_bytes(change(path.read_bytes()))
 
 
@@ -117,7 +115,7 @@ def another_pickle(data):
 
 
 def bomb(data):
-    """Ask of who unpickles it that it ends at once, as a stranger's file may."""
+    """Return a pickle that ends the process that loads it."""
     return b'cos\n_exit\n(I7\ntR.'
 
 
@@ -166,7 +164,7 @@ print(sum(one(1.0) for one in kernels), sum(sum(one.stats.cache_hits.values()) f
 @pytest.mark.parametrize('files', [
     '*.nb[ci]', *(pytest.param(one, marks=pytest.mark.long) for one in ('*.nbc', '*.nbi'))])
 def test_damaged_files_are_replaced(package, files):
-    """Compiled again, which is said once; the next process finds all in order."""
+    """They are compiled again, which is reported once."""
     (package / 'caller.py').write_text(MANY)
     right = float(sum(range(len(DAMAGES))))
     assert run(package, PROGRAM_OF_MANY) == (right, 0, 'None')
@@ -181,8 +179,7 @@ def test_damaged_files_are_replaced(package, files):
 
 
 @pytest.mark.parametrize('files', ['*.nbc', pytest.param('*.nbi', marks=pytest.mark.long)])
-def test_missing_files_are_made_again(package, files):
-    """As after somebody has tidied up."""
+def test_missing_files_are_replaced(package, files):
     run(package)
     for path in package.rglob(files):
         path.unlink()
@@ -191,8 +188,8 @@ def test_missing_files_are_made_again(package, files):
 
 
 @pytest.mark.long
-def test_a_disk_that_is_full(package, tmp_path):
-    """Of 100 kB: what cannot be saved is compiled in each process, and the disk is left clean."""
+def test_full_disk(package, tmp_path):
+    """Kernels are compiled in each process, and no temporary files are left."""
     disk = tmp_path / 'disk'
     disk.mkdir()
     mounted = subprocess.run(['mount', '-t', 'tmpfs', '-o', 'size=100k', 'none', str(disk)],
@@ -209,8 +206,8 @@ def test_a_disk_that_is_full(package, tmp_path):
         subprocess.run(['umount', str(disk)], check=True)
 
 
-def test_no_more_file_may_be_written(package):
-    """Simulates the same where nothing can be mounted: each write of a file fails."""
+def test_failing_writes(package):
+    """Each write fails, as on a full disk."""
     (package / 'caller.py').write_text(
         'import resource, signal\nsignal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n'
         'resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))\n' + CALLER)
@@ -219,17 +216,17 @@ def test_no_more_file_may_be_written(package):
 
 
 BROKEN = {
-    'a library that is not there': "raise OSError('Could not find libllvmlite.so')",
-    'a module that is not there': "raise ModuleNotFoundError('no llvmlite', name='llvmlite')",
-    'a version that does not fit': "raise ImportError('Numba needs NumPy 2.3 or less')",
-    'what only fails when it compiles': 'def njit(function):\n    raise RuntimeError("no LLVM")',
+    'missing library': "raise OSError('Could not find libllvmlite.so')",
+    'missing module': "raise ModuleNotFoundError('no llvmlite', name='llvmlite')",
+    'incompatible version': "raise ImportError('Numba needs NumPy 2.3 or less')",
+    'failure on compilation': 'def njit(function):\n    raise RuntimeError("no LLVM")',
 }
 
 
 @pytest.mark.parametrize('where', ['numba', 'llvmlite'])
 @pytest.mark.parametrize('how', BROKEN)
-def test_a_compiler_that_does_not_work(package, where, how):
-    """Plain Python answers, and why it does is said once."""
+def test_broken_compiler(package, where, how):
+    """Plain Python is used, and the reason is reported once."""
     broken = package.parents[1] / where
     broken.mkdir()
     (broken / '__init__.py').write_text(BROKEN[how])
@@ -237,8 +234,8 @@ def test_a_compiler_that_does_not_work(package, where, how):
     assert (answer, hits) == (6.0, 0) and 'plain Python' in problem
 
 
-def test_a_library_of_the_compiler_that_is_damaged(package):
-    """The shared library of llvmlite itself, cut short."""
+def test_damaged_library_of_the_compiler(package):
+    """The shared library of llvmlite is truncated."""
     import llvmlite
     copy = package.parents[1] / 'llvmlite'
     shutil.copytree(Path(llvmlite.__file__).parent, copy,
@@ -248,16 +245,15 @@ def test_a_library_of_the_compiler_that_is_damaged(package):
     assert (answer, hits) == (6.0, 0) and 'plain Python' in problem
 
 
-def test_without_a_compiler_there_is_no_problem(package):
-    """It need not be installed."""
+def test_missing_compiler_is_no_problem(package):
     (package.parents[1] / 'numba.py').write_text(
         "raise ModuleNotFoundError('no numba', name='numba')")
     assert run(package) == (6.0, 0, 'None')
 
 
 @pytest.mark.long
-def test_a_user_who_may_write_nowhere(package, tmp_path):
-    """Package and home belong to somebody else, or are on a disk that is only read."""
+def test_user_without_write_access(package, tmp_path):
+    """To the package and to the home folder."""
     (tmp_path / 'home').mkdir()
     forbid_writing(tmp_path)
     environment = {'HOME': str(tmp_path / 'home'), 'XDG_CACHE_HOME': ''}
@@ -267,8 +263,8 @@ def test_a_user_who_may_write_nowhere(package, tmp_path):
 
 
 @pytest.mark.long
-def test_nowhere_to_keep_them(package, tmp_path):
-    """Neither the package nor the user's cache can be written to: all is compiled each time."""
+def test_no_folder_for_the_cache(package, tmp_path):
+    """Kernels are compiled in each process."""
     (package / '__pycache__').touch()
     (tmp_path / 'home').touch()
     environment = {'HOME': str(tmp_path / 'home'), 'XDG_CACHE_HOME': str(tmp_path / 'home')}

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What changes no body, or both alike, changes no answer."""
+"""Changes of bodies that must not change any answer."""
 
 import metamorphic
 import numpy as np
@@ -29,8 +29,8 @@ def test_exact_changes_change_no_answer(name, n):
 
 
 @pytest.mark.parametrize('n', [5, 19])
-def test_a_body_is_met_where_one_of_its_halves_is(n):
-    """The halves, cut along a diagonal, share it: nothing is lost between them."""
+def test_body_intersects_if_one_of_its_halves_does(n):
+    """The halves share the diagonal along which the body is cut."""
     rng = np.random.default_rng(6)
     assert sum(metamorphic.lost_by_a_cut(rng, COUNT // 5, n) for _ in range(5)) == 0
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The oracle itself, and every case of test/data, taken from the suites of JTS, GEOS, CGAL."""
+"""The oracle itself, and the cases in test/data from the suites of JTS, GEOS and CGAL."""
 
 import families
 import numpy as np
@@ -24,7 +24,7 @@ from sat_collision.geometry.predicates import orientation
 
 ALL = {**families.CONVEX, **families.SIMPLE}
 SQUARE = [[0, 0], [4, 0], [4, 4], [0, 4]]
-NOTCHED = [[0, 0], [4, 0], [4, 4], [2, 1], [0, 4]]
+NON_CONVEX = [[0, 0], [4, 0], [4, 4], [2, 1], [0, 4]]
 
 
 @pytest.mark.parametrize('a, b, meet', [
@@ -38,17 +38,17 @@ NOTCHED = [[0, 0], [4, 0], [4, 4], [2, 1], [0, 4]]
     (SQUARE, [[np.nextafter(4, 5), 2]], False),
     (SQUARE, [[-1, 5], [5, 5]], False),
     (SQUARE, [[-1, -1], [5, 5]], True),
-    (NOTCHED, [[2, 2]], False),
-    (NOTCHED, [[2, 1]], True),
-    (NOTCHED, [[1.5, 3], [2, 2], [2.5, 3]], False),
-    (NOTCHED, [[0.5, 3], [2, 2], [2.5, 3]], True),
+    (NON_CONVEX, [[2, 2]], False),
+    (NON_CONVEX, [[2, 1]], True),
+    (NON_CONVEX, [[1.5, 3], [2, 2], [2.5, 3]], False),
+    (NON_CONVEX, [[0.5, 3], [2, 2], [2.5, 3]], True),
     ([[0, 0], [2, 0]], [[2, 0], [5, 0]], True),
     ([[0, 0], [2, 0]], [[3, 0], [5, 0]], False),
     ([[0, 0], [2, 2]], [[0, 2], [2, 0]], True),
     ([[1, 1]], [[1, 1]], True),
     ([[1, 1]], [[1, 1 + 2.0**-52]], False),
 ])
-def test_drawn_cases(a, b, meet):
+def test_simple_cases(a, b, meet):
     pairs = [(np.array(p, float), np.array(q, float)) for p in (a, a[::-1]) for q in (b, b[::-1])]
     pairs += [(q, p) for p, q in pairs]
     assert {oracle.intersects(p, q) for p, q in pairs} == {meet}
@@ -56,7 +56,7 @@ def test_drawn_cases(a, b, meet):
 
 
 @pytest.mark.parametrize('name', ALL)
-def test_the_filter_agrees_with_the_integers(name):
+def test_filter_agrees_with_integers(name):
     pairs = ALL[name](np.random.default_rng(3), 300, 6)
     answers, _ = oracle.intersects_pairs(pairs)
     assert answers.tolist() == [oracle.intersects(a, b) for a, b in pairs]
@@ -89,13 +89,13 @@ def test_pairs(name):
     assert [oracle.intersects(case['a'], case['b']) for case in cases] == expected
 
 
-def test_orientations_that_defeat_the_plain_determinant():
+def test_orientations_of_nearly_collinear_points():
     for case in load('orientations'):
         assert orientation(case['a'], case['b'], case['c']) == case['sign_ccw']
 
 
-def test_invalid_rings_are_refused_and_degenerate_ones_are_bodies():
-    """Points and segments are legal, in whatever ring they come; the rest names its reason."""
+def test_invalid_rings_are_refused():
+    """Degenerate ones are accepted as points and segments."""
     for case in load('outlines')['invalid']:
         reasons = set(case['reasons'])
         if reasons <= DEGENERATE:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How polygons are packed for kernels, and moved there."""
+"""Packing polygons for kernels, and moving them."""
 
 from fractions import Fraction
 
@@ -40,8 +40,8 @@ def disc(polygon):
 
 
 @pytest.mark.parametrize('name', CONVEX)
-def test_the_disc_is_inside(name):
-    """Its centre is at least the radius away from the line of every edge, in rationals."""
+def test_disc_is_inside(name):
+    """In rationals: its centre is at least the radius away from the line of every edge."""
     for pair in CONVEX[name](np.random.default_rng(1), 60, 7):
         for polygon in map(Polygon, pair):
             x, y, radius = map(Fraction, disc(polygon))
@@ -52,8 +52,8 @@ def test_the_disc_is_inside(name):
                 assert turn >= 0 and turn ** 2 >= radius ** 2 * square
 
 
-def test_there_is_no_disc_where_a_height_overflows():
-    """The height over the long edge is not known: no collision follows from the other two."""
+def test_no_disc_if_a_height_overflows():
+    """The height over the long edge is unknown, so no collision follows from the others."""
     triangle = Polygon([(0, 0), (1e155, 1e155), (-1e150, 1e150)])
     assert disc(triangle)[2] == 0.0
     rng = np.random.default_rng(6)
@@ -62,8 +62,8 @@ def test_there_is_no_disc_where_a_height_overflows():
         assert intersects(triangle, body) == oracle.intersects(triangle.vertices, body)
 
 
-def test_there_is_no_disc_where_the_length_of_an_edge_is_not_known():
-    """Of an edge of a few of the smallest doubles it is rounded to one of them, or to two."""
+def test_no_disc_if_the_length_of_an_edge_underflows():
+    """It is rounded to one or two of the smallest doubles."""
     tiny = 2.0 ** -1074
     polygon = Polygon([(-2.0**80, -2.0**80), (0, 0), (tiny, tiny * 2), (2.0**79, 2.0**81),
                        (-2.0**80, 2.0**80)])
@@ -71,21 +71,21 @@ def test_there_is_no_disc_where_the_length_of_an_edge_is_not_known():
     assert disc(polygon)[2] == 0.0
 
 
-def test_a_centre_near_the_largest_double():
-    """The centroid is finite, and inside, where sums of coordinates are not."""
+def test_centroid_near_the_largest_double():
+    """It is finite and inside, although sums of coordinates overflow."""
     polygon = Polygon([(1.2e308, 1.2e308), (1.7e308, 1.2e308), (1.7e308, 1.7e308)])
     assert disc(polygon)[:2] == pytest.approx(polygon.centroid)
     assert polygon.centroid == pytest.approx([1.7e308 - 5e307 / 3, 1.2e308 + 5e307 / 3])
     assert intersects(polygon, polygon.centroid[None])
 
 
-def test_the_disc_of_a_full_body_is_worth_having():
+def test_disc_of_a_box():
     assert disc(Polygon([(0, 0), (4, 0), (4, 2), (0, 2)])) == pytest.approx((2, 1, 1))
 
 
 @pytest.mark.parametrize('count', [17, 128, 129, 1000])
-def test_the_table_points_near_the_support(count):
-    """From where it points no more than a few of many vertices are left to climb."""
+def test_table_entry_is_near_the_support(count):
+    """Only a few of many vertices are left to climb."""
     polygon = Polygon(shapes.polygons(np.random.default_rng(2), 1, count)[0])
     vertices, packed = polygon.vertices, Packed(polygon.packed[0], 0, count)
     near_support, table_sector = callable_here(layout.near_support, layout.table_sector)
@@ -96,8 +96,8 @@ def test_the_table_points_near_the_support(count):
         assert min((near - support) % count, (support - near) % count) <= max(2, count // 20)
 
 
-def test_bytes_and_points_pack_alike():
-    """Also what is not convex or refused: 0 vertices."""
+def test_bytes_pack_as_points_do():
+    """Non-convex or refused polygons have 0 vertices."""
     rng = np.random.default_rng(4)
     for kind in range(200):
         points = rng.integers(-9, 9, (rng.integers(1, 6), 3)).astype(np.float32)
@@ -115,7 +115,7 @@ def test_bytes_and_points_pack_alike():
             assert array[:packed_size(count)].tolist() == list(polygon.packed[0])
 
 
-def test_what_is_not_convex_ends_with_its_outline():
+def test_packed_non_convex_polygon_ends_with_its_outline():
     outline = [[0, 0], [3, 0], [3, 1], [1, 1], [1, 3], [0, 3]]
     polygon = Polygon(outline)
     packed = np.asarray(polygon.packed[0])
@@ -125,7 +125,7 @@ def test_what_is_not_convex_ends_with_its_outline():
     assert sum(twice_area(part.vertices) for part in polygon.parts) == twice_area(outline)
 
 
-def test_equal_polygons_have_equal_fingerprints_and_others_not():
+def test_fingerprints_of_equal_and_different_polygons():
     rng = np.random.default_rng(5)
     rings = shapes.polygons(rng, 300, 6)
     prints = [np.asarray(Polygon(ring).packed[0])[FINGERPRINT] for ring in rings]
@@ -134,8 +134,8 @@ def test_equal_polygons_have_equal_fingerprints_and_others_not():
     assert HEADER > FINGERPRINT
 
 
-def test_bodies_with_other_notches_have_other_fingerprints():
-    """Two L-shapes with the same bounds and first vertex are different obstacles of one set."""
+def test_fingerprints_of_non_convex_polygons_differ():
+    """Two L-shapes have the same bounds and the same first vertex."""
     shapes = [Polygon([(0, 0), (3, 0), (3, 3), (x, 3), (x, 1), (0, 1)]) for x in (1, 2)]
     first, second = (shape.packed[0][FINGERPRINT] for shape in shapes)
     assert first != second
@@ -143,8 +143,8 @@ def test_bodies_with_other_notches_have_other_fingerprints():
 
 
 @pytest.mark.parametrize('corner', [8e306, -1.7e308, 1.7e308])
-def test_fingerprints_of_large_bodies_are_numbers(corner):
-    """Else the same body in a row would never be recognised, NaN being equal to nothing."""
+def test_fingerprints_of_large_bodies_are_finite(corner):
+    """A NaN would never be recognised as equal."""
     for ring in ([(0, 0), (1, 0), (1, -1)], [(0, 0), (1, 0), (1, 1), (0.5, 0.25)]):
         polygon = Polygon(np.array(ring) * corner)
         assert np.isfinite(polygon.packed[0][FINGERPRINT])
@@ -152,7 +152,7 @@ def test_fingerprints_of_large_bodies_are_numbers(corner):
         assert PackedSet([polygon]).place(0, again, PackedSet()) is None
 
 
-# But for coordinates that no message can carry.
+# Except for coordinates that float32 cannot hold.
 ALL = {name: family for name, family in {**families.CONVEX, **families.SIMPLE}.items()
        if name != 'extreme_scales'}
 UNMOVED = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
@@ -160,7 +160,7 @@ U = Fraction(1, 2**53)
 
 
 def random_affine(rng, reach=1e3):
-    """Return an affine map: a turn, at times mirrored or tilted, and a translation."""
+    """Return an affine map: a rotation, sometimes mirrored or squeezed, and a translation."""
     angle = rng.uniform(-np.pi, np.pi)
     cosine, sine = np.cos(angle), np.sin(angle)
     squeezed = rng.choice([1.0, -1.0, 0.997])
@@ -169,7 +169,7 @@ def random_affine(rng, reach=1e3):
 
 
 def message(ring):
-    """Return points as they come: bytes, where they start and how many."""
+    """Return points as received: bytes, offset and count."""
     points = np.column_stack([ring, np.full(len(ring), 7.0)]).astype(np.float32)
     return b'head' + points.tobytes(), 4, len(points)
 
@@ -179,12 +179,12 @@ def received(ring):
 
 
 def rounded(value):
-    """Return the double nearest to a rational, as a rational: what one operation gives."""
+    """Return the double nearest to a rational, as a rational."""
     return Fraction(float(value))
 
 
 def moved_by_rationals(ring, affine):
-    """Return the doubles that four roundings give, and the largest error in parts of its bound."""
+    """Return the doubles after four roundings, and the largest error / bound."""
     a, b, c, d, e, f = map(Fraction, affine)
     points = []
     worst = Fraction(0)
@@ -203,7 +203,7 @@ def moved_by_rationals(ring, affine):
 
 @pytest.mark.parametrize('name', ALL)
 def test_each_coordinate_is_rounded_four_times(name):
-    """No more, no less, in this order; and the true one is as near as the lemma says."""
+    """In the given order, and with an error within the lemma."""
     rng = np.random.default_rng(11)
     largest = 0
     for ring, _ in ALL[name](rng, 40, 9):
@@ -216,8 +216,8 @@ def test_each_coordinate_is_rounded_four_times(name):
 
 
 @pytest.mark.parametrize('name', ALL)
-def test_the_answer_is_exact_for_the_moved_doubles(name):
-    """Of convex bodies and of others, by integers of any length."""
+def test_answers_are_exact_for_the_moved_doubles(name):
+    """For all bodies, compared with the oracle."""
     rng = np.random.default_rng(12)
     affine = random_affine(rng, 10.0)
     answers = set()
@@ -241,8 +241,8 @@ def test_the_answer_is_exact_for_the_moved_doubles(name):
 
 
 @pytest.mark.parametrize('affine', [UNMOVED, random_affine(np.random.default_rng(13))])
-def test_convex_bodies_of_messages_pack_as_polygons_do(affine):
-    """What is not convex or refused has no vertices here."""
+def test_moved_messages_pack_as_polygons_do(affine):
+    """Non-convex or refused polygons have 0 vertices."""
     rng = np.random.default_rng(14)
     kinds = set()
     for _ in range(300):
@@ -262,15 +262,15 @@ def test_convex_bodies_of_messages_pack_as_polygons_do(affine):
     assert kinds == {True, False, 'refused'}
 
 
-def test_a_mirrored_body_is_one_too():
-    """A laser that hangs upside down sends them clockwise."""
+def test_mirrored_body_is_reordered():
+    """A laser mounted upside down sends vertices clockwise."""
     polygon = Polygon.from_float32(*message([(0, 0), (2, 0), (2, 1)]),
                                    affine=(1.0, 0.0, 5.0, 0.0, -1.0, 0.0))
     assert polygon.vertices.tolist() == [[5, 0], [7, -1], [7, 0]]
 
 
 @pytest.mark.parametrize('coordinate', (np.nan, np.inf, -np.inf))
-def test_coordinates_that_are_not_finite_stay_so(coordinate):
+def test_non_finite_coordinates_are_refused(coordinate):
     rng = np.random.default_rng(15)
     for affine in (UNMOVED, random_affine(rng)):
         data = message([(0, 0), (1, coordinate), (1, 1)])
@@ -279,7 +279,7 @@ def test_coordinates_that_are_not_finite_stay_so(coordinate):
             Polygon.from_float32(*data, affine=affine)
 
 
-def test_a_map_that_leads_beyond_all_doubles_is_refused():
+def test_map_beyond_the_largest_double_is_refused():
     with pytest.raises(ValueError, match='vertex 1 is not finite'):
         Polygon.from_float32(*message([(0, 0), (3e38, 0), (0, 1)]),
                              affine=(1e300, 0.0, 0.0, 0.0, 1.0, 0.0))

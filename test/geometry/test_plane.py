@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Lengths and centres against rationals, from the smallest numbers to the largest."""
+"""Lengths and centroids against rationals at all scales."""
 
 from fractions import Fraction
 import math
@@ -28,7 +28,7 @@ SCALES = -1060, -600, -2, 0, 300, 600, 1020
 
 @pytest.mark.parametrize('exponent', SCALES)
 def test_length_is_right_to_an_ulp(exponent):
-    """Also where squares overflow or vanish."""
+    """Also if squares overflow or underflow."""
     rng = np.random.default_rng(1)
     vectors = rng.normal(size=(300, 2)) * [1.0, 10.0 ** rng.integers(-12, 1)]
     for x, y in np.ldexp(vectors, exponent).tolist():
@@ -41,7 +41,6 @@ def test_length_is_right_to_an_ulp(exponent):
 
 @pytest.mark.parametrize('exponent', SCALES)
 def test_centroid_is_right_to_a_few_ulp_of_the_extent(exponent):
-    """Of convex polygons of every scale that doubles have."""
     rng = np.random.default_rng(2)
     for ring in np.ldexp(np.concatenate([shapes.polygons(rng, 20, n)[:, :9] for n in (9, 40)]),
                          exponent):
@@ -68,7 +67,7 @@ def exact_centroid(ring):
     ([[-1.7e308, -1.7e308], [1.7e308, -1.7e308], [1.7e308, 1.7e308], [-1.7e308, 1.7e308]],
      (0, 0)),
 ])
-def test_drawn_centres(ring, centre):
+def test_simple_centroids(ring, centre):
     assert centroid(np.array(ring, float).ravel(), len(ring)) == pytest.approx(
         centre, rel=1e-12, abs=math.ulp(np.abs(ring).max()))
 
@@ -78,8 +77,8 @@ SLIVER = [(0.0, 254.4994643777963), (354.8568311893048, -376.71156683469275),
           (1.836e-320, 254.4994643777963)]
 
 
-def test_centre_of_a_sliver_is_in_its_bounds():
-    """Its area is less than rounding, so that the quotient was beyond the largest double."""
+def test_centroid_of_a_sliver_is_in_its_bounds():
+    """Its area is below rounding, so that a quotient exceeded the largest double."""
     polygon = Polygon(SLIVER)
     min_x, min_y, max_x, max_y = polygon.bounds
     for x, y in (polygon.centroid, polygon.packed[0][:2]):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Polygons and their rings: what is accepted, what is kept, and into which parts they are cut."""
+"""Polygons: which rings are accepted, how they are cleaned, and their convex parts."""
 
 import itertools
 import re
@@ -35,8 +35,8 @@ def reason(points, **options):
     return error.value.reason, str(error.value)
 
 
-def test_counter_clockwise_square_is_kept_as_it_is():
-    """Nothing to clean: the same vertices in the same order, as read-only doubles."""
+def test_counter_clockwise_square_is_kept():
+    """The vertices are read-only doubles in the same order."""
     polygon = Polygon(SQUARE)
     assert polygon.vertices.tolist() == [list(p) for p in SQUARE]
     assert polygon.vertices.dtype == np.float64
@@ -45,8 +45,8 @@ def test_counter_clockwise_square_is_kept_as_it_is():
     assert polygon.centroid.tolist() == [1.0, 1.0]
 
 
-def test_polygon_cannot_be_changed():
-    """Neither through its vertices, nor its attributes, nor the array it was made from."""
+def test_polygon_is_immutable():
+    """Through its vertices, its attributes, or the array it was made from."""
     points = np.array(SQUARE)
     polygon = Polygon(points)
     points[0] = 9.0
@@ -61,7 +61,6 @@ def test_polygon_cannot_be_changed():
 
 @pytest.mark.parametrize('points', [[], [[]], np.zeros((0, 2)), np.zeros((0, 3), np.float32)])
 def test_empty_is_refused(points):
-    """No points at all."""
     assert reason(points)[0] is Reason.EMPTY
 
 
@@ -69,32 +68,28 @@ def test_empty_is_refused(points):
     [1.0, 2.0], [[1.0]], [[1.0, 2.0, 3.0, 4.0]], [[1.0, 2.0], [3.0]], 'square', None, {},
     np.zeros((2, 2, 2)), [['a', 'b']], [[1j, 0]]])
 def test_wrong_shape_is_refused(points):
-    """What is not an array of points in the plane or in space."""
     assert reason(points)[0] is Reason.WRONG_SHAPE
 
 
-def test_what_no_double_holds_is_refused():
-    """Neither an OverflowError nor a guess at what stands behind a mask."""
+def test_huge_integers_and_masked_arrays_are_refused():
     assert reason([(10 ** 400, 0)])[0] is Reason.NOT_FINITE
     kind, message = reason(np.ma.array(SQUARE, mask=[(False, True)] * 4))
     assert kind is Reason.WRONG_SHAPE and 'masked' in message
 
 
 @pytest.mark.parametrize('value', [float('nan'), float('inf'), -float('inf')])
-def test_vertex_that_is_not_finite_is_named(value):
-    """The message tells which of the received vertices it is."""
+def test_non_finite_vertex_is_named(value):
     kind, message = reason([*SQUARE[:3], (0.0, value)])
     assert kind is Reason.NOT_FINITE and 'vertex 3' in message
 
 
 def test_crossing_is_named():
-    """A bow-tie's two edges meet in its middle."""
     kind, message = reason(BOW_TIE)
     assert kind is Reason.SELF_INTERSECTING and '(0.5, 0.5)' in message
 
 
-def test_limit_on_vertices_counts_what_is_left():
-    """1024 vertices by default; the closing vertex does not count."""
+def test_limit_of_vertices_counts_cleaned_ones():
+    """The closing vertex does not count."""
     angles = np.linspace(0, 2 * np.pi, 1024, endpoint=False)
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
     assert len(Polygon(np.vstack([circle, circle[:1]])).vertices) == 1024
@@ -105,7 +100,7 @@ def test_limit_on_vertices_counts_what_is_left():
 
 
 def test_centroid_of_an_offset_triangle_and_of_a_segment():
-    """The area centroid of a triangle is the mean of its vertices, of a segment its middle."""
+    """The mean of a triangle's vertices, and the middle of a segment."""
     offset = np.array([500000.0, 5000000.0])
     assert np.allclose(Polygon(offset + [(0, 0), (3, 0), (0, 3)]).centroid, offset + 1.0,
                        rtol=0, atol=1e-9)
@@ -114,23 +109,23 @@ def test_centroid_of_an_offset_triangle_and_of_a_segment():
 
 
 @pytest.mark.parametrize('order', [*itertools.permutations(range(4))])
-def test_a_crossing_is_told_with_the_vertices_of_its_edges(order):
-    """Of the edge back to the first vertex, too."""
+def test_crossing_is_reported_with_its_edges(order):
+    """Also for the edge back to the first vertex."""
     corners = [(5, 5), (6, 5), (6, 6), (5, 6)]
     points = [corners[k] for k in order]
     try:
         Polygon(points)
     except PolygonError as error:
-        told = re.findall(r'\((\S+), (\S+)\)', str(error))
-        ends = [tuple(map(float, point)) for point in told[:4]]
+        found = re.findall(r'\((\S+), (\S+)\)', str(error))
+        ends = [tuple(map(float, point)) for point in found[:4]]
         assert sorted(ends) == corners[:1] + [corners[3]] + corners[1:3]
-        assert tuple(map(float, told[4])) == (5.5, 5.5)
+        assert tuple(map(float, found[4])) == (5.5, 5.5)
     else:
         assert abs(order[0] - order[2]) == 2
 
 
 def crosses(ring):
-    """Tell in integers whether two edges that are no neighbours share a point, or fold back."""
+    """Tell in integers whether two non-adjacent edges share a point, or one folds back."""
     grid, = oracle.integers(ring)
     edges = list(zip(grid, grid[1:] + grid[:1]))
     for i, (a, b) in enumerate(edges):
@@ -162,8 +157,8 @@ def crosses(ring):
 ], ids=['clockwise', 'closed', 'repeated', 'collinear', 'first collinear', 'z ignored', 'float32',
         'integers', 'point', 'repeated point', 'segment', 'there and back', 'collinear only',
         'signed zeros'])
-def test_what_is_cleaned(points, vertices):
-    """Superfluous vertices go, the order becomes counter-clockwise, points and segments stay."""
+def test_rings_are_cleaned(points, vertices):
+    """Superfluous vertices are dropped, and the order becomes counter-clockwise."""
     polygon = Polygon(points)
     assert len(polygon.vertices) == vertices
     assert polygon.is_convex
@@ -174,9 +169,9 @@ def test_what_is_cleaned(points, vertices):
 
 @pytest.mark.parametrize('ring', [
     SQUARE, [(0, 0), (4, 0), (4, 4), (2, 1)], [(1, 1), (0, 3), (0, 2)], [(2, 1), (0, 0)]],
-    ids=['square', 'notched', 'two leftmost', 'segment'])
-def test_the_least_vertex_goes_first(ring):
-    """Whatever the start and the order, the packed polygon is the same to the last bit."""
+    ids=['square', 'non-convex', 'two leftmost', 'segment'])
+def test_smallest_vertex_comes_first(ring):
+    """The packed polygon does not depend on the start or the direction."""
     expected = np.asarray(Polygon(ring).packed[0]).tolist()
     assert Polygon(ring).vertices[0].tolist() == list(min(ring))
     for start in range(len(ring)):
@@ -185,8 +180,8 @@ def test_the_least_vertex_goes_first(ring):
             assert np.asarray(again.packed[0]).tolist() == expected
 
 
-def test_collinear_points_become_the_whole_segment():
-    """The ends of a segment are the extreme points, wherever they stand in the message."""
+def test_collinear_points_become_a_segment():
+    """In whatever order they are given."""
     assert Polygon([(1, 1), (3, 3), (0, 0), (2, 2)]).vertices.tolist() == [[0, 0], [3, 3]]
 
 
@@ -199,13 +194,13 @@ def test_collinear_points_become_the_whole_segment():
     [(np.cos(4 * np.pi * k / 5), np.sin(4 * np.pi * k / 5)) for k in range(5)],
 ], ids=['spike', 'spike along an edge', 'touches in a vertex', 'touches an edge',
         'twice around', 'pentagram'])
-def test_boundary_that_meets_itself_is_refused(points):
-    """All turns may be to the left, as in a pentagram, and yet the boundary crosses itself."""
+def test_self_intersecting_ring_is_refused(points):
+    """All turns may be to the left, as in a pentagram."""
     assert reason(points)[0] is Reason.SELF_INTERSECTING
 
 
 def test_crossing_by_one_ulp_is_found():
-    """A vertex a hair inside the opposite edge is fine, on it or beyond it is not."""
+    """A vertex just inside the opposite edge is valid, on the edge it is not."""
     below = np.nextafter(1.0, 0.0)
     ring = [(0.0, 0.0), (4.0, 0.0), (4.0, 1.0), (0.0, 1.0)]
     assert Polygon([*ring[:2], (4.0, 1.0), (2.0, 5e-324), (0.0, 1.0)]).is_convex is False
@@ -216,7 +211,7 @@ def test_crossing_by_one_ulp_is_found():
 @pytest.mark.parametrize('span', [4, 12, 1000])
 @pytest.mark.parametrize('count', [4, 7, 12])
 def test_random_rings(count, span):
-    """On a lattice, where many only touch themselves: refused just when two edges meet."""
+    """On a lattice, where many rings touch themselves."""
     rng = np.random.default_rng(count)
     answers = set()
     for _ in range(400):
@@ -235,8 +230,8 @@ def test_random_rings(count, span):
     assert answers == {True, False}
 
 
-def test_l_shape_is_cut_in_two():
-    """The parts are convex, use no new vertex and have the area of the whole, exactly."""
+def test_parts_of_an_l_shape():
+    """Convex, without new vertices, and with exactly the area of the whole."""
     polygon = Polygon(L_SHAPE)
     assert not polygon.is_convex
     assert len(polygon.parts) == 2
@@ -249,7 +244,7 @@ def test_l_shape_is_cut_in_two():
 
 @pytest.mark.parametrize('count', [5, 9, 40])
 def test_parts_of_random_stars(count):
-    """Star-shaped polygons with random radii: area kept exactly, and few parts."""
+    """The area is exact, and parts are few."""
     rng = np.random.default_rng(count)
     for _ in range(20):
         angles = (np.arange(count) + rng.uniform(0, 0.9, count)) * 2 * np.pi / count
@@ -265,7 +260,7 @@ def test_parts_of_random_stars(count):
 
 
 def test_published_outlines():
-    """Outlines with holes cut open, notches and spirals."""
+    """With holes cut open, recesses and spirals."""
     for case in load('outlines')['simple']:
         points = np.array(case['polygon'], float)
         polygon = Polygon(points, max_vertices=len(points))

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Sets of bodies: as they grow and shrink, row by row with another set, and against one body."""
+"""Sets of bodies: changes, pairs with another set, and queries by one body."""
 
 import math
 
@@ -23,8 +23,8 @@ from sat_collision import (
 from sat_collision.geometry.polygon_set import PackedSet
 
 
-def test_hits_follow_every_change_of_the_set():
-    """Hundreds of bodies appended, replaced by larger and smaller ones, and removed."""
+def test_random_changes_of_a_set():
+    """Bodies are appended, replaced by larger and smaller ones, and removed."""
     rng = np.random.default_rng(1)
     bodies = PolygonSet()
     expected = {}
@@ -52,8 +52,7 @@ def test_hits_follow_every_change_of_the_set():
                 row for row, body in expected.items() if body.intersects(shape))
 
 
-def test_memory_stays_bounded_while_bodies_are_replaced():
-    """Ten bodies that change size ten thousand times need no more memory than at first."""
+def test_memory_is_bounded_while_bodies_are_replaced():
     rng = np.random.default_rng(2)
     sizes = (3, 40, 7, 120)
     circles = [Polygon(np.column_stack([np.cos(a), np.sin(a)]))
@@ -69,8 +68,8 @@ def test_memory_stays_bounded_while_bodies_are_replaced():
     assert bodies.nbytes <= settled
 
 
-def test_points_are_taken_for_bodies():
-    """Wherever a set takes a body it takes its points, and says what is wrong with them."""
+def test_points_are_accepted_as_bodies():
+    """In all methods that take a body."""
     near, far = np.array([(0, 0), (1, 0), (0, 1)]), [(8.0, 8.0), (9.0, 8.0), (8.0, 9.0)]
     bodies = PolygonSet([near, Polygon(far), near.astype(np.float32)])
     assert bodies.append(far) == 3
@@ -84,7 +83,7 @@ def test_points_are_taken_for_bodies():
 
 
 def test_unchanged_body_is_recognised():
-    """Placing the very same vertices again says so; one that differs by an ulp is another."""
+    """A difference of an ulp is a change."""
     body = Polygon([(0, 0), (4, 0), (4, 4), (2, 1)])
     moved = Polygon([(0, 0), (4, 0), (4, 4), (2, np.nextafter(1, 2))])
     bodies = PackedSet([body])
@@ -95,8 +94,8 @@ def test_unchanged_body_is_recognised():
     assert bodies.place(0, body.packed, others, 9.0) == [0, 1]
 
 
-def test_hidden_rows_meet_nothing_until_they_are_filled_anew():
-    """They stay in use: no other body is given their rows."""
+def test_hidden_rows_have_no_contacts_until_placed():
+    """No other body is given their rows."""
     square = [(0, 0), (1, 0), (1, 1), (0, 1)]
     bodies = PackedSet([square, square, square])
     bodies.hide([0, 2])
@@ -109,16 +108,16 @@ def test_hidden_rows_meet_nothing_until_they_are_filled_anew():
 @pytest.mark.parametrize('row', [2, 9, 100000, -1, -2])
 @pytest.mark.parametrize('use', [lambda bodies, row: bodies.replace(row, [(0, 0)]),
                                  PolygonSet.remove, PolygonSet.polygon])
-def test_rows_that_are_not_there_are_refused(use, row):
-    """With the row and how many there are; the set stays as it is."""
+def test_invalid_rows_are_refused(use, row):
+    """The set does not change."""
     bodies = PolygonSet([[(0, 0)], [(1, 1)]])
     with pytest.raises(IndexError, match=f'no row {row} in a set of 2 rows'):
         use(bodies, row)
     assert bodies.intersects([(0, 0), (1, 1)]).tolist() == [True, True]
 
 
-def test_rows_without_a_body_are_refused():
-    """A row that is removed twice is given to one later body only, and none is lost."""
+def test_removed_rows_are_refused():
+    """A row removed twice is reused once."""
     bodies = PolygonSet([[(0, 0)], [(1, 1)]])
     bodies.remove(0)
     for use in (PolygonSet.remove, PolygonSet.polygon,
@@ -133,8 +132,7 @@ def test_rows_without_a_body_are_refused():
     assert bodies.intersecting_rows([(0, 0), (4, 4)]).tolist() == [0, 1]
 
 
-def test_a_body_that_is_refused_changes_nothing():
-    """Neither a row nor the number of rows."""
+def test_refused_body_changes_nothing():
     bodies = PolygonSet([[(0, 0)]])
     for use in (bodies.append, lambda body: bodies.replace(0, body)):
         with pytest.raises(PolygonError, match='no points'):
@@ -142,14 +140,12 @@ def test_a_body_that_is_refused_changes_nothing():
     assert len(bodies) == 1 and bodies.intersects([(0, 0)]).tolist() == [True]
 
 
-def test_what_trusts_its_caller_is_not_public():
-    """Rows are checked in all that a user of the library sees."""
+def test_unchecked_methods_are_not_public():
     assert not {'place', 'place_run', 'hide', 'new_row'} & {*dir(PolygonSet)}
     assert not hasattr(Polygon, 'of_packed')
 
 
 def test_pairs_are_row_by_row():
-    """The k-th answer is about the k-th body of both sets."""
     rng = np.random.default_rng(3)
     a = [random_body(rng) for _ in range(400)]
     b = [random_body(rng) for _ in range(400)]
@@ -158,10 +154,13 @@ def test_pairs_are_row_by_row():
     assert answers.dtype == np.bool_ and answers.tolist() == expected
     with pytest.raises(ValueError, match='399'):
         intersects_pairs(PolygonSet(a), PolygonSet(b[1:]))
+    for paired in (PolygonSet.intersects_pairs, PolygonSet.separations):
+        with pytest.raises(TypeError, match='a list, but .* a PolygonSet'):
+            paired(PolygonSet(a), b)
 
 
-def test_pairs_of_few_and_many_vertices_side_by_side():
-    """What is searched at once and what in step, over several batches and with rows freed."""
+def test_pairs_with_few_and_many_vertices():
+    """Both kinds of search, several batches, and removed rows."""
     rng = np.random.default_rng(8)
 
     def body(_):
@@ -183,8 +182,7 @@ def test_pairs_of_few_and_many_vertices_side_by_side():
     np.testing.assert_array_equal(intersects_pairs(first, second), expected)
 
 
-def test_many_takes_a_set_or_plain_points():
-    """The answer has one entry a body, in order."""
+def test_intersects_many_accepts_a_set_or_points():
     rng = np.random.default_rng(4)
     others = [random_body(rng) for _ in range(300)]
     footprint = Polygon([(5, 5), (15, 5), (15, 8), (5, 8)])
@@ -197,7 +195,7 @@ def test_many_takes_a_set_or_plain_points():
 
 
 def test_nearest_and_within_a_margin():
-    """Over sets with holes: the least separation of all rows, and the rows up to a margin."""
+    """In sets with removed rows."""
     rng = np.random.default_rng(5)
     apart = set()
     for _ in range(40):
@@ -222,8 +220,8 @@ def test_nearest_and_within_a_margin():
     assert apart == {True, False}
 
 
-def test_margin_counts_the_distance_itself():
-    """A box a quarter of a metre away is within that margin, and not within less."""
+def test_margin_is_inclusive():
+    """A box exactly a margin away is within it."""
     bodies = PolygonSet([Polygon([(1.25, 0), (2, 0), (2, 1), (1.25, 1)])])
     footprint = Polygon([(0, 0), (1, 0), (1, 1), (0, 1)])
     assert bodies.rows_within(footprint, 0.25).tolist() == [0]

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The orientation of three points and the meeting of two segments against rational numbers."""
+"""The orientation of three points and the intersection of two segments, against rationals."""
 
 from fractions import Fraction
 import math
@@ -44,7 +44,7 @@ def lattice_point(rng):
 
 @pytest.mark.parametrize('point', [unit_point, lattice_point, point_of_any_size])
 def test_orientation_is_exact(point):
-    """Random, lattice and extreme points, a third of them placed nearly on the line."""
+    """For random, lattice and extreme points, a third of them nearly collinear."""
     rng = random.Random(1)
     for _ in range(5000):
         a, b, c = point(rng), point(rng), point(rng)
@@ -59,7 +59,7 @@ def test_orientation_is_exact(point):
 
 
 def test_orientation_one_ulp_off_a_line():
-    """A grid of neighbouring doubles beside a line, where the plain determinant is often wrong."""
+    """The plain determinant is often wrong there."""
     wrong_when_plain = 0
     for i in range(64):
         for j in range(64):
@@ -72,8 +72,8 @@ def test_orientation_one_ulp_off_a_line():
     assert wrong_when_plain > 100
 
 
-def test_orientation_where_products_overflow_or_vanish():
-    """The largest and the smallest doubles together: the products leave the range of a double."""
+def test_orientation_with_overflow_and_underflow():
+    """With the largest and the smallest doubles."""
     huge, tiny = 1.7e308, 5e-324
     points = [(x, y) for x in (-huge, -tiny, 0.0, tiny, huge) for y in (-huge, 0.0, tiny, huge)]
     for a in points:
@@ -83,7 +83,7 @@ def test_orientation_where_products_overflow_or_vanish():
 
 
 def test_segments_meet_on_a_lattice():
-    """Every contact of two segments or points: crossing, T, end to end, overlap, apart."""
+    """Crossing, T, end to end, overlapping and apart; segments and points."""
     rng = random.Random(2)
     seen = set()
     for _ in range(20000):

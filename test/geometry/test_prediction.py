@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Times to contact: against figures of third parties, and against exact poses on arcs."""
+"""Times to contact, against published figures and exact poses on arcs."""
 
 import json
 import math
@@ -33,13 +33,13 @@ BOX = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], float)
 BAR = BOX[:2]
 L = np.array([(0, 0), (2, 0), (2, 0.5), (0.5, 0.5), (0.5, 2), (0, 2)])
 BODIES = [BOX[:1], BAR, BOX[:3], BOX, L, shapes.comb(2)]
-# A turn by k / 256 of tan(45 degrees / 2) and more has a rational cosine and sine.
+# Angles 2 atan(k / 256) have rational cosines and sines.
 PARTS = 256
 STEPS = np.arange(PARTS)
 
 
 def ahead(case):
-    """Return our time for a pair of which both move straight."""
+    """Return our time for a pair that moves straight."""
     return time_to_contact(case['a'], (*case['a_velocity'], 0.0), [case['b']], case['horizon'],
                            [case['b_velocity']])
 
@@ -50,7 +50,7 @@ def or_never(time):
 
 @pytest.mark.parametrize('source', range(len(DATA['sources'])), ids=DATA['sources'])
 def test_translations(source):
-    """Exact times to 1e-9 s and never late, those that others published as they did."""
+    """Never late, exact to 1e-9 s, and as published."""
     cases = [case for case in TRANSLATIONS if case['source'] == source]
     assert cases
     for case in cases:
@@ -67,7 +67,7 @@ def at(polygon, velocity, time):
 
 @pytest.mark.parametrize('scene', DATA['time_to_collision'], ids=lambda scene: scene['name'])
 def test_times_to_collision_of_nuplan(scene):
-    """Stepped as its metric does they are as published; the exact ones are between two steps."""
+    """Its metric samples times; ours lies between two samples."""
     ego, velocity, horizon = scene['ego'], scene['ego_velocity'], scene['horizon']
     stepped = math.inf
     for polygon, own, is_ahead, exact in scene['tracks']:
@@ -90,7 +90,7 @@ def test_times_to_collision_of_nuplan(scene):
 
 @pytest.mark.parametrize('scene', DATA['collisions'], ids=lambda scene: scene['name'])
 def test_collisions_of_nuplan(scene):
-    """Those that it counts: each track once, when it is first in contact."""
+    """Each track counts once."""
     collided = set()
     for ego, tracks in scene['frames']:
         collided |= {name for name, polygon in tracks.items()
@@ -99,16 +99,16 @@ def test_collisions_of_nuplan(scene):
 
 
 def turned(points, centre, cosine, sine):
-    """Return points turned about a centre, times what cosine and sine are multiplied by."""
+    """Return points rotated about a centre, scaled like cosine and sine."""
     x, y = (points - centre).T
     return np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
 
 
 def arcs(seed, count):
     """
-    Return ways on arcs: body, centre, angular velocity, pose of its frame, twist, an obstacle.
+    Yield motions on arcs: body, centre, angular velocity, pose, twist and an obstacle.
 
-    All coordinates are multiples of 1/8, so that poses are rational where cosine and sine are.
+    All coordinates are multiples of 1/8, so that poses are rational if cosine and sine are.
     """
     rng = np.random.default_rng(seed)
     for _ in range(count):
@@ -124,11 +124,11 @@ def arcs(seed, count):
 
 @pytest.mark.parametrize('tolerance, count', [(1e-3, 100), *(
     pytest.param(tolerance, 400, marks=pytest.mark.long) for tolerance in (1e-3, 1e-6))])
-def test_turning_ways_against_dense_rational_poses(tolerance, count):
+def test_arcs_against_dense_rational_poses(tolerance, count):
     """
-    Never late, and within the tolerance when they are found.
+    Times are never late, and within the tolerance of contact.
 
-    Poses are those of rational points of the circle, 1024 in a full turn, computed in integers.
+    There are 1024 rational poses per turn, computed in integers.
     """
     outcomes = {'never': 0, 'start': 0, 'later': 0, 'between samples': 0}
     cosine, sine = PARTS ** 2 - STEPS ** 2, 2 * PARTS * STEPS
@@ -167,8 +167,8 @@ def posed(body, twist, time):
     return np.column_stack([place.real, place.imag])
 
 
-def test_among_many_that_move():
-    """Whom it meets first, never late: no sample before it is deeper than rounding."""
+def test_first_contact_among_moving_bodies():
+    """Never late: samples before it overlap by no more than rounding."""
     rng = np.random.default_rng(3)
     found = 0
     for k in range(120):
@@ -193,8 +193,8 @@ def test_among_many_that_move():
 
 
 @pytest.mark.parametrize('omega', [0.0, 1e-9, 0.3, -4.0, 200.0])
-def test_a_contact_at_the_horizon_is_not_too_late(omega):
-    """A vertex is 1e-10 m inside a box then, which stands or moves."""
+def test_contact_at_the_horizon_is_found(omega):
+    """A vertex is then 1e-10 m inside a box, which is at rest or moves."""
     rng = np.random.default_rng(7)
     before = 0
     for k in range(150):
@@ -212,11 +212,11 @@ def test_a_contact_at_the_horizon_is_not_too_late(omega):
 
 @pytest.mark.parametrize('omega', [0.0, 1e-12, 0.3, -4.0])
 @pytest.mark.parametrize('tolerance', [1e-3, 1e-6])
-def test_what_stands_beside_the_way_changes_no_answer(omega, tolerance):
+def test_excluding_obstacles_beside_the_path_changes_nothing(omega, tolerance):
     """
-    Bit by bit, however near it is, and where the centre of the turn is in a body.
+    Bit by bit, however near they are, and if the centre of rotation is in a body.
 
-    Obstacles that move, be it by nothing, are not left out for standing beside the way.
+    Obstacles with any velocity are not excluded.
     """
     rng = np.random.default_rng(5)
     met = {True: 0, False: 0}
@@ -242,8 +242,8 @@ def within(margin, body, twist, other, velocities=None):
     return contact[1] if contact else math.inf
 
 
-def test_a_margin():
-    """The first time within it: never late, and early by no more than the tolerance."""
+def test_margin():
+    """Never late, and early by no more than the tolerance."""
     rng = np.random.default_rng(9)
     found = 0
     for k in range(150):
@@ -269,8 +269,8 @@ def test_a_margin():
             within(margin, BAR, (2, 0, 0), [(4, 1)])
 
 
-def test_straight_ways_of_bodies_that_are_not_convex():
-    """As `time_of_contact` has them."""
+def test_straight_motion_of_non_convex_bodies():
+    """Compared with `time_of_contact`."""
     rng = np.random.default_rng(4)
     met = 0
     for _ in range(200):
@@ -285,8 +285,8 @@ def test_straight_ways_of_bodies_that_are_not_convex():
 
 @pytest.mark.parametrize('name', ['hair_gaps', 'one_ulp', 'edge_on_edge', 'vertex_on_edge',
                                   'points_and_segments', 'notched'])
-def test_standing_is_decided_exactly(name):
-    """By no twist, or no time: in contact from the start or never."""
+def test_bodies_at_rest_are_decided_exactly(name):
+    """Without a twist or a horizon."""
     family = {**families.CONVEX, **families.SIMPLE}[name]
     times = set()
     for a, b in family(np.random.default_rng(6), 60, 7):
@@ -315,15 +315,15 @@ def test_standing_is_decided_exactly(name):
 ], ids=['ahead', 'at the horizon', 'beyond it', 'beside', 'behind', 'left', 'right',
         'out of reach', 'too late', 'most of a turn', 'about a centre', 'outside that arc',
         'fast'])
-def test_a_bar_by_hand(twist, obstacle, expected):
-    """From (0, 0) to (1, 0); never late, and early by the tolerance at its speed there."""
+def test_bar(twist, obstacle, expected):
+    """From (0, 0) to (1, 0)."""
     time = time_to_contact(BAR, twist, [[obstacle]], 3.0)
     assert expected - (4e-3 / abs(twist[2]) if twist[2] else 1e-9) <= time <= expected or (
         time == expected)
 
 
-def test_an_arc_that_leaves_its_chord():
-    """The tip touches in the middle of a piece of 0.1 rad, where no chord and no box of one is."""
+def test_contact_between_an_arc_and_its_chord():
+    """The tip touches in the middle of a piece of 0.1 rad."""
     for quarter in range(4):
         turn = 1j ** quarter
         tip, post = turn * np.exp(-0.05j), 0.9999 * turn
@@ -332,15 +332,15 @@ def test_an_arc_that_leaves_its_chord():
         assert 0.05 - 2e-5 <= time <= 0.05
 
 
-def test_a_turn_too_fast_to_be_followed():
-    """What is in reach counts, what is out of it by the bound does not."""
+def test_very_fast_rotation():
+    """Bodies within reach count, bodies beyond the bound do not."""
     assert 0.0 < time_to_contact(BAR, (0, 0, 1e5), [[(-0.9, 0)]], 3.0) <= math.pi / 1e5
     assert time_to_contact(BAR, (0, 0, 1e5), [[(1e9, 0)]], 3.0) == math.inf
 
 
 @pytest.mark.parametrize('exponent', [-900, -200, 200, 900])
-def test_every_scale_is_the_same(exponent):
-    """Bit by bit, with the tolerance to scale."""
+def test_scale_does_not_matter(exponent):
+    """Bit by bit, if the tolerance scales, too."""
     for body, _, omega, pose, twist, other in arcs(8, 60):
         scaled = [np.ldexp(one, exponent) for one in (body, other)]
         move, place = (np.array([math.ldexp(one[0], exponent), math.ldexp(one[1], exponent),
@@ -353,7 +353,7 @@ def test_every_scale_is_the_same(exponent):
 
 @pytest.mark.parametrize('factor', [1e-300, 1e150, 1e300])
 def test_huge_and_tiny_values(factor):
-    """Unknown is never clear: what the bar turns or drives into is found."""
+    """Contacts are found."""
     wall = factor * (BOX + [2, -0.5])
     for twist in ((0, 0, 1), (0, 0, 1e-300), (factor, 0, 0), (factor, 0, 1)):
         time = time_to_contact(factor * BAR, twist, [wall], 9.0)
@@ -364,7 +364,7 @@ def test_huge_and_tiny_values(factor):
 
 
 def test_far_from_the_origin():
-    """The pose of the base frame says about what a footprint in UTM turns."""
+    """The pose of the base frame is the centre of rotation of a footprint in UTM."""
     east, north = 447_000.0, 5_411_000.0
     body = BOX + [east, north]
     post = [[(east - 0.4, north + 1.2)]]
@@ -373,8 +373,8 @@ def test_far_from_the_origin():
     assert 0.0 < here < math.inf and there == pytest.approx(here, abs=1e-3)
 
 
-def test_rows_that_have_no_body():
-    """They are left out, though they have a velocity."""
+def test_removed_rows_are_ignored():
+    """Although they have a velocity."""
     rows = PolygonSet([[(3, 0)], [(5, 0)], [(5, 0), (5, 1)]])
     rows.remove(0)
     assert rows.first_contact(BAR, (1, 0, 0), 9.0) == (1, pytest.approx(4.0))
@@ -399,10 +399,15 @@ def test_rows_that_have_no_body():
     ({'velocities': (1, 0)}, r'velocities of shape \(2,\), but for 2 rows'),
     ({'velocities': [(1, 0)]}, r'velocities of shape \(1, 2\), but for 2 rows'),
     ({'velocities': [(1, 0), (0, math.nan)]}, 'velocity 1 is not finite'),
+    ({'velocities': [(1, 0), (10**400, 0)]}, 'a velocity is beyond the largest double'),
+    ({'twist': (10**400, 0, 0)}, 'twist .* three finite numbers'),
+    ({'pose': (0, 10**400, 0)}, 'pose .* three finite numbers'),
+    ({'horizon': 10**400}, 'horizon .* finite'),
+    ({'tolerance': 10**400}, 'tolerance .* finite'),
     ({'footprint': []}, 'no points'),
 ])
-def test_what_is_refused_in_its_own_terms(change, words):
-    """Also where nothing is near, or all is in contact at time 0."""
+def test_invalid_arguments_are_refused(change, words):
+    """With and without near obstacles."""
     given = {'footprint': BOX, 'twist': (1, 0, 0), 'horizon': 1.0}
     for obstacles in ([BOX + 9, BAR + 9], [BOX, BOX]):
         with pytest.raises(PolygonError if 'footprint' in change else ValueError, match=words):

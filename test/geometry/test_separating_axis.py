@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What plain doubles prove is true, and a support vertex falls short by no more than is said."""
+"""The search for a separating axis proves only true answers; supports are within their bounds."""
 
 from fractions import Fraction
 
@@ -38,7 +38,7 @@ def packed(polygon):
 
 @pytest.mark.parametrize('n', [4, 24])
 @pytest.mark.parametrize('name', CONVEX)
-def test_what_is_proved_is_true(name, n):
+def test_proved_answers_are_true(name, n):
     pairs = CONVEX[name](np.random.default_rng(1), 200, n)
     truth, _ = oracle.intersects_pairs(pairs)
     for (a, b), meet in zip(pairs, truth):
@@ -50,7 +50,7 @@ def test_what_is_proved_is_true(name, n):
 
 
 def test_most_pairs_take_few_axes():
-    """Random pairs within 0.1 of touching are decided by plain doubles, by three axes or so."""
+    """Random pairs within 0.1 of touching are decided by doubles with about three axes."""
     for n in (4, 16, 64):
         pairs = families.near(np.random.default_rng(2), 300, n)
         found = [find_separating_axis(packed(Polygon(a)), packed(Polygon(b))) for a, b in pairs]
@@ -59,7 +59,7 @@ def test_most_pairs_take_few_axes():
 
 
 def axes(rng, vertices):
-    """Return axes drawn at random, along the coordinates, and across edges but for an ulp."""
+    """Return axes at random, along the coordinates, and perpendicular to edges up to an ulp."""
     found = [*rng.normal(size=(4, 2)), (0.0, 1.0), (-1.0, 0.0), (0.0, -2.0 ** -500)]
     for i in rng.integers(0, len(vertices), 6):
         with np.errstate(over='ignore'):
@@ -72,8 +72,8 @@ def axes(rng, vertices):
 
 @pytest.mark.parametrize('n', [9, 24, 90])
 @pytest.mark.parametrize('name', ['near', 'far_offsets', 'flat_arcs', *families.EXTREME])
-def test_support_falls_short_by_no_more_than_is_said(name, n):
-    """In rationals: 4 u M of few vertices, 25 u M of many, see docs/exactness.md."""
+def test_support_is_within_its_bound(name, n):
+    """In rationals: 4 u M for few vertices, 25 u M for many, see docs/exactness.md."""
     rng = np.random.default_rng(3)
     certain = 0
     for pair in CONVEX[name](rng, 12, n):
@@ -90,23 +90,23 @@ def test_support_falls_short_by_no_more_than_is_said(name, n):
             along = [x * ux + y * uy for x, y in exact]
             i = (place - len(polygon.packed[0])) // 2
             reach = abs(ux) * largest[0] + abs(uy) * largest[1]
-            # A reach that overflows proves nothing in the search.
+            # The search proves nothing by a reach that overflows.
             if reach < 2 ** 1023:
                 bound = (4 if len(vertices) <= 16 else 25) * UNIT * reach
                 assert max(along) - along[i] <= bound + Fraction(2) ** -1070
     assert certain > 50
 
 
-def test_the_bottom_is_not_taken_for_the_summit():
-    """Edges that underflow hide on which side of the boundary the climb has begun."""
+def test_climb_does_not_stop_at_the_minimum():
+    """Underflowing edges hide on which side of the boundary it began."""
     pairs = families.tiny_edges(np.random.default_rng(4), 2000, 24)
     wrong = [intersects(a, b) != oracle.intersects(a, b) for a, b in pairs]
     assert not any(wrong)
 
 
 @pytest.mark.parametrize('count', [8192, 8224, 20000])
-def test_more_vertices_than_a_table_entry_has_numbers(count):
-    """Most of them on a short arc, and points within and beyond the last ones and the first."""
+def test_more_vertices_than_the_table_can_index(count):
+    """Most of them are on a short arc; points are just inside and outside."""
     angle = np.concatenate([np.linspace(3.2, 3.3, count - 32), np.linspace(3.3, 9.4, 33)[1:]])
     polygon = Polygon(20.0 * np.column_stack([np.cos(angle), np.sin(angle)]), max_vertices=20000)
     vertices = polygon.vertices

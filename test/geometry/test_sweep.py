@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""When two moving bodies first touch: against dense exact samples of their ways, and by hand."""
+"""Times of contact of moving bodies, against dense exact samples and simple cases."""
 
 import math
 
@@ -40,7 +40,7 @@ def poses(start, end, times=TIMES):
 
 
 def similar(rng, body):
-    """Return a body on the lattice, and where it is after a turn, a change of size and a move."""
+    """Return a body on the lattice, and the same after rotation, scaling and translation."""
     body = body * rng.choice([1, 4, 8, 16]) / 16
     c, s = rng.integers(-3, 5), rng.integers(-4, 5)
     turned = np.column_stack([body[:, 0] * c - body[:, 1] * s, body[:, 0] * s + body[:, 1] * c])
@@ -49,7 +49,7 @@ def similar(rng, body):
 
 
 def pairs(seed, count):
-    """Return starts and ends of two bodies each, (a0, a1, b0, b1); a few of the second stand."""
+    """Yield starts and ends of two bodies each, (a0, a1, b0, b1); some of the latter rest."""
     rng = np.random.default_rng(seed)
     for _ in range(count):
         a = similar(rng, BODIES[rng.integers(len(BODIES))])
@@ -58,7 +58,7 @@ def pairs(seed, count):
 
 
 def boundary_distance(a, b):
-    """Return how near two outlines come where they do not cross."""
+    """Return the distance of two outlines that do not cross."""
     return min(to_edges(a, b), to_edges(b, a))
 
 
@@ -70,11 +70,11 @@ def to_edges(points, ring):
     return np.sqrt(((to - share[..., None] * along) ** 2).sum(axis=2).min())
 
 
-def test_random_ways_against_dense_samples():
+def test_random_motion_against_dense_samples():
     """
-    Nothing that touches is passed over or found late, and nothing is found that is not near.
+    No contact is missed or late, and none is found where bodies are not near.
 
-    Convex bodies and others, segments and points, that turn, grow, shrink and stand.
+    Bodies of all kinds rotate, grow, shrink or are at rest.
     """
     outcomes = {None: 0, 'start': 0, 'later': 0, 'between samples': 0}
     for a0, a1, b0, b1 in pairs(1, 3000):
@@ -95,8 +95,8 @@ def test_random_ways_against_dense_samples():
     assert min(outcomes.values()) > 10, outcomes
 
 
-def test_order_of_bodies_and_of_vertices():
-    """Either body first gives the same bits, either winding and any first vertex the same time."""
+def test_order_of_bodies_and_vertices_does_not_matter():
+    """Bit by bit for bodies, within the tolerance for vertices."""
     for a0, a1, b0, b1 in pairs(2, 300):
         time = time_of_contact(a0, a1, b0, b1)
         assert time_of_contact(b0, b1, a0, a1) == time
@@ -105,8 +105,8 @@ def test_order_of_bodies_and_of_vertices():
         assert time is None or again == pytest.approx(time, abs=TOLERANCE)
 
 
-def test_the_way_back():
-    """It meets if the way there does, and first where that does last."""
+def test_reversed_motion():
+    """It has contact if the motion has, and first where the motion has last."""
     met = 0
     for a0, a1, b0, b1 in pairs(3, 300):
         there, back = time_of_contact(a0, a1, b0, b1), time_of_contact(a1, a0, b1, b0)
@@ -118,16 +118,16 @@ def test_the_way_back():
 
 
 @pytest.mark.parametrize('offset', [2.0 ** 22, -2.0 ** 40])
-def test_far_from_the_origin_all_is_the_same(offset):
-    """Bit by bit, where the coordinates themselves are."""
+def test_offset_from_the_origin_does_not_matter(offset):
+    """Bit by bit, if coordinates are exact."""
     for way in pairs(4, 100):
         assert time_of_contact(*(pose + [offset, -offset] for pose in way)) == (
             time_of_contact(*way))
 
 
 @pytest.mark.parametrize('exponent', [-1060, -1022, -900, -200, 200, 900, 1018])
-def test_every_scale_is_the_same(exponent):
-    """Bit by bit, with the tolerance to scale: from the least doubles to the largest."""
+def test_scale_does_not_matter(exponent):
+    """Bit by bit, if the tolerance scales, too."""
     tolerance = 2.0 ** -14
     for way in pairs(5, 100):
         scaled = [np.ldexp(pose, exponent) for pose in way]
@@ -157,11 +157,11 @@ def test_every_scale_is_the_same(exponent):
     (0.5 * BOX + [1.25, 8], (0, -6.9), U, None),
     (0.5 * BOX + [1.25, 1.5], (4, 0), U, 1 / 16),
 ], ids=['boxes', 'along an edge', 'past it', 'corner to corner', 'down', 'at the end', 'not quite',
-        'away', 'away from contact', 'standing in contact', 'standing inside', 'points', 'past',
-        'edge to point', 'end to point', 'crossbar', 'thin wall', 'into a notch', 'not to its end',
+        'away', 'away from contact', 'at rest in contact', 'at rest inside', 'points', 'past',
+        'edge to point', 'end to point', 'crossbar', 'thin wall', 'into a U', 'not to its end',
         'to its side'])
-def test_bodies_that_keep_their_shape(a, move, b, expected):
-    """When the nearest sides meet is plain to see; the frame may move as well."""
+def test_translations(a, move, b, expected):
+    """Also if the common frame moves."""
     b = np.array(b, float)
     for frame in ((0, 0), (-16, 8)):
         time = time_of_contact(a, a + np.add(move, frame), b, b + frame)
@@ -169,8 +169,8 @@ def test_bodies_that_keep_their_shape(a, move, b, expected):
 
 
 @pytest.mark.parametrize('degrees', [1, 20, 45, 70, 89])
-def test_a_bar_turns_past_a_post(degrees):
-    """Its tip takes the chord: the bar from the origin to (1 - t, t) meets what stands within."""
+def test_bar_rotates_past_a_post(degrees):
+    """Its tip moves on the chord: at t the bar ends at (1 - t, t)."""
     c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     bar = [(0, 0), (1, 0)], [(0, 0), (0, 1)]
     time, length = s / (c + s), 1 / (c + s)
@@ -182,8 +182,8 @@ def test_a_bar_turns_past_a_post(degrees):
         assert time_of_contact(*bar, post, post) is None
 
 
-def test_bars_that_turn_past_posts_about_the_tolerance_away():
-    """The tip takes a chord, the post stands beside its middle: met within, not met beyond."""
+def test_bars_pass_posts_at_about_the_tolerance():
+    """Contact is found below the tolerance, and none beyond it."""
     rng = np.random.default_rng(8)
     outcomes = {'met': 0, 'near': 0, 'passed': 0}
     for beyond in np.concatenate([rng.uniform(-3, 3, 200), rng.uniform(0.99, 1.01, 100)]):
@@ -202,8 +202,8 @@ def test_bars_that_turn_past_posts_about_the_tolerance_away():
     assert min(outcomes.values()) > 10, outcomes
 
 
-def test_a_nearer_pass_than_the_tolerance():
-    """Counts as contact unless one axis proves it clear to the end, as beside a straight wall."""
+def test_pass_within_the_tolerance_is_a_contact():
+    """Unless one axis proves the whole motion clear, as beside a straight wall."""
     wall = [(-9, 0), (9, 0)]
     assert time_of_contact(BOX + [-5, 1e-9], BOX + [5, 1e-9], wall, wall) is None
     bar, post = ([(0, 0), (1, 0)], [(0, 0), (0, 1)]), [(0.5 + 1e-7, 0.5 + 1e-7)]
@@ -213,14 +213,13 @@ def test_a_nearer_pass_than_the_tolerance():
 
 @pytest.mark.parametrize('margin, expected', [(0.0, 3 / 8), (0.5, 1 / 4), (1.25, 1 / 16),
                                               (1.5, 0.0), (9.0, 0.0)])
-def test_bodies_that_come_within_a_margin(margin, expected):
-    """Of boxes 1.5 m apart one drives at the other: when the gap is left."""
+def test_margin(margin, expected):
+    """Of boxes 1.5 m apart one approaches the other."""
     way = BOX, BOX + [4, 0], BOX + [2.5, 0.5], BOX + [2.5, 0.5]
     assert time_of_contact(*way, margin=margin) == pytest.approx(expected, abs=TOLERANCE)
 
 
-def test_random_ways_within_a_margin():
-    """Nothing comes as near before the time found, and then it is as near; else it never does."""
+def test_random_motion_within_a_margin():
     outcomes = {None: 0, 0.0: 0, 'later': 0}
     for k, (a0, a1, b0, b1) in enumerate(pairs(6, 300)):
         margin = (0.05, 0.3, 1.0)[k % 3]
@@ -236,22 +235,20 @@ def test_random_ways_within_a_margin():
 
 
 @pytest.mark.parametrize('margin', [-1.0, math.inf, math.nan])
-def test_margin_that_is_none_is_refused(margin):
-    """It is a length."""
+def test_invalid_margin_is_refused(margin):
     with pytest.raises(ValueError, match='margin'):
         time_of_contact(BOX, BOX, BOX + 3, BOX + 3, margin=margin)
 
 
-def test_off_the_end_of_a_wall_that_is_all_but_parallel():
-    """However late the gap would close, what is returned is a time at which they are near."""
+def test_end_of_a_nearly_parallel_wall():
+    """Bodies are near at the returned time, however late the gap would close."""
     for end in np.arange(60, 105, 0.03):
         wall = [(-9, 0), (end, 0)]
         time = time_of_contact([(0, 1e-10)], [(1000, -9e-10)], wall, wall)
         assert time is None or 1000 * time <= end + TOLERANCE
 
 
-def test_the_tolerance_is_the_callers():
-    """Nothing is nearer than it before the time returned by more than a step needs."""
+def test_tolerance():
     times = [time_of_contact([(0, 0), (1, 0)], [(0, 0), (0, 1)], [(0.3, 0.3)], [(0.3, 0.3)], by)
              for by in (0.1, 1e-3, 1e-6, 1e-12)]
     errors = 0.5 - np.array(times)
@@ -261,8 +258,8 @@ def test_the_tolerance_is_the_callers():
 
 @pytest.mark.parametrize('name', ['hair_gaps', 'one_ulp', 'edge_on_edge', 'vertex_on_edge', 'near',
                                   'points_and_segments', 'notched', 'interlocked_combs'])
-def test_bodies_that_stand_are_decided_exactly(name):
-    """Equal starts and ends: in contact from the start or never, whatever the tolerance."""
+def test_bodies_at_rest_are_decided_exactly(name):
+    """Whatever the tolerance."""
     family = {**families.CONVEX, **families.SIMPLE}[name]
     times = set()
     for a, b in family(np.random.default_rng(6), 100, 7):
@@ -273,7 +270,7 @@ def test_bodies_that_stand_are_decided_exactly(name):
 
 
 def test_contact_at_the_start_is_decided_exactly():
-    """A hair apart, bodies touch at a time above 0 if they come nearer, and never if they part."""
+    """Tiny gaps give a time above 0 if bodies approach, and none if they part."""
     for gap in (5e-324, 1e-17, 1e-12, 1e-7):
         assert 0.0 < time_of_contact([(0, 0)], [(1, 1)], [(gap, gap)], [(gap, gap)]) < 2e-7
         assert time_of_contact([(0, 0)], [(-1, -1)], [(gap, 0)], [(gap, 0)]) is None
@@ -292,8 +289,8 @@ EXTENDED = np.array([(0, 0), (4, 0), (4, 1), (7, 1), (7, 2), (4, 2), (4, 3), (0,
 RETRACTED = np.where(EXTENDED == 7, 4, EXTENDED)
 
 
-def test_an_arm_that_is_put_out():
-    """Retracted, its vertices are collinear: the body is cut as it is with the arm out."""
+def test_extending_arm():
+    """Retracted, its vertices are collinear, so the body is decomposed as extended."""
     with pytest.raises(PolygonError):
         Polygon(EXTENDED[[0, 1, 5, 2, 3, 4, 6, 7]])
     beside, ahead = BOX + [5, 2.25], BOX + [5.5, 1.25]
@@ -304,7 +301,7 @@ def test_an_arm_that_is_put_out():
 
 
 def winds_around(ring, point):
-    """Tell whether an outline of integers goes around an integer point, or through it."""
+    """Tell whether an outline of integers goes around or through an integer point."""
     turns = 0
     for p, q in zip(ring, np.roll(ring, -1, axis=0).tolist()):
         side = oracle.orientation(p, q, point)
@@ -314,8 +311,8 @@ def winds_around(ring, point):
     return turns != 0
 
 
-def test_a_body_that_bends_is_never_passed_over():
-    """Vertices that go their own ways: the outline may cross itself, and parts turn over."""
+def test_deforming_body():
+    """Each vertex has its own motion: the outline may cross itself."""
     rng = np.random.default_rng(7)
     met = bent = 0
     while bent < 300:
@@ -329,7 +326,7 @@ def test_a_body_that_bends_is_never_passed_over():
         bent += not all(body.is_convex for body in bodies)
         point = rng.integers(-2, 14, 2)
         time = time_of_contact(start, end, [point], [point])
-        # Times 16 all is whole.
+        # Times 16 all coordinates are integers.
         for k, ring in enumerate(poses(16 * start, 16 * end, TIMES[::8]).astype(int).tolist()):
             if winds_around(ring, (16 * point).tolist()):
                 assert time is not None and time <= k / 16
@@ -338,27 +335,27 @@ def test_a_body_that_bends_is_never_passed_over():
     assert 30 < met
 
 
-def test_where_a_body_is_not_but_its_parts_are():
-    """Cut as it is later, it fills its notch: what is in there counts as in contact at once."""
-    notched = [(0, 0), (8, 0), (8, 4), (6, 2.5), (4, 1), (2, 2.5), (0, 4)]
+def test_decomposition_fills_the_recess_of_a_deforming_body():
+    """Decomposed as at its end, it covers its recess at the start."""
+    recessed = [(0, 0), (8, 0), (8, 4), (6, 2.5), (4, 1), (2, 2.5), (0, 4)]
     ridged = [(0, 0), (8, 0), (8, 4), (6, 1), (4, 4), (2, 1), (0, 4)]
     for angle in np.arange(16) * np.pi / 8:
         end = [(4 + 9 * math.cos(angle), 2 + 9 * math.sin(angle))]
-        assert not intersects(notched, [(4, 2)])
-        assert time_of_contact(notched, ridged, [(4, 2)], end) == 5e-324
-    assert time_of_contact(notched, ridged, [(4, 3)], [(4, 3)]) == 2 / 3
+        assert not intersects(recessed, [(4, 2)])
+        assert time_of_contact(recessed, ridged, [(4, 2)], end) == 5e-324
+    assert time_of_contact(recessed, ridged, [(4, 3)], [(4, 3)]) == 2 / 3
 
 
-def test_a_vertex_that_lies_on_a_cut():
-    """On the side of a part without being its corner, it moves that part's boundary as well."""
+def test_vertex_on_a_cut():
+    """It moves the boundary of a part of which it is no corner."""
     start = [(0, 2), (1, 1), (3, 1), (3, 3), (2, 2)]
     end = [*start[:-1], (1.5, 3.5)]
     time = time_of_contact(start, end, [(2, 2.5)], [(2, 2.5)])
     assert time == pytest.approx(2 / 7, abs=TOLERANCE)
 
 
-def test_repeated_and_collinear_vertices_move_too():
-    """What is no vertex at time 0 may be one later: two that part, one that leaves its edge."""
+def test_repeated_and_collinear_vertices_move():
+    """A superfluous vertex at time 0 may be needed later."""
     start = [(0, 0), (2, 0), (2, 0), (2, 2), (1, 2), (0, 2)]
     end = [(0, 0), (2, 0), (6, 0), (2, 2), (1, 6), (0, 2)]
     assert time_of_contact(start, end, [(4, 0)], [(4, 0)]) == 0.5
@@ -369,14 +366,14 @@ def test_repeated_and_collinear_vertices_move_too():
         out = 0.25 * np.array([along[1], -along[0]]) / np.hypot(*along)
         start, end = (np.insert(U, k, middle + by * out, axis=0) for by in (0, 2))
         assert time_of_contact(start, end, [middle + out], [middle + out]) == 0.5
-    notched = [(0, 0), (4, 0), (4, 4), (2, 1), (0, 1), (0, 1), (0, 0.5)]
+    recessed = [(0, 0), (4, 0), (4, 4), (2, 1), (0, 1), (0, 1), (0, 0.5)]
     grown = [(0, 0), (4, 0), (4, 4), (2, 1), (0, 1), (-2, 1), (-2, 0.5)]
-    assert time_of_contact(notched, grown, [(-1, 0.75)], [(-1, 0.75)]) == 0.5
+    assert time_of_contact(recessed, grown, [(-1, 0.75)], [(-1, 0.75)]) == 0.5
 
 
 @pytest.mark.parametrize('name', families.EXTREME)
-def test_numbers_that_overflow_and_underflow(name):
-    """Unknown is never clear: what touches at either end is found."""
+def test_overflow_and_underflow(name):
+    """Contact at either end is found."""
     for a, b in families.EXTREME[name](np.random.default_rng(8), 40, 7):
         for start, end in ((a, a + b[0]), (a + b[0], a)):
             if np.isfinite([start, end]).all():
@@ -396,7 +393,7 @@ def test_numbers_that_overflow_and_underflow(name):
     ((BOX, BOX, BOX, BOX, np.nan), ValueError, 'tolerance nan'),
     ((BOX, BOX, BOX, BOX, np.inf), ValueError, 'tolerance inf'),
 ], ids=['lost vertex', 'not finite', 'crossing', 'empty', 'zero', 'nan', 'infinite'])
-def test_what_is_refused(arguments, error, words):
-    """Also where the bodies are far apart."""
+def test_invalid_arguments_are_refused(arguments, error, words):
+    """With and without near bodies."""
     with pytest.raises(error, match=words):
         time_of_contact(*arguments)

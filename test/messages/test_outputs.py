@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is published of a scene: states in words, points of contact, markers and their labels."""
+"""Messages made from a scene: states, points of contact, markers and their labels."""
 
 import itertools
 
@@ -33,7 +33,7 @@ from stage import square
 
 
 def collision(count, *reasons):
-    """Return the state of a footprint in contact with so many obstacles."""
+    """Return the state of a footprint in contact with some obstacles."""
     return State(Status.COLLISION, tuple(ObstacleId('lidar', key) for key in range(count)),
                  reasons, 0.1)
 
@@ -50,12 +50,12 @@ def collision(count, *reasons):
     (collision(0, 'clear for less than release_delay, 0.5 s'), 0.0,
      'collision: clear for less than release_delay, 0.5 s')])
 def test_state_in_words(state, margin, words):
-    """At most three obstacles by name, and the reasons where there is no contact."""
+    """With at most three obstacles; reasons if there is no contact."""
     assert in_words(state, margin) == words
 
 
 def test_coordinate_step():
-    """The float32 step 10 km from the origin, by the coordinate furthest out; 0 for no body."""
+    """The float32 step at the coordinate furthest from 0; 0 without a body."""
     assert 0.0009 < coordinate_step(square(10000)) < 0.001
     assert coordinate_step(square(-10000)) == coordinate_step(square(9999))
     assert coordinate_step(Polygon([(1, -10000)])) == coordinate_step(Polygon([(10000, 1)]))
@@ -68,7 +68,7 @@ KINDS = {7: '<f4', 6: '<u4'}
 
 
 def scene_of(bodies, margin=0.0):
-    """Return a scene of a robot from 0 to 1, and of a set of obstacles."""
+    """Return a scene with a robot from 0 to 1 and a set of obstacles."""
     scene = Scene(Settings(
         (FootprintSettings('robot', '/robot', timeout=0.0),),
         (ObstacleSettings('map', '/map', timeout=60.0),), margin=margin))
@@ -79,7 +79,7 @@ def scene_of(bodies, margin=0.0):
 
 
 def cloud_of(bodies, margin=0.0):
-    """Return the cloud after its way through the wire, and its points as any reader finds them."""
+    """Return the points of the serialised cloud, as a subscriber finds them, and the state."""
     scene = scene_of(bodies, margin)
     cloud = deserialize(serialize(contact_cloud(scene, 'robot', Time(sec=9))), PointCloud2)
     assert (cloud.header.stamp.sec, cloud.header.frame_id) == (9, 'map')
@@ -93,8 +93,8 @@ def cloud_of(bodies, margin=0.0):
     return [tuple(point.tolist()) for point in np.sort(points)], scene.state('robot')
 
 
-def test_points_have_place_normal_depth_and_obstacle():
-    """An edge on the right, a point below, deep; what is apart has no points."""
+def test_points_of_contact_have_position_normal_depth_and_obstacle():
+    """An edge on the right, a point inside near the lower edge, and an obstacle apart."""
     points, state = cloud_of([box(1, 0.25, 1, 0.5), box(9, 9), [(0.5, 0.125)]])
     assert [obstacle.key for obstacle in state.contacts] == [0, 2]
     assert points == [(0.5, 0.0, 0.0, 0.0, 1.0, 0.0, 0.125, 1),
@@ -102,26 +102,24 @@ def test_points_have_place_normal_depth_and_obstacle():
                       (1.0, 0.75, 0.0, -1.0, 0.0, 0.0, 0.0, 0)]
 
 
-def test_bodies_within_the_margin_have_a_negative_depth():
-    """Their distance; the point is still one of the footprint."""
+def test_depth_within_the_margin_is_minus_the_distance():
+    """The point is still one of the footprint."""
     points, _ = cloud_of([[(1.25, 0.5)]], margin=0.5)
     assert points == [(1.0, 0.5, 0.0, -1.0, 0.0, 0.0, -0.25, 0)]
 
 
-def test_a_footprint_in_no_contact_has_no_points():
-    """The cloud is empty, and still says stamp and frame."""
+def test_cloud_without_contact_is_empty():
     assert cloud_of([box(9, 9)])[0] == []
 
 
-def test_no_more_obstacles_than_there_is_time_for():
-    """Who touches very many sees the points of some."""
+def test_number_of_obstacles_in_a_cloud_is_limited():
     points, state = cloud_of([[(0.5, 0.001 * k)] for k in range(MOST_CONTACTS + 5)])
     assert len(state.contacts) == MOST_CONTACTS + 5
     assert len(points) == MOST_CONTACTS
 
 
 def test_markers_draw_the_normals():
-    """From each point of contact, as far as the way out, and long enough to be seen."""
+    """From each point of contact, by the depth, but long enough to be seen."""
     markers = {marker.ns: marker for marker in Markers().message(
         scene_of([box(1, 0.25, 1, 0.5), box(-0.5, 0.5, 1, 1)])).markers}
     ends = [(point.x, point.y) for point in markers['contacts/normals'].points]
@@ -133,7 +131,7 @@ U_SHAPE = [(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]
 
 
 def shape(ring):
-    """Return the shapely body of a ring."""
+    """Return the shapely geometry of a ring."""
     kind = {1: shapely.Point, 2: shapely.LineString}.get(len(ring), shapely.Polygon)
     return kind(ring if len(ring) > 1 else ring[0])
 
@@ -142,8 +140,7 @@ def marks(one, other):
     return contact_marks(Polygon(one), Polygon(other))
 
 
-def test_overlap_of_convex_bodies_is_what_shapely_says():
-    """Random polygons around a circle, of which many overlap."""
+def test_overlap_of_convex_bodies_against_shapely():
     random = np.random.default_rng(7)
     overlaps = 0
     for _ in range(200):
@@ -176,8 +173,8 @@ def test_overlap_of_convex_bodies_is_what_shapely_says():
     (U_SHAPE, box(1, 1)),
     (U_SHAPE, box(0.5, 1.5, 2, 1)),
 ], ids=str)
-def test_touching_is_marked_by_what_is_shared(one, other, x, y):
-    """A point, a segment or an area, whoever is the footprint; near the origin and far away."""
+def test_marks_of_contacts_against_shapely(one, other, x, y):
+    """A point, a segment or an area, in either order, near the origin and far away."""
     one, other = ([(px + x, py + y) for px, py in ring] for ring in (one, other))
     wanted = shapely.intersection(shape(one), shape(other))
     for found in (marks(one, other), marks(other, one)):
@@ -187,18 +184,17 @@ def test_touching_is_marked_by_what_is_shared(one, other, x, y):
 
 
 def wanted_size(body):
-    """Return how many points a mark of a body has at least."""
+    """Return the least number of points of a mark."""
     return {0.0: 1 if body.length == 0.0 else 2}.get(body.area, 3)
 
 
-def test_within_the_margin_the_gap_is_marked():
-    """From one body to the other, where they are nearest."""
+def test_mark_within_the_margin_spans_the_gap():
     mark, = marks(box(0, 0), box(1.5, 0.5))
     assert sorted(mark[:, 0].tolist()) == [1.0, 1.5]
 
 
-def test_bodies_of_very_many_parts_are_marked_where_they_are_deepest():
-    """Two combs in each other: one segment between their nearest points, and soon."""
+def test_mark_of_bodies_with_many_parts_is_one_segment():
+    """Two combs in each other; it connects their nearest points."""
     comb = [(x / 2, 3 if x % 2 else 1) for x in range(200)] + [(100, 0), (0, 0)]
     (mark,) = marks(comb, [(x, -y) for x, y in reversed(comb)])
     assert mark.shape == (2, 2) and np.allclose(mark[:, 1], 0.0)
@@ -209,7 +205,7 @@ GREEN, RED, GREY = 'green', 'red', 'grey'
 
 @pytest.fixture
 def scene():
-    """Return a scene of two footprints and two sources, of which a set has ended just now."""
+    """Return a scene of two footprints and two sources with an empty set each."""
     scene = Scene(Settings(
         tuple(FootprintSettings(name, f'/{name}', timeout=0.0) for name in ('a', 'b')),
         tuple(ObstacleSettings(name, f'/{name}', timeout=100.0) for name in ('map', 'people'))))
@@ -230,7 +226,7 @@ def end(scene, name='map', stamp=SECOND):
 
 
 def drawn(scene, markers=None):
-    """Return the markers by namespace and id, checked for what holds of all."""
+    """Return the markers by namespace and id, after checks that apply to all."""
     first, *rest = (markers or Markers()).message(scene).markers
     assert first.action == Marker.DELETEALL
     assert all(marker.action == Marker.ADD for marker in rest)
@@ -255,7 +251,7 @@ def xy(marker):
 
 
 def test_footprints_are_green_red_or_grey(scene):
-    """One is clear, one in contact; then a source is not known and the clear one is grey."""
+    """Clear, in contact, and unknown."""
     place(scene, 'a', box(0, 0))
     place(scene, 'b', box(5, 5))
     place(scene, 'map', box(5.5, 5.5))
@@ -271,7 +267,7 @@ def test_footprints_are_green_red_or_grey(scene):
 
 
 def test_obstacles_are_neutral_or_red(scene):
-    """Of three obstacles of one source, one is in contact."""
+    """Red in contact."""
     place(scene, 'a', box(0, 0))
     for points in (box(3, 0), box(1, 0), box(5, 0)):
         place(scene, 'map', points)
@@ -281,8 +277,8 @@ def test_obstacles_are_neutral_or_red(scene):
     assert set(map(tuple, xy(markers['map/outline', 1]))) == set(box(1, 0))
 
 
-def test_outline_is_closed_and_fill_covers_a_body_that_is_not_convex(scene):
-    """The triangles of a U add up to its area and stay inside."""
+def test_outline_and_fill_of_a_non_convex_body(scene):
+    """The triangles of the fill cover it exactly."""
     place(scene, 'a', U_SHAPE)
     markers = drawn(scene)
     assert markers['a/fill', 0].type == Marker.TRIANGLE_LIST
@@ -296,7 +292,7 @@ def test_outline_is_closed_and_fill_covers_a_body_that_is_not_convex(scene):
 
 
 def test_points_and_segments_are_drawn(scene):
-    """A point as a sphere, a segment as one line; neither has a fill."""
+    """A point as a sphere, a segment as a line; neither has a fill."""
     place(scene, 'a', box(0, 0))
     place(scene, 'map', [(3, 3)])
     place(scene, 'people', [(4, 4), (5, 6), (4.5, 5)])
@@ -309,7 +305,7 @@ def test_points_and_segments_are_drawn(scene):
 
 
 def test_contacts_are_marked_and_named(scene):
-    """Two footprints share a region, one a point, one a segment with an obstacle."""
+    """Regions, a point and a segment shared with obstacles."""
     place(scene, 'a', box(0, 0, 2, 2))
     place(scene, 'b', box(5, 0, 2, 2))
     place(scene, 'map', box(1, 1, 5, 2))
@@ -326,8 +322,8 @@ def test_contacts_are_marked_and_named(scene):
     assert ('nearest/axis', 0) in markers, 'b and people are apart'
 
 
-def test_footprints_are_named_beside_their_bodies(scene):
-    """As long as no set is whole, nothing is known of them."""
+def test_labels_of_footprints(scene):
+    """With the status unless it is clear."""
     place(scene, 'a', box(0, 0))
     place(scene, 'b', box(5, 5))
     assert {drawn(scene)[f'{name}/name', 0].text for name in 'ab'} == {'a: unknown', 'b: unknown'}
@@ -339,8 +335,8 @@ def test_footprints_are_named_beside_their_bodies(scene):
     assert text.pose.position.y > 1.0
 
 
-def test_nearest_clear_pair_and_its_axis(scene):
-    """Of four pairs apart the nearest: its closest points, its distance, the axis through them."""
+def test_nearest_pair_and_its_axis(scene):
+    """Closest points, distance and separating axis."""
     place(scene, 'a', box(0, 0))
     place(scene, 'b', box(0, 20))
     place(scene, 'map', box(3, 0.5))
@@ -358,7 +354,6 @@ def test_nearest_clear_pair_and_its_axis(scene):
 
 
 def test_pairs_in_contact_and_unknown_footprints_have_no_axis(scene):
-    """Only one pair, that touches, then overlaps, then is apart; then a source is refused."""
     place(scene, 'a', box(0, 0))
     for k, x in enumerate((1, 0.5), 1):
         place(scene, 'map', box(x, 0), k * SECOND)
@@ -371,8 +366,8 @@ def test_pairs_in_contact_and_unknown_footprints_have_no_axis(scene):
     assert ('nearest/axis', 0) not in drawn(scene)
 
 
-def test_what_is_gone_is_not_drawn_any_more(scene):
-    """A footprint refused, obstacles replaced, then a backward step: a lone DELETEALL."""
+def test_removed_bodies_are_not_drawn(scene):
+    """A refused footprint; after a step back in time only DELETEALL is left."""
     markers = Markers()
     place(scene, 'a', box(0, 0))
     place(scene, 'b', box(5, 5))
@@ -384,8 +379,7 @@ def test_what_is_gone_is_not_drawn_any_more(scene):
     assert drawn(scene, markers) == {}
 
 
-def test_only_new_polygons_are_made_into_points_again(scene):
-    """The points of a body that stayed where it was are the very same objects."""
+def test_points_of_unchanged_polygons_are_reused(scene):
     markers = Markers()
     place(scene, 'a', box(0, 0))
     place(scene, 'map', box(7, 7))
@@ -411,19 +405,18 @@ def bounds(body):
 
 
 def room(place, text):
-    """Return the box that a text takes, which is 0.6 of its height wide for each character."""
+    """Return the box of a text, whose characters are 0.6 of its height wide."""
     (x, y), width = place, 0.3 * HEIGHT * len(text)
     return shapely.box(x - width, y - HEIGHT / 2, x + width, y + HEIGHT / 2)
 
 
-def test_text_is_above_its_body():
-    """In the middle, and near."""
+def test_label_is_above_its_body():
     x, y = labels(box(0, 0)).place('robot', (0, 0, 1, 1))
     assert x == 0.5 and 1.0 < y - HEIGHT / 2 < 1.2
 
 
-def test_texts_cover_neither_bodies_nor_each_other():
-    """A crowd: robots in two rows, a wall above them and one that is slanted."""
+def test_labels_cover_neither_bodies_nor_each_other():
+    """Robots in two rows, with walls above and across."""
     robots = [box(2 * i, 2 * j) for i in range(3) for j in range(2)]
     walls = [[(-5, 3.2), (10, 3.2)], [(-2, -3), (9, -0.2)]]
     found = labels(*robots, *walls)
@@ -434,7 +427,6 @@ def test_texts_cover_neither_bodies_nor_each_other():
     assert not any(one.intersects(other) for one, other in itertools.combinations(rooms, 2))
 
 
-def test_where_there_is_no_room_the_least_is_covered():
-    """Everywhere is a body; one place covers none but the big one."""
+def test_label_without_free_space_covers_the_least():
     x, y = labels(box(-50, -50, 100, 100), box(-2, 1.01, 9, 9)).place('robot', (0, 0, 1, 1))
     assert y < 0.0

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bytes as they come from the wire, against the encoders and decoders of rclpy and rosbags."""
+"""Decoding of serialised messages, against rclpy and rosbags."""
 
 import struct
 import subprocess
@@ -38,12 +38,12 @@ NAMES = ('a', 'map', 'odom', 'größe', 'base_footprint')
 
 
 class Kind(NamedTuple):
-    """A type of message: a good one in either byte order, and two ways to read any."""
+    """A type of message: a valid one in either byte order, and two decoders."""
 
     good: Callable
     read: Callable
-    read_by_others: Callable
-    stamp_at: int = 4  # where the first stamp is; behind it the length of a name, and the name
+    reference: Callable
+    stamp_at: int = 4  # of the first stamp, which is followed by the length of a name and the name
 
 
 def read_polygon(data, with_id=False):
@@ -127,7 +127,7 @@ EVERY_KIND = pytest.mark.parametrize('kind', KINDS.values(), ids=KINDS)
 
 
 def changed(data, at, form, *values):
-    """Return bytes with other values at a place."""
+    """Return bytes with other values at an offset."""
     data = bytearray(data)
     struct.pack_into(form, data, at, *values)
     return bytes(data)
@@ -135,9 +135,9 @@ def changed(data, at, form, *values):
 
 @EVERY_KIND
 @pytest.mark.parametrize('order', '<>')
-def test_both_byte_orders_are_read_as_others_do(kind, order):
+def test_both_byte_orders(kind, order):
     data = kind.good(order)
-    assert kind.read(data) == kind.read_by_others(data)
+    assert kind.read(data) == kind.reference(data)
     assert kind.read(data) == kind.read(kind.good())
 
 
@@ -151,30 +151,30 @@ def test_every_truncation_is_refused(kind):
 
 @EVERY_KIND
 @pytest.mark.parametrize('size', (1, 3, 4, 8, 12, 64))
-def test_left_over_bytes_are_refused(kind, size):
-    """Perhaps another type's message, certainly not this one."""
+def test_trailing_bytes_are_refused(kind, size):
+    """It may be a message of another type."""
     with pytest.raises(MessageError, match='bytes where the contents need'):
         kind.read(kind.good() + bytes(size))
 
 
 @EVERY_KIND
 @pytest.mark.parametrize('length', (0, 5, 2**31, 2**32 - 1))
-def test_a_false_length_of_a_name_is_refused(kind, length):
-    """One that leaves the message, or that leaves no room for the NUL."""
+def test_wrong_length_of_a_name_is_refused(kind, length):
+    """Beyond the message, or without room for the NUL."""
     with pytest.raises(MessageError):
         kind.read(changed(kind.good(), kind.stamp_at + 8, '<I', length))
 
 
 @EVERY_KIND
 @pytest.mark.parametrize('text', (b'mapx', b'm\xffp\0'), ids=('no NUL', 'not UTF-8'))
-def test_broken_names_are_refused(kind, text):
+def test_invalid_names_are_refused(kind, text):
     with pytest.raises(MessageError):
         kind.read(kind.good().replace(b'map\0', text, 1))
 
 
 @pytest.mark.parametrize('name', KINDS)
-def test_a_name_ends_at_its_first_nul(name):
-    """So it does for typed subscribers of polygons; of other messages it is refused."""
+def test_nul_within_a_name(name):
+    """It ends the name for subscribers of polygons; other messages are refused."""
     data = KINDS[name].good().replace(b'map\0', b'm\0p\0', 1)
     if name in ('polygon', 'instance'):
         assert KINDS[name].read(data)[1] == 'm'
@@ -193,14 +193,12 @@ def test_nanoseconds_beyond_a_second_are_refused(kind):
 @pytest.mark.parametrize('data', (b'', b'\0', b'\xff\xff\0\0', b'\0\1\0\0', b'\0\1\0\0\0\0\0',
                                   b'\0\3\0\0\0\0\0\0', b'no CDR at all'))
 def test_foreign_bytes_are_refused(kind, data):
-    """Whatever arrives on the topic, the answer is one kind of error."""
     with pytest.raises(MessageError):
         kind.read(data)
 
 
 @EVERY_KIND
-def test_damaged_bytes_never_read_as_something_else(kind):
-    """Where a damaged message is accepted, others read the same from it."""
+def test_damaged_bytes_are_refused_or_read_as_the_reference_does(kind):
     random = np.random.default_rng(5)
     data = kind.good()
     accepted = 0
@@ -214,12 +212,12 @@ def test_damaged_bytes_never_read_as_something_else(kind):
         except MessageError:
             continue
         accepted += 1
-        np.testing.assert_equal(received, kind.read_by_others(damaged))
+        np.testing.assert_equal(received, kind.reference(damaged))
     assert 300 < accepted < 2950
 
 
 @EVERY_KIND
-def test_random_bytes_are_refused_at_most(kind):
+def test_random_bytes_raise_only_message_errors(kind):
     random = np.random.default_rng(6)
     for _ in range(2000):
         size = int(random.integers(200))
@@ -234,7 +232,7 @@ def test_random_bytes_are_refused_at_most(kind):
 @pytest.mark.parametrize('length', range(10))
 @pytest.mark.parametrize('count', range(4))
 def test_every_alignment_of_polygons(instance, length, count):
-    """The frame_id's length moves the points and, with their number, the id's padding."""
+    """The length of frame_id shifts the points and, with their number, the padding of the id."""
     frame_id = 'frame_name'[:length]
     points = [(k, 0.5 * k, -k) for k in range(count)]
     message = polygon_message(points, STAMP, frame_id, instance)
@@ -247,7 +245,7 @@ def test_every_alignment_of_polygons(instance, length, count):
 @pytest.mark.parametrize('parent', range(1, 10))
 @pytest.mark.parametrize('child', range(1, 10))
 def test_every_alignment_of_transforms(parent, child):
-    """The lengths of the names move the numbers, and those the next transform."""
+    """The lengths of the names shift the numbers and the next transform."""
     link = 'abcdefghij'[:parent], 'abcdefghij'[:child], -1, (1.0, 2.0, 3.0, 0.0, 0.0, 0.6, 0.8)
     assert decode_transforms(written(link, link)) == [link, link]
     ours = transforms((*link[:3], *link[3]), (*link[:3], *link[3]))
@@ -265,8 +263,8 @@ def test_any_number_of_transforms(count, order):
 
 
 @pytest.mark.parametrize('instance', (None, 2**63 - 1))
-def test_extreme_fields_survive(instance):
-    """Time before 1970, the largest id, a frame name that is not ASCII, NaN and infinity."""
+def test_extreme_values(instance):
+    """Time before 1970, the largest id, a frame name beyond ASCII, NaN and infinity."""
     data = serialize(polygon_message([(np.inf, -np.inf, np.nan)], -1, 'größe', instance))
     stamp, frame_id, points, identity = read_polygon(data, instance is not None)
     assert (stamp, frame_id, identity) == (-1, 'größe', instance)
@@ -278,28 +276,27 @@ def test_extreme_fields_survive(instance):
 
 @pytest.mark.parametrize('name, at', [('polygon', 20), ('instance', 20), ('transforms', 4)])
 @pytest.mark.parametrize('count', (2, 4, 200_000_000, 2**32 - 1))
-def test_a_false_count_is_refused(name, at, count):
-    """At once; rclpy may read no points at all, which would mean that nothing is there."""
+def test_wrong_number_of_points_is_refused(name, at, count):
+    """A decoder might read no points at all, which would mean no obstacle."""
     with pytest.raises(MessageError):
         KINDS[name].read(changed(KINDS[name].good(), at, '<I', count))
 
 
-def test_a_twist_is_read_as_a_command_without_stamp_and_frame():
-    """It is what follows the header of a TwistStamped."""
+def test_twist_is_a_command_without_stamp_and_frame():
     for order, head in (('<', b'\0\1\0\0'), ('>', b'\0\0\0\0')):
         twist = head + struct.pack(f'{order}6d', 0.5, -0.25, 9.0, 9.0, 9.0, 3.0)
         assert decode_command(stamped(twist)) == (0, '', (0.5, -0.25, 3.0))
 
 
-def test_broken_frame_id_of_same_encoded_size_is_refused():
-    """Where rclpy replaces a byte by three, the length alone could not tell."""
+def test_frame_id_that_is_not_utf8_is_refused():
+    """A decoder replaces one byte by three, so the length alone would not show it."""
     data = serialised(POINTS, STAMP, 'abcd')
     with pytest.raises(MessageError, match='UTF-8'):
         decode(data.replace(b'abcd', b'abc\xff'), False)
 
 
-def test_foreign_encoding_without_any_library_is_refused(monkeypatch):
-    """The geometry is used without ROS and rosbags too: the error says so."""
+def test_big_endian_without_rclpy_and_rosbags_is_refused(monkeypatch):
+    """The error says why."""
     monkeypatch.setitem(sys.modules, 'sat_collision.messages.interfaces', None)
     monkeypatch.delattr(sat_collision.messages, 'interfaces', raising=False)
     with pytest.raises(MessageError, match='only rclpy or rosbags'):
@@ -307,15 +304,14 @@ def test_foreign_encoding_without_any_library_is_refused(monkeypatch):
 
 
 @pytest.mark.parametrize('sec, nanosec', [(7, 8), (-1, 999_999_999), (0, 0), (5, SECOND)])
-def test_stamp_alone_is_that_of_the_message(sec, nanosec):
-    """To sort messages only their stamps are read; an invalid one counts as none."""
+def test_header_stamp(sec, nanosec):
+    """An invalid stamp counts as none."""
     data = changed(serialised(POINTS), 4, '<iI', sec, nanosec)
     assert header_stamp(data) == (sec * SECOND + nanosec if nanosec < SECOND else 0)
     assert header_stamp(data[:11]) == header_stamp(serialised([], order='>')) == 0
 
 
-def test_neither_ros_nor_rosbags_is_needed():
-    """To decode in place."""
+def test_decoding_needs_neither_ros_nor_rosbags():
     program = ('import sys; from sat_collision.messages.cdr import decode, decode_transforms; '
                f'assert decode({KINDS["instance"].good()!r}, True)[-1] == -9; '
                f'assert len(decode_transforms({KINDS["transforms"].good()!r})) == 3; '
@@ -326,7 +322,7 @@ def test_neither_ros_nor_rosbags_is_needed():
 @pytest.mark.parametrize('order', '<>')
 @pytest.mark.parametrize('at, count', [(12, 2**32 - 1), (12, 60), (20, 2**32 - 1), (20, 4)])
 def test_rclpy_never_sees_a_length_beyond_the_end(monkeypatch, order, at, count):
-    """It would write a line to the standard error for each."""
+    """It would print an error for each."""
     monkeypatch.setattr('sat_collision.messages.interfaces.deserialize',
                         lambda data, kind: pytest.fail('rclpy has been asked'))
     with pytest.raises(MessageError, match=str(count)):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Publishes on /flood what a node must bear, as fast as asked for or as it can, for some time."""
+"""Publishes on /flood for some time, at a given rate or as fast as it can."""
 
 import argparse
 import itertools
@@ -35,13 +35,13 @@ def _circle(count):
 
 
 def _comb(count):
-    """Return a polygon most of whose vertices are the tips of its teeth and what is between."""
+    """Return a polygon whose vertices are mostly the tips and roots of its teeth."""
     teeth = [(_FAR + 0.01 * k, 1.0 + 4.0 * (k % 2)) for k in range(1, count - 2)]
     width = 0.01 * (count - 2)
     return [(_FAR, 0.0), *teeth, (_FAR + width, 0.0), (_FAR + width / 2, -1.0)][::-1]
 
 
-# What is sent, messages a second, and how many bytes of each are withheld.
+# Polygon, messages per second, and the number of bytes cut off each message.
 FLOODS = {
     '1024-gons': (_circle(1024), 100_000, 0),
     'combs of 1024': (_comb(1024), 1_000, 0),
@@ -50,22 +50,22 @@ FLOODS = {
     'NaN': ([(math.nan, 0.0), *_circle(3)], 84_000, 0)}
 
 
-def _body(points, withheld):
+def _body(points, cut):
     """Serialise all of a message but its stamp."""
     data = struct.pack('<I4sI', 4, b'map\0', len(points)) + b''.join(
         struct.pack('<3f', x, y, 0.0) for x, y in points)
-    return data[:len(data) - withheld]
+    return data[:len(data) - cut]
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('kind', choices=FLOODS)
     parser.add_argument('seconds', type=float)
-    parser.add_argument('--most', type=float, default=math.inf, help='messages a second')
+    parser.add_argument('--max', type=float, default=math.inf, help='messages per second')
     arguments = parser.parse_args()
-    points, rate, withheld = FLOODS[arguments.kind]
-    rate = min(rate, arguments.most)
-    body = _body(points, withheld)
+    points, rate, cut = FLOODS[arguments.kind]
+    rate = min(rate, arguments.max)
+    body = _body(points, cut)
     rclpy.init()
     node = rclpy.create_node('flooder')
     publisher = node.create_publisher(PolygonStamped, '/flood', QoSProfile(depth=1000))

@@ -20,19 +20,18 @@ import signal
 import subprocess
 import sys
 
-from harness import box, Peer, RunningMonitor, values
+from harness import APART, box, Peer, ROBOT, RunningMonitor, values
 import pytest
 from sat_collision.geometry.jit import COMPILED
 
 ROOT = Path(__file__).resolve().parents[2]
-ROBOT = box(0, 0)
 NODE = ['-m', 'sat_collision.node', '--ros-args', '-p', 'obstacles:=[obstacle, flood]',
         '-p', 'obstacle.topic:=obstacles', '-p', 'flood.topic:=flood']
-# The flood ends by itself.
+# The flood ends by itself after this time in s.
 FLOODED = 240.0
-# A second: less than what has the middleware lose the messages of other topics, too.
-MOST = 10_000
-# Longer than it takes DDS to send again what the flood has swept away.
+# Messages per second; with more, the middleware loses messages of other topics, too.
+MAX_RATE = 10_000
+# Longer than DDS takes to repeat messages that the flood displaced, in s.
 SOON = 40.0
 
 
@@ -56,12 +55,12 @@ def process(domain, monkeypatch):
 @pytest.mark.long
 @pytest.mark.skipif(not COMPILED, reason='a comb takes plain Python seconds')
 @pytest.mark.parametrize('kind', ['1024-gons', 'combs of 1024', '4-gons', 'truncated', 'NaN'])
-def test_flood_of_one_topic(process, domain, kind):
-    """A contact with what came on the other topic is seen soon, and so is a signal."""
+def test_flood_on_one_topic_does_not_block_others(process, domain, kind):
+    """Contacts on the other topic are seen soon, and so is a signal."""
     peer = Peer(domain)
     node = process(*NODE)
     peer.until(peer.status, 'a state')
-    flooder = process('test/node/flooder.py', kind, str(FLOODED), f'--most={MOST}')
+    flooder = process('test/node/flooder.py', kind, str(FLOODED), f'--max={MAX_RATE}')
     peer.until(lambda: (health := peer.health())
                and float(values(health).get('flood: rate [Hz]', 0)) > 50, 'a flood')
     near, far = (box(1, 1), ['obstacle/0']), (box(5, 5), [])
@@ -81,27 +80,22 @@ def test_flood_of_one_topic(process, domain, kind):
     peer.close()
 
 
-APART = box(5, 5)
-
-
-def held():
-    """Return how many threads and open files this process has."""
+def resources():
+    """Return the number of threads and open files of this process."""
     return len(os.listdir('/proc/self/task')), len(os.listdir('/proc/self/fd'))
 
 
-def test_starts_and_stops(domain):
-    """Of nodes that were at work, one after another."""
+def test_repeated_starts_do_not_leak(domain):
     counts = []
     for _ in range(12):
         monitor = RunningMonitor(domain, (), {})
         monitor.until(monitor.flag)
         monitor.close()
-        counts.append(held())
+        counts.append(resources())
     assert counts[-1] <= counts[3]
 
 
-def test_publishers_that_come_and_go(start):
-    """Each is received, none is kept."""
+def test_publishers_that_come_and_go_do_not_leak(start):
     monitor = start()
     counts = []
     for _ in range(60):
@@ -114,5 +108,5 @@ def test_publishers_that_come_and_go(start):
         monitor.until(received, 'a message')
         monitor.node.destroy_publisher(publisher)
         monitor._publishers.clear()
-        counts.append(held())
+        counts.append(resources())
     assert counts[-1] <= counts[9]

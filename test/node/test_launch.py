@@ -31,7 +31,7 @@ from harness import Peer  # noqa: E402, I100
 from rclpy.parameter_client import AsyncParameterClient  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
-PATIENCE = 120.0
+TIMEOUT = 120.0
 _LAUNCH = """
 import sys
 from launch import LaunchDescription, LaunchService
@@ -77,7 +77,7 @@ def launch(installed, domain):
 
     yield launch
     for process in running:
-        # As Ctrl-C does: to launch and node; after any other signal launch would leave the node.
+        # Ctrl-C reaches launch and node; after any other signal launch would leave the node.
         with contextlib.suppress(ProcessLookupError):  # it has ended by itself
             os.killpg(process.pid, signal.SIGINT)
         process.communicate(timeout=60)
@@ -93,21 +93,21 @@ def peer(domain):
 def parameters(peer, node, *names):
     """Return the values of parameters of a node, once it answers."""
     client = AsyncParameterClient(peer.node, node)
-    peer.until(client.services_are_ready, f'the services of {node}', PATIENCE)
+    peer.until(client.services_are_ready, f'the services of {node}', TIMEOUT)
     future = client.get_parameters(list(names))
     peer.until(future.done, 'an answer')
     return [value.double_value or value.bool_value for value in future.result().values]
 
 
-def test_nothing_given(launch, peer):
-    """All defaults, and what SetParameter says counts."""
+def test_defaults(launch, peer):
+    """A parameter set by SetParameter in the launch file counts."""
     launch(margin='0.25')
     assert parameters(peer, '/footprint_monitor', 'margin', 'use_sim_time') == [0.25, False]
 
 
 @pytest.mark.parametrize('arguments, expected', [((), True), (('use_sim_time:=false',), False)])
 def test_simulated_time_is_passed_only_if_given(launch, peer, tmp_path, arguments, expected):
-    """Else it is as the parameter file says."""
+    """Otherwise the parameter file decides."""
     params = tmp_path / 'params.yaml'
     params.write_text('/**:\n  ros__parameters: {use_sim_time: true, margin: 0.5}\n')
     launch(f'params_file:={params}', *arguments)
@@ -116,20 +116,19 @@ def test_simulated_time_is_passed_only_if_given(launch, peer, tmp_path, argument
 
 @pytest.mark.parametrize('config', ['footprint_monitor', 'nav2'])
 def test_shipped_parameters_in_a_namespace(launch, peer, config):
-    """Under a name of its own, topics too are in the namespace."""
+    """With another node name; topics are in the namespace, too."""
     path = ROOT / 'config' / f'{config}.yaml'
     launch('name:=guard', 'namespace:=robot1', f'params_file:={path}')
     peer.name = 'robot1/guard'
     topic = {'nav2': 'local_costmap/published_footprint'}.get(config, 'footprint')
     peer.until(lambda: peer.node.count_subscribers(f'/robot1/{topic}')
-               and peer.node.count_subscribers('/robot1/obstacles'), 'subscriptions', PATIENCE)
-    peer.until(lambda: peer.flag() is True, 'a flag', PATIENCE)
+               and peer.node.count_subscribers('/robot1/obstacles'), 'subscriptions', TIMEOUT)
+    peer.until(lambda: peer.flag() is True, 'a flag', TIMEOUT)
 
 
-def test_node_that_ended_is_started_again(launch, peer):
-    """If asked for."""
+def test_respawn(launch, peer):
     process = launch('respawn:=true', 'log_level:=warn')
-    peer.until(lambda: peer.flag() is True, 'a flag', PATIENCE)
+    peer.until(lambda: peer.flag() is True, 'a flag', TIMEOUT)
     pids = []
     while len(pids) < 2:
         line = process.stdout.readline()
@@ -143,7 +142,6 @@ def test_node_that_ended_is_started_again(launch, peer):
 
 
 def test_missing_parameter_file_is_an_error(launch):
-    """The node does not start with other parameters than were meant."""
     process = launch('params_file:=/nowhere.yaml')
-    output, _ = process.communicate(timeout=PATIENCE)
+    output, _ = process.communicate(timeout=TIMEOUT)
     assert process.returncode and 'there is no file /nowhere.yaml' in output

@@ -12,14 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The loop: batches, rests, fairness, and reports of messages that come too fast."""
+"""The loop: batches, fairness, and reports of messages that come too fast."""
 
 from contextlib import contextmanager
 import itertools
 import time
 
 from geometry_msgs.msg import PolygonStamped
-from harness import box, health, MonitorPeer, RunningMonitor, SECOND, to_parameters, values
+from harness import (
+    APART, box, health, LASTING, MonitorPeer, ROBOT, RunningMonitor, SECOND, to_parameters,
+    TOUCHING, values)
 import pytest
 import rclpy
 from rclpy.duration import Duration
@@ -27,16 +29,12 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sat_collision.node import footprint_monitor
 from streams import streaming
 
-ROBOT = box(0, 0)
-APART = box(5, 5)
-TOUCHING = box(1, 1)
-LASTING = {'footprint__timeout': 0.0, 'obstacle__timeout': 60.0}
 MAP_OF_IDS = {'obstacle__type': 'polygon_instance', 'obstacle__timeout': 0.0}
 DEPTH = 'qos_overrides./obstacles.subscription.depth'
 
 
 class PausedMonitor(MonitorPeer):
-    """A monitor that runs when it is told to, so that messages can wait for it."""
+    """A monitor that can be paused, so that messages queue up."""
 
     def __init__(self, domain, parameters):
         self._monitor_context = rclpy.Context()
@@ -47,15 +45,15 @@ class PausedMonitor(MonitorPeer):
         self.paused = False
 
     def spin(self, seconds=0.0):
-        """Run the monitor for a turn or two unless it is paused, and take what it says."""
+        """Run the monitor for a turn or two unless it is paused, and receive its messages."""
         if not self.paused:
             calls = itertools.count()
             self.monitor.loop.run(lambda: next(calls) > 1)
         super().spin(seconds)
 
     @contextmanager
-    def waiting(self):
-        """Pause; what is sent in the meantime has arrived in the end, and nothing is taken."""
+    def paused_while_sending(self):
+        """Pause; at the end all messages sent meanwhile have arrived and none is received."""
         self.paused = True
         yield
         for publisher in self._publishers.values():
@@ -71,7 +69,7 @@ class PausedMonitor(MonitorPeer):
 
 @pytest.fixture
 def pausable(domain):
-    """Start a paused monitor with these parameters."""
+    """Start a monitor that can be paused."""
     started = []
 
     def pausable(**parameters):
@@ -83,16 +81,14 @@ def pausable(domain):
         monitor.close()
 
 
-def test_set_that_arrives_at_once_is_seen_whole(pausable):
-    """A contact that only another place of the set has now never falls in between."""
+def test_set_in_one_batch_is_evaluated_as_a_whole(pausable):
+    """The flag does not fall while a contact moves to another place in the set."""
     monitor = pausable()
-    monitor.send('footprint', ROBOT)
-    monitor.send_set('obstacles', TOUCHING)
-    monitor.await_state('collision')
+    monitor.become('collision', TOUCHING)
     received = monitor.listen('~/collision')
     monitor.until(lambda: received and received[-1].data)
     del received[:]
-    with monitor.waiting():
+    with monitor.paused_while_sending():
         monitor.send_set('obstacles', *(box(10 + 2 * k, 5) for k in range(99)), TOUCHING)
     before = len(received)
     monitor.until(lambda: monitor.contacts() == ['obstacle/99'] and len(received) > before)
@@ -100,28 +96,27 @@ def test_set_that_arrives_at_once_is_seen_whole(pausable):
 
 
 def test_contact_within_a_batch_is_published(pausable):
-    """The flags rise and fall at once, although the contact is over when the batch is."""
+    """The flags rise and fall, although the contact ends within the batch."""
     monitor = pausable(**MAP_OF_IDS, publish_rate=5.0)
     both = monitor.listen('~/footprint/collision'), monitor.listen('~/collision')
     monitor.send('footprint', ROBOT)
     monitor.send_set('obstacles', APART, instance=1)
     monitor.until(lambda: all(received and not received[-1].data for received in both))
     before = [len(received) for received in both]
-    with monitor.waiting():
+    with monitor.paused_while_sending():
         for polygon in (TOUCHING, APART):
             monitor.send('obstacles', polygon, instance=1)
     for received, start in zip(both, before):
-        # A last flag of before may come late.
+        # A flag published before the batch may arrive late.
         monitor.until(lambda: any(flag.data for flag in received[start:])
                       and not received[-1].data, 'a rise and a fall')
 
 
-def test_contact_within_the_first_batch(pausable):
-    """Before anything has been published at all."""
+def test_contact_within_the_first_batch_is_published(pausable):
     monitor = pausable(**MAP_OF_IDS, unknown_is_collision=False)
     monitor.paused = True
     received = monitor.listen('~/collision')
-    with monitor.waiting():
+    with monitor.paused_while_sending():
         monitor.send('footprint', ROBOT)
         for polygon in (TOUCHING, APART, []):
             monitor.send('obstacles', polygon, instance=1)
@@ -129,13 +124,13 @@ def test_contact_within_the_first_batch(pausable):
     monitor.await_state('clear')
 
 
-def test_messages_that_never_came_are_counted(pausable):
-    """A queue of ten and a set of fifty at once: forty are lost, and /diagnostics says so."""
+def test_lost_messages_are_counted(pausable):
+    """Fifty messages for a queue of ten: forty are lost."""
     monitor = pausable(obstacle__timeout=1.0, **{DEPTH: 10})
     states = monitor.listen('~/state')
     monitor.send('obstacles', APART)
     monitor.until(lambda: 'has not sent a whole set yet' in monitor.reason())
-    with monitor.waiting():
+    with monitor.paused_while_sending():
         monitor.send_set('obstacles', *49 * [APART])
     status = monitor.until(
         lambda: (health := monitor.health()) and 'obstacle: lost' in values(health) and health)
@@ -147,7 +142,7 @@ def test_messages_that_never_came_are_counted(pausable):
 
 
 class SlowMonitor(footprint_monitor.FootprintMonitor):
-    """Takes ten milliseconds for a message, as a computer under load does."""
+    """Takes ten milliseconds per message."""
 
     def receive(self, name, messages, now, number):
         time.sleep(0.01 * len(messages))
@@ -169,7 +164,7 @@ def start_slow(domain, monkeypatch):
 
 
 def test_source_behind_by_more_than_its_timeout_is_unknown(start_slow):
-    """Until it has caught up; /diagnostics says by how much it is behind."""
+    """It recovers when it has caught up; /diagnostics reports the delay."""
     monitor = start_slow(footprint__timeout=0.0, obstacle__timeout=0.3)
     monitor.send('footprint', ROBOT)
     monitor.send_set_until('clear', 'obstacles', APART)
@@ -184,7 +179,7 @@ def test_source_behind_by_more_than_its_timeout_is_unknown(start_slow):
 
 
 def test_source_that_loses_messages_is_unknown(start_slow, domain):
-    """What was lost may have been an obstacle; another publisher is whole again."""
+    """It recovers with the whole sets of another publisher."""
     monitor = start_slow(footprint__timeout=0.0, obstacle__timeout=1.0, **{DEPTH: 20})
     monitor.send('footprint', ROBOT)
     with streaming(domain, 'obstacles', 1000):
@@ -194,8 +189,8 @@ def test_source_that_loses_messages_is_unknown(start_slow, domain):
     monitor.send_set_until('clear', 'obstacles', APART)
 
 
-def test_all_else_works_while_messages_stream(start, domain):
-    """Parameter services, a publisher that does not fit, and /clock."""
+def test_node_stays_responsive_while_messages_stream(start, domain):
+    """Parameter services, an incompatible publisher, and /clock."""
     monitor = start(**LASTING)
     with streaming(domain, 'obstacles', 2000, TOUCHING):
         monitor.send('footprint', ROBOT)

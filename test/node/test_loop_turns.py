@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The turns of the loop: when it takes which messages, ticks and rests."""
+"""The turns of the loop: when it receives which messages, ticks and rests."""
 
 from contextlib import contextmanager
 import itertools
@@ -34,9 +34,10 @@ from streams import streaming
 
 class Recorder:
     """
-    Receives for a Loop, and keeps in which order; a message may take some time.
+    Receives for a Loop and records the order; each message may take some time.
 
-    Ticks are due twenty times a second, and where messages put them off, in ten seconds.
+    Ticks are due twenty times per second; `are_put_off` delays them by ten seconds after a
+    message.
     """
 
     def __init__(self, seconds=0.0, are_put_off=False):
@@ -47,7 +48,7 @@ class Recorder:
         self.batches = []
         self.backlogs = []
         self.ticks = 0
-        self.told_all = []
+        self.ticks_seen = []
 
     def receive(self, name, messages, now, number):
         for _ in messages:
@@ -65,7 +66,7 @@ class Recorder:
 
     def tick(self, now, is_all_taken):
         self.ticks += 1
-        self.told_all.append((is_all_taken, self.names.count('flood')))
+        self.ticks_seen.append((is_all_taken, self.names.count('flood')))
         self.names.append('tick')
         self.ticked = time.monotonic()
 
@@ -79,7 +80,7 @@ class Recorder:
 
 @pytest.fixture
 def looped(domain):
-    """Return a peer and how to run a Loop over 'flood' and 'other', which ends rests."""
+    """Return a peer, and a context that runs a Loop on 'flood' and 'other', which ends rests."""
     peer = Peer(domain)
     node = rclpy.create_node('receiver', context=peer.context)
     inputs = [loop.Input(name, node.create_subscription(
@@ -99,7 +100,7 @@ def looped(domain):
 
 
 def arrive(peer, **counts):
-    """Have so many messages on each topic arrive and wait to be taken."""
+    """Send some messages on each topic and wait until they are queued."""
     for topic, count in counts.items():
         publisher = peer.publisher(topic, qos=QoSProfile(depth=2000))
         for _ in range(count):
@@ -107,8 +108,8 @@ def arrive(peer, **counts):
         assert publisher.wait_for_all_acked(Duration(seconds=60))
 
 
-def test_flood_leaves_the_others_their_turn(looped):
-    """Half a second of work waits on one topic: the other's message and ticks come between."""
+def test_other_topics_get_their_turn_during_a_flood(looped):
+    """Half a second of work is queued on one topic; the other's message and ticks come between."""
     peer, looped = looped
     receiver = Recorder(0.001)
     arrive(peer, flood=500, other=1)
@@ -122,8 +123,8 @@ def test_flood_leaves_the_others_their_turn(looped):
     assert all(backlog.seconds > 0.0 for backlog in backlogs[:-1])
 
 
-def test_footprints_are_published_before_obstacles_are_taken(looped):
-    """Their flag need not wait for all that has come beside them."""
+def test_footprints_are_received_and_published_first(looped):
+    """They do not wait for the obstacles that arrived with them."""
     peer, looped = looped
     receiver = Recorder()
     arrive(peer, flood=20, other=1)
@@ -133,7 +134,7 @@ def test_footprints_are_published_before_obstacles_are_taken(looped):
 
 
 def test_footprint_is_published_between_batches(looped):
-    """It waits for a batch of obstacles that is taken, not for all that have come."""
+    """It waits for the current batch of obstacles, not for all that are queued."""
     peer, looped = looped
     receiver = Recorder()
     receive = receiver.receive
@@ -151,8 +152,8 @@ def test_footprint_is_published_between_batches(looped):
     assert 1 in receiver.batches  # the first one, unless a busy machine ends the turn
 
 
-def test_event_is_handled_when_it_comes(looped):
-    """Not with the next tick: until then each wait would end at once."""
+def test_event_is_handled_at_once(looped):
+    """It does not wait for the next tick."""
     peer, looped = looped
     receiver = Recorder(are_put_off=True)
     receiver.due = lambda now, steady: receiver.ticked + 10.0
@@ -162,7 +163,7 @@ def test_event_is_handled_when_it_comes(looped):
             matched=matched.append))
     with looped(receiver) as one:
         one.run(lambda: receiver.ticks)
-        # The wait after a tick looks at events anyway.
+        # After a tick the loop checks events anyway.
         arrive(peer, flood=1)
         one.run(lambda: 'flood' in receiver.names)
         publisher = threading.Timer(0.1, peer.publisher, ('another',))
@@ -172,23 +173,23 @@ def test_event_is_handled_when_it_comes(looped):
     assert matched and receiver.ticks == 1
 
 
-def test_tick_tells_whether_all_was_taken(looped):
-    """What waits may be of a map that seems to settle; so may what came while held up."""
+def test_tick_knows_whether_messages_are_queued(looped):
+    """Queued messages may belong to a map that otherwise seems to settle."""
     peer, looped = looped
     receiver = Recorder(0.001)
     arrive(peer, flood=200)
     with looped(receiver) as one:
-        one.run(lambda: receiver.told_all and receiver.told_all[-1][0])
-        assert receiver.told_all[-1][1] == 200
-        assert len(receiver.told_all) > 3
-        del receiver.told_all[:]
+        one.run(lambda: receiver.ticks_seen and receiver.ticks_seen[-1][0])
+        assert receiver.ticks_seen[-1][1] == 200
+        assert len(receiver.ticks_seen) > 3
+        del receiver.ticks_seen[:]
         time.sleep(0.2)
-        one.run(lambda: len(receiver.told_all) == 2)
-        assert [is_all_taken for is_all_taken, _ in receiver.told_all] == [False, True]
+        one.run(lambda: len(receiver.ticks_seen) == 2)
+        assert [is_all_taken for is_all_taken, _ in receiver.ticks_seen] == [False, True]
 
 
-def test_long_messages_are_received_by_themselves(looped):
-    """However many short ones were received together before: each may take long to check."""
+def test_long_messages_are_received_one_by_one(looped):
+    """Each may take long to check, however many short ones were received together before."""
     peer, looped = looped
     receiver = Recorder()
     together = []
@@ -207,8 +208,8 @@ def test_long_messages_are_received_by_themselves(looped):
     assert max(sum(size > 10_000 for size in sizes) for sizes in together) == 1
 
 
-def test_first_message_of_a_publisher_is_told_of(looped):
-    """Before it is taken, alone or among others: once for each."""
+def test_new_publisher_is_reported_before_its_first_message(looped):
+    """Once for each, whether its messages come alone or in a batch."""
     peer, looped = looped
     receiver = Recorder()
     with looped(receiver) as one:
@@ -220,8 +221,8 @@ def test_first_message_of_a_publisher_is_told_of(looped):
     assert receiver.begun == ['other', 'flood']
 
 
-def test_first_message_in_the_middle_of_a_queue(looped):
-    """What came before it is received first, then its publisher is reported, then it itself."""
+def test_new_publisher_in_the_middle_of_a_queue(looped):
+    """Earlier messages are received first, then the publisher is reported, then its messages."""
     peer, looped = looped
     receiver = Recorder()
     begin = receiver.begin_stream
@@ -238,8 +239,8 @@ def test_first_message_in_the_middle_of_a_queue(looped):
     assert names == ['begin', *3 * ['flood'], 'begin', *30 * ['flood']]
 
 
-def test_end_is_not_put_off_by_a_flood(looped):
-    """It is looked at after each turn, however much is waiting."""
+def test_stop_is_not_delayed_by_a_flood(looped):
+    """The condition to end is checked after each turn."""
     peer, looped = looped
     receiver = Recorder(0.001)
     arrive(peer, flood=500)
@@ -249,8 +250,8 @@ def test_end_is_not_put_off_by_a_flood(looped):
 
 
 @pytest.mark.parametrize('depth, expected', ((2000, 201), (50, 50)))
-def test_backlog_tells_about_how_many_messages_wait(monkeypatch, depth, expected):
-    """By when they came: each 1 ms after the one before, the last of those taken 0.2 s ago."""
+def test_backlog_estimates_the_queued_messages(monkeypatch, depth, expected):
+    """Messages arrived 1 ms apart, and the last one received is 0.2 s old."""
     infos = ({'publication_sequence_number': k + 2, 'received_timestamp': k * 10**6}
              for k in itertools.count())
     handle = SimpleNamespace(pointer=1, take_message=lambda *_: (b'', taken.append(next(infos))
@@ -269,8 +270,8 @@ def test_backlog_tells_about_how_many_messages_wait(monkeypatch, depth, expected
 
 @pytest.mark.parametrize('topic, rate, how', [
     ('flood', 5, None), ('flood', 500, 'to be ended'), ('other', 500, 'asleep')])
-def test_rests_only_where_messages_are_many(looped, domain, monkeypatch, topic, rate, how):
-    """A rest that gathers nothing only makes answers late; one always ended gathers nothing."""
+def test_loop_rests_only_if_messages_are_frequent(looped, domain, monkeypatch, topic, rate, how):
+    """A rest without more messages only delays answers; one that always ends gathers none."""
     peer, looped = looped
     rests = []
     clock = SimpleNamespace(**vars(time))
@@ -291,12 +292,12 @@ def test_rests_only_where_messages_are_many(looped, domain, monkeypatch, topic, 
 
 
 def seldom_after(receiver, ticks):
-    """Return what lets a Recorder tick every 30 s after so many ticks."""
+    """Return a `due` for a Recorder that ticks every 30 s after some ticks."""
     return lambda now, steady: receiver.ticked + (30.0 if receiver.ticks > ticks else 0.05)
 
 
-def test_footprint_is_taken_during_a_rest(looped, domain, monkeypatch):
-    """It is answered at once, while obstacles gather on; a tick would be in 30 s."""
+def test_footprint_ends_a_rest(looped, domain, monkeypatch):
+    """It is received at once; obstacles are received together later."""
     peer, looped = looped
     rest = loop.Waiting.rest
     rests = []
@@ -320,7 +321,7 @@ def test_footprint_is_taken_during_a_rest(looped, domain, monkeypatch):
         one.run(lambda: 'other' in receiver.names)
         assert 0.1 < rests[0] < 25.0
         assert receiver.names[-1] == 'other' and receiver.batches[-1] == 1
-        # However busy the machine is, what has gathered is taken in one turn.
+        # Let one turn receive all that has gathered, however busy the machine is.
         one._budget = 60.0
         receiver.due = lambda now, steady: steady + 0.1
         arrive(peer, other=1)
@@ -330,7 +331,7 @@ def test_footprint_is_taken_during_a_rest(looped, domain, monkeypatch):
 
 
 def test_footprints_do_not_prolong_a_rest(looped, domain):
-    """Obstacles are taken when it is over, however often it was ended."""
+    """Obstacles are received when it is over, however often footprints end it."""
     peer, looped = looped
     receiver = Recorder()
     receiver.due = seldom_after(receiver, 5)
@@ -343,8 +344,8 @@ def test_footprints_do_not_prolong_a_rest(looped, domain):
     assert max(others) < 10
 
 
-def test_clock_is_taken_after_each_rest(looped, domain):
-    """With rests, too, no tick is awaited for what else is subscribed to."""
+def test_other_subscriptions_are_served_after_each_rest(looped, domain):
+    """As /clock, which must not wait for a tick."""
     peer, looped = looped
     receiver = Recorder()
     receiver.due = seldom_after(receiver, 5)
@@ -353,15 +354,15 @@ def test_clock_is_taken_after_each_rest(looped, domain):
     peer.publisher('more')
     with looped(receiver, delay=0.02) as one, streaming(domain, 'flood', 500):
         one.run(lambda: receiver.ticks > 5)
-        # The wait after a tick looks at all.
+        # After a tick the loop checks all subscriptions.
         one.run(lambda: receiver.names[-5:] == 5 * ['flood'])
         arrive(peer, more=1)
         one.run(lambda: received or time.monotonic() > receiver.ticked + 20.0)
     assert received
 
 
-def test_message_that_comes_alone_is_taken_alone(looped):
-    """To look for more costs as much as to take it; what comes meanwhile makes one batch."""
+def test_single_message_is_a_batch_of_its_own(looped):
+    """Messages that arrive meanwhile make one batch."""
     peer, looped = looped
     receiver = Recorder(are_put_off=True)
     receive = receiver.receive
@@ -374,7 +375,7 @@ def test_message_that_comes_alone_is_taken_alone(looped):
     peer.publisher('flood', qos=QoSProfile(depth=2000))
     with looped(receiver) as one:
         one.run(lambda: receiver.names[-1:] == ['other'] or arrive(peer, other=1))
-        # No tick comes in between.
+        # No tick is due in between.
         del receiver.batches[:]
         timer = threading.Timer(0.01, arrive, (peer,), {'flood': 1})
         timer.start()
@@ -383,8 +384,8 @@ def test_message_that_comes_alone_is_taken_alone(looped):
     assert receiver.batches[0] == 1 and sum(receiver.batches) == 21
 
 
-def test_messages_put_a_tick_off(looped):
-    """When it is due is asked for after each batch, too: nothing wakes in between."""
+def test_messages_can_delay_a_tick(looped):
+    """The loop asks when the next tick is due after each batch."""
     peer, looped = looped
     receiver = Recorder(are_put_off=True)
     with looped(receiver) as one:
@@ -399,7 +400,6 @@ def test_messages_put_a_tick_off(looped):
 
 
 def test_rest_ends_when_a_tick_is_due(looped):
-    """However long it may be, and however many messages there were."""
     peer, looped = looped
     receiver = Recorder()
     arrive(peer, flood=10)
@@ -410,7 +410,7 @@ def test_rest_ends_when_a_tick_is_due(looped):
 
 
 class Prompter(Recorder):
-    """Has messages arrive between the wait and the taking in each turn."""
+    """Sends messages in each turn between waiting and receiving."""
 
     def __init__(self, peer):
         super().__init__()
@@ -427,17 +427,17 @@ class Prompter(Recorder):
         super().tick(now, is_all_taken)
 
 
-def test_all_was_taken_that_came_since_the_wait(looped):
-    """A topic that nothing waited on is looked at all the same before time passes."""
+def test_messages_that_arrive_after_the_wait_are_received_before_a_tick(looped):
+    """Also those of a topic that had no messages during the wait."""
     peer, looped = looped
     receiver = Prompter(peer)
     with looped(receiver) as one:
-        one.run(lambda: sum(is_all_taken for is_all_taken, _ in receiver.told_all) > 5)
+        one.run(lambda: sum(is_all_taken for is_all_taken, _ in receiver.ticks_seen) > 5)
 
 
 @pytest.mark.parametrize('rate', (5, 500))
 def test_service_is_answered(looped, domain, rate):
-    """It is looked at once a tick, with rests and without."""
+    """With and without rests."""
     peer, looped = looped
     receiver = Recorder()
     client = peer.node.create_client(ListParameters, '/receiver/list_parameters')
@@ -451,7 +451,7 @@ def test_service_is_answered(looped, domain, rate):
 
 @pytest.mark.parametrize('turns_before', (0, 5))
 def test_other_subscriptions_are_served(looped, turns_before):
-    """As that to the clock; so is one that the node makes while it runs."""
+    """Also one that the node creates while it runs."""
     peer, looped = looped
     receiver = Recorder()
     received = []
@@ -459,11 +459,11 @@ def test_other_subscriptions_are_served(looped, turns_before):
         one.run(lambda: receiver.ticks > turns_before)
         turns = itertools.count()
 
-        def is_heard():
+        def is_received():
             if next(turns) == turns_before:
                 looped.node.create_subscription(PolygonStamped, 'more', received.append, 10)
             if receiver.ticks % 5 == 0:
                 peer.publisher('more').publish(PolygonStamped())
             return received or receiver.ticks > 1000
-        one.run(is_heard)
+        one.run(is_received)
     assert received

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Commands over DDS: of both types, from any publisher, valid and invalid."""
+"""Velocity commands over DDS: both types, any publisher, valid and invalid."""
 
 import math
 
@@ -42,7 +42,7 @@ def stamped(x, frame_id='base'):
 
 
 class Robot:
-    """It stands at 0 and backs off on its tyres, a metre and a half before a wall."""
+    """A robot that stands at 0, with slight noise, 1.5 m before a wall."""
 
     def __init__(self, running):
         self.running = running
@@ -50,7 +50,7 @@ class Robot:
         self.placed = 0
 
     def stand(self, command=None, publisher=None):
-        """Tell where it is, and what it is to do, if anything."""
+        """Send its transform and the wall, and a command if there is one."""
         self.placed += 1
         self.running.publisher('/tf', PolygonStamped).publish(transforms(
             ('odom', 'base', self.running.now(), -1e-3 * (self.placed % 2), 0.0)))
@@ -59,52 +59,52 @@ class Robot:
             publisher.publish(command)
         self.running.spin(0.02)
 
-    def until(self, condition, what, *told):
-        self.running.until(lambda: self.stand(*told) or condition(), what)
+    def until(self, condition, what, *command):
+        self.running.until(lambda: self.stand(*command) or condition(), what)
 
     def velocity(self):
         return values(self.running.status())['velocity'] if self.running.status() else ''
 
-    def until_it_goes(self, *told):
-        """Wait for a second and a half until the wall, at 1 m/s."""
+    def until_predicted(self, *command):
+        """Wait until contact is predicted in 1.5 s, at the commanded 1 m/s."""
         self.until(lambda: self.times and 1.0 < self.times[-1].data <= 1.5
-                   and self.velocity().endswith('by command'), 'a time', *told)
+                   and self.velocity().endswith('by command'), 'a time', *command)
 
 
 @pytest.mark.parametrize(('message', 'qos'), [
     (twist(1.0), 10), (twist(1.0), BEST_EFFORT), (stamped(1.0), 10), (stamped(1.0, ''), 1)])
-def test_the_time_is_that_by_the_command(start_with_tf, message, qos):
-    """Whatever the type and the quality of service; unknown before, and once nobody commands."""
+def test_time_to_collision_follows_the_command(start_with_tf, message, qos):
+    """For both types and any QoS; unknown before the first command and after the last."""
     running = start_with_tf(**ROBOT)
     robot = Robot(running)
     robot.until(lambda: running.state() == 'clear', 'a clear state')
     robot.until(lambda: robot.velocity() == 'unknown: no command on /cmd_vel yet', 'no command')
     robot.until(lambda: math.isnan(robot.times[-1].data), 'no time')
     publisher = running.publisher('cmd_vel', type(message), qos)
-    robot.until_it_goes(message, publisher)
+    robot.until_predicted(message, publisher)
     assert f'{type(message).__name__} on /cmd_vel' in running.logged('footprint.cmd_vel')[0]
     robot.until(lambda: robot.velocity().startswith('unknown: no command on /cmd_vel for 0.'),
                 'an end')
     robot.until(lambda: math.isnan(robot.times[-1].data), 'no time')
 
 
-def test_whoever_comes_with_the_other_type_is_heard(start_with_tf, join):
-    """The one who commanded goes, and comes again; a restart of the monitor is not needed."""
+def test_type_of_commands_may_change(start_with_tf, join):
+    """One publisher leaves and another comes with the other type; no restart is needed."""
     running = start_with_tf(**ROBOT)
     robot = Robot(running)
     for number, message in enumerate((twist(1.0), stamped(1.0), twist(1.0))):
         peer = join(f'driver{number}')
         publisher = peer.node.create_publisher(type(message), 'cmd_vel', 10)
-        robot.until_it_goes(message, publisher)
+        robot.until_predicted(message, publisher)
         peer.node.destroy_publisher(publisher)
         robot.until(lambda: robot.velocity().startswith('unknown: no command on'), 'an end')
 
 
-def test_bad_commands_are_counted_and_logged_with_their_topic(start_with_tf):
+def test_invalid_commands_are_counted_and_logged(start_with_tf):
     running = start_with_tf(**ROBOT)
     robot = Robot(running)
     publisher = running.publisher('cmd_vel', TwistStamped)
-    robot.until_it_goes(stamped(1.0), publisher)
+    robot.until_predicted(stamped(1.0), publisher)
     for message, reason, words in (
             (stamped(math.nan), 'no velocity of a robot', 'nan m/s, 0 m/s, 0 rad/s; the publis'),
             (stamped(1.0, 'map'), 'command in another frame', "in 'map', the outline in 'base'")):
@@ -115,24 +115,24 @@ def test_bad_commands_are_counted_and_logged_with_their_topic(start_with_tf):
         line, *_ = running.logged('a message on /cmd_vel was rejected', reason)
         assert line.startswith('footprint.cmd_vel: ') and words in line
         robot.until(lambda: f'footprint.cmd_vel: rejected, {reason}' in health(running), 'a count')
-        robot.until_it_goes(stamped(1.0), publisher)
+        robot.until_predicted(stamped(1.0), publisher)
     assert int(health(running)['footprint.cmd_vel: received']) > 2
 
 
-def test_what_is_no_command_is_said(start_with_tf):
+def test_topic_of_another_type_is_logged(start_with_tf):
     running = start_with_tf(**ROBOT)
     running.node.create_publisher(Bool, 'cmd_vel', 10)
     assert running.logged('footprint.cmd_vel: /cmd_vel is published as std_msgs/msg/Bool, but a ')
 
 
-def test_the_topic_is_remapped_once(start_with_tf):
+def test_topic_of_commands_is_remapped_once(start_with_tf):
     running = start_with_tf(arguments=['-r', 'cmd_vel:=driven', '-r', 'driven:=elsewhere'],
                             **ROBOT)
     running.publisher('driven', Twist)
 
 
-def test_the_flag_is_raised_ahead_by_the_command(start_with_tf):
-    """In the state that says so, by a robot that does not move yet."""
+def test_flag_is_raised_by_a_commanded_velocity(start_with_tf):
+    """The robot does not move yet."""
     running = start_with_tf(**ROBOT, footprint__min_time_to_collision=2.0)
     robot = Robot(running)
     publisher = running.publisher('cmd_vel', TwistStamped)

@@ -12,9 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Frames over DDS; another type replaces that of tf2_msgs, as only serialised bytes are sent."""
+"""Frames over DDS; another type stands in for tf2_msgs, since only bytes are sent."""
 
-import sys
 import time
 
 from builders import box, odometry, transforms
@@ -40,7 +39,7 @@ def latch(running, *links):
 
 
 def test_bodies_are_placed_by_tf(start_with_tf):
-    """The robot drives into what its camera sees standing in the world."""
+    """The robot drives into an obstacle that its camera sees at rest."""
     running = start_with_tf()
     latch(running, ('base', 'camera', 0, 0.5, 0.0))
 
@@ -59,8 +58,7 @@ def test_bodies_are_placed_by_tf(start_with_tf):
     until('clear', 6.5)
 
 
-def test_what_was_latched_before_the_start_is_known(domain, start_with_tf):
-    """A robot description is sent once."""
+def test_static_transform_sent_before_the_start_is_received(domain, start_with_tf):
     before = Peer(domain)
     publisher = before.node.create_publisher(PolygonStamped, '/tf_static', LATCHED)
     publisher.publish(transforms(('odom', 'camera', 0, 0.5, 0.0)))
@@ -70,8 +68,8 @@ def test_what_was_latched_before_the_start_is_known(domain, start_with_tf):
     before.close()
 
 
-def test_messages_wait_for_the_transform_at_their_stamp(start_with_tf):
-    """The obstacle counts as where it was before until that comes, and nothing is refused."""
+def test_message_waits_for_its_transform(start_with_tf):
+    """Until then the obstacle stays where it was, and nothing is refused."""
     running = start_with_tf(transform_timeout=9.0, footprint__timeout=0.0, obstacle__timeout=60.0)
     tell(running, ('odom', 'base', running.now(), 0.0, 0.0))
     running.send('/footprint', box(0), frame_id='odom')
@@ -88,34 +86,32 @@ def test_messages_wait_for_the_transform_at_their_stamp(start_with_tf):
     assert not running.monitor._monitor.rejected
 
 
-def test_what_never_comes_is_logged(start_with_tf):
+def test_missing_transform_is_logged(start_with_tf):
     running = start_with_tf()
     running.send_until('unknown', '/footprint', box(0), frame_id='base')
     line, = running.logged('no good transform has named base yet')[:1]
     assert line.startswith('footprint: a message on /footprint was rejected, unknown frame: ')
 
 
-def test_bad_transforms_are_logged_with_their_frame(start_with_tf):
+def test_invalid_transform_is_logged(start_with_tf):
     running = start_with_tf()
     tell(running, ('odom', 'base', running.now(), float('nan'), 0.0))
     assert running.logged("the transform of 'base' in 'odom' by an unknown publisher")
 
 
-def test_without_tf2_msgs_that_is_said_once(start, monkeypatch):
-    monkeypatch.setitem(sys.modules, 'tf2_msgs', None)
-    monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', None)
+def test_missing_tf2_msgs_is_logged_once(start, without_tf2_msgs):
     running = start(frame_id='odom')
     assert len(running.logged('tf2_msgs is not installed (apt install ros-jazzy-tf2-msgs')) == 1
     running.send_until('unknown', '/footprint', box(0), frame_id='base')
     assert running.logged('other frame')
 
 
-def test_without_a_fixed_frame_nothing_is_listened_to(start_with_tf, start):
+def test_no_transforms_are_subscribed_to_without_a_fixed_frame(start_with_tf, start):
     running = start()
     assert not [one for one in running.monitor.subscriptions if one.topic_name.startswith('/tf')]
 
 
-def test_where_tf_comes_from_can_be_chosen(start, start_with_tf):
+def test_tf_can_be_remapped(start, start_with_tf):
     running = start(arguments=['-r', '/tf:=tf', '-r', '__ns:=/robot1'], frame_id='odom')
     topics = {one.topic_name for one in running.monitor.subscriptions}
     assert {'/robot1/tf', '/tf_static'} <= topics
@@ -126,7 +122,7 @@ SQUARE_OF_BASE = {'footprint__points': SQUARE, 'footprint__frame_id': 'base'}
 
 
 def drive(running, x, child='base', peer=None):
-    """Tell where a robot is, and that its laser sees nothing near."""
+    """Send the robot's transform, and an obstacle that is far away."""
     (peer or running).publisher('/tf', PolygonStamped).publish(
         transforms(('odom', child, running.now(), x, 0.0)))
     running.send_set('/obstacles', box(9.0), frame_id='odom')
@@ -137,7 +133,7 @@ def until(running, state, x):
     running.until(lambda: drive(running, x) or running.state() == state, state)
 
 
-def test_an_outline_is_moved_by_tf(start_with_tf):
+def test_outline_follows_tf(start_with_tf):
     running = start_with_tf(**SQUARE_OF_BASE)
     until(running, 'clear', 0.0)
     until(running, 'collision', 9.5)
@@ -151,16 +147,14 @@ def test_an_outline_is_moved_by_tf(start_with_tf):
     assert reason == 'footprint.points has 3 numbers, but each point has two'
 
 
-def test_an_outline_is_moved_by_odometry(start, monkeypatch):
-    """Where there is no tf2_msgs, for what the robot sees as well."""
-    monkeypatch.setitem(sys.modules, 'tf2_msgs', None)
-    monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', None)
+def test_outline_follows_odometry(start, without_tf2_msgs):
+    """Obstacles in the robot's frame are placed by it, too."""
     running = start(frame_id='odom', footprint__odometry='odom', **SQUARE_OF_BASE)
 
     def report(x):
         data = odometry('odom', 'base', running.now(), x, 0.0)
         message = rclpy.serialization.deserialize_message(data, Odometry)
-        # But for bytes that only fill up, which may be any.
+        # Padding bytes may differ.
         assert decode_odometry(rclpy.serialization.serialize_message(message)) == (
             decode_odometry(data))
         running.publisher('/odom', Odometry).publish(message)
@@ -171,15 +165,13 @@ def test_an_outline_is_moved_by_odometry(start, monkeypatch):
         running.until(lambda: report(x) or running.state() == state, state)
 
 
-def test_without_tf2_msgs_an_outline_by_tf_is_told_of(start, monkeypatch):
-    monkeypatch.setitem(sys.modules, 'tf2_msgs', None)
-    monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', None)
+def test_outline_without_tf2_msgs_is_logged(start, without_tf2_msgs):
     running = start(frame_id='odom', **SQUARE_OF_BASE)
     assert running.logged('tf2_msgs is not installed', 'it is not known where footprint is')
 
 
 def test_two_publishers_of_a_frame_are_named(domain, start_with_tf):
-    """With the nodes that publish /tf; a frame that one publishes alone is not."""
+    """With their nodes; a frame that only one publishes is not named."""
     running = start_with_tf(**SQUARE_OF_BASE)
     other = Peer(domain)
     second = other.node.create_publisher(PolygonStamped, '/tf', 100)
@@ -210,8 +202,8 @@ def parameters():
 
 
 @pytest.mark.parametrize('seed', (0, 7))
-def test_contacts_are_those_of_the_true_places(start_with_tf, seed):
-    """Whatever the order in which all is taken; at the end of each window all has come."""
+def test_contacts_match_the_true_poses(start_with_tf, seed):
+    """In whatever order messages arrive; by the end of each window all have."""
     running = start_with_tf(**parameters())
     publishers = {topic: running.publisher(topic, KINDS.get(topic, PolygonStamped), qos)
                   for topic, qos in (('/tf', 100), ('/tf_static', LATCHED), ('/footprint', 100),

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The node as a process: how it starts, and how it ends."""
+"""The node as a process: how it starts and ends."""
 
 import os
 from pathlib import Path
@@ -100,7 +100,7 @@ def peer(domain):
 
 
 def output_until(process, words):
-    """Read the process's output until a line with some words has come."""
+    """Read the process's output up to a line with some words."""
     for line in process.stdout:
         if words in line:
             return
@@ -109,7 +109,7 @@ def output_until(process, words):
 
 @pytest.fixture
 def launch_ready(launch):
-    """Start the node's process and wait until its subscriptions are there."""
+    """Start the node's process and wait until it has subscribed."""
     def launch_ready(*arguments, **options):
         process = launch(*arguments, **options)
         output_until(process, 'obstacle: ')
@@ -125,7 +125,7 @@ def ended(process):
 
 @pytest.mark.parametrize('number', (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
 def test_one_signal_ends_a_busy_node_cleanly(launch_ready, peer, number):
-    """In the middle of messages, with a word, status 0 and no traceback."""
+    """Status 0, a log line, and no traceback."""
     process = launch_ready('-p', 'footprint.timeout:=0.0')
 
     def collides():
@@ -142,8 +142,8 @@ def test_one_signal_ends_a_busy_node_cleanly(launch_ready, peer, number):
     assert 'stopped by a signal' in output
 
 
-def test_signals_that_do_not_stop_coming(launch_ready, peer):
-    """As `ros2 launch` and impatient fingers do: one a millisecond until it has ended."""
+def test_repeated_signals(launch_ready, peer):
+    """One per millisecond until it has ended, as `ros2 launch` and users may send."""
     process = launch_ready()
     peer.until(peer.flag)
     while process.poll() is None:
@@ -155,7 +155,6 @@ def test_signals_that_do_not_stop_coming(launch_ready, peer):
 
 
 def test_signal_while_the_node_starts(launch):
-    """Before there is anything to shut down."""
     process = launch()
     output_until(process, 'kernels')
     process.send_signal(signal.SIGINT)
@@ -163,7 +162,7 @@ def test_signal_while_the_node_starts(launch):
     assert (status, 'Traceback' in output) == (0, False), output
 
 
-def test_signal_that_the_shell_had_told_to_ignore(launch_ready, peer):
+def test_signal_that_the_shell_ignores(launch_ready, peer):
     """As for a process started with & in a script."""
     process = launch_ready(preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN))
     peer.until(peer.flag)
@@ -175,26 +174,26 @@ def test_signal_that_the_shell_had_told_to_ignore(launch_ready, peer):
     (['-p', 'footprint.timeout:=soon'], 'footprint.timeout'),
     (['-p', 'qos_overrides./footprint.subscription.durability:=latched'], 'latched'),
     (['--params-file', 'nowhere.yaml'], 'nowhere.yaml'),
-    # No subscriber that follows the README's rule could make use of such flags.
+    # Subscribers that follow README's rule could not use such rare flags.
     (['-p', 'publish_rate:=0.1'], 'publish_rate'),
 ])
-def test_parameters_that_cannot_be_end_the_process_with_a_word(launch, arguments, words):
-    """Status 1 and a line that says what is wrong, where others have a traceback."""
+def test_invalid_parameters_end_the_process_with_an_error(launch, arguments, words):
+    """Status 1 and one line, no traceback."""
     status, output = ended(launch(*arguments))
     assert status == 1 and 'Traceback' not in output
     assert any(words in line and 'footprint_monitor' in line for line in output.splitlines())
 
 
-def test_version_is_told_without_a_node(capsys):
-    """The installed one; the source tree alone has none."""
+def test_version(capsys):
+    """The source tree alone has none."""
     assert main(['--version']) == 0
     assert re.fullmatch(r'sat_collision \S+\n', capsys.readouterr().out)
 
 
 @pytest.mark.parametrize('arguments', (
     ['--params-file', 'my.yaml'], ['use_sim_time:=true'], ['--ros-args', '--', 'my.yaml']))
-def test_arguments_that_nothing_takes_are_refused(capsys, arguments):
-    """Without --ros-args rcl would ignore them, and the node watch its defaults."""
+def test_unused_arguments_are_refused(capsys, arguments):
+    """Without --ros-args rcl ignores them, and the node would run with its defaults."""
     assert main(arguments) == 2
     out, error = capsys.readouterr()
     line, = error.splitlines()
@@ -203,15 +202,14 @@ def test_arguments_that_nothing_takes_are_refused(capsys, arguments):
 
 
 @pytest.mark.parametrize('option', ('--help', '-h'))
-def test_help_is_told_without_a_node(capsys, option):
-    """With the line that runs it."""
+def test_help(capsys, option):
     assert main([option]) == 0
     out = capsys.readouterr().out
     assert out.startswith('usage: ')
     assert 'footprint_monitor --ros-args --params-file my.yaml\n' in out
 
 
-def test_without_ros_it_is_said_what_to_install():
+def test_missing_rclpy_is_reported():
     program = ('import sys; sys.modules["rclpy"] = None\n'
                'from sat_collision.node.__main__ import main; sys.exit(main([]))')
     result = subprocess.run([sys.executable, '-c', program], cwd=ROOT, capture_output=True,
@@ -220,23 +218,23 @@ def test_without_ros_it_is_said_what_to_install():
     assert result.returncode == 1 and 'rclpy is not installed: source /opt/ros' in line
 
 
-@pytest.mark.parametrize('names, is_for_us', [
+@pytest.mark.parametrize('names, is_used', [
     ({'/**': {}}, True), ({'footprint_monitor': {}}, True), ({'/ns/*': {}}, False),
     ({'/*': {}}, True), ({'ns': {'footprint_monitor': {}}}, False),
     ({'/**/footprint_monitor': {}, 'other': {}}, True), ({'collision_monitor': {}}, False)])
-def test_file_without_a_word_for_the_node_is_warned_of(tmp_path, names, is_for_us):
-    """Names as rcl takes them: nested, with one wildcard a name or any number of names."""
+def test_parameter_file_without_this_node_is_found(tmp_path, names, is_used):
+    """Names as rcl reads them: nested, with wildcards for one name or any number of names."""
     def with_parameters(below):
         return {name: with_parameters(one) if one else {'ros__parameters': {'margin': 1.0}}
                 for name, one in below.items()}
     path = tmp_path / 'a.yaml'
     path.write_text(yaml.safe_dump(with_parameters(names)))
     words = list(unused_files(['-p', 'a:=1', '--params-file', str(path)], '/footprint_monitor'))
-    assert not words if is_for_us else f'{path} has no parameters for' in words[0]
+    assert not words if is_used else f'{path} has no parameters for' in words[0]
 
 
-def test_warning_names_the_nodes_that_the_file_is_for(launch, tmp_path):
-    """On the console, where whoever started the node looks."""
+def test_parameter_file_for_other_nodes_is_warned_of(launch, tmp_path):
+    """On the console, with the nodes that the file is for."""
     path = tmp_path / 'a.yaml'
     path.write_text('robot:\n  monitor: {ros__parameters: {margin: 1.0}}\n')
     process = launch('--params-file', str(path))
@@ -244,15 +242,15 @@ def test_warning_names_the_nodes_that_the_file_is_for(launch, tmp_path):
                           '/robot/monitor')
 
 
-def test_debug_does_not_log_every_take(launch_ready, peer):
-    """Which rcl does at that level, twice a message."""
+def test_debug_level_does_not_apply_to_rcl(launch_ready, peer):
+    """It would log two lines per message."""
     process = launch_ready('--log-level', 'debug')
     process.terminate()
     assert '[rcl]' not in ended(process)[1]
 
 
-def test_closed_output_does_not_end_the_node(domain, peer):
-    """As some supervisors start it: without stdout and stderr, which then are no files of it."""
+def test_node_runs_with_closed_output(domain, peer):
+    """Some supervisors start it without stdout and stderr."""
     process = subprocess.Popen(
         ['sh', '-c', 'exec "$0" -m sat_collision.node >&- 2>&-', sys.executable], cwd=ROOT,
         env={**os.environ, 'ROS_DOMAIN_ID': str(domain)})
@@ -265,8 +263,7 @@ def test_closed_output_does_not_end_the_node(domain, peer):
         process.wait()
 
 
-def test_first_lines_say_what_the_node_does(launch):
-    """Which kernel is being prepared and which topics are listened to."""
+def test_first_log_lines(launch):
     process = launch('-r', 'obstacles:=/seen')
     output_until(process, 'kernels')
     output_until(process, 'footprint: PolygonStamped on /footprint')
@@ -274,7 +271,7 @@ def test_first_lines_say_what_the_node_does(launch):
 
 
 def test_no_kernel_is_compiled_after_the_start(domain):
-    """Whatever comes in, no message waits for a compiler."""
+    """No message waits for the compiler."""
     pytest.importorskip('numba')
     subprocess.run([sys.executable, '-c', ALL_KINDS_OF_MESSAGES], cwd=ROOT, check=True,
                    env={**os.environ, 'ROS_DOMAIN_ID': str(domain)})

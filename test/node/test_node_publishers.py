@@ -12,36 +12,27 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The publishers of a node's topics: one per topic, or a fault that names them."""
+"""The publishers of a node's topics: exactly one per topic, otherwise a fault."""
 
 import itertools
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
-from harness import box, health, polygon_message, SECOND
+from harness import APART, box, health, LASTING, polygon_message, ROBOT, SECOND, TOUCHING
 import pytest
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sat_collision.node.loop import Input
+from sat_collision.node.publishers import Publishers
 
-ROBOT = box(0, 0)
-APART = box(5, 5)
-TOUCHING = box(1, 1)
-LASTING = {'footprint__timeout': 0.0, 'obstacle__timeout': 60.0}
 BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def clear(monitor):
-    """Bring the monitor to a clear state."""
-    monitor.send('footprint', ROBOT)
-    monitor.send_set('obstacles', APART)
-    monitor.await_state('clear')
-
-
 def test_topics_without_a_publisher(start):
-    """Nobody publishes there: said of both, in the state and once on the console."""
     monitor = start()
     monitor.until(lambda: 'footprint footprint on /footprint has no publisher; obstacle source '
                           'obstacle on /obstacles has no publisher' in monitor.reason())
@@ -57,9 +48,9 @@ def test_topics_without_a_publisher(start):
      'has a publisher, /second, of another type, geometry_msgs/msg/PolygonInstanceStamped'),
 ], ids=['obstacles', 'footprint', 'best effort', 'other type'])
 def test_second_publisher_is_named_until_it_leaves(start, join, topic, kind, qos, words):
-    """Whatever it would send: what the first one sends is not all that there is."""
+    """Whatever it would send: the first publisher alone is not the whole truth."""
     monitor = start(**LASTING)
-    clear(monitor)
+    monitor.become('clear', APART)
     second = join('second').node.create_publisher(kind, topic, qos)
     monitor.await_state('unknown')
     monitor.until(lambda: f'{topic} {words}' in monitor.reason(), words)
@@ -79,8 +70,7 @@ def test_second_publisher_is_named_until_it_leaves(start, join, topic, kind, qos
     monitor.until(sent, 'clear again')
 
 
-def test_topics_that_are_swapped_by_remapping(start):
-    """Each is remapped once, where publishers are looked for, too."""
+def test_topics_can_be_swapped_by_remapping(start):
     monitor = start(arguments=['-r', 'footprint:=obstacles', '-r', 'obstacles:=footprint'])
     monitor.until(lambda: 'footprint footprint on /obstacles has no publisher; obstacle source '
                           'obstacle on /footprint has no publisher' in monitor.reason())
@@ -92,10 +82,10 @@ def test_topics_that_are_swapped_by_remapping(start):
     monitor.await_state('clear')
 
 
-def test_second_publisher_with_an_obstacle_on_the_robot(start, join):
-    """Its numbers may continue those of the first one by chance: never clear all the same."""
+def test_second_publisher_is_never_ignored(start, join):
+    """Even if its message numbers happen to continue those of the first one."""
     monitor = start(**LASTING)
-    clear(monitor)
+    monitor.become('clear', APART)
     second = join('second')
     second.publisher('/obstacles')
     monitor.await_state('unknown')
@@ -112,8 +102,8 @@ def test_second_publisher_with_an_obstacle_on_the_robot(start, join):
     ({'qos_overrides./obstacles.subscription.durability': 'transient_local'}, QoSProfile(depth=5),
      'durability: volatile'),
 ])
-def test_incompatible_publisher_is_told_with_the_remedy(start, join, overrides, qos, policy):
-    """Nothing of it arrives: state, log and diagnostics name it, the policy and what to do."""
+def test_incompatible_publisher_is_reported_with_a_remedy(start, join, overrides, qos, policy):
+    """State, log and diagnostics name it, the QoS policy, and the parameter to set."""
     monitor = start(**overrides)
     join('camera').node.create_publisher(PolygonStamped, '/obstacles', qos)
     remedy = f'set qos_overrides./obstacles.subscription.{policy}'
@@ -124,7 +114,6 @@ def test_incompatible_publisher_is_told_with_the_remedy(start, join, overrides, 
 
 
 def test_best_effort_publisher_is_received_with_an_override(start):
-    """What Nav2's sensors send, once the parameter says so."""
     monitor = start(**{'qos_overrides./obstacles.subscription.reliability': 'best_effort'},
                     **LASTING)
     monitor.publisher('/obstacles', qos=BEST_EFFORT)
@@ -132,8 +121,8 @@ def test_best_effort_publisher_is_received_with_an_override(start):
     monitor.send_set_until('collision', '/obstacles', TOUCHING)
 
 
-def test_latched_messages_that_a_volatile_subscription_misses(start, join):
-    """The map was sent before the node began: the reason says what to set."""
+def test_latched_publisher_without_a_latched_subscription(start, join):
+    """The map was sent before the node started; the reason names the parameter to set."""
     mapper = join('mapper')
     mapper.node.create_publisher(PolygonStamped, '/obstacles', LATCHED)
     monitor = start(**LASTING)
@@ -143,9 +132,9 @@ def test_latched_messages_that_a_volatile_subscription_misses(start, join):
 
 
 def test_restarted_publisher_recovers(start, join):
-    """Unknown while there is none; the first whole set of the next one makes known."""
+    """Unknown while there is none; the first whole set of the next one is enough."""
     monitor = start(**LASTING)
-    clear(monitor)
+    monitor.become('clear', APART)
     monitor.node.destroy_publisher(monitor._publishers.pop('obstacles'))
     monitor.await_state('unknown')
     monitor.until(lambda: '/obstacles has no publisher' in monitor.reason())
@@ -196,7 +185,7 @@ LIVELINESS = {'qos_overrides./obstacles.subscription.liveliness': 'automatic',
 
 
 def test_killed_publisher_is_noticed_when_its_lease_is_over(start, detector):
-    """Nothing of it ever times out; another one takes its place while DDS still counts both."""
+    """Its messages never time out; its successor is accepted while DDS still lists both."""
     monitor = start(**LASTING, **LIVELINESS)
     monitor.send('footprint', ROBOT)
     first = detector()
@@ -209,18 +198,18 @@ def test_killed_publisher_is_noticed_when_its_lease_is_over(start, detector):
     monitor.await_state('clear')
 
 
-def test_killed_publisher_is_replaced_while_dds_counts_both(start, detector):
-    """One of the same name takes its place, as with respawn, long before the lease of 20 s."""
+def test_killed_publisher_is_replaced_while_dds_lists_both(start, detector):
+    """Its successor has the same name, as with respawn, long before the lease of 20 s ends."""
     monitor = start(**LASTING)
     monitor.send('footprint', ROBOT)
     first = detector()
-    # It has sent more than the next one has when it is found.
+    # More than its successor has sent when it is found.
     monitor.until(lambda: monitor.received['obstacle'] > 40)
     killed = time.monotonic()
     first.kill()
     before = monitor.received['obstacle']
     detector()
-    # More than may have been on their way from the first one.
+    # More than may still have been queued from the first one.
     monitor.until(lambda: monitor.received['obstacle'] > before + 40)
     count = len(monitor.states())
     monitor.until(lambda: monitor.states()[count + 3:][-1:] == ['clear'])
@@ -228,7 +217,7 @@ def test_killed_publisher_is_replaced_while_dds_counts_both(start, detector):
 
 
 def test_lost_liveliness_is_noticed_beside_missed_deadlines(start, detector):
-    """Twenty topics miss a deadline every 20 ms, each of which is an event of the middleware."""
+    """Twenty topics miss a deadline every 20 ms; each is an event of the middleware."""
     names = [f'late{k}' for k in range(20)]
     period = SECOND // 50
     monitor = start(obstacles=['obstacle', *names], obstacle__topic='obstacles',
@@ -243,13 +232,13 @@ def test_lost_liveliness_is_noticed_beside_missed_deadlines(start, detector):
     monitor.until(lambda: all(int(health(monitor).get(f'/{name}: deadlines missed', 0)) > 20
                               for name in names), 'deadlines missed')
     process.kill()
-    # The lease takes 0.5 s of it; after 20 s DDS would tell of it in another way.
-    monitor.await_state('unknown', patience=15.0)
+    # The lease takes 0.5 s; after 20 s DDS would remove the participant anyway.
+    monitor.await_state('unknown', timeout=15.0)
     assert '/obstacles has no publisher' in monitor.reason()
 
 
 def test_missed_deadline_is_counted(start):
-    """The publisher promises a message every 50 ms and sends one."""
+    """The publisher promises a message every 50 ms but sends one."""
     monitor = start(**{'qos_overrides./obstacles.subscription.deadline': 50_000_000}, **LASTING)
     monitor.publisher('/obstacles', qos=QoSProfile(
         depth=5, deadline=Duration(nanoseconds=50_000_000)))
@@ -258,7 +247,7 @@ def test_missed_deadline_is_counted(start):
 
 
 def test_another_monitor_of_the_same_name_is_an_error(start):
-    """Both publish the same flags: neither can be trusted."""
+    """Both publish the same flags, so neither can be trusted."""
     monitor = start()
     monitor.until(lambda: monitor.health() and monitor.health().level < b'\x02')
     other = start()
@@ -267,8 +256,7 @@ def test_another_monitor_of_the_same_name_is_an_error(start):
     del other
 
 
-def test_what_is_unknown_is_said_on_the_console_once(start, monkeypatch):
-    """Some seconds after the start, whoever reads ~/state or not."""
+def test_unknown_state_after_the_start_is_logged_once(start, monkeypatch):
     monkeypatch.setattr('sat_collision.node.footprint_monitor._STARTED', 3600.0)
     monitor = start(obstacle__timeout=60.0)
     monitor.send_set('obstacles', APART)
@@ -287,7 +275,7 @@ MAP = {'obstacles': ['map'], 'map__timeout': 0.0, 'map__settle_time': 0.2,
 
 
 def publish_map(peer, *polygons):
-    """Publish a map, each polygon with the stamp 0, as a map server does that ends nothing."""
+    """Publish a latched map of polygons with stamp 0, without ending it."""
     peer.publisher('/map', qos=LATCHED)
     for points in polygons:
         peer.send('/map', points, 0)
@@ -306,7 +294,7 @@ def test_latched_map_sent_before_the_node_started(start, join):
 
 @pytest.fixture
 def mapped(start, join):
-    """Return a monitor that knows a latched map, and who has published it."""
+    """Return a monitor that knows a latched map, and the peer that published it."""
     monitor, mapper = start(**MAP), join('mapper')
     publish_map(mapper, APART, box(7, 7))
     monitor.send('footprint', ROBOT)
@@ -315,7 +303,7 @@ def mapped(start, join):
 
 
 def test_latched_map_of_a_publisher_that_restarts(mapped, join):
-    """What it sends anew replaces what it sent before, be it more or less."""
+    """Its new map replaces the old one, whether it has more or fewer obstacles."""
     monitor, mapper = mapped
     for points, state in ((TOUCHING, 'collision'), (APART, 'clear')):
         mapper.node.destroy_publisher(mapper._publishers.pop('/map'))
@@ -325,7 +313,7 @@ def test_latched_map_of_a_publisher_that_restarts(mapped, join):
 
 
 def test_latched_map_of_a_source_that_is_disabled_and_enabled(mapped):
-    """All that it knew is forgotten; what its publisher keeps comes again."""
+    """The map is forgotten, and comes again from its publisher."""
     monitor, _ = mapped
     assert monitor.set_parameters(map__enabled=False) == [None]
     monitor.await_state('unknown')
@@ -334,8 +322,8 @@ def test_latched_map_of_a_source_that_is_disabled_and_enabled(mapped):
     assert len(monitor.monitor._scene.obstacles) == 2
 
 
-def test_latched_map_beside_which_somebody_publishes_once(mapped, join):
-    """As `ros2 topic pub --once` does: what it sent is forgotten once it has gone."""
+def test_latched_map_survives_another_publisher(mapped, join):
+    """As `ros2 topic pub --once`: its obstacle is forgotten once it has gone."""
     monitor, _ = mapped
     once = join('once')
     publish_map(once, TOUCHING)
@@ -345,15 +333,15 @@ def test_latched_map_beside_which_somebody_publishes_once(mapped, join):
     assert len(monitor.monitor._scene.obstacles) == 2
 
 
-def test_publisher_that_comes_and_goes_between_two_looks_at_the_graph(start, join):
+def test_short_lived_publisher_that_the_graph_may_miss(start, join):
     """
-    Its one empty polygon, and that alone, is all that shows of it.
+    It sends a single empty polygon.
 
-    It is past one set later; the graph may tell of it late, and what was held then stays until
-    its timeout.
+    The next whole set recovers; if the graph reports the publisher late, obstacles held then
+    stay until their timeout.
     """
     monitor = start(**{**LASTING, 'obstacle__timeout': 2.0})
-    clear(monitor)
+    monitor.become('clear', APART)
     once = join('once').node
     for _ in range(5):
         publisher = once.create_publisher(PolygonStamped, '/obstacles', 1)
@@ -366,8 +354,8 @@ def test_publisher_that_comes_and_goes_between_two_looks_at_the_graph(start, joi
     monitor.send_set_until('clear', 'obstacles', APART)
 
 
-def test_latched_map_over_a_clock_that_is_set_back(start, join):
-    """What has no time stays; the footprint is sent anew."""
+def test_latched_map_survives_a_step_back_in_time(start, join):
+    """Only the footprint must be sent again."""
     monitor, mapper = start(use_sim_time=True, **MAP), join('mapper')
     monitor.set_clock(3600 * SECOND)
     publish_map(mapper, APART)
@@ -376,7 +364,7 @@ def test_latched_map_over_a_clock_that_is_set_back(start, join):
     seconds = itertools.count(3601)
 
     def is_clear():
-        # A tick that comes too late lets the map settle only after that.
+        # After a late tick the map settles later.
         monitor.set_clock(next(seconds) * SECOND)
         return monitor.state() == 'clear'
     monitor.until(is_clear)
@@ -384,3 +372,46 @@ def test_latched_map_over_a_clock_that_is_set_back(start, join):
     monitor.set_clock(back)
     monitor.send_until('clear', 'footprint', ROBOT, stamp=back)
     assert len(monitor.monitor._scene.obstacles) == 1
+
+
+@pytest.fixture
+def graph():
+    """Return the list of publishers in a made-up graph, and Publishers that look at it."""
+    infos = []
+    node = SimpleNamespace(handle=SimpleNamespace(get_count_publishers=lambda _: len(infos)),
+                           get_publishers_info_by_topic=lambda _: [*infos])
+    subscription = SimpleNamespace(topic_name='/obstacles', qos_profile=QoSProfile(depth=1),
+                                   msg_type=PolygonStamped)
+    publishers = Publishers(node, [Input('obstacle', subscription, topic='obstacles')])
+
+    def look(behind=()):
+        news = dict(publishers.news(behind))
+        return [endpoint.node for endpoint in news['obstacle']] if news else None
+    return infos, look, publishers
+
+
+def info(name):
+    return SimpleNamespace(node_name=name, node_namespace='/', qos_profile=QoSProfile(depth=1),
+                           topic_type='geometry_msgs/msg/PolygonStamped',
+                           endpoint_gid=name.encode())
+
+
+def test_departure_is_reported_at_the_next_look(graph):
+    """By then its last messages have been received; it waits longer while any are queued."""
+    infos, look, _ = graph
+    infos += [info('a'), info('b')]
+    assert look() == ['/a', '/b']
+    del infos[0]
+    assert [look(), look(), look()] == [None, ['/b'], None]
+    del infos[0]
+    assert [look({'obstacle'}), look({'obstacle'}), look()] == [None, None, []]
+
+
+def test_new_publisher_is_reported_at_once_beside_one_that_has_gone(graph):
+    """Also if its first message comes before the next look."""
+    infos, look, publishers = graph
+    infos.append(info('a'))
+    assert look() == ['/a']
+    infos[:] = [info('b')]
+    assert [one.node for one in publishers.at_beginning('obstacle')] == ['/a', '/b']
+    assert look() == ['/b']

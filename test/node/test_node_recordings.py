@@ -12,40 +12,25 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Real recordings, published to a running node as they were recorded."""
-
-import itertools
+"""Real recordings, published to a running node."""
 
 from builders import serialised
 from harness import SECOND, to_ns
 from published import load
 import pytest
-from recordings import published
-from sat_collision.messages.cdr import decode
-
-rosbags = pytest.importorskip('rosbags.highlevel')
-
-
-def recorded(bag):
-    """Yield (stamp, [(topic, data), ...]) for each run of messages with one stamp."""
-    with rosbags.AnyReader([bag]) as reader:
-        connections = [c for c in reader.connections if c.topic in ('/footprint', '/obstacles')]
-        messages = [(decode(data, False)[0], connection.topic, data)
-                    for connection, _, data in reader.messages(connections)]
-    for stamp, run in itertools.groupby(messages, key=lambda message: message[0]):
-        yield stamp, [(topic, data) for _, topic, data in run]
+from recordings import by_stamp, published
 
 
 @pytest.mark.parametrize('name, storage', (
     ('autoware_ego_trajectory_boxes', 'mcap'),
     ('commonroad_USA_Lanker-1_1_ego1247', 'sqlite3'),
     ('tysik_front_scan_polygons', 'mcap')))
-def test_contacts_after_each_stamp_are_exactly_those_of_the_recording(start, name, storage):
+def test_contacts_of_a_recording_are_exact(start, name, storage):
     """
-    After a stamp's last message the contacts are those computed with rational arithmetic.
+    After the last message of each stamp, contacts equal those computed by rational arithmetic.
 
     The clock is the recording's. An empty polygon, which the recorded publishers did not send,
-    ends each set. The clock moves on once the node has counted all messages of a stamp, so that a
+    ends each set. The clock advances once the node has counted all messages of a stamp, so a
     state with the later time has seen them all.
     """
     expected = load('recordings')[name]['contacts']
@@ -54,7 +39,7 @@ def test_contacts_after_each_stamp_are_exactly_those_of_the_recording(start, nam
     counted = monitor.received
     sent = 0
     stamps = []
-    for (stamp, messages), frame in zip(recorded(published(name, storage)), expected):
+    for (stamp, messages), frame in zip(by_stamp(published(name, storage)), expected):
         stamps.append(stamp)
         monitor.set_clock(stamp)
         for topic, data in (*messages, ('/obstacles', serialised([], stamp))):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Files shipped beside the package: for other programs, an example, a fleet."""
+"""Files shipped with the package: configurations of other programs, an example, a fleet."""
 
 import importlib.util
 import json
@@ -41,7 +41,7 @@ def published(monitor):
 
 
 def test_rviz_shows_our_markers(start):
-    """The file is YAML of RViz's form, and its topic is one of markers."""
+    """The file has RViz's form, and its topic is our marker topic."""
     manager = read_yaml('rviz', 'footprint_monitor.rviz')['Visualization Manager']
     topic, = [display['Topic']['Value'] for display in manager['Displays'] if 'Topic' in display]
     assert published(start())[topic].__name__ == 'MarkerArray'
@@ -51,9 +51,9 @@ def test_rviz_shows_our_markers(start):
 
 def test_foxglove_shows_our_topics(start):
     """
-    Each panel that is placed is configured; each topic is ours, each field its message's.
+    Each placed panel is configured, and each topic and field exists.
 
-    They are those of the default footprint and of the one that nav2.yaml names.
+    The topics are those of the default footprint and of the one in nav2.yaml.
     """
     layout = json.loads((ROOT / 'foxglove' / 'footprint_monitor.json').read_text())
     text = json.dumps(layout)
@@ -69,9 +69,9 @@ def test_foxglove_shows_our_topics(start):
 
 def test_twist_mux_is_locked_by_the_flag(start):
     """
-    The form that twist_mux documents: topic, timeout and priority of each input and lock.
+    The file has the form that twist_mux documents.
 
-    A lock with a timeout is locked when nothing comes, and stops what has a lower priority.
+    A lock with a timeout is locked when no message comes, and stops inputs of lower priority.
     """
     parameters = read_yaml('config', 'twist_mux.yaml')['/**']['ros__parameters']
     topics, locks = parameters['topics'], parameters['locks']
@@ -87,7 +87,7 @@ def test_twist_mux_is_locked_by_the_flag(start):
 
 @pytest.fixture
 def gate():
-    """Return a function that runs the example beside a running monitor, in the peer's process."""
+    """Return a function that runs the example in the peer's process."""
     path = ROOT / 'examples' / 'stop_on_collision.py'
     spec = importlib.util.spec_from_file_location(path.stem, path)
     example = importlib.util.module_from_spec(spec)
@@ -108,12 +108,12 @@ def gate():
 
 @pytest.fixture
 def robot(gate, start):
-    """Return a robot that is always told to drive, behind the example, by a running monitor."""
+    """Return a robot that is always commanded to drive, with the example before it."""
     return Robot(gate, start(footprint__timeout=0.0, obstacle__timeout=60.0))
 
 
 class Robot:
-    """Hears what speeds the example passes on."""
+    """Receives the speeds that the example passes on."""
 
     def __init__(self, gate, monitor):
         self.monitor = monitor
@@ -125,8 +125,8 @@ class Robot:
     def note(self, twist):
         self.speed = twist.linear.x
 
-    def is_told(self, speed):
-        """Tell it to drive; tell whether it has been told this speed at last."""
+    def receives(self, speed):
+        """Command it to drive; tell whether the last speed passed on is the given one."""
         command = Twist()
         command.linear.x = 0.5
         self.commands.publish(command)
@@ -136,30 +136,30 @@ class Robot:
 
 
 def test_example_stops_the_robot(robot):
-    """At first and in contact it stands, clear it drives."""
-    robot.monitor.until(lambda: robot.is_told(0.0), 'a stop before the first flag')
+    """It stops before the first flag and in contact, and drives when clear."""
+    robot.monitor.until(lambda: robot.receives(0.0), 'a stop before the first flag')
     robot.monitor.send_set('/obstacles', box(5, 5))
     robot.monitor.send('/footprint', box(0, 0))
-    robot.monitor.until(lambda: robot.is_told(0.5), 'motion')
+    robot.monitor.until(lambda: robot.receives(0.5), 'motion')
     robot.monitor.send_set('/obstacles', box(0.5, 0.5))
-    robot.monitor.until(lambda: robot.is_told(0.0), 'a stop')
+    robot.monitor.until(lambda: robot.receives(0.0), 'a stop')
 
 
 def test_example_stops_the_robot_without_a_flag(robot):
-    """The monitor stands still, and nobody raises a flag: for 0.3 s the last one counts."""
+    """If the monitor stops publishing, the last flag counts for 0.3 s."""
     robot.monitor.send_set('/obstacles', box(5, 5))
     robot.monitor.send('/footprint', box(0, 0))
-    robot.monitor.until(lambda: robot.is_told(0.5), 'motion')
+    robot.monitor.until(lambda: robot.receives(0.5), 'motion')
     flags = robot.monitor.listen('~/collision')
     begin = len(flags)
     robot.monitor._stop.set()
-    robot.monitor.until(lambda: robot.is_told(0.0), 'a stop')
+    robot.monitor.until(lambda: robot.receives(0.0), 'a stop')
     assert time.monotonic() >= robot.node.clear_until > 0.0
     assert not any(flag.data for flag in flags[begin:])
 
 
 def test_fleet_avoids_itself(start):
-    """One robot comes to the other: both touch; what one sees concerns both; one is silent."""
+    """Two robots touch; a robot that falls silent is an unknown obstacle of the other."""
     monitor = start(['--params-file', str(ROOT / 'config' / 'fleet.yaml')],
                     robot1__timeout=0.0, robot2__timeout=0.0, body1__timeout=60.0,
                     body2__timeout=1.5, obstacle__timeout=60.0)

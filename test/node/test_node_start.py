@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Starts of the node and other entry points: no write access, no compiler, no kernels yet."""
+"""Starts of the node and of other entry points: no write access, no compiler, no kernels yet."""
 
 import math
 import os
@@ -31,7 +31,7 @@ import pytest
 from sat_collision.geometry.jit import COMPILED
 
 PACKAGE = Path(__file__).resolve().parents[2] / 'sat_collision'
-# Far less than it takes to compile all kernels.
+# Far less than the time to compile all kernels, in s.
 TO_END = 20.0
 
 
@@ -47,7 +47,7 @@ def place(tmp_path):
 
 @pytest.fixture
 def start(place, domain):
-    """Start a program in that place, with nothing of the user's environment that helps."""
+    """Start a program there, without help from the user's environment."""
     started = []
 
     def start(*arguments, **environment):
@@ -74,8 +74,8 @@ def lines_until(process, words):
     pytest.fail(f'ended without a word of {words}: {lines}')
 
 
-def test_node_that_may_write_nowhere(start, place):
-    """Neither package nor home: it says so in a line each, runs, and ends when asked to."""
+def test_node_without_write_access(start, place):
+    """It logs one line for each folder, runs, and stops on a signal."""
     forbid_writing(place)
     node = start('-m', 'sat_collision.node', NUMBA_DISABLE_JIT='1')
     lines = lines_until(node, 'on /obstacles')
@@ -87,8 +87,8 @@ def test_node_that_may_write_nowhere(start, place):
 
 @pytest.mark.parametrize('arguments', [('-c', 'from sat_collision import intersects'),
                                        ('-m', 'sat_collision.replay', 'nowhere')])
-def test_import_and_replay_that_may_write_nowhere(start, place, arguments):
-    """One line about kernels, where any are compiled, and no traceback."""
+def test_import_and_replay_without_write_access(start, place, arguments):
+    """One line about kernels if any are compiled, and no traceback."""
     forbid_writing(place)
     output, _ = start(*arguments).communicate(timeout=120)
     lines = [line for line in output.splitlines() if 'compiled kernels' in line]
@@ -96,7 +96,7 @@ def test_import_and_replay_that_may_write_nowhere(start, place, arguments):
 
 
 def test_node_without_a_compiler(start, place):
-    """It need not be there, and nothing is said of it but the kernel."""
+    """The log names plain Python as its kernel, without a warning."""
     (place / 'numba.py').write_text("raise ModuleNotFoundError('no numba', name='numba')")
     node = start('-m', 'sat_collision.node')
     text = ''.join(lines_until(node, 'on /obstacles'))
@@ -105,7 +105,7 @@ def test_node_without_a_compiler(start, place):
     assert node.wait(60) == 0
 
 
-def test_node_with_a_compiler_that_does_not_work(start, place):
+def test_node_with_a_broken_compiler(start, place):
     """It runs in plain Python; the log says why."""
     (place / 'llvmlite').mkdir()
     (place / 'llvmlite' / '__init__.py').write_text("raise OSError('no libllvmlite.so')")
@@ -118,33 +118,33 @@ def test_node_with_a_compiler_that_does_not_work(start, place):
 
 
 @pytest.mark.long
-def test_flags_before_distances(start, domain):
-    """A first start decides as soon as it can; no separation is published until it is measured."""
+def test_flags_are_published_before_distances_can_be_measured(start, domain):
+    """A first start publishes flags early, and separations once their kernels are compiled."""
     if not COMPILED:
         pytest.skip('nothing is compiled')
-    # A watchdog would raise the flag, too, if anything were compiled for an answer.
+    # If an answer waited for the compiler, a watchdog would raise the flag, too.
     node = start('-m', 'sat_collision.node', '--ros-args', '-p', 'watchdog:=0.0')
     lines_until(node, 'distances are measured later')
     peer = Peer(domain)
     flags, separations = peer.listen('~/collision'), peer.listen('~/footprint/separation')
     states, markers = peer.listen('~/state'), peer.markers()
 
-    def is_told(x, collides):
+    def publishes(x, collides):
         peer.send('footprint', box(0.0))
         peer.send_set('obstacles', box(x))
         peer.spin(0.05)
         return flags and flags[-1].data is collides
-    peer.until(lambda: is_told(9.0, False), 'a clear flag')
-    # A parameter that measures nothing does not wait for what measures.
+    peer.until(lambda: publishes(9.0, False), 'a clear flag')
+    # Setting a parameter that needs no distances does not wait for their kernels.
     assert peer.set_parameters(marker_rate=20.0) == [None]
-    peer.until(lambda: is_told(0.5, True), 'a raised flag')
+    peer.until(lambda: publishes(0.5, True), 'a raised flag')
     del separations[:]
     peer.until(lambda: len(separations) > 3)
     assert all(math.isnan(one.data) for one in separations) and not markers
     peer.until(lambda: states[-1].status[0].message.endswith(
         '; distances are not measured yet: their kernels are being compiled'), 'why in the state')
     lines_until(node, 'distances are measured after')
-    peer.until(lambda: is_told(9.0, False) and markers
+    peer.until(lambda: publishes(9.0, False) and markers
                and separations[-1].data == pytest.approx(8.0, abs=1e-9)
                and states[-1].status[0].message == 'clear', 'the separation')
     peer.close()
@@ -153,8 +153,8 @@ def test_flags_before_distances(start, domain):
 
 
 @pytest.mark.long
-def test_margin_awaits_distances(start):
-    """It is one: a first start with a margin says nothing before it can measure."""
+def test_margin_needs_distances_from_the_start(start):
+    """A first start with a margin publishes no flag before it can measure."""
     if not COMPILED:
         pytest.skip('nothing is compiled')
     node = start('-m', 'sat_collision.node', '--ros-args', '-p', 'margin:=0.5')
@@ -165,8 +165,8 @@ def test_margin_awaits_distances(start):
 
 @pytest.mark.long
 @pytest.mark.parametrize('number', (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
-def test_signal_at_some_moment_of_the_first_start(start, number):
-    """While kernels compile, in this process and in its helper: both end, with status 0."""
+def test_signal_during_the_first_start(start, number):
+    """While kernels compile in this process and in its helper, both end with status 0."""
     pytest.importorskip('numba')
     rng = random.Random(number)
     node = start('-m', 'sat_collision.node')
@@ -187,11 +187,11 @@ def test_signal_at_some_moment_of_the_first_start(start, number):
 @pytest.mark.long
 @pytest.mark.skipif(not COMPILED, reason='plain Python has the verdict by then')
 @pytest.mark.parametrize('seed', range(3))
-def test_interrupt_at_some_moment_of_the_first_replay(start, place, seed):
-    """While kernels compile, where callbacks swallow exceptions: soon, without a verdict."""
+def test_interrupt_during_the_first_replay(start, place, seed):
+    """While kernels compile, in callbacks that swallow exceptions; there is no verdict."""
     pytest.importorskip('rosbags')
     from recordings import drive, write
-    # So many that kernels are compiled for them.
+    # Enough messages for kernels to be compiled.
     bag = write(place / 'bag', drive(200.0, 40.0))
     replay = start('-m', 'sat_collision.replay', str(bag))
     time.sleep(random.Random(seed).uniform(1.5, 6.0))
@@ -203,8 +203,8 @@ def test_interrupt_at_some_moment_of_the_first_replay(start, place, seed):
     assert 'Traceback' not in output, output
 
 
-def test_interrupt_of_a_compiler(start, place):
-    """In code from a string, with an object half made, whose end fails: only that is said."""
+def test_interrupt_within_generated_code(start, place):
+    """With a half-made object whose destructor fails; only the interrupt is reported."""
     (place / 'home' / 'interrupted.py').write_text("""
 import os, signal, sys
 from sat_collision.replay import __main__

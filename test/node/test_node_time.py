@@ -12,23 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A node that uses /clock, and its ticks."""
+"""A node with simulated time, and its ticks."""
 
 from functools import partial
 import itertools
 import time
 
 from builders import serialised
-from harness import box, SECOND, to_parameters, values
+from harness import APART, box, ROBOT, SECOND, to_parameters, TOUCHING, values
 import pytest
 import rclpy
 from rosgraph_msgs.msg import Clock
 from sat_collision.node.footprint_monitor import FootprintMonitor
 from sat_collision.scene.streams import Endpoint
 
-ROBOT = box(0, 0)
-APART = box(5, 5)
-TOUCHING = box(1, 1)
 HOUR = 3600 * SECOND
 
 
@@ -37,8 +34,8 @@ def send_pair(monitor, obstacle, stamp):
     monitor.send_set('obstacles', obstacle, stamp=stamp)
 
 
-def test_before_the_first_clock_nothing_is_known(start):
-    """Contact or not, without time no age is known; publishing goes on regardless."""
+def test_unknown_before_the_first_clock(start):
+    """States are published nevertheless."""
     monitor = start(use_sim_time=True)
     send_pair(monitor, APART, HOUR)
     monitor.until(lambda: monitor.received.total() == 3)
@@ -50,7 +47,7 @@ def test_before_the_first_clock_nothing_is_known(start):
 
 
 def test_ages_count_in_simulated_time(start):
-    """Fresh by the simulation's clock, though an age ago by the wall's; stale when it moves on."""
+    """Messages stay fresh while the clock is paused."""
     monitor = start(use_sim_time=True)
     monitor.set_clock(HOUR)
     monitor.await_state('unknown')
@@ -64,8 +61,8 @@ def test_ages_count_in_simulated_time(start):
     assert values(status)['age'] == '1.500'
 
 
-def test_clock_and_publishers_that_stop_together_make_unknown(start):
-    """The simulation hangs: no age grows any more, only the wall clock tells."""
+def test_stopped_clock_is_unknown(start):
+    """The simulation hangs: ages no longer grow."""
     monitor = start(use_sim_time=True, clock_timeout=0.5)
     monitor.set_clock(HOUR)
     send_pair(monitor, APART, HOUR)
@@ -76,8 +73,7 @@ def test_clock_and_publishers_that_stop_together_make_unknown(start):
     monitor.until(lambda: monitor.set_clock(next(stamps)) or monitor.state() == 'clear')
 
 
-def test_state_is_published_while_the_clock_stands_still(start):
-    """A paused simulation is no dead monitor."""
+def test_states_are_published_while_the_clock_is_paused(start):
     monitor = start(use_sim_time=True)
     monitor.set_clock(HOUR)
     send_pair(monitor, TOUCHING, HOUR)
@@ -88,8 +84,8 @@ def test_state_is_published_while_the_clock_stands_still(start):
     monitor.until(lambda: len(received) > count + 5, 'regular flags')
 
 
-def test_backward_jump_drops_everything_until_fresh_data(start):
-    """A recording begins again: the obstacle of its end must not collide with its beginning."""
+def test_step_back_in_time_drops_everything(start):
+    """A recording starts again."""
     monitor = start(use_sim_time=True, footprint__timeout=0.0, obstacle__timeout=60.0)
     monitor.set_clock(HOUR)
     send_pair(monitor, TOUCHING, HOUR)
@@ -105,7 +101,6 @@ def test_backward_jump_drops_everything_until_fresh_data(start):
 
 
 def test_release_delay_counts_in_simulated_time(start):
-    """The flag stays up for as long as the clock stands still."""
     monitor = start(use_sim_time=True, release_delay=1.0, footprint__timeout=0.0,
                     obstacle__timeout=60.0)
     monitor.set_clock(HOUR)
@@ -119,7 +114,7 @@ def test_release_delay_counts_in_simulated_time(start):
 
 
 def test_simulated_time_can_be_switched_on_and_off(start):
-    """Each switch leaves the messages of the other time behind; fresh ones count again."""
+    """Each switch drops what was received by the other clock."""
     monitor = start()
 
     def is_clear():
@@ -137,8 +132,8 @@ def test_simulated_time_can_be_switched_on_and_off(start):
     monitor.until(is_clear)
 
 
-def test_recording_played_by_the_clock_of_today(start):
-    """State, log and health say what is to be set, and health is well again without /clock."""
+def test_recording_played_without_simulated_time(start):
+    """State, log and health name the parameter to set."""
     monitor = start(footprint__timeout=1.0)
     last_year = monitor.now() - 365 * 24 * 3600 * SECOND
     monitor.send_set('/obstacles', box(5, 5), stamp=last_year)
@@ -156,8 +151,8 @@ def test_recording_played_by_the_clock_of_today(start):
     monitor.until(lambda: not is_warned(), 'no warning any more')
 
 
-def test_tick_is_due_when_something_changes_by_itself(domain):
-    """As when a map settles: not at the next regular tick, nor at once."""
+def test_tick_is_due_at_the_next_deadline(domain):
+    """As when a map settles; not later, and not at once."""
     context = rclpy.Context()
     context.init(domain_id=domain)
     node = FootprintMonitor(context=context, parameter_overrides=to_parameters(
@@ -169,7 +164,7 @@ def test_tick_is_due_when_something_changes_by_itself(domain):
     assert node.due(now, steady) == ticked + 0.1, 'nothing changes by itself'
     node.receive('obstacle', [serialised(APART, now)], now, 1)
     about = partial(pytest.approx, rel=0.0, abs=1e-6)
-    # As if a while had passed since, by both clocks.
+    # As if some time had passed by both clocks.
     late = ticked + 0.03
     assert node.due(now + SECOND // 20, late) == about(late + 0.05)
     assert node.due(now + SECOND // 10, late) == about(late)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A stalled loop: the watchdog raises the flags, and DDS reports a node that died."""
+"""A stalled loop: the watchdog raises the flags, and DDS reports a dead node."""
 
 import math
 import os
@@ -32,7 +32,7 @@ from std_msgs.msg import Bool
 
 
 class Stall:
-    """Keeps a monitor's loop from turning, from its next tick on, until it is released."""
+    """Blocks a monitor's loop from its next tick until it is released."""
 
     def __init__(self, monitor):
         self._monitor = monitor
@@ -53,7 +53,7 @@ class Stall:
 
 @pytest.fixture
 def stall():
-    """Stall a running monitor; it is released at the latest when the test ends."""
+    """Return a function that stalls a running monitor until the test ends at the latest."""
     stalls = []
 
     def stall(running):
@@ -66,7 +66,7 @@ def stall():
 
 
 def clear(running):
-    """Have the monitor say that the footprint is clear."""
+    """Bring the monitor to a clear state."""
     running.send_until('clear', 'footprint', box(0, 0))
     running.until(lambda: running.flag() is False)
 
@@ -74,8 +74,8 @@ def clear(running):
 PARAMETERS = {'footprint__timeout': 0.0, 'obstacle__timeout': 60.0, 'watchdog': 1.0}
 
 
-def test_a_stalled_loop_raises_the_flags(start, stall):
-    """All flags are raised and all states unknown, in words, until the loop turns again."""
+def test_stalled_loop_raises_the_flags(start, stall):
+    """All flags are raised and all states unknown until the loop continues."""
     running = start(**PARAMETERS)
     running.send_set('obstacles', box(5, 5))
     clear(running)
@@ -92,7 +92,7 @@ def test_a_stalled_loop_raises_the_flags(start, stall):
     longest = time.monotonic() - begun + 1.0
     assert 1.0 <= float(words.split('stalled for ')[1].split(' s')[0]) < longest
     running.until(lambda: running.health() and 'stalled for' in running.health().message)
-    assert 'stalled for' in running.told('/footprint_monitor: footprint').message
+    assert 'stalled for' in running.diagnostic('/footprint_monitor: footprint').message
     running.until(lambda: math.isnan(running.listen('~/footprint/separation')[-1].data))
     stalled.release()
     running.await_state('clear')
@@ -102,8 +102,8 @@ def test_a_stalled_loop_raises_the_flags(start, stall):
     running.until(lambda: '1, the longest' in health(running).get('stalls', ''))
 
 
-def test_the_alarm_ends_with_the_stall(start, stall):
-    """After it, no flag is raised any more: what was said by two threads comes in order."""
+def test_flags_fall_after_the_stall(start, stall):
+    """The two threads that publish do not overtake each other."""
     running = start(**PARAMETERS)
     running.send_set('obstacles', box(5, 5))
     clear(running)
@@ -118,7 +118,7 @@ def test_the_alarm_ends_with_the_stall(start, stall):
 
 
 def test_without_a_watchdog(start, stall):
-    """With watchdog 0.0 nobody speaks while the loop stands still."""
+    """With watchdog 0.0 the last flag stays."""
     running = start(**{**PARAMETERS, 'watchdog': 0.0})
     running.send_set('obstacles', box(5, 5))
     clear(running)
@@ -129,8 +129,7 @@ def test_without_a_watchdog(start, stall):
     stalled.release()
 
 
-def test_watchdog_may_be_changed(start, stall):
-    """A longer one lets a short stall pass; the log and /diagnostics tell of the change."""
+def test_watchdog_can_be_changed_live(start, stall):
     running = start(**PARAMETERS)
     running.send_set('obstacles', box(5, 5))
     clear(running)
@@ -162,8 +161,8 @@ def process(domain):
 
 
 @pytest.mark.parametrize('number', (signal.SIGKILL, signal.SIGSTOP))
-def test_dds_tells_of_a_dead_monitor(process, domain, number):
-    """Killed or stopped: DDS reports it to a subscriber that asks for deadline and liveliness."""
+def test_dds_reports_a_dead_monitor(process, domain, number):
+    """Killed or stopped, to a subscriber with a deadline and liveliness."""
     monitor = process()
     peer = Peer(domain)
     late, lost, received = [], [], []
@@ -179,29 +178,28 @@ def test_dds_tells_of_a_dead_monitor(process, domain, number):
     peer.until(lambda: len(received) > 5, 'flags')
     del late[:], lost[:]
     monitor.send_signal(number)
-    # Without them DDS tells of who was killed after 20 s, and never of who was stopped.
-    peer.until(lambda: late and lost, 'word of the dead', patience=15.0)
+    # Without them DDS reports a killed process after 20 s, and a stopped one never.
+    peer.until(lambda: late and lost, 'events', timeout=15.0)
     peer.close()
 
 
-def test_systemd_is_told(process, tmp_path):
-    """READY=1 when the loop turns, WATCHDOG=1 ever after, STOPPING=1 at the end."""
+def test_systemd_is_notified(process, tmp_path):
+    """READY=1 when the loop runs, then WATCHDOG=1, and STOPPING=1 at the end."""
     address = str(tmp_path / 'notify')
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as connection:
         connection.bind(address)
         connection.settimeout(60.0)
         monitor = process(NOTIFY_SOCKET=address, WATCHDOG_USEC='200000')
-        told = [connection.recv(100) for _ in range(5)]
+        received = [connection.recv(100) for _ in range(5)]
         monitor.terminate()
-        assert told == [b'READY=1', *[b'WATCHDOG=1'] * 4]
+        assert received == [b'READY=1', *[b'WATCHDOG=1'] * 4]
         while (last := connection.recv(100)) == b'WATCHDOG=1':
             pass
         assert last == b'STOPPING=1'
     assert monitor.wait(60) == 0
 
 
-def test_no_systemd_behind_the_socket(process, domain, tmp_path):
-    """Who does not listen any more does not disturb the node."""
+def test_missing_systemd_socket_is_ignored(process, domain, tmp_path):
     process(NOTIFY_SOCKET=str(tmp_path / 'nobody'))
     peer = Peer(domain)
     peer.until(lambda: len(peer.listen('~/collision')) > 3, 'flags')

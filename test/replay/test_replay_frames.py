@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings of bodies and outlines in moving frames, placed by the recorded /tf or odometry."""
+"""Recordings in moving frames, placed by the recorded /tf or odometry."""
 
 import math
 from random import Random
@@ -37,10 +37,10 @@ def static(time=0.0):
 
 def drive(delay=0.04, end=6.0):
     """
-    Return a robot that drives by 1 m/s along x past a post at (3, 0), seen by its laser.
+    Return a robot that drives along x at 1 m/s past a post at (3, 0), seen by its laser.
 
-    The robot's outline is a box from its origin on; its laser looks back. Transforms come at 20 Hz
-    and late by a delay.
+    The robot is a box ahead of its origin; its laser looks back. Transforms come at 20 Hz with
+    a delay.
     """
     messages = [(0.0, static())]
     for k in range(round(end * 20)):
@@ -67,8 +67,8 @@ def seconds(time):
 
 
 @pytest.mark.parametrize('clock', ('receive', HEADER))
-def test_a_post_is_met_when_the_robot_is_there(tmp_path, clock):
-    """The robot covers x from its origin to 1 m beyond: in contact from 2 to 3.25 s."""
+def test_contact_is_at_the_true_time(tmp_path, clock):
+    """The robot extends from its origin to 1 m ahead: in contact from 2 to 3.25 s."""
     result = run(tmp_path / 'bag', drive(), clock=clock)
     assert result.problems == [] and result.verdict is Verdict.COLLISION
     assert seconds(result.origin) == (0.03 if clock == HEADER else 0.0)
@@ -80,7 +80,7 @@ def test_a_post_is_met_when_the_robot_is_there(tmp_path, clock):
 
 
 @pytest.mark.parametrize('clock', ('receive', HEADER))
-def test_as_live_a_post_is_met_soon_after(tmp_path, clock):
+def test_contact_as_live_is_soon_after(tmp_path, clock):
     result = run(tmp_path / 'bag', drive(), clock=clock, as_live=True)
     assert result.problems == [] and result.verdict is Verdict.COLLISION
     first = min(contact.first for contact in result.contacts)
@@ -90,8 +90,7 @@ def test_as_live_a_post_is_met_soon_after(tmp_path, clock):
     assert not any(source.rejected for source in result.sources)
 
 
-def test_what_waits_is_told_in_time(tmp_path):
-    """As live, later transforms delay what is found by as much, and change nothing else."""
+def test_delayed_transforms_delay_contacts_as_live(tmp_path):
     begins = []
     for delay in (0.0, 0.1):
         result = run(tmp_path / f'bag{delay}', drive(delay), as_live=True)
@@ -99,7 +98,7 @@ def test_what_waits_is_told_in_time(tmp_path):
     assert begins[1] - begins[0] == pytest.approx(0.1, abs=0.01)
 
 
-def test_transforms_that_come_too_late_make_the_robot_unknown(tmp_path):
+def test_late_transforms_are_unknown_as_live(tmp_path):
     assert run(tmp_path / 'bag', drive(0.3)).verdict is Verdict.COLLISION, 'by the stamps'
     result = run(tmp_path / 'live', drive(0.3), as_live=True)
     assert result.verdict is Verdict.UNKNOWN and result.contacts == []
@@ -108,8 +107,7 @@ def test_transforms_that_come_too_late_make_the_robot_unknown(tmp_path):
     assert 'the newest of base is' in result.sources[0].examples['no transform']
 
 
-def test_static_frames_are_known_from_a_later_start_on(tmp_path):
-    """They were sent once, at the beginning."""
+def test_static_transforms_before_the_checked_part_are_used(tmp_path):
     result = run(tmp_path / 'bag', drive(), start=1.0)
     assert result.verdict is Verdict.COLLISION
     assert all(set(source.rejected) <= {'no transform'} for source in result.sources)
@@ -122,7 +120,7 @@ def test_recordings_without_transforms_say_other_frame(tmp_path):
     assert {reason for source in result.sources for reason in source.rejected} == {'other frame'}
 
 
-# An arm of 2 m that turns about the origin of its frame, and posts that it passes at angles.
+# An arm of 2 m that rotates about the origin of its frame, and posts that it passes.
 ARM = '[[0.0, -0.001], [2.0, -0.001], [2.0, 0.001], [0.0, 0.001]]'
 WITH_ARM = {'frame_id': 'odom', 'footprint.points': ARM, 'footprint.frame_id': 'base',
             'max_tf_gap': 2.0, f'{SOURCE}.timeout': 0.0}
@@ -133,7 +131,7 @@ def see(post, time=0.0):
 
 
 def turn(posts, tf=True, every=0.5, until=4.0, speed=2.0):
-    """Write how the arm turns by 1 rad/s about a point that moves along x, by 2 m/s."""
+    """Write how the arm rotates at 1 rad/s about a point that moves along x at 2 m/s."""
     messages = [see(post) for post in posts]
     for k in range(round(until / every) + 1):
         time = k * every
@@ -143,13 +141,13 @@ def turn(posts, tf=True, every=0.5, until=4.0, speed=2.0):
     return messages
 
 
-def post_on_the_way(time, reach=1.99):
-    """Return where a post must stand to be passed by the end of the arm at a time."""
+def post_passed_at(time, reach=1.99):
+    """Return where the end of the arm is at a time."""
     return 2.0 * time + reach * math.cos(time), reach * math.sin(time)
 
 
-def meetings(posts, speed=2.0, until=4.0):
-    """Return when the arm's middle line truly meets each post, sorted."""
+def crossing_times(posts, speed=2.0, until=4.0):
+    """Return when the arm's centre line truly crosses each post, sorted."""
     found = []
     for x, y in posts:
         def across(time):
@@ -169,16 +167,16 @@ def meetings(posts, speed=2.0, until=4.0):
 
 
 @pytest.mark.parametrize('tf', (True, False))
-def test_between_two_transforms_it_turns_evenly(tmp_path, tf):
-    """Posts are met when the arm truly points there, half a radian from pose to pose."""
+def test_rotation_between_two_transforms_is_uniform(tmp_path, tf):
+    """Poses are half a radian apart; posts are met when the arm truly points there."""
     random = Random(4)
     posts = [(random.uniform(-1.0, 9.0), random.uniform(-1.9, 1.9)) for _ in range(40)]
     parameters = WITH_ARM if tf else {**WITH_ARM, 'footprint.odometry': '/odom'}
     result = run(tmp_path / 'bag', turn(posts, tf), parameters)
     assert result.problems == [] and result.verdict is Verdict.COLLISION
-    times = meetings(posts)
+    times = crossing_times(posts)
     spans = [(seconds(contact.first), seconds(contact.last)) for contact in result.contacts]
-    # The arm is 1 mm thick on either side: what it meets twice in no time is one contact.
+    # The arm is 2 mm wide, so two crossings in quick succession are one contact.
     assert len(times) >= len(spans) >= 8
     for first, last in spans:
         assert any(first - 1e-6 <= time <= last + 1e-6 for time in times) and last - first < 0.05
@@ -187,8 +185,8 @@ def test_between_two_transforms_it_turns_evenly(tmp_path, tf):
     assert {contact.found for contact in result.contacts} == {'between samples'}
 
 
-def test_it_cuts_no_corners(tmp_path):
-    """On straight lines between two poses the end of the arm would stay within 1.938 m."""
+def test_motion_between_two_transforms_is_an_arc(tmp_path):
+    """On straight lines the end of the arm would stay within 1.938 m."""
     def posts(reach):
         return [(reach * math.cos(angle), reach * math.sin(angle)) for angle in (1.25, 2.75)]
     result = run(tmp_path / 'outside', turn(posts(2.0005), speed=0.0), WITH_ARM)
@@ -198,26 +196,25 @@ def test_it_cuts_no_corners(tmp_path):
         pytest.approx(nanoseconds(time), abs=1e4) for time in (1.25, 2.75)]
 
 
-def test_its_way_is_known_before_transforms_are_forgotten(tmp_path):
-    """A pose each half second for 40 s, longer than transforms are kept."""
-    result = run(tmp_path / 'bag', turn([post_on_the_way(0.61)], until=40.0), WITH_ARM)
+def test_recording_longer_than_the_transform_buffer(tmp_path):
+    """A pose every half second for 40 s."""
+    result = run(tmp_path / 'bag', turn([post_passed_at(0.61)], until=40.0), WITH_ARM)
     assert seconds(result.contacts[0].first) == pytest.approx(0.61, abs=0.05)
     assert not any(source.undetermined for source in result.sources)
 
 
-def test_as_live_it_is_where_it_is_placed(tmp_path):
-    """Nothing is known between two poses; the posts are met by none."""
-    result = run(tmp_path / 'bag', turn([post_on_the_way(0.61)]), WITH_ARM, as_live=True)
+def test_outline_as_live_does_not_move_between_transforms(tmp_path):
+    """Posts between two poses are not met."""
+    result = run(tmp_path / 'bag', turn([post_passed_at(0.61)]), WITH_ARM, as_live=True)
     assert result.contacts == []
-    result = run(tmp_path / 'bag2', turn([post_on_the_way(1.5)]), WITH_ARM, as_live=True)
+    result = run(tmp_path / 'bag2', turn([post_passed_at(1.5)]), WITH_ARM, as_live=True)
     assert [seconds(contact.first) for contact in result.contacts] == [1.5]
     assert [(one.name, one.received) for one in result.sources] == [('footprint', 9),
                                                                     (SOURCE, 1)]
 
 
-def test_its_rate_takes_nothing_from_recorded_motion(tmp_path):
-    """What is not placed is passed all the same."""
-    posts = [post_on_the_way(0.61), post_on_the_way(1.77)]
+def test_rate_of_an_outline_does_not_coarsen_its_motion(tmp_path):
+    posts = [post_passed_at(0.61), post_passed_at(1.77)]
     slow = {**WITH_ARM, 'footprint.rate': 2.0}
     results = [run(tmp_path / name, turn(posts, every=0.02), parameters)
                for name, parameters in (('all', WITH_ARM), ('some', slow))]
@@ -227,9 +224,8 @@ def test_its_rate_takes_nothing_from_recorded_motion(tmp_path):
     assert [len(result.contacts) for result in results] == [3, 3]
 
 
-def test_where_the_transforms_have_a_gap_nothing_is_made_up(tmp_path):
-    """It is not known how the arm turned there."""
-    messages = [message for message in turn([post_on_the_way(1.77)], every=0.1)
+def test_gap_between_transforms_is_undetermined(tmp_path):
+    messages = [message for message in turn([post_passed_at(1.77)], every=0.1)
                 if message[0] != '/tf' or not 1.5 < message[1] < 2.2]
     result = run(tmp_path / 'bag', messages, {**WITH_ARM, 'max_tf_gap': 0.5})
     assert result.contacts == []
@@ -237,15 +233,15 @@ def test_where_the_transforms_have_a_gap_nothing_is_made_up(tmp_path):
     assert footprint.undetermined == pytest.approx(0.7e9, rel=0.2)
 
 
-def test_a_bag_that_loops_recovers(tmp_path):
-    """The stamps begin again with the time, by header too."""
-    once = turn([post_on_the_way(0.61)], every=0.1)
+def test_recording_of_a_loop(tmp_path):
+    """The stamps begin again."""
+    once = turn([post_passed_at(0.61)], every=0.1)
     again = [(topic, time + 10.0, data) for topic, time, data in once]
     result = run(tmp_path / 'bag', [*once, *again], WITH_ARM)
     assert result.problems == []
 
 
-def test_without_its_frame_it_is_unknown(tmp_path):
+def test_missing_tf_is_unknown(tmp_path):
     messages = [see((50, 50)), see((50, 50), 3.0)]
     result = run(tmp_path / 'bag', messages, WITH_ARM)
     assert result.verdict is Verdict.UNKNOWN
@@ -253,14 +249,14 @@ def test_without_its_frame_it_is_unknown(tmp_path):
                for note in result.notes)
 
 
-def test_what_is_no_odometry_by_its_type_is_told(tmp_path):
+def test_odometry_topic_of_another_type_is_reported(tmp_path):
     parameters = {**WITH_ARM, 'footprint.odometry': '/obstacles'}
     result = run(tmp_path / 'bag', turn([(50, 50)]), parameters)
     assert ('footprint: /obstacles has the type geometry_msgs/msg/PolygonStamped, not '
             'nav_msgs/msg/Odometry') in result.problems[0]
 
 
-def test_an_outline_that_makes_no_sense_is_bad_input(tmp_path):
+def test_invalid_outline_is_bad_input(tmp_path):
     result = run(tmp_path / 'bag', turn([(50, 50)]), {**WITH_ARM, 'frame_id': ''})
     assert 'needs the fixed frame' in result.problems[0]
     with pytest.raises(ParameterError, match='needs the fixed frame'):

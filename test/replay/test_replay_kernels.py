@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which kernels are compiled before a check, and the messages about it."""
+"""When kernels are compiled before a check, and the messages about it."""
 
 import os
 from pathlib import Path
@@ -34,7 +34,7 @@ INTERSECTS = 'from sat_collision import intersects; print(intersects([(0, 0)], [
 
 @pytest.fixture
 def start(tmp_path):
-    """Run a program where nothing is compiled of the package yet."""
+    """Run a program in a folder where no kernels of the package are compiled yet."""
     shutil.copytree(PACKAGE, tmp_path / 'sat_collision',
                     ignore=shutil.ignore_patterns('__pycache__'))
     (tmp_path / 'home').mkdir()
@@ -52,15 +52,15 @@ def compiled(folder):
 
 
 def long_recording(path, count=None):
-    """Return one of so many messages, by default more than plain Python is asked to check."""
+    """Return a recording, by default too long for plain Python."""
     pairs = (count or kernels._FEW) // 2 + 1
     return str(write(path, [(topic, k / 1000, box(x)) for k in range(pairs)
                             for topic, x in (('/footprint', 0), ('/obstacles', 3))]))
 
 
 @pytest.mark.long
-def test_all_that_the_commands_need_is_prepared_ahead(start, tmp_path):
-    """Then neither replay nor the library compiles anything, nor says so."""
+def test_prepared_kernels_are_all_that_commands_need(start, tmp_path):
+    """After preparation neither replay nor the library compiles anything."""
     small = str(write(tmp_path / 'small', drive(1.0)))
     result = start('-m', 'sat_collision.replay', small)
     assert (result.returncode, result.stderr, compiled(tmp_path)) == (0, '', set()), (
@@ -81,7 +81,7 @@ def test_all_that_the_commands_need_is_prepared_ahead(start, tmp_path):
 
 @pytest.mark.long
 def test_library_says_that_it_compiles(start, tmp_path):
-    """Before each wait, first with where that is kept; nothing where there is none to come."""
+    """Before each wait, first with the folder of the cache; nothing without a compiler."""
     result = start('-c', INTERSECTS, NUMBA_DISABLE_JIT='1')
     assert (result.stdout, result.stderr, compiled(tmp_path)) == ('True\n', '', set())
     measures = INTERSECTS + '; import sat_collision; sat_collision.separation([(0, 0)], [(1, 0)])'
@@ -95,19 +95,18 @@ def test_library_says_that_it_compiles(start, tmp_path):
 
 @pytest.fixture
 def unprepared(tmp_path, monkeypatch):
-    """Have no kernels kept, and undo what is chosen."""
+    """Pretend that no kernels are cached, and undo the choice afterwards."""
     monkeypatch.setattr(kernels, '_mark', lambda: tmp_path / 'mark')
     monkeypatch.setenv('NUMBA_DISABLE_JIT', '0')
     return tmp_path
 
 
-def test_a_minute_of_driving_does_not_wait_for_the_compiler(unprepared):
-    """Plain Python has the verdict of 5,000 messages long before."""
+def test_short_recording_is_not_compiled_for(unprepared):
     assert not kernels.choose([long_recording(unprepared / 'drive', 5_000)], Limits())
 
 
-def test_many_messages_are_worth_compiling(unprepared, monkeypatch):
-    """Of one recording, or of several together; and once kernels are kept they are used."""
+def test_long_recordings_are_compiled_for(unprepared, monkeypatch):
+    """One, or several together; cached kernels are always used."""
     small = str(write(unprepared / 'small', drive(1.0)))
     monkeypatch.setattr(kernels, '_FEW', 1000)
     long = long_recording(unprepared / 'long')

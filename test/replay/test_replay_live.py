@@ -19,10 +19,8 @@ import time
 
 from harness import to_ns
 import pytest
-from recordings import NAMES, published
+from recordings import by_stamp, NAMES, published
 from rosbags.highlevel import AnyReader
-from rosbags.rosbag2 import Reader
-from sat_collision.messages.cdr import decode
 from sat_collision.replay.model.result import Options
 from sat_collision.replay.run import check
 
@@ -30,30 +28,20 @@ SECOND = 10**9
 STORAGES = 'mcap', 'sqlite3'
 
 
-def recorded(bag):
-    """Yield (stamp, [(topic, data), ...]) for the messages of each stamp."""
-    with Reader(bag) as reader:
-        connections = [c for c in reader.connections if c.topic in ('/footprint', '/obstacles')]
-        messages = [(decode(data, False)[0], c.topic, data)
-                    for c, _, data in reader.messages(connections)]
-    for stamp, run in itertools.groupby(messages, key=lambda message: message[0]):
-        yield stamp, [(topic, data) for _, topic, data in run]
-
-
-def said(status):
+def content_of(status):
     """Return the state, contacts and reason of a status."""
     values = {pair.key: pair.value for pair in status.values}
     return values['state'], values['obstacles in contact'], values['reason']
 
 
 def between(begin, end, arrays):
-    """Return what states say from a time until another, without repetition."""
-    return without_repetition(said(array.status[0]) for array in arrays
+    """Return the contents of states within a time range, without repetition."""
+    return without_repetition(content_of(array.status[0]) for array in arrays
                               if begin <= to_ns(array.header.stamp) <= end)
 
 
 def wait(condition):
-    """Wait for the node, which has a thread of its own, without taking what it says."""
+    """Wait for the node, which runs in its own thread, without receiving its messages."""
     end = time.monotonic() + 60.0
     while not condition():
         assert time.monotonic() < end
@@ -67,12 +55,12 @@ def without_repetition(items):
 @pytest.mark.parametrize('name', NAMES)
 def test_live_node_and_replay_publish_the_same(start, tmp_path, name):
     """
-    The changes of state that the node publishes are those in the bag that replay writes.
+    The node publishes the same changes of state that replay writes to a bag.
 
-    The recording is played in order, each message once the one before is counted; the clock is
-    that of the header stamps, and goes on until each set is whole. Every change within a stamp is
-    compared too, not only the last; but from the third stamp on, for the node knows more of the
-    first set: that it is the publisher's first.
+    The recording is played in order, each message once the previous one is counted; the clock
+    follows header stamps and advances until each set is whole. All changes within a stamp are
+    compared, from the third stamp on: the node knows more about the first set, because it is
+    its publisher's first.
     """
     bag = published(name, STORAGES[NAMES.index(name) % 2])
     monitor = start(use_sim_time=True, publish_rate=50.0)
@@ -80,7 +68,7 @@ def test_live_node_and_replay_publish_the_same(start, tmp_path, name):
     flags = monitor.listen('~/collision', 10_000)
     sent = 0
     stamps = []
-    for stamp, messages in recorded(bag):
+    for stamp, messages in by_stamp(bag):
         monitor.set_clock(stamp)
         wait(lambda: monitor.monitor.present() == stamp)
         for topic, data in messages:

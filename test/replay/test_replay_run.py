@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The results of replay as live for recordings whose results are known, with their times."""
+"""Replay as live of recordings whose results are known."""
 
 from builders import SECOND, serialised
 from published import load
@@ -34,7 +34,7 @@ def since(result, *times):
 
 
 def standing(end, topics=('/footprint', '/obstacles'), rate=10):
-    """Return messages of bodies that stand apart, at a rate until an end."""
+    """Return messages of bodies at rest and apart, at a rate until an end."""
     places = {'/footprint': box(0), '/obstacles': box(3)}
     return [(topic, k / rate, places[topic]) for k in range(round(end * rate)) for topic in topics]
 
@@ -42,9 +42,9 @@ def standing(end, topics=('/footprint', '/obstacles'), rate=10):
 @pytest.mark.parametrize('clock', ('receive', 'header'))
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
 @pytest.mark.parametrize('name', NAMES)
-def test_contacts_after_each_stamp_are_exactly_those_of_the_recording(
+def test_contacts_of_a_recording_are_exact(
         monkeypatch, name, storage, clock):
-    """When the set of a stamp is whole the contacts are those computed with exact arithmetic."""
+    """When the set of a stamp is whole, contacts equal those computed exactly."""
     expected = load('recordings')[name]['contacts']
     seen = {}
 
@@ -80,7 +80,7 @@ def test_contacts_after_each_stamp_are_exactly_those_of_the_recording(
 
 
 def test_contact_is_an_interval_with_its_deepest_moment(tmp_path):
-    """The obstacle comes nearer in steps and goes; it is deepest in the third of five."""
+    """The obstacle comes nearer and leaves; it is deepest in the third of five messages."""
     places = [3.0, 1.0, 0.9, 0.5, 0.9, 1.0, 3.0, 3.0]
     messages = [message for k, x in enumerate(places)
                 for message in (('/footprint', k, box(0)), ('/obstacles', k, box(x)),
@@ -96,26 +96,25 @@ def test_contact_is_an_interval_with_its_deepest_moment(tmp_path):
     assert result.verdict is Verdict.COLLISION
 
 
-def test_contact_that_lasts_to_the_end_is_said_to(tmp_path):
-    """It ends with the recording, not before."""
+def test_contact_at_the_end_of_a_recording(tmp_path):
     result = check(write(tmp_path / 'bag', drive(5.0, contact=(4.0, 9.0))), LIVE)
     contact, = result.contacts
     assert contact.at_end and contact.last == result.end
 
 
-def test_deepening_by_the_footprint_alone_is_seen(tmp_path):
-    """The obstacle is sent once, the robot drives into it."""
+def test_footprint_alone_deepens_a_contact(tmp_path):
+    """The obstacle is sent once."""
     messages = [('/obstacles', 0.0, box(2))]
     messages += [('/footprint', 0.1 + k / 10, box(x)) for k, x in enumerate([0, 1.25, 1.5, 1.0])]
     result = check(write(tmp_path / 'bag', messages), LIVE)
     assert [contact.depth for contact in result.contacts] == [0.5]
 
 
-def test_silence_is_seen_at_its_time_although_no_message_comes(tmp_path):
+def test_silence_begins_at_its_timeout(tmp_path):
     """
-    Obstacles end after 3 s, the footprint after 8 s; the recording has other messages to 12 s.
+    Obstacles end after 3 s, the footprint after 8 s, and another topic after 12 s.
 
-    The timeouts are 2 s and 1 s from the last stamps.
+    The timeouts are 2 s and 1 s after the last stamps.
     """
     messages = sorted(standing(3.0) + standing(8.0, ['/footprint'])[30:] + [
         ('/other', 12.0, box(0))], key=lambda message: message[1])
@@ -131,8 +130,8 @@ def test_silence_is_seen_at_its_time_although_no_message_comes(tmp_path):
     assert result.verdict is Verdict.UNKNOWN
 
 
-def test_obstacle_is_forgotten_at_its_time(tmp_path):
-    """By a message that is stamped more than the timeout after it."""
+def test_obstacle_is_forgotten_after_its_timeout(tmp_path):
+    """When a message is stamped that much later."""
     messages = []
     for k in range(60):
         messages.append(('/footprint', k / 10, box(0)))
@@ -146,8 +145,8 @@ def test_obstacle_is_forgotten_at_its_time(tmp_path):
     assert since(result, contact.first, contact.last) == [1.0, pytest.approx(3.1, abs=1e-6)]
 
 
-def test_footprint_that_comes_too_late_does_not_set_the_time_back(tmp_path):
-    """Its deadline is past already: the contact of another robot goes on, nothing is dropped."""
+def test_late_footprint_does_not_set_the_time_back(tmp_path):
+    """The contact of another robot continues."""
     messages = []
     for k in range(40):
         late = START + (k - 50) * SECOND // 10
@@ -160,8 +159,8 @@ def test_footprint_that_comes_too_late_does_not_set_the_time_back(tmp_path):
     assert [footprint.coverage for footprint in result.footprints] == [1.0, 0.0]
 
 
-def test_release_delay_comes_from_the_parameters(tmp_path):
-    """The state stays 'collision' for the delay, though the contact is over."""
+def test_release_delay(tmp_path):
+    """The state stays collision for the delay, but the contact ends."""
     bag = write(tmp_path / 'bag', drive())
     result = check(bag, Options(as_live=True, parameters={'release_delay': 0.55}))
     assert since(result, result.contacts[0].last) == [5.0]
@@ -176,7 +175,7 @@ def test_release_delay_comes_from_the_parameters(tmp_path):
     (serialised(box(0), START + 2 * SECOND)[:-3], 'undecodable'),
 ], ids=lambda value: value if isinstance(value, str) else 'polygon')
 def test_messages_are_rejected_as_live_and_counted(tmp_path, data, reason):
-    """A bad obstacle makes the footprint unknown until the place in the set is taken again."""
+    """An invalid obstacle makes the footprint unknown until the next set."""
     messages = standing(4.0)
     messages[40:42] = [('/footprint', 2.0, box(0)), ('/obstacles', 2.0, data)]
     result = check(write(tmp_path / 'bag', messages), LIVE)
@@ -191,7 +190,7 @@ def test_messages_are_rejected_as_live_and_counted(tmp_path, data, reason):
 
 
 def test_part_of_a_recording(tmp_path):
-    """From 4.5 s on for 2 s: the contact that began before begins there."""
+    """From 4.5 s on for 2 s; the contact that began before begins there."""
     bag = write(tmp_path / 'bag', drive())
     result = check(bag, Options(as_live=True, start=4.5, duration=2.0))
     assert (result.start, result.end) == (START + 45 * SECOND // 10, START + 65 * SECOND // 10)
@@ -200,8 +199,8 @@ def test_part_of_a_recording(tmp_path):
     assert check(bag, Options(as_live=True, start=99.0)).verdict is Verdict.UNKNOWN
 
 
-def test_recording_of_a_simulation_is_checked_by_its_stamps(tmp_path):
-    """Stamps count from 0, receptions by the wall clock: all is too old, and the note says why."""
+def test_recording_of_a_simulation_needs_the_header_clock(tmp_path):
+    """Received by the wall clock, all messages are too old; a note names the option."""
     messages = [(topic, time, serialised(points, 100 * SECOND + round(time * SECOND)))
                 for topic, time, points in drive()]
     bag = write(tmp_path / 'bag', messages)
@@ -216,18 +215,18 @@ def test_recording_of_a_simulation_is_checked_by_its_stamps(tmp_path):
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
 @pytest.mark.parametrize('latched, verdict', [
     ((), Verdict.UNKNOWN), (('/obstacles',), Verdict.CLEAR)])
-def test_map_recorded_once_is_known_where_it_was_latched(tmp_path, storage, latched, verdict):
-    """Else it may have been under way when the recording began, and something was missed."""
+def test_map_recorded_once_must_be_latched(tmp_path, storage, latched, verdict):
+    """Otherwise earlier messages may have been missed."""
     messages = [('/obstacles', 0.0, serialised(box(x), 0)) for x in (3, 5)]
     messages += [('/footprint', k / 10, box(0)) for k in range(50)]
     bag = write(tmp_path / 'bag', messages, storage, latched=latched)
-    # A map is whole when it has settled for 1 s.
+    # A map is whole after a pause of 1 s.
     result = check(bag, Options(parameters={f'{SOURCE}.timeout': 0.0}, max_unknown=1.5))
     assert result.verdict is verdict
 
 
-def test_stamps_that_jitter_between_topics_drop_nothing(tmp_path):
-    """By header stamps, obstacles are 50 ms behind the footprint: the clock does not go back."""
+def test_jitter_of_header_stamps_drops_nothing(tmp_path):
+    """Obstacles are 50 ms behind the footprint, but the clock does not go back."""
     messages = [(topic, time, serialised(points, START + round(
         (time - (0.05 if topic == '/obstacles' else 0.0)) * SECOND)))
         for topic, time, points in drive()]
@@ -236,16 +235,16 @@ def test_stamps_that_jitter_between_topics_drop_nothing(tmp_path):
     assert len(result.contacts) == 1
 
 
-def test_wild_gap_in_time_takes_no_time(tmp_path):
-    """A message of 1970 before those of today: half a century is not sampled through."""
+def test_huge_gap_in_time_is_not_sampled(tmp_path):
+    """The first message is of 1919."""
     bag = write(tmp_path / 'bag', [('/footprint', -1.6e9, box(0)), *standing(1.0)])
     result = check(bag, LIVE)
     assert result.duration > 1.5e9
     assert len(result.footprints[0].separation) < 100
 
 
-def test_series_does_not_grow_with_the_recording(tmp_path):
-    """An hour sampled every 10 ms; neighbours are merged to their least."""
+def test_number_of_samples_is_bounded(tmp_path):
+    """An hour sampled every 10 ms; neighbours are merged to their minimum."""
     bag = write(tmp_path / 'bag', drive(3600.0, rate=1.0, contact=(1800.0, 1801.0)))
     result = check(bag, Options(as_live=True, sample=0.01, parameters={
         'footprint.timeout': 3.0, f'{SOURCE}.timeout': 3.0}))
@@ -256,15 +255,14 @@ def test_series_does_not_grow_with_the_recording(tmp_path):
 
 
 def test_one_topic_may_feed_several_sources(tmp_path):
-    """The same polygons, once as sets and once accumulated."""
+    """As sets and accumulated."""
     result = check(write(tmp_path / 'bag', drive()), Options(
         as_live=True, parameters={'kept.accumulate': True}, footprints=('/footprint',),
         obstacles=('sets:=/obstacles', 'kept:=/obstacles')))
     assert {contact.obstacle.partition('/')[0] for contact in result.contacts} == {'sets', 'kept'}
 
 
-def test_recording_closes_what_it_opens(tmp_path):
-    """Leaving early, as an interrupt does, leaves nothing open."""
+def test_recording_can_be_closed_early(tmp_path):
     with Recording(write(tmp_path / 'bag', drive())) as recording:
-        next(recording.messages({'/footprint'}))
+        next(recording.rows({'/footprint'}))
     assert recording.problems == []

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Times to collision in recordings: by commands, and among obstacles that move."""
+"""Times to collision in recordings: by commands, and with moving obstacles."""
 
 from fractions import Fraction
 import math
@@ -28,11 +28,13 @@ from sat_collision.replay.run import check
 
 
 def published(bag):
-    """Return the times to collision and the values of the states in a bag, by their time in s."""
+    """Return the times to collision and the values of states in a bag, by their time in s."""
     topics = ['/footprint_monitor/footprint/time_to_collision', '/footprint_monitor/state']
     times, states = {}, {}
     with Recording(bag, Limits()) as recording:
-        for topic, time, data in recording.messages(topics):
+        for topic, time, data in ((topic, time, data)
+                                  for topic, times, row in recording.rows(topics)
+                                  for time, data in zip(times, row)):
             time = Fraction(time - nanoseconds(0.0), SECOND)
             if topic == topics[0]:
                 times[time] = deserialize(data, Float64).data
@@ -47,7 +49,7 @@ TWIST = 'geometry_msgs/msg/Twist'
 PARAMETERS = {'frame_id': 'odom', 'footprint.points': [-0.5, -0.5, 0.5, -0.5, 0.5, 0.5, -0.5, 0.5],
               'footprint.frame_id': 'base', 'footprint.cmd_vel': 'cmd_vel',
               'footprint.timeout': 0.5}
-# The wall is 5 m to the left of the robot, which is turned and does not move.
+# The wall is 5 m to the left of the robot, which is rotated and does not move.
 YAW = 0.75
 WALL = [(-9.0, 5.5), (9.0, 5.5), (9.0, 6.5), (-9.0, 6.5)]
 SPEEDS = [Fraction(2 + k % 5) for k in range(100)]
@@ -57,14 +59,14 @@ def twist(vx, vy=0.0, omega=0.0):
     return b'\0\1\0\0' + struct.pack('<6d', vx, vy, 0.0, 0.0, 0.0, omega)
 
 
-def told(kind, k, *velocity, **more):
-    """Return a command, stamped with its tenth of a second if it has a stamp."""
+def order(kind, k, *velocity, **more):
+    """Return a command at a tenth of a second, stamped if its type has a stamp."""
     return '/cmd_vel', k / 10, (twist(*velocity) if kind == TWIST else command(
         *velocity, stamp=nanoseconds(k / 10), **more))
 
 
 def stand(tenths, commands):
-    """Return a robot that stands for so long, and is told what commands say, just after."""
+    """Return a robot at rest for some tenths of a second, with commands."""
     c, s = math.cos(YAW), math.sin(YAW)
     wall = [(c * x - s * y, s * x + c * y) for x, y in WALL]
     messages = [*commands]
@@ -85,23 +87,23 @@ def run(path, messages, kind, parameters=PARAMETERS, **options):
 
 
 def samples(result):
-    """Return the times to collision by tenths of a second since the recording begins."""
+    """Return the times to collision by tenths of a second."""
     return {round((time - result.origin) * 10 / SECOND): value
             for time, value in result.footprints[0].time_to_collision}
 
 
 @pytest.mark.parametrize('kind', [STAMPED, TWIST])
 @pytest.mark.parametrize('clock', ['receive', 'header'])
-def test_recorded_motion_goes_on_as_it_was_told(tmp_path, kind, clock):
-    """To its left, at another speed each time: 5 m by that; where it truly went, nowhere."""
-    messages = stand(100, [told(kind, k, 0.0, float(speed)) for k, speed in enumerate(SPEEDS)])
+def test_prediction_by_commands(tmp_path, kind, clock):
+    """To its left at a different speed each time; its true motion leads nowhere."""
+    messages = stand(100, [order(kind, k, 0.0, float(speed)) for k, speed in enumerate(SPEEDS)])
     result = run(tmp_path / 'bag', messages, kind, min_ttc=0.1, clock=clock,
                  parameters={**PARAMETERS, f'{SOURCE}.timeout': 0.3})
     found = samples(result)
     assert found == {k: None if k < 1 or 5 / SPEEDS[k] > 3 else
                      pytest.approx(float(5 / SPEEDS[k]), abs=1e-5) for k in found}
     assert sum(value is not None for value in found.values()) >= 90
-    # The wall is where float32 has it.
+    # The wall is rounded to float32.
     assert all(value is None or value <= 5 / SPEEDS[k] + 1e-6 for k, value in found.items())
     least = result.footprints[0].soonest
     assert least.time_to_collision == pytest.approx(5 / 6, abs=1e-5)
@@ -110,19 +112,19 @@ def test_recorded_motion_goes_on_as_it_was_told(tmp_path, kind, clock):
     assert (source.topic, source.received, source.rejected) == ('/cmd_vel', 100, {})
 
 
-def test_by_the_motion_itself_it_stands(tmp_path):
+def test_prediction_without_commands_uses_the_motion(tmp_path):
     parameters = {**PARAMETERS}
     del parameters['footprint.cmd_vel']
-    result = run(tmp_path / 'bag', stand(16, [told(TWIST, 0, 9.0)]), TWIST, parameters,
+    result = run(tmp_path / 'bag', stand(16, [order(TWIST, 0, 9.0)]), TWIST, parameters,
                  min_ttc=0.1)
     assert set(samples(result).values()) == {None}
 
 
-def test_what_it_is_not_told_is_unknown(tmp_path):
-    """Told for the last time at 0.4 s, which holds for 0.5 s; a bad one at 1.2 s ends all."""
-    commands = [told(STAMPED, k, 0.0, 5.0) for k in range(5)]
-    commands += [told(STAMPED, 11, 0.0, 5.0), told(STAMPED, 12, math.nan),
-                 told(STAMPED, 13, 0.0, 5.0, frame_id='odom')]
+def test_prediction_is_unknown_without_a_valid_command(tmp_path):
+    """The command at 0.4 s holds for 0.5 s; an invalid one at 1.2 s ends the previous one."""
+    commands = [order(STAMPED, k, 0.0, 5.0) for k in range(5)]
+    commands += [order(STAMPED, 11, 0.0, 5.0), order(STAMPED, 12, math.nan),
+                 order(STAMPED, 13, 0.0, 5.0, frame_id='odom')]
     result = run(tmp_path / 'bag', stand(16, commands), STAMPED, min_ttc=0.1)
     known = {k for k, value in samples(result).items() if value is not None}
     assert known >= {3, 4, 5, 6, 7, 8, 11} and not known & {10, 12, 13, 14, 15}
@@ -134,15 +136,16 @@ def test_what_it_is_not_told_is_unknown(tmp_path):
 
 @pytest.mark.parametrize('kind', [STAMPED, TWIST])
 @pytest.mark.parametrize('clock', ['receive', 'header'])
-def test_as_live_it_is_what_the_node_would_have_said(tmp_path, kind, clock):
-    """In the bag that is written: time and velocity by the last command, until it expires."""
+def test_prediction_as_live_is_that_of_the_node(tmp_path, kind, clock):
+    """In the written bag: time and velocity by the last command until it expires."""
     out = tmp_path / 'out'
-    messages = stand(30, [told(kind, k, 0.0, float(speed)) for k, speed in enumerate(SPEEDS[:16])])
+    commands = [order(kind, k, 0.0, float(speed)) for k, speed in enumerate(SPEEDS[:16])]
+    messages = stand(30, commands)
     run(tmp_path / 'bag', messages, kind, as_live=True, write_bag=str(out), clock=clock)
     times, states = published(out)
     times = {round(10 * time): seconds for time, seconds in times.items()}
     velocities = {round(10 * time): state['velocity'] for time, state in states.items()}
-    # What is written at a message's own time may come before or after it.
+    # A sample at the time of a message may be written before or after it.
     for k in range(3, 15):
         near = {min(float(5 / speed), math.inf) for speed in SPEEDS[k - 1:k + 1]}
         assert any(times[k] == pytest.approx(seconds, abs=0.11) for seconds in near)
@@ -151,8 +154,8 @@ def test_as_live_it_is_what_the_node_would_have_said(tmp_path, kind, clock):
     assert velocities[25] == 'unknown: no command on /cmd_vel for 1.0 s'
 
 
-def test_a_twist_has_no_stamp_whatever_its_numbers(tmp_path):
-    """The bytes of a speed that fades out make a stamp, by which nothing is put in order."""
+def test_twist_has_no_stamp(tmp_path):
+    """The bytes of a tiny speed look like a stamp, but must not order messages."""
     fading = struct.unpack('<d', struct.pack('<iI', 1_600_000_000, 7))[0]
     assert 0.0 < fading < 1e-100
     for clock in ('receive', 'header'):
@@ -161,7 +164,7 @@ def test_a_twist_has_no_stamp_whatever_its_numbers(tmp_path):
         assert samples(result)[9] == pytest.approx(1.0, abs=1e-5)
 
 
-def test_a_recording_without_commands_or_of_another_type(tmp_path):
+def test_missing_commands_or_another_type_are_reported(tmp_path):
     result = run(tmp_path / 'none', stand(16, []), STAMPED, min_ttc=0.1)
     assert 'footprint.cmd_vel: the recording has no topic /cmd_vel' in result.notes[0]
     messages = stand(16, [('/cmd_vel', 0.0, box(0))])
@@ -171,16 +174,16 @@ def test_a_recording_without_commands_or_of_another_type(tmp_path):
                f'{STAMPED} or {TWIST}' in problem for problem in result.problems)
 
 
-# A robot of 1 m at 1/2 m/s, 7 m before a person at 2 m/s, who would be met after 2.8 s; one who
-# walks beside, and a box that stands behind the person. All that is sent is exact in float32.
+# A robot of 1 m at 1/2 m/s, 7 m before a person at 2 m/s, who is met after 2.8 s; a person who
+# walks beside, and a box at rest behind the first person. All numbers are exact in float32.
 ROBOT, PERSON, APART = Fraction(1, 2), Fraction(-2), 7
 TICK = Fraction(1, 8)
 IDS = {7: (lambda t: 1 + APART + PERSON * t, 0.0), 8: (lambda t: ROBOT * t, 9.0),
        9: (lambda t: Fraction(12), 0.0)}
 
 
-def meeting(ticks=20, changed=None):
-    """Return how they come towards each other; after a tick the one beside has another shape."""
+def approaching(ticks=20, changed=None):
+    """Return their messages; after a tick the person beside has another shape."""
     messages = []
     for k in range(ticks):
         time = k * TICK
@@ -194,7 +197,7 @@ def meeting(ticks=20, changed=None):
     return messages
 
 
-def meet(path, messages, moving=True, **options):
+def replay(path, messages, moving=True, **options):
     result = check(write(path, messages, types={'/people': INSTANCE}), Options(
         footprints=('/footprint',), obstacles=('people:=/people',),
         parameters={'people.moving': moving, 'people.timeout': 0.5, 'horizon': 20.0}, **options))
@@ -203,14 +206,14 @@ def meet(path, messages, moving=True, **options):
 
 
 def exact(time):
-    """Return in how many seconds the person is met from a time on."""
+    """Return how many seconds before contact a time is."""
     return APART / (ROBOT - PERSON) - time
 
 
 @pytest.mark.parametrize('moving', [True, False])
-def test_the_least_time_by_recorded_motion_is_exact(tmp_path, moving):
-    """It knows how all move, whatever the monitor is told to assume."""
-    result = meet(tmp_path / 'bag', meeting(), moving, min_ttc=0.1)
+def test_least_time_to_collision_is_exact(tmp_path, moving):
+    """Recorded motion counts, whatever `moving` is."""
+    result = replay(tmp_path / 'bag', approaching(), moving, min_ttc=0.1)
     footprint, = result.footprints
     unknown = result.unknown[-1].last
     found = {Fraction(time - result.origin, SECOND): value
@@ -223,17 +226,17 @@ def test_the_least_time_by_recorded_motion_is_exact(tmp_path, moving):
     assert least.time_to_collision == min(found.values()) == pytest.approx(0.55, abs=1e-6)
 
 
-def said(path, messages, moving=True):
-    """Yield what the node would have said: s, time to collision, values of the state."""
-    meet(path / 'bag', messages, moving, as_live=True, write_bag=str(path / 'out'))
+def published_as_live(path, messages, moving=True):
+    """Return what the node would publish: time in s, time to collision, values of the state."""
+    replay(path / 'bag', messages, moving, as_live=True, write_bag=str(path / 'out'))
     times, states = published(path / 'out')
     return [(time, times.get(time), state) for time, state in states.items()]
 
 
-def test_as_live_times_are_those_of_all_that_moves(tmp_path):
-    """Never late, early by the gap of 1 mm at most, and none before each came twice."""
+def test_times_with_moving_obstacles_as_live(tmp_path):
+    """Never late, at most 1 mm early, and none before each body came twice."""
     known = 0
-    for time, seconds, state in said(tmp_path, meeting()):
+    for time, seconds, state in published_as_live(tmp_path, approaching()):
         if state['state'] == 'clear' and time > 2 * TICK:
             known += 1
             assert exact(time) - Fraction(1, 1000) <= seconds <= exact(time) + Fraction(1, 10**9)
@@ -242,10 +245,10 @@ def test_as_live_times_are_those_of_all_that_moves(tmp_path):
     assert known > 10
 
 
-def test_as_live_obstacles_stand_unless_they_move(tmp_path):
-    """The robot alone comes at 1/2 m/s, to where the person was last; the box is out of reach."""
+def test_obstacles_as_live_are_at_rest_unless_moving(tmp_path):
+    """The robot comes to where the person last was; the box is out of reach."""
     known = 0
-    for time, seconds, state in said(tmp_path, meeting(), moving=False):
+    for time, seconds, state in published_as_live(tmp_path, approaching(), moving=False):
         if state['state'] == 'clear' and seconds < math.inf:
             known += 1
             seen = time - time % TICK
@@ -256,10 +259,10 @@ def test_as_live_obstacles_stand_unless_they_move(tmp_path):
     assert known > 5
 
 
-def test_as_live_unknown_motion_is_named_and_there_is_no_time(tmp_path):
-    """One beside has another shape once, and moves on in that: for a message it is not known."""
+def test_unknown_motion_as_live(tmp_path):
+    """The person beside changes shape: for one message the motion is unknown."""
     states = [(time, seconds, state['obstacles of unknown motion'])
-              for time, seconds, state in said(tmp_path, meeting(changed=12))
+              for time, seconds, state in published_as_live(tmp_path, approaching(changed=12))
               if state['state'] == 'clear' and time > 2 * TICK]
     unknown = [time for time, _, names in states if names]
     assert {names for _, _, names in states} == {'', 'people/8'}

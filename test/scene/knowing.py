@@ -26,12 +26,12 @@ import time
 from knowing_world import MODES, replayed, World
 
 EVENTS_OF_A_RUN = 40
-# Rather what makes messages than what ends publishers.
+# Events that make messages are drawn more often than those that end publishers.
 _OFTEN = ('get', 'send', 'list', 'key')
 
 
 def problem_of(mode, events):
-    """Return which promise is broken after some events; empty for none."""
+    """Return which promise is broken after some events, '' for none."""
     world = replayed(mode, events)
     if world.is_clear and not world.may_be_clear():
         return 'wrong clear'
@@ -62,7 +62,7 @@ def wander(mode, rng, length=EVENTS_OF_A_RUN):
 
 
 def shortest(mode, events):
-    """Return events without those that a problem does not need."""
+    """Return a shorter sequence of events that still shows the same problem."""
     wanted = problem_of(mode, events)
     k = len(events)
     while k:
@@ -84,7 +84,7 @@ def _can_happen(mode, events):
 
 
 def explore(mode, depth, runs, seed):
-    """Return how many states were seen, and the first problem with its events, or None."""
+    """Return the number of states visited, and the first problem with its events, or None."""
     states = 0
     for events in every_order(mode, depth):
         states += 1

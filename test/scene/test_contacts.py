@@ -19,30 +19,31 @@ from dataclasses import replace
 import pytest
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.footprints import Footprint
-from sat_collision.scene.obstacles import Obstacle, ObstacleStore
-from stage import CART, PATIENT_LIDAR, PATIENT_ROBOT, ROBOT, square, Stage
+from sat_collision.scene.obstacle_store import ObstacleStore
+from sat_collision.scene.obstacles import Obstacle
+from stage import CART, ROBOT, square, Stage, UNTIMED_LIDAR, UNTIMED_ROBOT
 
 
 @pytest.fixture
 def contacts():
-    """Return contacts of nothing yet."""
+    """Return contacts without any bodies."""
     return Contacts()
 
 
 @pytest.fixture
 def robot():
-    """Return a footprint that is nowhere."""
+    """Return a footprint that has not been placed yet."""
     return Footprint(ROBOT)
 
 
 def obstacles(contacts, count):
-    """Return obstacles that are nowhere."""
+    """Return obstacles that have not been placed yet."""
     group = ObstacleStore('lidar', contacts).new_keyed()
     return [Obstacle(group, 'lidar', key, key) for key in range(count)]
 
 
-def test_each_side_knows_of_the_contact_whichever_is_placed_last(contacts, robot):
-    """An obstacle comes to the footprint, and the footprint to another one."""
+def test_contact_is_recorded_on_both_sides(contacts, robot):
+    """An obstacle is placed onto the footprint, then the footprint onto another obstacle."""
     near, far = obstacles(contacts, 2)
     contacts.place_footprint(robot, square(0).packed)
     contacts.place_obstacle(near, square(0.5).packed)
@@ -53,7 +54,6 @@ def test_each_side_knows_of_the_contact_whichever_is_placed_last(contacts, robot
 
 
 def test_changed_are_footprints_that_gained_or_lost_a_contact(contacts, robot):
-    """None whose contacts stay the same while somebody moves."""
     cart = Footprint(CART)
     person, = obstacles(contacts, 1)
     contacts.place_footprint(robot, square(0).packed)
@@ -66,8 +66,7 @@ def test_changed_are_footprints_that_gained_or_lost_a_contact(contacts, robot):
         assert contacts.changed == changed
 
 
-def test_body_placed_where_it_is_stays_as_it_is(contacts):
-    """It differs from one that has moved, and from one that is nowhere."""
+def test_placing_a_body_where_it_already_is_changes_nothing(contacts):
     person, = obstacles(contacts, 1)
     assert contacts.place_obstacle(person, square(1).packed)
     polygon = person.polygon
@@ -77,8 +76,8 @@ def test_body_placed_where_it_is_stays_as_it_is(contacts):
     assert person.polygon.bounds == (2, 0, 3, 1)
 
 
-def test_removed_body_meets_nothing_and_is_nowhere(contacts, robot):
-    """Either side; to remove what is nowhere does no harm."""
+def test_removed_body_has_no_contacts_and_no_polygon(contacts, robot):
+    """Removing a body twice is harmless."""
     person, wall = obstacles(contacts, 2)
     contacts.place_footprint(robot, square(0).packed)
     contacts.place_obstacle(person, square(0.5).packed)
@@ -95,8 +94,8 @@ def test_removed_body_meets_nothing_and_is_nowhere(contacts, robot):
     assert contacts.changed == {robot}
 
 
-def test_body_in_the_row_of_a_removed_one_is_another(contacts, robot):
-    """It is placed although the row last held the very same body."""
+def test_row_of_a_removed_body_is_reused_for_another(contacts, robot):
+    """Even if the new body has the same vertices as the removed one."""
     gone, came = obstacles(contacts, 2)
     contacts.place_footprint(robot, square(0).packed)
     contacts.place_obstacle(gone, square(0.5).packed)
@@ -107,8 +106,8 @@ def test_body_in_the_row_of_a_removed_one_is_another(contacts, robot):
     assert (robot.contacts, gone.contacts, came.contacts) == ({came}, set(), {robot})
 
 
-def test_margin_decides_all_pairs_anew(contacts, robot):
-    """Footprints for which nothing changes by it are not reported."""
+def test_new_margin_updates_all_pairs(contacts, robot):
+    """Only footprints whose contacts change are reported."""
     cart = Footprint(CART)
     near, far = obstacles(contacts, 2)
     contacts.place_footprint(robot, square(0).packed)
@@ -123,8 +122,7 @@ def test_margin_decides_all_pairs_anew(contacts, robot):
         assert {body for body in (near, far) if body.contacts == {robot}} == met
 
 
-def test_nearest_leaves_out_what_it_is_told_to(contacts, robot):
-    """Obstacles in contact, say; there may be nothing left."""
+def test_nearest_excludes_given_obstacles(contacts, robot):
     touching, apart = obstacles(contacts, 2)
     contacts.place_obstacle(touching, square(0.5).packed)
     contacts.place_obstacle(apart, square(3).packed)
@@ -135,9 +133,9 @@ def test_nearest_leaves_out_what_it_is_told_to(contacts, robot):
     assert contacts.nearest(robot, [touching, apart]) is None
 
 
-def test_margin_makes_what_is_near_a_contact():
-    """A gap of 0.5 m: a collision for a margin of 0.5 m, clear for less, both changed live."""
-    stage = Stage(PATIENT_LIDAR, footprints=(PATIENT_ROBOT,), margin=0.5)
+def test_gap_within_the_margin_is_a_collision():
+    """The gap is 0.5 m; the margin is changed while the scene runs."""
+    stage = Stage(UNTIMED_LIDAR, footprints=(UNTIMED_ROBOT,), margin=0.5)
     stage.robot()
     stage.send(1.5)
     assert stage.status() == 'collision'

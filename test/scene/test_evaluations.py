@@ -21,7 +21,7 @@ from stage import ACCUMULATED, CART, clear_stage, ROBOT, Stage
 
 @pytest.fixture
 def evaluated(monkeypatch):
-    """Return the names of footprints that are evaluated from now on."""
+    """Return the list of footprints that are evaluated from now on."""
     names = []
 
     def evaluate(self, *arguments, original=Footprint.evaluate):
@@ -33,7 +33,7 @@ def evaluated(monkeypatch):
 
 @pytest.fixture
 def stage(evaluated):
-    """Return a stage with two footprints, of which nothing has been reported yet."""
+    """Return a stage with two footprints whose states have not been reported yet."""
     stage = Stage(footprints=[ROBOT, CART])
     stage.robot()
     stage.robot(5, name='cart')
@@ -43,15 +43,14 @@ def stage(evaluated):
 
 
 def test_only_footprints_that_changed_are_evaluated(stage, evaluated):
-    """Nothing has changed for the other."""
     stage.see(0.5)
     assert evaluated == ['robot']
     stage.see(5.5)
     assert evaluated == ['robot', 'cart']
 
 
-def test_common_faults_concern_all_footprints(stage, evaluated):
-    """The same again concern none."""
+def test_common_fault_evaluates_every_footprint_once(stage, evaluated):
+    """A fault that is set again evaluates none."""
     stage.scene.stop_clock(True)
     assert sorted(evaluated) == ['cart', 'robot']
     assert all('clock stands still' in stage.scene.state(name).reasons[0] for name in evaluated)
@@ -60,17 +59,17 @@ def test_common_faults_concern_all_footprints(stage, evaluated):
     assert len(evaluated) == 2
 
 
-def test_changes_are_told_once_and_in_the_order_of_the_settings(stage):
-    """However many evaluations lie between two reports."""
-    stage.scene.changes()
+def test_changes_are_returned_once_in_the_order_of_the_settings(stage):
+    """At first every footprint is listed."""
+    assert stage.scene.changes() == ['robot', 'cart']
+    assert stage.scene.changes() == []
     for name in ('cart', 'robot'):
         stage.refuse(name=name)
     assert stage.scene.changes() == ['robot', 'cart']
     assert stage.scene.changes() == []
 
 
-def test_deadline_is_that_of_the_footprint_that_becomes_stale_first(stage):
-    """That moves on with a newer one, once the other is due."""
+def test_deadline_is_when_the_first_footprint_becomes_stale(stage):
     stage.wait_until(0.5)
     stage.robot()
     assert stage.scene.deadline == stage.stamp(1)
@@ -79,19 +78,8 @@ def test_deadline_is_that_of_the_footprint_that_becomes_stale_first(stage):
     assert stage.scene.deadline == stage.stamp(1.5)
 
 
-def test_changes_name_every_footprint_once_at_first():
-    """The first call tells what is to be published at the start."""
-    stage = Stage(footprints=[ROBOT, CART])
-    assert stage.scene.changes() == ['robot', 'cart']
-    assert stage.scene.changes() == []
-
-
-def test_changes_name_those_whose_state_differs():
-    """Contacts and reasons count as well as the status; what stays the same does not."""
-    stage = Stage(footprints=[ROBOT, CART])
-    stage.robot()
-    stage.robot(5, name='cart')
-    stage.see(20)
+def test_changes_include_contacts_and_reasons(stage):
+    """Not only the status; footprints whose state stays the same are not listed."""
     stage.scene.changes()
     stage.see(0.5)
     assert stage.scene.changes() == ['robot']
@@ -107,7 +95,7 @@ def test_changes_name_those_whose_state_differs():
 
 
 def test_next_set_with_the_same_contacts_is_no_change():
-    """Nor is it while both sets are there; a name less or more is one."""
+    """Also while obstacles of both sets are held; one contact more or fewer is a change."""
     stage = clear_stage()
     stage.wait_until(0.1)
     stage.send(0.5, 0.6)
@@ -130,8 +118,7 @@ def test_next_set_with_the_same_contacts_is_no_change():
     assert [contact.key for contact in stage.state().contacts] == [0, 1]
 
 
-def test_state_that_came_and_went_is_no_change():
-    """Only what is so at the time of the call is compared."""
+def test_state_that_changed_and_changed_back_is_no_change():
     stage = clear_stage()
     stage.scene.changes()
     stage.see(0.5)
@@ -140,8 +127,8 @@ def test_state_that_came_and_went_is_no_change():
     assert stage.scene.changes() == []
 
 
-def test_collision_that_came_and_went_is_told_as_brief():
-    """Until the changes are reported; one that stays, or was reported before, is none."""
+def test_collision_between_two_reports_is_a_brief_contact():
+    """A collision that lasts, or was already reported, is not brief."""
     stage = clear_stage()
     stage.scene.changes()
     stage.see(0.5)
@@ -159,8 +146,7 @@ def test_collision_that_came_and_went_is_told_as_brief():
     assert stage.scene.brief_contacts() == []
 
 
-def test_first_collision_may_be_brief():
-    """It came and went before anything was ever reported."""
+def test_brief_contact_before_the_first_report():
     stage = Stage()
     stage.see(10)
     stage.robot(10.5)
@@ -168,8 +154,8 @@ def test_first_collision_may_be_brief():
     assert stage.scene.brief_contacts() == ['robot']
 
 
-def test_time_alone_makes_no_change_until_something_is_due():
-    """Ticks come all the time; the age grows, but no state changes by that."""
+def test_time_alone_changes_nothing_before_a_deadline():
+    """The age of a footprint is not part of its reported state."""
     stage = clear_stage()
     stage.scene.changes()
     for hundredth in range(100):
@@ -179,8 +165,8 @@ def test_time_alone_makes_no_change_until_something_is_due():
     assert stage.scene.changes() == ['robot']
 
 
-def test_contacts_that_begin_one_by_one_are_not_sorted_each_time(monkeypatch):
-    """What a new contact costs does not depend on how many there are, until somebody asks."""
+def test_contacts_are_sorted_only_when_read(monkeypatch):
+    """The cost of a new contact does not depend on how many there are."""
     lengths = []
 
     def count(names):

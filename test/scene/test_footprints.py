@@ -18,13 +18,13 @@ from dataclasses import replace
 
 import pytest
 from stage import (
-    CART, clear_stage, LIDAR, NOT_RECEIVED, PATIENT_LIDAR, PATIENT_ROBOT, ROBOT, Stage,
-    status_and_reasons, TOO_OLD, with_robot)
+    CART, clear_stage, LIDAR, NOT_RECEIVED, ROBOT, Stage, status_and_reasons, TOO_OLD,
+    UNTIMED_LIDAR, UNTIMED_ROBOT, with_robot)
 
 
 def test_footprint_goes_stale_by_its_stamp():
-    """The localisation hangs: the footprint was 0.4 s old when it came."""
-    stage = with_robot(PATIENT_LIDAR, footprints=[ROBOT], stamp=-0.4)
+    """The footprint was 0.4 s old when it arrived."""
+    stage = with_robot(UNTIMED_LIDAR, footprints=[ROBOT], stamp=-0.4)
     stage.end()
     stage.wait_until(0.6)
     assert stage.status() == 'clear'
@@ -37,8 +37,8 @@ def test_footprint_goes_stale_by_its_stamp():
 
 
 def test_stale_footprint_in_contact_is_unknown():
-    """Where the robot is now is not known, so neither is its contact; it stays drawn."""
-    stage = Stage(PATIENT_LIDAR)
+    """Its last polygon is still drawn."""
+    stage = Stage(UNTIMED_LIDAR)
     stage.robot()
     stage.see(0.5)
     stage.wait_until(1.001)
@@ -48,8 +48,7 @@ def test_stale_footprint_in_contact_is_unknown():
 
 
 def test_footprint_that_arrives_stale_is_stale_at_once():
-    """It took longer than its timeout on the way."""
-    stage = clear_stage(PATIENT_LIDAR)
+    stage = clear_stage(UNTIMED_LIDAR)
     stage.wait_until(2.5)
     stage.robot(stamp=1.499)
     assert stage.status() == 'unknown'
@@ -57,8 +56,8 @@ def test_footprint_that_arrives_stale_is_stale_at_once():
 
 
 def test_older_footprint_after_a_newer_one_is_refused():
-    """Two footprints overtake each other on the way: where the robot is now is known already."""
-    stage = clear_stage(PATIENT_LIDAR)
+    """Two messages arrive in the wrong order."""
+    stage = clear_stage(UNTIMED_LIDAR)
     stage.wait_until(0.5)
     stage.robot(10.5)
     assert stage.robot(20, stamp=0.499) == 'older than the last'
@@ -67,10 +66,10 @@ def test_older_footprint_after_a_newer_one_is_refused():
     assert stage.status() == 'clear'
 
 
-@pytest.mark.parametrize('footprint', [ROBOT, PATIENT_ROBOT])
-def test_older_footprint_is_taken_where_the_newer_one_means_nothing(footprint):
-    """The publisher's clock is set back: when the last one is stale, lost, or good for ever."""
-    stage = clear_stage(PATIENT_LIDAR, footprints=[footprint])
+@pytest.mark.parametrize('footprint', [ROBOT, UNTIMED_ROBOT])
+def test_older_footprint_is_accepted_when_the_last_one_no_longer_counts(footprint):
+    """The publisher's clock is set back; the last footprint is stale, refused or untimed."""
+    stage = clear_stage(UNTIMED_LIDAR, footprints=[footprint])
     if footprint is ROBOT:
         assert stage.robot(10.5, stamp=-0.1) == 'older than the last'
         stage.wait_until(1.001)
@@ -81,8 +80,8 @@ def test_older_footprint_is_taken_where_the_newer_one_means_nothing(footprint):
     assert stage.status() == 'clear'
 
 
-def test_footprint_ahead_of_the_clock_shuts_out_none_after_it():
-    """It counts from its arrival, in every comparison."""
+def test_footprint_stamped_ahead_does_not_block_later_ones():
+    """Its time is that of its arrival."""
     stage = clear_stage()
     assert stage.robot(stamp=0.9) is None
     stage.wait_until(0.1)
@@ -92,8 +91,7 @@ def test_footprint_ahead_of_the_clock_shuts_out_none_after_it():
 
 
 def test_footprint_further_ahead_than_the_tolerance_is_refused():
-    """Its publisher's clock is an hour ahead: nobody knows how long it was on the way."""
-    stage = clear_stage(PATIENT_LIDAR, future_tolerance=0.5)
+    stage = clear_stage(UNTIMED_LIDAR, future_tolerance=0.5)
     assert stage.robot(stamp=0.5) is None
     assert stage.robot(stamp=0.501) == 'from the future'
     assert stage.state().reasons == (
@@ -103,8 +101,8 @@ def test_footprint_further_ahead_than_the_tolerance_is_refused():
 
 
 def test_footprint_without_a_publisher_is_unknown_at_once():
-    """The localisation has ended, however long the timeout is."""
-    stage = clear_stage(PATIENT_LIDAR, footprints=[PATIENT_ROBOT])
+    """However long its timeout is."""
+    stage = clear_stage(UNTIMED_LIDAR, footprints=[UNTIMED_ROBOT])
     stage.publish_by('a', name='robot')
     assert stage.status() == 'clear'
     stage.publish_by(name='robot')
@@ -118,9 +116,9 @@ def test_footprint_without_a_publisher_is_unknown_at_once():
     assert stage.status() == 'clear'
 
 
-def test_two_publishers_of_a_footprint_are_unknown_until_one_is_left():
-    """Two robots on one topic: the graph says so, or their numbers do."""
-    stage = clear_stage(PATIENT_LIDAR)
+def test_footprint_with_two_publishers_is_unknown():
+    """Both are in the graph, or the message numbers show a second one."""
+    stage = clear_stage(UNTIMED_LIDAR)
     stage.publish_by('a', 'b', name='robot')
     stage.robot()
     assert stage.state().reasons == (
@@ -139,18 +137,16 @@ def test_two_publishers_of_a_footprint_are_unknown_until_one_is_left():
     assert stage.status() == 'clear'
 
 
-def test_footprint_from_the_future_lives_no_longer():
-    """Its publisher's clock is a little ahead."""
-    stage = clear_stage(PATIENT_LIDAR)
+def test_footprint_stamped_ahead_times_out_from_its_arrival():
+    stage = clear_stage(UNTIMED_LIDAR)
     stage.robot(stamp=1.0)
     assert stage.state().age == 0.0
     stage.wait_until(1.001)
     assert stage.status() == 'unknown'
 
 
-def test_footprint_without_a_stamp_counts_from_its_arrival():
-    """Stamp 0 means that the publisher set none."""
-    stage = clear_stage(PATIENT_LIDAR)
+def test_footprint_without_a_stamp_times_out_from_its_arrival():
+    stage = clear_stage(UNTIMED_LIDAR)
     stage.robot(stamp='none')
     stage.wait_until(1.0)
     assert stage.status() == 'clear'
@@ -159,14 +155,12 @@ def test_footprint_without_a_stamp_counts_from_its_arrival():
 
 
 def test_footprint_with_timeout_0_never_goes_stale():
-    """A body that is bolted down sends its footprint once."""
-    stage = clear_stage(PATIENT_LIDAR, footprints=[PATIENT_ROBOT])
+    stage = clear_stage(UNTIMED_LIDAR, footprints=[UNTIMED_ROBOT])
     stage.wait_until(1e6)
     assert stage.status() == 'clear'
 
 
-def test_refused_footprint_is_unknown_until_a_good_one():
-    """One message with a NaN: the last good place is not trusted any more."""
+def test_footprint_is_unknown_after_a_refused_message_until_the_next_good_one():
     stage = Stage()
     stage.robot()
     stage.send(0.5)
@@ -180,7 +174,6 @@ def test_refused_footprint_is_unknown_until_a_good_one():
 
 
 def test_disabled_footprint_is_unknown_and_ignored():
-    """A gripper's footprint is switched off, and on again."""
     stage = clear_stage()
     settings = stage.settings
     stage.scene.update(replace(settings, footprints=(replace(ROBOT, enabled=False),)))
@@ -193,9 +186,9 @@ def test_disabled_footprint_is_unknown_and_ignored():
     assert stage.status() == 'clear'
 
 
-def test_release_waits_until_clear_without_interruption():
-    """The flag does not fall while a contact flickers."""
-    stage = clear_stage(PATIENT_LIDAR, footprints=[PATIENT_ROBOT], release_delay=0.0)
+def test_release_delay_starts_again_with_each_contact():
+    """The flag stays up while a contact flickers."""
+    stage = clear_stage(UNTIMED_LIDAR, footprints=[UNTIMED_ROBOT], release_delay=0.0)
     stage.scene.update(replace(stage.settings, release_delay=0.5))
     stage.see(0.5)
     assert stage.status() == 'collision'
@@ -214,9 +207,9 @@ def test_release_waits_until_clear_without_interruption():
     assert stage.state().reasons == ()
 
 
-def test_interruption_counts_even_if_nobody_looked():
-    """A contact that came and went between two looks starts the delay again."""
-    stage = Stage(footprints=[PATIENT_ROBOT], release_delay=0.5)
+def test_brief_contact_restarts_the_release_delay():
+    """Even if no state was read during the contact."""
+    stage = Stage(footprints=[UNTIMED_ROBOT], release_delay=0.5)
     stage.robot()
     stage.send(5)
     stage.wait_until(0.3)
@@ -229,9 +222,9 @@ def test_interruption_counts_even_if_nobody_looked():
     assert stage.status() == 'clear'
 
 
-def test_release_from_unknown_waits_too_and_keeps_its_status():
-    """A sensor that drops out again and again does not make the flag flicker."""
-    stage = Stage(PATIENT_LIDAR, footprints=[PATIENT_ROBOT], release_delay=0.5)
+def test_release_delay_applies_to_unknown():
+    """The flag does not flicker when a sensor drops out again and again."""
+    stage = Stage(UNTIMED_LIDAR, footprints=[UNTIMED_ROBOT], release_delay=0.5)
     stage.robot()
     stage.send(5)
     assert stage.status() == 'unknown'
@@ -240,23 +233,21 @@ def test_release_from_unknown_waits_too_and_keeps_its_status():
     assert stage.status() == 'clear'
 
 
-def test_settings_of_a_footprint_changed_while_running():
-    """Its timeout and the release delay count from the moment at which they are changed."""
-    stage = clear_stage(PATIENT_LIDAR)
+def test_timeout_and_release_delay_can_be_changed_live():
+    stage = clear_stage(UNTIMED_LIDAR)
     stage.wait_until(1.5)
     assert stage.status() == 'unknown'
-    patient = replace(stage.settings, footprints=(PATIENT_ROBOT,), release_delay=5.0)
-    stage.scene.update(patient)
+    untimed = replace(stage.settings, footprints=(UNTIMED_ROBOT,), release_delay=5.0)
+    stage.scene.update(untimed)
     assert stage.state().reasons == ('clear for less than release_delay, 5 s',)
-    stage.scene.update(replace(patient, release_delay=0.0))
+    stage.scene.update(replace(untimed, release_delay=0.0))
     assert stage.status() == 'clear'
     stage.scene.update(stage.settings)
     assert stage.state().reasons == (TOO_OLD,)
 
 
-def test_rise_is_never_delayed():
-    """Whatever the release delay, a contact is reported at once, and so is an unknown state."""
-    stage = Stage(footprints=[PATIENT_ROBOT], release_delay=0.5)
+def test_release_delay_does_not_delay_collision_or_unknown():
+    stage = Stage(footprints=[UNTIMED_ROBOT], release_delay=0.5)
     stage.robot()
     stage.send(5)
     stage.wait_until(1.0)
@@ -267,9 +258,9 @@ def test_rise_is_never_delayed():
     assert stage.status() == 'unknown'
 
 
-def test_stamps_of_another_clock_are_told_from_staleness():
-    """A recording of last year is played by the clock of today; once it is known, age is age."""
-    stage = clear_stage(PATIENT_LIDAR, start=1e5)
+def test_stamps_of_another_clock_are_reported_as_such():
+    """A recording of last year is played without use_sim_time; later, old is just old."""
+    stage = clear_stage(UNTIMED_LIDAR, start=1e5)
     stage.wait_until(2.0)
     stage.robot(stamp=-4000.0)
     reason, = stage.state().reasons
@@ -286,8 +277,8 @@ BOTH = DOCK, WALLS
 
 
 def stage_of(*own):
-    """Return a stage with a dock that the robot stands in, and walls that are far."""
-    stage = Stage(*BOTH, footprints=[replace(PATIENT_ROBOT, obstacles=own)])
+    """Return a stage where the robot touches the dock and is far from the walls."""
+    stage = Stage(*BOTH, footprints=[replace(UNTIMED_ROBOT, obstacles=own)])
     stage.robot()
     for name, x in (('dock', 0.5), ('walls', 7.0)):
         stage.see(x, name=name)
@@ -295,30 +286,30 @@ def stage_of(*own):
     return stage
 
 
-def monitor(stage, *own):
-    """Give the robot other sources of its own while the scene runs."""
+def monitor_sources(stage, *own):
+    """Change which sources the robot monitors while the scene runs."""
     robot = replace(stage.settings.footprints[0], obstacles=own)
     stage.settings = replace(stage.settings, footprints=(robot,))
     stage.scene.update(stage.settings)
 
 
-def test_dock_is_left_out_while_docking():
-    """Then it counts again, at once; what stays goes on."""
+def test_footprint_ignores_sources_that_it_does_not_monitor():
+    """The dock is left out while docking and counts again afterwards."""
     stage = stage_of()
     assert stage.status() == 'collision'
-    monitor(stage, 'walls')
+    monitor_sources(stage, 'walls')
     assert stage.status() == 'clear'
     assert stage.scene.nearest('robot')[:2] == (('walls', 0), 6.0)
     stage.robot(0.1)
     stage.see(0.2, stamp=0.03, name='dock')
     assert stage.status() == 'clear'
-    monitor(stage)
+    monitor_sources(stage)
     assert stage.state().contacts == (('dock', 0),)
     assert stage.scene.nearest('robot')[0] == ('dock', 0)
 
 
-def test_own_obstacles_are_met_however_they_come():
-    """The wall comes to the robot, then the robot goes to the wall; the margin counts."""
+def test_contacts_with_monitored_sources():
+    """The obstacle moves to the robot, the robot to the obstacle, and the margin grows."""
     stage = stage_of('walls')
     stage.see(0.9, stamp=0.03, name='walls')
     assert stage.status() == 'collision'
@@ -333,9 +324,8 @@ def test_own_obstacles_are_met_however_they_come():
     assert stage.state().contacts == (('walls', 0),)
 
 
-def test_faults_of_other_sources_are_nothing_to_it():
-    """The lidar of one robot is silent, and what the dock sends is refused."""
-    robot = replace(PATIENT_ROBOT, obstacles=('walls',))
+def test_faults_of_other_sources_are_ignored():
+    robot = replace(UNTIMED_ROBOT, obstacles=('walls',))
     cart = replace(CART, timeout=0.0, obstacles=('lidar', 'walls'))
     all_seeing = replace(CART, name='all', timeout=0.0)
     stage = Stage(*BOTH, LIDAR, footprints=[robot, cart, all_seeing])
@@ -355,8 +345,8 @@ def test_faults_of_other_sources_are_nothing_to_it():
     assert stage.state('all').reasons == (refused, silent)
 
 
-def test_nothing_is_known_with_all_own_sources_disabled():
-    """Though another one is enabled and well."""
+def test_unknown_if_all_monitored_sources_are_disabled():
+    """Though another source is enabled and known."""
     stage = stage_of('walls')
     stage.scene.update(replace(stage.settings, obstacles=(DOCK, replace(WALLS, enabled=False))))
     assert status_and_reasons(stage) == ('unknown', ('none of its obstacle sources is enabled',))

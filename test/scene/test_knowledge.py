@@ -28,7 +28,7 @@ class Letters(dict):
     """
     A group whose obstacles are letters, each with its time and the listing that had it.
 
-    It is its own store: each group of a set is another one.
+    It is its own store: `new_set` returns another group.
     """
 
     def __init__(self):
@@ -60,10 +60,10 @@ class Letters(dict):
 
 def feed(listing, messages):
     """
-    Let a listing receive messages, each at the time that it is stamped; return (held, is_known).
+    Let a listing receive messages, each at the time of its stamp; return (held, is_known).
 
-    A word is an obstacle's letter, or a dot for an empty polygon, and its stamp; with one of NEWS
-    before it, or a question mark for one that cannot be read. A number alone lets time pass.
+    A word is an obstacle's letter, or a dot for an empty polygon, and its stamp; with one of
+    NEWS before it, or a question mark if it is unreadable. A number alone lets time pass.
     """
     for word in messages.split():
         news, letter, stamp = re.fullmatch(r'([\^~!?]?)([a-z.]?)(\d+)', word).groups()
@@ -101,7 +101,7 @@ def new_sets(**attributes):
     ('^a0 b0 c100', 'abc', True),
     ('^.0', '', True),
     ('^a0 .0 .100', '', True),
-    # Only a whole set replaces the one before, and all that is newer than that.
+    # Only a whole set replaces the last whole set and everything after it.
     ('^a0 .0 b100', 'ab', True),
     ('^a0 .0 b100 .100', 'b', True),
     ('^a0 .0 b100 !c100 .100', 'abc', True),
@@ -114,19 +114,19 @@ def new_sets(**attributes):
     ('^a0 .0 b100 ?100 .100', 'ab', False),
     ('^a0 .0 ?100 b100 .100', 'ab', False),
     ('^a0 .0 ?100 b100 .100 c200 .200', 'c', True),
-    # Stamps within the window of the first are of its set, in any order.
+    # Stamps within the window of a set's first stamp belong to it, in any order.
     ('^a20 b40 c20 .30', 'abc', True),
     ('^a100 b120 c141', 'abc', True),
-    # What begins within the window of the last stamp shows that the window cuts sets in two.
+    # A set that begins within the window of the last stamp shows that the window cuts sets in two.
     ('^a100 b120 c121', 'abc', False),
     ('^a100 b120 c121 d300', 'abcd', False),
     ('^a100 b120 c121 d300 e500', 'de', True),
     ('^.0 a100 !b115 c121 d300', 'abcd', False),
-    # What comes after the end, with its stamp, belongs to it.
+    # A message after the end with the set's stamp still belongs to it.
     ('^a0 .0 b0', 'ab', True),
     ('^a0 .0 b0 c100 .100', 'c', True)])
 def test_sets(messages, held, is_known):
-    """Rules 1 to 4: where a set begins, where it ends, and what is held."""
+    """Rules 1 to 4: where a set begins and ends, and what is held."""
     assert feed(new_sets(), messages) == (held, is_known)
 
 
@@ -134,21 +134,21 @@ def test_sets(messages, held, is_known):
     (1, '^a0', 'a', True), (1, '^a0 b100', 'b', True), (1, '~a0', 'a', False),
     (1, '~a0 b100', 'b', True), (1, '^a0 !b100', 'ab', True), (2, '^a0 b0', 'ab', True),
     (2, '^a0 b0 .0', 'ab', True), (2, '^a0 b0 c100', 'abc', True),
-    # An empty polygon ends this very set; a third obstacle may be of it, too.
+    # An empty polygon ends the same set; a third obstacle may belong to it, too.
     (2, '^a0 b15 .15', 'ab', True), (2, '^a0 b15 .0', 'ab', True), (2, '^a0 b15 .18', 'ab', True),
     (2, '^a0 b15 .18 c25', 'abc', True), (2, '^a0 b0 c0', 'abc', True),
     (2, '^a0 b15 c18', 'abc', False), (2, '^a0 b15 c18 d100 e115', 'abcde', False),
     (2, '^a0 b15 c18 d100 e200', 'de', True),
-    # Where a set has had more, as many prove no end.
+    # If a set had more than max_count, reaching it does not end the next one.
     (2, '^a0 b0 c0 d100 e100', 'abcde', True), (2, '^a0 b0 c0 d100 e100 .100', 'de', True),
     (2, '^a0 b0 c0 d100 e100 .100 f200 g200', 'fg', True)])
 def test_sets_end_with_max_count(count, messages, held, is_known):
-    """Rule 3: a source that has one obstacle at most is whole with each message."""
+    """Rule 3: a set is whole with max_count obstacles."""
     assert feed(new_sets(max_count=count), messages) == (held, is_known)
 
 
 def test_last_whole_set_is_known_for_its_timeout():
-    """Rule 5: it is not forgotten before the source is unknown, though nothing else is whole."""
+    """Rule 5: it is kept until the source is unknown, even if no later set is whole."""
     sets = new_sets()
     assert feed(sets, '^a0 b10 .10 !c100 !d200 1000') == ('abcd', True)
     assert sets.deadline == 1000
@@ -157,7 +157,7 @@ def test_last_whole_set_is_known_for_its_timeout():
 
 
 def test_set_that_took_longer_than_the_timeout_is_not_known():
-    """Rule 5: its first obstacle is forgotten already when it is whole."""
+    """Rule 5: its first obstacle has timed out when it is whole."""
     sets = new_sets(window=2000)
     assert feed(sets, '^a0 b1001 .1001') == ('b', False)
 
@@ -173,14 +173,14 @@ def test_set_that_took_longer_than_the_timeout_is_not_known():
     ('^a0 .0 b300 1001', 'has not sent a whole set for longer than its timeout'),
     ('^a0 .0 b700', '')])
 def test_reasons_of_sets(messages, words):
-    """Rule 5: they say what is missing, and what to set where a period leaves no room."""
+    """Rule 5: they say what is missing, and what to set if the period is too long."""
     sets = new_sets()
     feed(sets, messages)
     problem = sets.problem(int(re.findall(r'\d+', '0' + messages)[-1]))
     assert words in problem and bool(words) == bool(problem)
 
 
-def test_period_and_timeout_are_named():
+def test_reason_gives_period_and_timeout():
     """Rule 5: sets without an end every 1.1 s, and a timeout of 2 s."""
     sets = new_sets(timeout=2 * 10**9)
     for stamp in (0, 1100, 2200):
@@ -197,14 +197,14 @@ def new_keys():
 
 
 @pytest.mark.parametrize('messages, held, is_known', [
-    # Known by the stamps of what came, a whole timeout after the first.
+    # Known once stamps span a whole timeout.
     ('^a0 999', 'a', False),
     ('^a0 b999', 'ab', False),
     ('^a0 b1000', 'ab', True),
     ('^a0 1000', 'a', False),
     ('~a0 b1000', 'ab', True),
     ('^.0 .1000', '', True),
-    # A gap, a stretch of silence or what cannot be read begins it anew.
+    # A gap, silence or an unreadable message starts over.
     ('^a0 !b500 b1000', 'ab', False),
     ('^a0 !b500 b1000 b1500', 'b', True),
     ('^a0 b1000 !b1100', 'b', False),
@@ -213,7 +213,7 @@ def new_keys():
     ('^a0 b1000 2001', '', False),
     ('^a0 b1000 c2001', 'c', False),
     ('^a0 b1000 c2001 c3001', 'c', True),
-    # Forgotten when a message shows that its publisher lives, not with time alone.
+    # Forgotten when a later message shows that the publisher lives, not by time alone.
     ('^a0 b900 1500', 'ab', False),
     ('^a0 b400 b1000', 'ab', True),
     ('^a0 b400 b1000 1900', 'ab', True),
@@ -222,12 +222,12 @@ def new_keys():
     ('^a0 b400 b1000 2000', 'ab', True),
     ('^a0 b400 b1000 2001', '', False)])
 def test_keys(messages, held, is_known):
-    """Rule 7: what a listing of ids or shapes is, and when an obstacle is forgotten."""
+    """Rule 7: when a listing by id or shape is known, and when an obstacle is forgotten."""
     assert feed(new_keys(), messages) == (held, is_known)
 
 
-def test_messages_past_the_timeout_make_nothing_known():
-    """Rule 7: they came a timeout apart by their stamps, but long ago."""
+def test_messages_past_the_timeout_do_not_count():
+    """Rule 7: their stamps are a timeout apart, but they arrive too late."""
     keys = new_keys()
     for stamp in (0, 1000):
         keys.receive(CONTINUES, stamp, stamp, 5000)
@@ -235,8 +235,8 @@ def test_messages_past_the_timeout_make_nothing_known():
     assert 'silent' in keys.problem(5000)
 
 
-def test_message_that_was_late_does_not_end_a_silence():
-    """Rule 7: by its stamp there was none, but what had been received was forgotten."""
+def test_late_message_does_not_undo_a_silence():
+    """Rule 7: by its stamp there was no silence, but obstacles were already forgotten."""
     keys = new_keys()
     assert feed(keys, '^.0 a1000 b1500 2501') == ('', False)
     for stamp, is_known in ((2000, False), (2999, False), (3000, True)):
@@ -244,8 +244,8 @@ def test_message_that_was_late_does_not_end_a_silence():
         assert keys.is_known == is_known
 
 
-def test_older_stamps_neither_prolong_nor_restart():
-    """Rule 7: messages overtake each other on the way."""
+def test_older_stamps_change_nothing():
+    """Rule 7: messages arrive in the wrong order."""
     keys = new_keys()
     for stamp in (500, 0, 1499):
         keys.receive(CONTINUES, stamp, stamp, 1499)
@@ -256,7 +256,6 @@ def test_older_stamps_neither_prolong_nor_restart():
 
 
 def test_reasons_of_keys():
-    """They say what is missing."""
     keys = new_keys()
     assert keys.problem(0) == 'has not sent anything yet'
     feed(keys, '^a0')
@@ -274,22 +273,22 @@ def new_maps():
 
 
 @pytest.mark.parametrize('messages, held, is_known', [
-    # It begins with number 1 or after an empty polygon, and ends with an empty polygon.
+    # A map begins with number 1 or after an empty polygon, and ends with an empty polygon.
     ('^a0 b1 .2', 'ab', True),
     ('~a0 b1 .2', 'ab', False),
     ('~a0 .1 b2 .3', 'b', True),
     ('^.0', '', True),
-    # The first one of a stream settles, too, when nothing new has come for long enough.
+    # The first map of a stream is also known when no message has come for settle_time.
     ('^a0 b50 150', 'ab', False),
     ('^a0 b50 151', 'ab', True),
     ('~a0 b50 5000', 'ab', False),
-    # That drops nothing: a second map replaces the first when an empty polygon ends it.
+    # Settling drops nothing: a second map replaces the first when an empty polygon ends it.
     ('^a0 101 b200 5000', 'ab', True),
     ('^a0 101 b200 .201', 'ab', True),
     ('^a0 .1 b2 5000', 'ab', True),
     ('^a0 .1 b2 .3', 'b', True),
     ('^a0 .1 b2 a3 .4', 'ab', True),
-    # A gap, or what cannot be read: a map that begins later must end.
+    # After a gap or an unreadable message, a later map must end with an empty polygon.
     ('^a0 !b1 5000', 'ab', False),
     ('^a0 !b1 .2', 'ab', False),
     ('^a0 !b1 .2 c3 .4', 'c', True),
@@ -297,12 +296,12 @@ def new_maps():
     ('^a0 .1 ?2 5000', 'a', False),
     ('^a0 .1 ?2 .3 b4 .5', 'b', True)])
 def test_maps(messages, held, is_known):
-    """Rule 8: what never grows old is known once all of a listing is proved to have come."""
+    """Rule 8: a map is known once all of a listing has certainly arrived."""
     assert feed(new_maps(), messages) == (held, is_known)
 
 
-def test_what_waits_to_be_taken_is_no_pause():
-    """Rule 8: a map settles when nothing new comes, not when nobody looks."""
+def test_queued_messages_delay_settling():
+    """Rule 8: a map settles when no new messages come, not while they are queued."""
     maps = new_maps()
     feed(maps, '^a0')
     maps.wait(90)
@@ -311,8 +310,8 @@ def test_what_waits_to_be_taken_is_no_pause():
     assert feed(maps, '191') == ('a', True)
 
 
-def test_history_is_wanted_where_it_was_missed():
-    """Rule 8: all that a publisher keeps can come again; a depth that is too small is named."""
+def test_history_is_requested_after_a_loss():
+    """Rule 8: a publisher can send its map again; the reason names a depth that is too small."""
     maps = new_maps()
     assert not maps.wants_history
     feed(maps, '^a0 !b1')
@@ -328,7 +327,7 @@ A, B, A_AGAIN = Endpoint('a', '/a'), Endpoint('b', '/b'), Endpoint('c', '/a')
 
 
 def play(stream, events, now=0):
-    """Give a stream numbers and lists of endpoints; return what it says of each."""
+    """Give a stream numbers and lists of endpoints; return what it answers to each."""
     return [stream.update(event) if isinstance(event, list) else stream.receive(event, now)
             for event in events]
 
@@ -340,12 +339,12 @@ def play(stream, events, now=0):
     ([5, 6, 4], [MET, CONTINUES, MET]),
     ([5, 6, 6], [MET, CONTINUES, MET]),
     ([None, None], [MET, CONTINUES]),
-    # Whatever changes the publishers ends a stream, though the next number continues it.
+    # A change of publishers ends a stream, even if the next number continues it.
     ([[A], 1, 2, [A, B], 3], [True, BEGUN, CONTINUES, True, MET]),
     ([[A], 1, [A, B], [A], 2], [True, BEGUN, True, True, MET]),
     ([[A], 1, [], [A], 2, 3], [True, BEGUN, True, True, MET, CONTINUES]),
     ([[A], 1, [A], 2], [True, BEGUN, False, CONTINUES]),
-    # Number 1 may come before the news of who sends it, which then changes nothing, once.
+    # Number 1 may come before its publisher is announced; that announcement then ends nothing.
     ([1, [A], 2], [BEGUN, False, CONTINUES]),
     ([[], 1, [A], 2, [A, B], 3], [False, BEGUN, False, CONTINUES, True, MET]),
     ([[A], 1, 1, [], [B], 2], [True, BEGUN, BEGUN, False, False, CONTINUES])])
@@ -355,7 +354,7 @@ def test_streams(events, news):
 
 
 def test_lost_messages_are_counted():
-    """A publisher that begins again has lost none by that."""
+    """A publisher that restarts has lost none."""
     stream = Stream()
     play(stream, [3, 4, 7, 1, 2, 5])
     assert stream.lost == 4
@@ -366,8 +365,8 @@ def test_lost_messages_are_counted():
     ([A, A_AGAIN], ['has 2 publishers, /a and /a']),
     ([A, Endpoint('b')], ['has 2 publishers, /a and of a node whose name is not known yet']),
     ([Endpoint('a', '/a', 'which is deaf')], ['has a publisher, /a, which is deaf'])])
-def test_one_topic_one_publisher(endpoints, words):
-    """None, two, or one that cannot be received is a fault."""
+def test_number_of_publishers(endpoints, words):
+    """No publisher, two, or one that cannot be received is a fault."""
     stream = Stream()
     assert stream.faults() == []
     stream.update(endpoints)
@@ -376,8 +375,8 @@ def test_one_topic_one_publisher(endpoints, words):
     assert all(fault.startswith(word) for fault, word in zip(faults, words))
 
 
-def test_numbers_show_a_second_publisher():
-    """For a timeout it is a fault, though the graph has one only."""
+def test_second_publisher_is_found_by_message_numbers():
+    """It is a fault for a timeout, even if the graph shows only one."""
     stream = Stream()
     stream.timeout = 1000
     play(stream, [[A], 5, 6, 3])
@@ -388,8 +387,8 @@ def test_numbers_show_a_second_publisher():
     assert stream.faults() == []
 
 
-def test_killed_process_does_not_count_beside_its_successor():
-    """Rule 11: the middleware has it among the publishers until its lease is over."""
+def test_killed_publisher_does_not_count_beside_its_successor():
+    """Rule 11: the middleware lists it until its lease ends."""
     stream = Stream()
     play(stream, [[A], 1, 2, [A, A_AGAIN]])
     assert stream.faults(), 'the new one has sent nothing yet'
@@ -399,8 +398,8 @@ def test_killed_process_does_not_count_beside_its_successor():
 
 
 @pytest.mark.parametrize('number', [3, 4, 50])
-def test_namesake_that_lives_counts(number):
-    """Rule 11: where the older one is received again there are two, whatever its number is."""
+def test_namesake_that_still_sends_counts(number):
+    """Rule 11: if the older one is received again there are two, whatever its number."""
     stream = Stream()
     play(stream, [[A], *range(1, 11), [A, A_AGAIN], 1, 2, 3, 4])
     assert stream.faults() == []
@@ -410,14 +409,14 @@ def test_namesake_that_lives_counts(number):
 
 @pytest.mark.parametrize('other', [B, Endpoint('c')])
 def test_publisher_of_another_node_counts(other):
-    """Rule 11: also while its name is not known."""
+    """Rule 11: also while its name is unknown."""
     stream = Stream()
     play(stream, [[A], 1, 2, [A, other], 1, 2])
     assert stream.faults()
 
 
-def test_listening_anew_takes_number_1_for_the_beginning():
-    """A latched map comes again; nothing of it is taken for a loss or a second publisher."""
+def test_restarted_stream_begins_with_number_1():
+    """A latched map comes again without being taken for a loss or a second publisher."""
     stream = Stream()
     play(stream, [[A], 1, 2, 5])
     stream.restart()

@@ -24,8 +24,8 @@ from stage import (
     REFUSED, square, START, status_and_reasons, with_robot)
 
 
-def test_refused_obstacle_of_a_set_counts_until_the_next_is_whole():
-    """A polygon with a NaN stands for an obstacle somewhere; other sources are untouched."""
+def test_refused_obstacle_of_a_set_counts_until_the_next_whole_set():
+    """There is an obstacle at an unknown place; other sources are not affected."""
     stage = with_robot(LIDAR, ObstacleSettings('radar', '/radar'))
     stage.send(9, name='radar')
     stage.see(10)
@@ -44,8 +44,7 @@ def test_refused_obstacle_of_a_set_counts_until_the_next_is_whole():
     assert status_and_reasons(stage) == ('collision', ())
 
 
-def test_refused_instance_counts_until_it_is_good_or_forgotten():
-    """A good message of another one heals nothing."""
+def test_refused_instance_counts_until_it_is_replaced_or_times_out():
     for is_mended in (True, False):
         stage = known_stage(INSTANCES)
         stage.refuse(instance=1)
@@ -64,8 +63,8 @@ def test_refused_instance_counts_until_it_is_good_or_forgotten():
 
 
 @EVERY_KIND
-def test_message_that_tells_neither_stamp_nor_id_is_a_gap(settings):
-    """It may have been of this set, or of any key."""
+def test_undecodable_message_is_a_gap(settings):
+    """It may be of this set, or of any key."""
     stage = known_stage(settings)
     stage.send_garbage()
     stage.wait_until(0.1)
@@ -78,8 +77,8 @@ def test_message_that_tells_neither_stamp_nor_id_is_a_gap(settings):
     assert status_and_reasons(stage) == ('clear', ())
 
 
-def test_refused_shape_is_a_gap():
-    """Of what accumulates, a refused polygon has no key."""
+def test_refused_accumulated_polygon_is_a_gap():
+    """It has no key, since accumulated polygons are their own keys."""
     stage = known_stage(ACCUMULATED)
     stage.refuse('self-intersecting')
     assert status_and_reasons(stage) == ('unknown', (
@@ -90,8 +89,7 @@ def test_refused_shape_is_a_gap():
     assert status_and_reasons(stage) == ('clear', ())
 
 
-def test_reasons_for_refusal_are_named_once_each():
-    """Two bad polygons of one kind and one of another make two sentences."""
+def test_each_reason_for_refusal_is_listed_once():
     stage = with_robot(LIDAR)
     for reason in ('not finite', 'self-intersecting', 'not finite'):
         stage.refuse(reason)
@@ -105,7 +103,6 @@ def test_reasons_for_refusal_are_named_once_each():
 
 
 def test_set_beyond_max_count_is_unknown_until_a_set_fits():
-    """The scan has more obstacles than the limit: what was cut off may be anywhere."""
     stage = with_robot(replace(LIDAR, max_count=2))
     stage.send(10, 20)
     assert stage.status() == 'clear'
@@ -123,7 +120,7 @@ def test_set_beyond_max_count_is_unknown_until_a_set_fits():
 
 @KEYED
 def test_more_keys_than_max_count_are_a_gap(settings):
-    """What did not fit may be there for the timeout, whatever else comes and goes."""
+    """The obstacle left out may exist until its timeout."""
     stage = known_stage(replace(settings, max_count=2))
     stage.see(10, instance=1)
     stage.see(20, instance=2)
@@ -141,8 +138,8 @@ def test_more_keys_than_max_count_are_a_gap(settings):
 
 
 @EVERY_KIND
-def test_flood_takes_no_more_room_than_max_count(settings):
-    """A publisher gone wild sends thousands of obstacles, good and bad, in one instant."""
+def test_memory_is_bounded_by_max_count(settings):
+    """One publisher sends thousands of valid and invalid obstacles at once."""
     source = Source(replace(settings, max_count=5), Contacts())
     now = nanoseconds(START)
     for number in range(1000):

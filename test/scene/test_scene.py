@@ -22,12 +22,11 @@ from sat_collision.scene.footprints import Status
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from stage import (
-    CART, clear_stage, LIDAR, NOT_RECEIVED, NOTHING_SENT, PATIENT_LIDAR, PATIENT_ROBOT, ROBOT,
-    Stage, TOO_OLD)
+    CART, clear_stage, LIDAR, NOT_RECEIVED, NOTHING_SENT, ROBOT, Stage, TOO_OLD, UNTIMED_LIDAR,
+    UNTIMED_ROBOT)
 
 
 def test_everything_is_unknown_before_any_message():
-    """The node has just started."""
     stage = Stage()
     state = stage.state()
     assert stage.status() == 'unknown'
@@ -36,8 +35,7 @@ def test_everything_is_unknown_before_any_message():
     assert state.age is None
 
 
-def test_contact_begins_and_ends_with_the_obstacle():
-    """A person walks up to the robot, touches it and walks away."""
+def test_obstacle_moves_into_contact_and_away():
     stage = clear_stage()
     for time, x, status in ((0.1, 5, 'clear'), (0.2, 1, 'collision'), (0.3, 0.3, 'collision'),
                             (0.4, -1.01, 'clear')):
@@ -47,8 +45,7 @@ def test_contact_begins_and_ends_with_the_obstacle():
         assert stage.status() == status
 
 
-def test_contact_begins_and_ends_with_the_footprint():
-    """The robot drives past obstacles that stand still."""
+def test_footprint_moves_into_contact_and_away():
     stage = Stage()
     stage.send(0, 4, 5)
     for x, keys in ((2, []), (3, [1]), (4.5, [1, 2]), (6.5, []), (0, [0])):
@@ -58,7 +55,6 @@ def test_contact_begins_and_ends_with_the_footprint():
 
 
 def test_contacts_are_sorted_by_source_and_key():
-    """Contacts come from several sources in any order."""
     stage = Stage(ObstacleSettings('radar', '/radar'), LIDAR)
     stage.robot()
     stage.send(0.1, 9, 0.2, name='radar')
@@ -67,8 +63,7 @@ def test_contacts_are_sorted_by_source_and_key():
         'lidar/0', 'radar/0', 'radar/2']
 
 
-def test_footprints_are_judged_each_for_itself():
-    """Two robots, one of them in contact."""
+def test_each_footprint_has_its_own_status():
     stage = Stage(footprints=[ROBOT, CART])
     stage.robot(0)
     stage.robot(5, name='cart')
@@ -76,9 +71,8 @@ def test_footprints_are_judged_each_for_itself():
     assert (stage.status('robot'), stage.status('cart')) == ('clear', 'collision')
 
 
-def test_forgotten_obstacle_ends_its_contact():
-    """An obstacle that nobody confirms stops counting, and with it the source that is silent."""
-    stage = Stage(footprints=[PATIENT_ROBOT])
+def test_contact_ends_when_its_obstacle_times_out():
+    stage = Stage(footprints=[UNTIMED_ROBOT])
     stage.robot()
     stage.see(0.5)
     assert stage.status() == 'collision'
@@ -87,8 +81,8 @@ def test_forgotten_obstacle_ends_its_contact():
     assert stage.state().contacts == ()
 
 
-def test_contact_outweighs_a_source_in_trouble():
-    """A proved contact is one, whatever else is unknown; the reason is still given."""
+def test_collision_takes_precedence_over_unknown():
+    """The reasons for unknown are still given."""
     stage = Stage(LIDAR, ObstacleSettings('radar', '/radar'))
     stage.robot()
     stage.send(0.5)
@@ -101,8 +95,7 @@ def test_contact_outweighs_a_source_in_trouble():
     assert stage.status() == 'unknown'
 
 
-def test_scene_disabled_knows_nothing_and_knows_all_when_enabled():
-    """`enabled` is switched off and on: what came meanwhile counts."""
+def test_disabled_scene_is_unknown_but_still_receives():
     stage = clear_stage()
     stage.scene.update(replace(stage.settings, enabled=False))
     stage.see(0.5)
@@ -112,9 +105,9 @@ def test_scene_disabled_knows_nothing_and_knows_all_when_enabled():
     assert stage.status() == 'collision'
 
 
-def test_nothing_is_known_without_a_clock():
-    """With use_sim_time the time is 0 until /clock comes; a latched map that came is kept."""
-    stage = Stage(PATIENT_LIDAR, start=0.0)
+def test_unknown_until_the_clock_starts():
+    """With use_sim_time the time is 0 until /clock arrives; a map received before that is kept."""
+    stage = Stage(UNTIMED_LIDAR, start=0.0)
     stage.robot()
     stage.see(0.5)
     assert stage.status() == 'unknown'
@@ -129,8 +122,8 @@ def test_nothing_is_known_without_a_clock():
 
 
 def test_step_back_in_time_drops_everything():
-    """A recording starts again: what was received lies in the future now."""
-    stage = clear_stage(footprints=[PATIENT_ROBOT])
+    """A recording starts again."""
+    stage = clear_stage(footprints=[UNTIMED_ROBOT])
     stage.wait_until(-0.001)
     assert stage.scene.footprints == stage.scene.obstacles == []
     assert stage.status() == 'unknown'
@@ -140,8 +133,8 @@ def test_step_back_in_time_drops_everything():
     assert stage.status() == 'collision'
 
 
-def test_step_back_is_noticed_with_the_first_message_too():
-    """The message comes before the tick that would have noticed."""
+def test_step_back_is_noticed_by_the_first_message():
+    """It arrives before the next tick."""
     stage = clear_stage()
     stage.time = -5.0
     stage.see(20)
@@ -151,8 +144,7 @@ def test_step_back_is_noticed_with_the_first_message_too():
 
 
 def test_nearest_obstacle():
-    """The nearest of two, and none where there is none."""
-    stage = Stage(footprints=(PATIENT_ROBOT,))
+    stage = Stage(footprints=(UNTIMED_ROBOT,))
     assert stage.scene.nearest('robot') is None
     stage.robot(10000)
     assert stage.scene.nearest('robot') is None
@@ -164,8 +156,8 @@ def test_nearest_obstacle():
 START = 1000 * SECOND
 
 
-def test_set_that_is_older_than_the_one_before():
-    """Its stamp is 1.8 s old when it comes: what it proves lasts for 0.2 s of a timeout of 2 s."""
+def test_older_set_replaces_a_newer_one_and_expires_sooner():
+    """Its stamp is 1.8 s old on arrival, so it keeps the source known for 0.2 s."""
     monitor = Monitor(Settings((FootprintSettings('robot', '/robot', timeout=0.0),),
                                (ObstacleSettings('lidar', '/polygons', timeout=2.0),)))
     monitor.receive('robot', serialised(box(0), START), START, 1)

@@ -19,8 +19,8 @@ from dataclasses import replace
 from stage import ACCUMULATED, CART, clear_stage, EVERY_KIND, ROBOT, Stage
 
 
-def test_frame_is_the_one_that_footprints_of_the_last_second_agree_on():
-    """The first footprint ever came in a wrong frame; the obstacles follow with their next set."""
+def test_frame_is_that_of_all_footprints_of_the_last_second():
+    """The first footprint came in a wrong frame; obstacles follow with their next set."""
     stage = Stage(footprints=[ROBOT, CART])
     stage.robot(frame='odom', name='cart')
     stage.send(10)
@@ -34,8 +34,8 @@ def test_frame_is_the_one_that_footprints_of_the_last_second_agree_on():
     assert stage.status('robot') == stage.status('cart') == 'clear'
 
 
-def test_frame_does_not_wait_for_a_footprint_that_was_not_received_of_late():
-    """What is still in the old frame is unknown from then on."""
+def test_frame_ignores_footprints_older_than_a_second():
+    """A footprint still in the old frame is unknown from then on."""
     stage = Stage(footprints=[ROBOT, replace(CART, timeout=0.0)])
     stage.robot(frame='odom', name='cart')
     stage.wait_until(1.0)
@@ -46,8 +46,7 @@ def test_frame_does_not_wait_for_a_footprint_that_was_not_received_of_late():
         "footprint cart on /cart/footprint is not in the frame 'map'")
 
 
-def test_frame_of_the_first_footprint_is_that_of_the_scene():
-    """No frame_id is configured."""
+def test_first_footprint_sets_the_frame():
     stage = Stage()
     assert stage.scene.frame_id == ''
     stage.robot(frame='odom')
@@ -63,8 +62,7 @@ def test_frame_of_the_first_footprint_is_that_of_the_scene():
 
 
 @EVERY_KIND
-def test_obstacles_that_came_before_the_frame_was_known(settings):
-    """The first obstacles come before the first footprint, some of them in another frame."""
+def test_obstacles_received_before_the_frame_is_known(settings):
     stage = Stage(settings)
     stage.end(stamp=-1.9)
     stage.see(0.5, frame='odom', instance=1)
@@ -83,8 +81,7 @@ def test_obstacles_that_came_before_the_frame_was_known(settings):
     assert stage.state().reasons == ((refused,) if settings is ACCUMULATED else ())
 
 
-def test_refusal_before_the_frame_was_known_keeps_its_reason():
-    """What was not finite is not in another frame as well."""
+def test_refusal_before_the_frame_is_known_keeps_its_reason():
     stage = Stage()
     stage.refuse('not finite')
     stage.end()
@@ -93,8 +90,7 @@ def test_refusal_before_the_frame_was_known_keeps_its_reason():
         'obstacle source lidar on /polygons sent what was refused: not finite',)
 
 
-def test_configured_frame_holds_from_the_start():
-    """With frame_id set, neither the first footprint nor the first obstacle decides."""
+def test_configured_frame_refuses_other_frames_from_the_start():
     stage = Stage(frame_id='map')
     assert stage.see(0.5, frame='odom') == 'other frame'
     stage.end()
@@ -109,7 +105,7 @@ def test_configured_frame_holds_from_the_start():
 
 
 def test_second_footprint_in_another_frame_is_unknown():
-    """The first one decides; it is not disturbed by the other."""
+    """The first one is not affected."""
     stage = Stage(footprints=[ROBOT, CART])
     stage.send(10)
     stage.robot()
@@ -118,7 +114,7 @@ def test_second_footprint_in_another_frame_is_unknown():
 
 
 def test_footprint_that_changes_its_frame_is_unknown():
-    """Its last place is not kept; where the frame is not configured, the obstacles must follow."""
+    """If no frame is configured, the frame changes and the obstacles must follow."""
     for settings in ({'frame_id': 'map'}, {}):
         stage = clear_stage(**settings)
         stage.robot(frame='odom')
@@ -126,8 +122,8 @@ def test_footprint_that_changes_its_frame_is_unknown():
         assert (stage.scene.footprints == []) == bool(settings)
 
 
-def test_step_back_in_time_lets_the_frame_be_chosen_anew():
-    """The next recording may be in another frame."""
+def test_step_back_in_time_resets_the_frame():
+    """The next recording may use another one."""
     stage = clear_stage()
     for time in (-1.0, -0.9):
         stage.wait_until(time)
@@ -138,8 +134,7 @@ def test_step_back_in_time_lets_the_frame_be_chosen_anew():
     assert stage.status() == 'clear'
 
 
-def test_refused_footprint_does_not_choose_the_frame():
-    """Only a good footprint does, and no disabled one."""
+def test_refused_or_disabled_footprint_does_not_set_the_frame():
     stage = Stage(footprints=[replace(CART, enabled=False), ROBOT])
     stage.refuse(name='robot')
     stage.robot(name='cart', frame='odom')

@@ -34,7 +34,7 @@ from sat_collision.geometry.polygon import Polygon
 from sat_collision.messages.rejections import UNDECODABLE
 from sat_collision.monitor import Monitor
 from sat_collision.scene.footprints import Status
-from sat_collision.scene.obstacles import OTHER_FRAME, TOO_MANY
+from sat_collision.scene.obstacle_store import OTHER_FRAME, TOO_MANY
 from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN, Scene
 from sat_collision.scene.settings import (
     FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
@@ -56,8 +56,8 @@ SOURCES = {source.name: source for source in (
     ObstacleSettings('tracks', '/tracks', timeout=0.5, type='polygon_instance', max_count=3,
                      moving=True))}
 
-# In units of 0.5 m, at sites 1.5 m apart: many touch, some lie in the notch of another, and many
-# have a gap of just a margin between them.
+# In units of 0.5 m, at sites 1.5 m apart: many touch, some lie in the concave part of another, and
+# many are exactly a margin apart.
 SHAPES = {'square': ((0, 0), (2, 0), (2, 2), (0, 2)),
           'triangle': ((0, 0), (2, 0), (0, 2)),
           'bar': ((0, 0), (3, 0), (3, 1), (0, 1)),
@@ -73,10 +73,10 @@ BAD_POINTS = {'not finite': ((0, 0), (1, math.nan), (1, 1)),
               'self-intersecting': ((5, 5), (6, 6), (6, 5), (5, 6))}
 
 HORIZON = 3.0
-# What rounding makes of a time in s, and of a place in m.
-GRAZE = 1e-6
+# Rounding error allowed in a time in s and a position in m.
+ROUNDING = 1e-6
 
-# In milliseconds, timeouts among them to the nanosecond; None is for a stamp of 0.
+# In milliseconds, some of them exactly a timeout; None stands for a stamp of 0.
 ages = st.sampled_from((0, 0, 0, 1, 15, 20, 90, 500, 600, 700, 1000, 2000, -10, -2000, None))
 waits = st.sampled_from((1, 5, 30, 100, 500, 600, 2100))
 bodies = st.sampled_from(tuple(BODIES))
@@ -91,7 +91,7 @@ class ByPolygons:
     """
     A scene that receives polygons.
 
-    A message returns why the scene refuses it, None if it does not, or does not say.
+    Methods that take a message return why it is refused, None if it is not.
     """
 
     def __init__(self, settings):
@@ -120,7 +120,7 @@ class ByPolygons:
 
 
 class ByMessages:
-    """A monitor that receives the same as serialised messages."""
+    """A monitor that receives the same bodies as serialised messages."""
 
     def __init__(self, settings):
         self._monitor = Monitor(settings)
@@ -147,7 +147,7 @@ class SceneMachine(RuleBasedStateMachine):
     """
     A scene and its model, with the same events.
 
-    `seen` counts the statuses and the refusals on which the two agreed.
+    `seen` counts the statuses and refusals on which both agreed.
     """
 
     ingest: type
@@ -199,7 +199,7 @@ class SceneMachine(RuleBasedStateMachine):
         milliseconds=st.sampled_from((9, 15, 90)), age=st.sampled_from((0, 1, 20)),
         instance=instances, late=st.sampled_from((0, 0, 30)))
     def move(self, name, shape, places, milliseconds, age, instance, late):
-        """Move a body, and send it once more as it was before."""
+        """Move a body, and possibly send an earlier position late."""
         for place in places:
             self.wait(milliseconds)
             self._place(name, f'{shape} {place}', age, instance)
@@ -239,7 +239,7 @@ class SceneMachine(RuleBasedStateMachine):
 
     @rule(name=sources)
     def restart(self, name):
-        """Go on with the first message of another publisher."""
+        """Begin again with number 1, as a new publisher does."""
         self.numbers[name] = 0
 
     @rule(name=sources, together=st.lists(bodies, min_size=1, max_size=4, unique=True),
@@ -275,7 +275,7 @@ class SceneMachine(RuleBasedStateMachine):
     @rule(name=footprints, own=st.runner().flatmap(
         lambda machine: st.lists(st.sampled_from(machine.sources), unique=True)))
     def monitor(self, name, own):
-        """Give a footprint sources of its own, or let it monitor all again."""
+        """Change which sources a footprint monitors; none means all."""
         self._use(with_one(self.model.settings, name, obstacles=tuple(own)))
 
     @invariant()
@@ -310,7 +310,7 @@ class SceneMachine(RuleBasedStateMachine):
             self.seen[status] += 1
 
     def _predictions_agree(self):
-        """No time is late or early, and none is given while unknown."""
+        """Fail if a time is early or late, or given while unknown."""
         for footprint in FOOTPRINTS:
             name, threshold = footprint.name, footprint.min_time_to_collision
             found, status = self.scene.prediction(name), self.scene.status(name)
@@ -325,9 +325,9 @@ class SceneMachine(RuleBasedStateMachine):
                 continue
             seconds, is_due = found.seconds, found.seconds < math.inf
             assert is_due <= (seconds <= HORIZON)
-            assert seconds == 0.0 or not ahead.is_met(min(seconds, HORIZON) - GRAZE,
-                                                      -GRAZE), 'late'
-            assert not is_due or ahead.is_met(seconds + GRAZE, GRAZE), 'early'
+            assert seconds == 0.0 or not ahead.is_met(min(seconds, HORIZON) - ROUNDING,
+                                                      -ROUNDING), 'late'
+            assert not is_due or ahead.is_met(seconds + ROUNDING, ROUNDING), 'early'
             assert {tuple(one) for one in found.unknown} == (ahead.unknown if seconds else set())
             self.seen['time' if is_due else 'never'] += 1
             self.seen['unknown motion'] += not found.is_known
@@ -377,7 +377,7 @@ class SceneMachine(RuleBasedStateMachine):
         self.seen[refusal] += 1
 
     def _message(self, name, age, instance):
-        """Return stamp, present time, id and number."""
+        """Return stamp, current time, id and number."""
         self.numbers[name] += 1
         stamp = 0 if age is None else self.now - age * MILLISECOND
         return stamp, self.now, instance if name == 'tracks' else None, self.numbers[name]
@@ -398,7 +398,7 @@ class MessageMachine(SceneMachine):
 
 
 def key_of(obstacle, polygon):
-    """Return source and key of an obstacle as the model has them: its number or its ring."""
+    """Return the source and the key of an obstacle in the model: its number or its ring."""
     return obstacle.source, obstacle.key if obstacle.key >= 0 else ring_of(polygon)
 
 
@@ -408,8 +408,8 @@ def ring_of(polygon):
 
 @pytest.mark.long
 @pytest.mark.parametrize('machine', (PolygonMachine, MessageMachine))
-def test_scene_agrees_with_a_model_that_recomputes_everything(machine):
-    """Sources of every kind, messages of every kind, in any order, with stamps that jump about."""
+def test_scene_agrees_with_the_model(machine):
+    """Sources and messages of every kind in any order, with stamps that go back and forth."""
     machine.seen.clear()
     run_state_machine_as_test(machine, settings=hypothesis.settings(
         max_examples=300, stateful_step_count=50, derandomize=True, database=None, deadline=None,

@@ -27,8 +27,8 @@ EVERY_SETTING = [(kind, name) for kind in KINDS for name in specs(kind)]
 
 
 @pytest.mark.parametrize('kind, name', EVERY_SETTING)
-def test_default_is_one_that_it_may_have(kind, name):
-    """Every number has limits, and lies within them; what has choices is one of them."""
+def test_default_is_valid(kind, name):
+    """Numbers have limits and lie within them; a setting with choices has one of them."""
     default, spec = specs(kind)[name]
     assert spec.description
     assert (type(default) in (int, float)) == (spec.limits is not None)
@@ -39,31 +39,28 @@ def test_default_is_one_that_it_may_have(kind, name):
         assert default in spec.choices
 
 
-def test_only_names_and_topics_must_be_given():
-    """Everything else has a default."""
+def test_only_names_and_topics_have_no_default():
     needed = {kind: [name for name, (default, _) in specs(kind).items() if default is MISSING]
               for kind in KINDS}
     assert needed == {Settings: ['footprints', 'obstacles'], FootprintSettings: ['topic'],
                       ObstacleSettings: ['topic']}
 
 
-def test_what_shapes_the_node_is_not_live():
-    """Names, topics, types, the frame, what memory is set aside for, and the lock stay."""
+def test_settings_that_cannot_be_changed_live():
     fixed = {name for kind, name in EVERY_SETTING if not specs(kind)[name][1].live}
     assert fixed == {'cmd_vel', 'footprints', 'obstacles', 'frame_id', 'lock_parameters',
                      'max_vertices', 'odometry', 'radius_vertices', 'rate', 'tf_cache_time',
                      'topic', 'type'}
 
 
-def test_settings_cannot_be_changed_in_place():
-    """A change is another Settings, which somebody has to apply."""
+def test_settings_are_immutable():
     for settings in (ROBOT, LIDAR, Settings((ROBOT,), (LIDAR,))):
         with pytest.raises(FrozenInstanceError):
             settings.enabled = False
 
 
 def declared(**given):
-    """Return all values by name, then the names of the footprints and those of the sources."""
+    """Return all values by name, the names of the footprints and those of the sources."""
     values = {}
 
     def declare(name, default, spec):
@@ -73,19 +70,18 @@ def declared(**given):
 
 
 def settings_of(resolve=str, **given):
-    """Return the Settings that the given parameters make; two underscores stand for the dot."""
+    """Return the Settings for parameters; two underscores stand for the dot."""
     values, footprints, obstacles = declared(**given)
     return read_settings(footprints, obstacles, values.__getitem__, resolve)
 
 
-def test_nothing_given_makes_the_defaults():
+def test_defaults():
     """One footprint and one source of obstacles."""
     assert settings_of() == Settings((FootprintSettings('footprint', 'footprint'),),
                                      (ObstacleSettings('obstacle', 'obstacles'),))
 
 
-def test_every_source_has_parameters_of_its_own():
-    """All its settings, by its name."""
+def test_every_footprint_and_source_has_its_own_parameters():
     values, footprints, obstacles = declared(footprints=['a', 'b'], obstacles=['c'])
     assert (footprints, obstacles) == (['a', 'b'], ['c'])
     assert set(values) == {*specs(Settings),
@@ -94,8 +90,7 @@ def test_every_source_has_parameters_of_its_own():
                            *(f'c.{field}' for field in specs(ObstacleSettings))}
 
 
-def test_what_is_given_is_what_is_set():
-    """Of one source among several, and of the monitor."""
+def test_given_parameters_are_set():
     settings = settings_of(obstacles=['map', 'people'], people__max_count=7, margin=0.5)
     assert settings.obstacles == (ObstacleSettings('map', 'map'),
                                   ObstacleSettings('people', 'people', max_count=7))
@@ -103,7 +98,7 @@ def test_what_is_given_is_what_is_set():
 
 
 def test_topics_are_resolved():
-    """By whoever knows the namespace; where that fails, the error names the parameter."""
+    """If that fails, the error names the parameter."""
     assert settings_of('/robot/{}'.format).footprints[0].topic == '/robot/footprint'
 
     def refuse(topic):
@@ -112,8 +107,7 @@ def test_topics_are_resolved():
         settings_of(refuse, footprint__topic='a b')
 
 
-def test_only_ids_tell_what_has_moved():
-    """Of other obstacles it is not known which one has become which."""
+def test_moving_needs_ids():
     assert settings_of(obstacle__moving=True,
                        obstacle__type='polygon_instance').obstacles[0].moving
     with pytest.raises(ParameterError, match='^obstacle.moving: only ids .* polygon_instance$'):
@@ -127,14 +121,14 @@ def test_only_ids_tell_what_has_moved():
     ({'obstacles': ['margin']}, "'margin' cannot be a name, because a parameter"),
     ({'footprints': ['use_sim_time']}, "'use_sim_time' cannot be a name, because a parameter"),
     ({'footprints': ['a'], 'obstacles': ['b', 'a']}, "'a' is used twice")])
-def test_senseless_names_are_refused(given, words):
+def test_invalid_names_are_refused(given, words):
     """The message says which one, why, and what to do."""
     with pytest.raises(ParameterError, match=words):
         declared(**given)
 
 
-def test_sources_are_given_by_name():
-    """Empty names are none; a name that is not there is refused with the one that was meant."""
+def test_monitored_sources_are_given_by_name():
+    """Empty names are ignored; for an unknown name the nearest one is suggested."""
     given = {'obstacles': ['walls', 'dock'], 'footprints': ['a', 'b']}
     a, b = settings_of(**given, a__obstacles=['walls'], b__obstacles=['']).footprints
     assert (a.obstacles, b.obstacles) == (('walls',), ())
@@ -150,7 +144,7 @@ FLAT = [coordinate for point in SQUARE for coordinate in point]
 
 
 def settings_with(**given):
-    """Return the settings of a monitor whose footprint is given these parameters."""
+    """Return the settings of a monitor whose footprint has these parameters."""
     given = {'frame_id': 'odom', **{
         f'footprint.{name}' if name != 'fixed' else 'frame_id': value
         for name, value in {'frame_id': 'base_link', **given}.items()}}
@@ -170,21 +164,21 @@ def outline(**given):
 @pytest.mark.parametrize('points', [
     FLAT, tuple(FLAT), '[[0.5, 0.25], [-0.5, 0.25], [-0.5, -0.25], [0.5, -0.25]]',
     ' [ [.5,25e-2],[-0.5,0.25],[-.5,-0.25], [0.5 , -0.25] ] '])
-def test_points_are_numbers_or_what_nav2_has(points):
+def test_points_are_numbers_or_a_string_as_in_nav2(points):
     assert outline(points=points) == SQUARE
 
 
-def test_whole_numbers_are_numbers():
-    """A parameter file has integers where nobody wrote a point."""
+def test_points_may_be_integers():
+    """As in a parameter file without decimal points."""
     assert outline(points=[1, 0, 0, 1, -1, 0]) == ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0))
 
 
-def test_a_footprint_may_be_a_point_or_a_segment():
+def test_outline_may_be_a_point_or_a_segment():
     assert outline(points=[1.0, 0.0]) == ((1.0, 0.0),)
     assert outline(points='[[1, 0], [2, 0]]') == ((1.0, 0.0), (2.0, 0.0))
 
 
-def test_its_topic_is_where_its_frame_is_told():
+def test_topic_of_an_outline_is_that_of_its_transforms():
     assert settings_with(points=FLAT).footprints[0].topic == '/ns//tf'
     assert settings_with(points=FLAT, odometry='odom').footprints[0].topic == '/ns/odom'
     assert settings_with(frame_id='').footprints[0].topic == '/ns/footprint'
@@ -211,7 +205,7 @@ def test_its_topic_is_where_its_frame_is_told():
      '^frame_id: the outline of footprint needs the fixed frame that it moves in, such as odom$'),
     ({}, '^footprint.frame_id is for an outline: give footprint.points or footprint.radius, too'),
     ({'frame_id': '', 'odometry': 'odom'}, '^footprint.odometry is for an outline: ')])
-def test_what_makes_no_sense_is_told_in_one_line(given, words):
+def test_invalid_outlines_are_refused_in_one_line(given, words):
     with pytest.raises(ParameterError, match=words) as error:
         settings_with(**given)
     assert '\n' not in str(error.value)

@@ -22,12 +22,12 @@ from sat_collision.scene.settings import ObstacleSettings
 from sat_collision.scene.sources import TOO_OLD
 from sat_collision.scene.streams import Endpoint
 from stage import (
-    EVERY_KIND, INSTANCES, KEYED, known_stage, LIDAR, LIDAR_SAYS, NOTHING_SENT, PATIENT_LIDAR,
-    REFUSED, Stage, status_and_reasons, with_robot)
+    EVERY_KIND, INSTANCES, KEYED, known_stage, LIDAR, LIDAR_SAYS, NOTHING_SENT, REFUSED, Stage,
+    status_and_reasons, UNTIMED_LIDAR, with_robot)
 
 
-def test_instances_are_known_by_their_id():
-    """A tracker numbers what it follows, in any order; two tracks may have one shape."""
+def test_instances_are_identified_by_id():
+    """Two of them may have the same polygon."""
     stage = Stage(INSTANCES)
     stage.see(10, instance=7)
     stage.see(10, instance=-3)
@@ -37,8 +37,8 @@ def test_instances_are_known_by_their_id():
     assert stage.held == {7: 11, -3: 10}
 
 
-def test_older_polygon_of_an_id_changes_nothing():
-    """Two messages overtake each other on the way: where the obstacle is now is known already."""
+def test_older_message_of_an_id_changes_nothing():
+    """Two messages arrive in the wrong order."""
     stage = known_stage(INSTANCES)
     stage.see(0.5, instance=1)
     assert stage.see(10, stamp=-0.1, instance=1) is None
@@ -48,8 +48,8 @@ def test_older_polygon_of_an_id_changes_nothing():
     assert stage.status() == 'clear'
 
 
-def test_instance_that_returns_to_a_former_place():
-    """A door opens and closes: the same two shapes in turn under one id."""
+def test_instance_returns_to_a_former_place():
+    """A door opens and closes: two shapes in turn under one id."""
     stage = known_stage(INSTANCES)
     for time, x, status in ((0.1, 0.5, 'collision'), (0.2, 9, 'clear'), (0.3, 0.5, 'collision')):
         stage.wait_until(time)
@@ -58,8 +58,8 @@ def test_instance_that_returns_to_a_former_place():
 
 
 @KEYED
-def test_key_is_forgotten_by_its_publisher_not_by_time(settings):
-    """It lives and has not refreshed it; or it has ended, and the obstacle may still be there."""
+def test_key_is_forgotten_only_if_its_publisher_goes_on_without_it(settings):
+    """If the publisher falls silent instead, the obstacle stays until the source is unknown."""
     for is_alive, expected in ((True, 'clear'), (False, 'unknown')):
         stage = known_stage(settings)
         stage.see(0.5, instance=1)
@@ -77,7 +77,7 @@ def test_key_is_forgotten_by_its_publisher_not_by_time(settings):
 
 
 def test_last_whole_set_stays_until_the_source_is_unknown():
-    """Sets cease in the middle of the second one."""
+    """The publisher stops in the middle of the second set."""
     stage = with_robot(LIDAR)
     stage.send(0.5, 10)
     stage.wait_until(1.0)
@@ -90,8 +90,8 @@ def test_last_whole_set_stays_until_the_source_is_unknown():
     assert stage.held == {0: 20}
 
 
-def test_set_that_is_whole_too_late_is_forgotten_at_once():
-    """It was held for the set before it, which was young."""
+def test_set_completed_after_its_timeout_is_forgotten_at_once():
+    """Until then it was held because the set before it was recent."""
     stage = known_stage(LIDAR)
     stage.see(0.5, stamp=-1.9)
     stage.wait_until(0.2)
@@ -100,8 +100,8 @@ def test_set_that_is_whole_too_late_is_forgotten_at_once():
     assert (stage.status(), stage.held) == ('unknown', {0: 10})
 
 
-def test_obstacle_is_forgotten_where_no_reason_changes_with_it():
-    """The source is met in its middle, and dies."""
+def test_obstacle_times_out_even_if_the_reasons_stay_the_same():
+    """The source was already unknown because its first messages were missed."""
     stage = with_robot(LIDAR)
     stage.lose(4)
     stage.end()
@@ -115,8 +115,8 @@ def test_obstacle_is_forgotten_where_no_reason_changes_with_it():
 
 
 @EVERY_KIND
-def test_obstacle_lives_from_its_stamp_not_from_its_arrival(settings):
-    """A message that took 1 s to arrive is 1 s old; one stamped ahead counts from its arrival."""
+def test_obstacle_times_out_from_its_stamp(settings):
+    """One stamped ahead of the clock times out from its arrival."""
     for arrival, stamp, end in ((1.0, 0.0, 2.0), (0.0, 1.0, 2.0)):
         stage = Stage(settings)
         stage.wait_until(arrival)
@@ -129,7 +129,6 @@ def test_obstacle_lives_from_its_stamp_not_from_its_arrival(settings):
 
 @EVERY_KIND
 def test_stamp_further_ahead_than_the_tolerance_is_refused(settings):
-    """The publisher's clock is an hour ahead: nobody knows how long a message was on the way."""
     stage = known_stage(settings)
     assert stage.see(10, stamp=3600.0, instance=1) == 'from the future'
     assert stage.status() == 'unknown'
@@ -141,8 +140,8 @@ def test_stamp_further_ahead_than_the_tolerance_is_refused(settings):
 
 
 @EVERY_KIND
-def test_timeout_0_keeps_what_was_received(settings):
-    """A latched map is sent once, and settles."""
+def test_timeout_0_keeps_obstacles_forever(settings):
+    """A latched map is sent once, and is known after settle_time."""
     stage = with_robot(replace(settings, timeout=0.0))
     stage.see(10, instance=1)
     stage.wait_until(1.0)
@@ -157,9 +156,8 @@ def test_timeout_0_keeps_what_was_received(settings):
     assert status_and_reasons(stage) == ('clear', ()), 'it has no time that could be set back'
 
 
-def test_map_does_not_settle_while_messages_wait_to_be_taken():
-    """The node was held up: what it has not looked at is no pause."""
-    stage = with_robot(PATIENT_LIDAR)
+def test_map_does_not_settle_while_messages_are_queued():
+    stage = with_robot(UNTIMED_LIDAR)
     stage.see(10)
     stage.time = 3.0
     stage.scene.pass_time(stage.now, is_all_taken=False)
@@ -173,8 +171,7 @@ def test_map_does_not_settle_while_messages_wait_to_be_taken():
 
 
 @EVERY_KIND
-def test_source_of_which_nothing_came_is_unknown(settings):
-    """Nobody has said that there is no obstacle, whether the source may fall silent or not."""
+def test_source_is_unknown_before_its_first_message(settings):
     for timeout, reason in ((2.0, NOTHING_SENT),
                             (0.0, LIDAR_SAYS + 'has not sent a whole map yet')):
         stage = with_robot(replace(settings, timeout=timeout))
@@ -183,8 +180,7 @@ def test_source_of_which_nothing_came_is_unknown(settings):
 
 
 @EVERY_KIND
-def test_silent_source_is_unknown_until_it_is_known_again(settings):
-    """The sensor is unplugged and plugged in again."""
+def test_silent_source_is_unknown_until_it_sends_a_whole_listing(settings):
     stage = known_stage(settings)
     stage.see(10, instance=1)
     stage.end()
@@ -203,8 +199,8 @@ def test_silent_source_is_unknown_until_it_is_known_again(settings):
     assert status_and_reasons(stage) == ('clear', ())
 
 
-def test_messages_past_their_timeout_are_no_sign_of_life():
-    """The publisher's clock is behind by more than the timeout: nothing it says is current."""
+def test_messages_past_their_timeout_leave_a_source_silent():
+    """The publisher's clock is behind by more than the timeout."""
     stage = with_robot(LIDAR)
     assert stage.see(10, stamp=-2.001) == TOO_OLD
     stage.end(stamp=-2.001)
@@ -213,8 +209,8 @@ def test_messages_past_their_timeout_are_no_sign_of_life():
 
 
 @KEYED
-def test_messages_that_come_late_at_once_are_no_listing(settings):
-    """The node was held up: what was stamped meanwhile is refused, and may come again later."""
+def test_burst_of_late_messages_is_no_listing(settings):
+    """The node was held up: messages stamped meanwhile were refused as too old."""
     stage = with_robot(settings)
     stage.wait_until(10.0)
     for stamp in (2.0, 4.0, 6.0):
@@ -225,8 +221,8 @@ def test_messages_that_come_late_at_once_are_no_listing(settings):
 
 
 @KEYED
-def test_message_of_any_key_is_missing_at_the_beginning_too(settings):
-    """What cannot be read came first; what follows was stamped before it."""
+def test_unreadable_first_message_delays_a_listing(settings):
+    """It may have been of any key; the next message was stamped before it."""
     stage = with_robot(settings)
     stage.send_garbage()
     stage.see(10, stamp=-0.5, instance=1)
@@ -239,7 +235,7 @@ def test_message_of_any_key_is_missing_at_the_beginning_too(settings):
 
 
 def test_refused_instance_of_a_silent_source_is_forgotten():
-    """It came in the silence, without a stamp that could end it."""
+    """It has no valid stamp, so it does not end the silence."""
     stage = known_stage(INSTANCES)
     stage.wait_until(3.0)
     stage.see(10, stamp=100.0, instance=1)
@@ -250,8 +246,8 @@ def test_refused_instance_of_a_silent_source_is_forgotten():
 
 
 @EVERY_KIND
-def test_stamps_of_another_clock_are_told_from_silence(settings):
-    """A recording of an hour ago is played, then one tells the time by /clock."""
+def test_stamps_of_another_clock_are_reported_as_such(settings):
+    """Stamps of an hour ago or older."""
     stage = Stage(settings, start=1e5)
     stage.robot()
     assert stage.see(5, stamp=-3600.0, instance=1) == TOO_OLD
@@ -264,8 +260,8 @@ def test_stamps_of_another_clock_are_told_from_silence(settings):
     assert 'stamps' not in ''.join(stage.state().reasons)
 
 
-def test_disabled_source_is_ignored_and_troubles_nobody():
-    """A sensor is switched off on purpose, while another one serves."""
+def test_disabled_source_is_ignored():
+    """Its faults do not count; once enabled, it must send a whole listing again."""
     stage = with_robot(LIDAR, ObstacleSettings('radar', '/radar'))
     stage.send(0.5)
     stage.send(50, name='radar')
@@ -285,14 +281,13 @@ def test_disabled_source_is_ignored_and_troubles_nobody():
     assert stage.status() == 'collision'
 
 
-def test_no_enabled_source_leaves_nothing_known():
-    """With every source disabled, nobody can say that the robot is clear."""
+def test_unknown_if_no_source_is_enabled():
     stage = with_robot(replace(LIDAR, enabled=False))
     assert status_and_reasons(stage) == ('unknown', ('no obstacle source is enabled',))
 
 
-def test_timeout_changed_while_running():
-    """Shorter forgets at once; longer brings nothing back, neither obstacles nor trust."""
+def test_timeout_can_be_changed_live():
+    """A shorter one forgets at once; a longer one restores neither obstacles nor knowledge."""
     stage = with_robot(LIDAR)
     stage.send(0.5)
     stage.wait_until(1.5)
@@ -316,8 +311,8 @@ def test_timeout_changed_while_running():
     assert stage.status() == 'unknown', 'what is a map need not be a set'
 
 
-def test_loss_in_a_set_leaves_the_last_whole_set():
-    """What is missing may be of the set that comes in, or of the next; a later one is whole."""
+def test_set_with_a_loss_does_not_replace_the_last_whole_set():
+    """The lost message may be of this set or of the next; the one after that is whole."""
     stage = with_robot(LIDAR)
     stage.send(0.5, 10)
     stage.wait_until(0.1)
@@ -333,7 +328,6 @@ def test_loss_in_a_set_leaves_the_last_whole_set():
 
 
 def test_lossy_source_is_unknown_when_its_last_whole_set_is_too_old():
-    """It sends all the time, and no set is whole any more."""
     stage = with_robot(LIDAR)
     stage.send(10)
     for time in (0.5, 1.0, 1.5, 2.0):
@@ -348,8 +342,8 @@ def test_lossy_source_is_unknown_when_its_last_whole_set_is_too_old():
 
 
 @KEYED
-def test_loss_of_keys_counts_for_the_timeout(settings):
-    """By then all that is there has been received anew."""
+def test_loss_of_keys_makes_a_source_unknown_for_its_timeout(settings):
+    """By then every key has been sent again."""
     stage = known_stage(settings)
     stage.lose()
     stage.see(10, instance=1)
@@ -364,8 +358,8 @@ def test_loss_of_keys_counts_for_the_timeout(settings):
     assert status_and_reasons(stage) == ('clear', ())
 
 
-def test_loss_before_an_empty_polygon_of_stamp_0_is_one_in_the_set():
-    """It ends no set, but its number shows that one of this set was lost."""
+def test_loss_before_an_empty_polygon_of_stamp_0_is_a_loss_in_the_set():
+    """That polygon ends no set, but its number shows the loss."""
     stage = known_stage(LIDAR)
     stage.wait_until(1.0)
     stage.see(10)
@@ -377,8 +371,7 @@ def test_loss_before_an_empty_polygon_of_stamp_0_is_one_in_the_set():
         'unknown', (LIDAR_SAYS + 'has not sent a whole set since messages were lost',))
 
 
-def test_loss_before_an_id_without_a_usable_stamp_is_one_of_any_key():
-    """What was lost may have been of another id than that which is refused, and mended."""
+def test_loss_before_a_refused_instance_may_be_of_any_key():
     stage = known_stage(INSTANCES)
     stage.lose()
     assert stage.see(10, stamp=100.0, instance=1) == FROM_FUTURE
@@ -388,9 +381,9 @@ def test_loss_before_an_id_without_a_usable_stamp_is_one_of_any_key():
         'were lost',))
 
 
-def test_lossy_map_is_asked_for_again():
+def test_history_of_a_lossy_map_is_requested_again():
     """Its publisher keeps what it has sent: number 1 comes again."""
-    stage = with_robot(PATIENT_LIDAR)
+    stage = with_robot(UNTIMED_LIDAR)
     stage.publish_by('a')
     assert stage.scene.wants_history('lidar'), 'it may have sent its map already'
     stage.see(10)
@@ -409,8 +402,7 @@ def test_lossy_map_is_asked_for_again():
     assert not stage.scene.wants_history('lidar')
 
 
-def test_lost_footprint_is_made_up_for_by_the_next():
-    """A loss of footprints is only counted."""
+def test_lost_footprints_are_only_counted():
     stage = known_stage(LIDAR)
     stage.lose(name='robot')
     stage.robot()
@@ -420,8 +412,8 @@ def test_lost_footprint_is_made_up_for_by_the_next():
 
 @pytest.mark.parametrize('timeout', [2.0, 0.0])
 @EVERY_KIND
-def test_enabled_source_begins_anew(settings, timeout):
-    """What came while it was disabled is missing; its publisher goes on."""
+def test_source_starts_over_when_enabled(settings, timeout):
+    """Messages sent while it was disabled are missing."""
     settings = replace(settings, timeout=timeout)
     stage = with_robot(settings)
     stage.see(0.5, instance=1)
@@ -437,8 +429,8 @@ def test_enabled_source_begins_anew(settings, timeout):
 
 
 @EVERY_KIND
-def test_restarted_publisher_is_known_by_its_own_listing(settings):
-    """What the one before has sent stays until its timeout."""
+def test_restarted_publisher_must_send_its_own_listing(settings):
+    """Obstacles of the previous publisher stay until their timeout."""
     stage = known_stage(settings)
     stage.publish_by('a')
     stage.restart()
@@ -458,9 +450,8 @@ def test_restarted_publisher_is_known_by_its_own_listing(settings):
     assert status_and_reasons(stage) == ('clear', ())
 
 
-def test_restarted_map_stays_until_it_is_replaced():
-    """Its publisher has gone and another one has sent all of its map."""
-    stage = with_robot(PATIENT_LIDAR)
+def test_map_stays_until_a_new_publisher_sends_a_whole_one():
+    stage = with_robot(UNTIMED_LIDAR)
     stage.publish_by('a')
     stage.send(0.5)
     stage.publish_by()
@@ -475,9 +466,9 @@ def test_restarted_map_stays_until_it_is_replaced():
     assert list(stage.held.values()) == [10]
 
 
-def test_map_of_a_killed_publisher_stays_until_its_lease_is_over():
-    """Another one of its node name has sent all of its map; the former one may live after all."""
-    stage = with_robot(PATIENT_LIDAR)
+def test_map_of_a_killed_publisher_stays_until_its_lease_ends():
+    """Until then it counts beside the whole map of the respawned node."""
+    stage = with_robot(UNTIMED_LIDAR)
     killed, respawned = Endpoint('a', '/map'), Endpoint('b', '/map')
     stage.scene.update_publishers('lidar', [killed])
     stage.send(0.5)
@@ -491,8 +482,8 @@ def test_map_of_a_killed_publisher_stays_until_its_lease_is_over():
 
 
 @EVERY_KIND
-def test_listing_of_another_publisher_that_leaves_proves_nothing(settings):
-    """It sends an empty set and goes; the next number of the one that stays happens to fit."""
+def test_listing_of_a_second_publisher_that_leaves_does_not_count(settings):
+    """It sends an empty set and goes; the next number of the first one happens to fit."""
     stage = with_robot(settings)
     stage.publish_by('a')
     stage.see(0.5, instance=1)
@@ -515,8 +506,8 @@ def test_listing_of_another_publisher_that_leaves_proves_nothing(settings):
     assert stage.status() == 'clear'
 
 
-def test_stamps_of_0_among_others_begin_anew():
-    """Sets go by their stamps; what has none goes by its shape, and for the timeout."""
+def test_stamp_of_0_after_others_starts_over():
+    """Sets are told apart by stamps; obstacles without a stamp by their shape."""
     stage = with_robot(LIDAR)
     stage.send(0.5)
     stage.see(10, stamp='none')

@@ -26,7 +26,7 @@ ROBOT = np.array([(-0.5, -0.3), (0.5, -0.3), (0.6, 0.0), (0.5, 0.3), (-0.5, 0.3)
 
 
 def steered(vertices, twist, pose, seconds, steps=4096):
-    """Follow a twist by small steps of the midpoint rule, as an oracle that has no closed form."""
+    """Follow a twist by small steps of the midpoint rule, independently of the closed form."""
     vx, vy, omega = twist
     x, y, yaw = pose
     step = seconds / steps
@@ -39,8 +39,8 @@ def steered(vertices, twist, pose, seconds, steps=4096):
 
 
 @pytest.mark.parametrize('seed', range(20))
-def test_two_places_on_an_arc_tell_its_twist_and_where_it_leads(seed):
-    """Fitted to two places 0.1 s apart, the motion goes through a third a second later."""
+def test_velocity_is_fitted_to_two_places_on_an_arc(seed):
+    """Places 0.1 s apart determine the twist; it predicts the place a second later."""
     rng = np.random.default_rng(seed)
     twist, pose = rng.uniform(-2, 2, 3), rng.uniform(-50, 50, 3)
     places = [steered(ROBOT, twist, pose, seconds) for seconds in (0.0, 0.1, 1.1)]
@@ -52,7 +52,7 @@ def test_two_places_on_an_arc_tell_its_twist_and_where_it_leads(seed):
 
 
 def test_noise_of_a_centimetre_at_10_hz():
-    """Common to all vertices it makes 0.14 m/s; independent, less by the root of their number."""
+    """Common noise of all vertices gives 0.14 m/s; independent noise is averaged over them."""
     rng = np.random.default_rng(1)
 
     def spread(shape):
@@ -66,8 +66,8 @@ def test_noise_of_a_centimetre_at_10_hz():
         0.141 / np.linalg.norm(ROBOT - ROBOT.mean(0)), rel=0.1)
 
 
-def test_another_shape_has_no_velocity():
-    """Other vertices, an arm that comes out, and what is beyond all robots."""
+def test_no_velocity_if_the_shape_changes():
+    """Another number of vertices, one vertex that moved alone, or an impossible speed."""
     assert fitted(ROBOT, ROBOT[:-1], 0.1, FOOTPRINTS) is None
     assert fitted(ROBOT, ROBOT + [(0, 0), (0, 0), (0.5, 0), (0, 0), (0, 0)], 0.1, '') is None
     assert fitted(ROBOT, ROBOT + 1000, 0.1, FOOTPRINTS) is None
@@ -82,8 +82,8 @@ def tracked(*places):
     return tracker.velocity(round(places[-1][0] * SECOND), TRANSFORMS)
 
 
-def test_unknown_until_two_places_apart_in_time():
-    """One, two of one stamp, and two too far apart say nothing; of a jump back none is left."""
+def test_velocity_needs_two_places_at_different_times():
+    """Not one place, two with one stamp, or two too far apart; a step back resets it."""
     assert tracked((1.0, 0)) is None
     assert tracked((1.0, 0), (1.0, 1)) is None
     assert tracked((1.0, 0), (3.1, 1)) is None
@@ -93,14 +93,13 @@ def test_unknown_until_two_places_apart_in_time():
         pytest.approx((1, 0, 0)), pytest.approx((*(ROBOT.mean(0) + (0.1, 0)), 0)), TRANSFORMS)
 
 
-def test_places_that_follow_at_once_are_measured_from_an_earlier_one():
-    """Three within a millisecond: the one before them counts."""
+def test_places_within_a_millisecond_are_compared_with_an_earlier_one():
     assert tracked((1.0, 0), (1.1, 0.1), (1.1005, 0.2), (1.101, 0.3)).twist[0] == (
         pytest.approx(0.3 / 0.101))
 
 
-def test_what_is_given_comes_first_if_it_makes_sense():
-    """And only with the place that it was given with."""
+def test_given_velocity_is_used_if_it_is_valid():
+    """Only for the place that it came with."""
     tracker, given = MotionTracker(), Velocity((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), ODOMETRY)
     tracker.place(SECOND, ROBOT, given)
     assert tracker.velocity(SECOND, TRANSFORMS) is given
@@ -113,7 +112,7 @@ def test_what_is_given_comes_first_if_it_makes_sense():
 
 
 def test_translation_that_overflows_is_unknown():
-    """Two vertices change places across all doubles: their mean velocity is not a number."""
+    """Two vertices change places across the whole range of float64."""
     before = np.array([(-1e308, 0.0), (1e308, 0.0), (0.0, 1.0)])
     after = np.array([(1e308, 0.0), (-1e308, 0.0), (0.0, 1.0)])
     with np.errstate(all='ignore'):

@@ -40,7 +40,7 @@ from test_scene_random import BODIES, key_of, ring_of  # noqa: E402
 
 MILLISECOND = SECOND // 1000
 START = 1000 * SECOND
-PATIENCE = 200 * MILLISECOND
+TRANSFORM_TIMEOUT = 200 * MILLISECOND
 FOOTPRINT = FootprintSettings('robot', '/footprint', timeout=1.0)
 SOURCES = (ObstacleSettings('sets', '/sets', timeout=0.8, max_count=60),
            ObstacleSettings('tracks', '/tracks', timeout=0.8, type='polygon_instance'))
@@ -51,14 +51,14 @@ bodies = st.sampled_from(tuple(BODIES))
 names = st.sampled_from(('robot', 'sets', 'tracks'))
 ages = st.sampled_from((0, 0, 0, 5, 15, 90))
 waits = st.sampled_from((1, 5, 30, 60, 201, 201))
-# What the transforms say: nothing but the pose at the stamp; the poses before and after, of which
-# it is the middle; another parent until shortly before.
+# How the pose at the stamp is sent: exactly, as the middle of a pose before and one after, or with
+# a parent that changed shortly before.
 ways = st.sampled_from(('exact', 'between', 're-parented'))
 offsets = st.tuples(*[st.integers(-20, 20).map(lambda k: k / 2)] * 2)
 
 
 class Message(NamedTuple):
-    """A message that waits, or is behind one that does; frame is '' for the fixed one."""
+    """A message that waits, or is queued behind one that does; frame is '' for the fixed one."""
 
     ring: tuple | None
     stamp: int
@@ -76,7 +76,7 @@ class FramesMachine(RuleBasedStateMachine):
     @initialize()
     def begin(self):
         self.settings = Settings((FOOTPRINT,), SOURCES, frame_id='odom',
-                                 transform_timeout=PATIENCE / SECOND)
+                                 transform_timeout=TRANSFORM_TIMEOUT / SECOND)
         self.now = START
         self.monitor = Monitor(self.settings, transforms=True)
         self.model = SceneModel(self.settings)
@@ -105,11 +105,11 @@ class FramesMachine(RuleBasedStateMachine):
     @precondition(lambda self: any(self.queues.values()))
     @rule()
     def wait_too_long(self):
-        self.wait(milliseconds=PATIENCE // MILLISECOND + 1)
+        self.wait(milliseconds=TRANSFORM_TIMEOUT // MILLISECOND + 1)
 
     @rule()
     def step_back(self):
-        """Jump to another time, to which nothing of what waits belongs."""
+        """Jump back in time, which drops all waiting messages."""
         self.now -= 3 * SECOND
         self.monitor.advance(self.now)
         self._forget()
@@ -123,7 +123,7 @@ class FramesMachine(RuleBasedStateMachine):
     @rule(name=names, body=bodies, age=ages, instance=st.integers(0, 3), way=ways, offset=offsets,
           is_late=st.booleans())
     def send_in_a_frame(self, name, body, age, instance, way, offset, is_late):
-        """Send a body in another frame, whose transform comes before or later."""
+        """Send a body in another frame, whose transform comes earlier or later."""
         self.frames += 1
         frame = f'camera{self.frames}'
         self.missing[frame] = self.now - age * MILLISECOND, way, offset
@@ -134,7 +134,6 @@ class FramesMachine(RuleBasedStateMachine):
 
     @rule(which=st.integers(0, 20))
     def a_transform_comes(self, which):
-        """In any order."""
         if self.missing:
             self.transform(sorted(self.missing)[which % len(self.missing)])
 
@@ -149,7 +148,7 @@ class FramesMachine(RuleBasedStateMachine):
 
     @rule(name=st.sampled_from(('sets', 'tracks')))
     def end(self, name, age=0):
-        """Send an empty polygon, which is nowhere, but comes behind what waits."""
+        """Send an empty polygon, which needs no transform, but waits behind what does."""
         self._send(name, (), age, 0)
 
     def transform(self, frame):
@@ -160,7 +159,7 @@ class FramesMachine(RuleBasedStateMachine):
                              ('odom', stamp + step, x + 1, y - 2)],
                  're-parented': [('odom', stamp - step, x + 3, y),
                                  ('base', stamp, x - BASE[0], y - BASE[1])]}[way]
-        # At once: of the first alone a message might be refused.
+        # In one message: with the first link alone, a polygon might be refused.
         self.monitor.receive_transforms(TF, transforms(*(
             (parent, frame, at, *place) for parent, at, *place in links)), self.now)
         self._take()
@@ -174,7 +173,7 @@ class FramesMachine(RuleBasedStateMachine):
         self.monitor.receive(name, serialised(moved, stamp, frame or 'odom', instance), self.now,
                              self.numbers[name])
         self.queues[name].append(Message(ring or None, stamp, instance, self.numbers[name], frame,
-                                         self.now + PATIENCE))
+                                         self.now + TRANSFORM_TIMEOUT))
         self._take(name)
 
     def _take(self, name=None, expires=False):
@@ -208,12 +207,11 @@ class FramesMachine(RuleBasedStateMachine):
         self.seen[status] += 1
 
 
-def test_what_waits_is_taken_in_order_and_never_forgotten():
+def test_waiting_messages_are_received_in_order():
     """
-    The states are those of the model, which receives each message when its transform is there.
+    The model receives each message when its transform has arrived.
 
-    Whatever waits for how long, in whatever order transforms come, and where a frame has had
-    another parent.
+    Messages wait for any time, transforms come in any order, and frames change parents.
     """
     FramesMachine.seen.clear()
     run_state_machine_as_test(FramesMachine, settings=hypothesis.settings(

@@ -44,7 +44,7 @@ def as_shapely(polygon):
 
 
 def where(outline, twist, seconds):
-    """Return where an outline is so much later: it moves straight, or round a fixed centre."""
+    """Return an outline after some time, moving straight or around a fixed centre."""
     vx, vy, omega = twist
     if not omega:
         return shapely.affinity.translate(outline, vx * seconds, vy * seconds)

@@ -74,7 +74,7 @@ def odometry(parent, child, stamp, x, y, yaw=0.0, order='<', twist=(0.0, 0.0, 0.
 
 
 def command(vx, vy=0.0, omega=0.0, stamp=0, frame_id='', order='<'):
-    """Write a TwistStamped; what is no motion in the plane is nonsense in it, as nobody asks."""
+    """Write a TwistStamped; components out of the plane are nonsense, as they are not read."""
     text = frame_id.encode() + b'\0'
     body = struct.pack(order + 'iII', *divmod(stamp, SECOND), len(text)) + text
     body += bytes(-len(body) % 8) + struct.pack(order + '6d', vx, vy, math.nan, 7.0, 8.0, omega)

@@ -18,5 +18,5 @@ from sat_collision.geometry.jit import kernel
 
 
 def callable_here(*functions):
-    """Return kernels that do the same, and that Python may call."""
+    """Return the same kernels, compiled so that Python may call them."""
     return [kernel(getattr(function, 'py_func', function)) for function in functions]

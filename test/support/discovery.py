@@ -33,10 +33,11 @@ _LEASE = '<leaseAnnouncement><sec>0</sec><nanosec>100000000</nanosec></leaseAnno
 
 def discover_promptly(folder: str, announces: bool = True) -> None:
     """
-    Set the environment, which ROS reads when it is imported and children inherit.
+    Set the environment, which ROS reads on import and child processes inherit.
 
-    Files of ROS are written to the folder. What announces itself ten times a second is also found
-    when the first announcements are lost, but takes processor time, which benchmarks measure.
+    ROS writes its files to the folder. With `announces`, participants announce themselves ten
+    times a second and are found even if the first announcements are lost; that takes processor
+    time, so benchmarks do without.
     """
     profile = Path(folder, 'prompt_discovery.xml')
     profile.write_text(_PROFILE.format(lease=_LEASE if announces else ''))

@@ -15,11 +15,11 @@
 """
 The hard families: named generators of pairs of bodies on which collision tests go wrong.
 
-Each takes (rng, count, n) and returns a list of count pairs of (k, 2) float64 arrays; k is n but
-where the family fixes its shapes or rounding took a vertex.  `CONVEX` bodies are exactly strictly
-convex and counter-clockwise as float64 coordinates, and so are `EXTREME` ones, whose numbers
-overflow and underflow; `SIMPLE` ones are simple, mostly not convex.
-No family states its answers: rounding makes the cases hard, and the oracle tells the truth.
+Each takes (rng, count, n) and returns a list of count pairs of (k, 2) float64 arrays; k is n, or
+less where a family fixes its shapes or rounding removed a vertex.  `CONVEX` bodies are exactly
+strictly convex and counter-clockwise as float64 coordinates, and so are `EXTREME` ones, whose
+numbers overflow and underflow; `SIMPLE` ones are simple, mostly not convex.
+No family states its answers: the oracle computes them exactly.
 """
 
 import numpy as np
@@ -52,12 +52,12 @@ def deep(rng, count, n):
 
 
 def hair_gaps(rng, count, n):
-    """Return gaps and overlaps of 1e-17 to 1e-9 of the size."""
+    """Return pairs with gaps and overlaps of 1e-17 to 1e-9 of their size."""
     return _placed(rng, count, n, _hairs(rng, count))
 
 
 def many_sided(rng, count, n):
-    """Return nearly regular bodies within 1e-6 of touching: meant for 256 and 1024 vertices."""
+    """Return nearly regular bodies within 1e-6 of touching, for 256 and 1024 vertices."""
     a, b = shapes.regular(rng, count, n), shapes.regular(rng, count, n)
     return _placed(rng, count, n, _hairs(rng, count, -12, -6), a, b)
 
@@ -70,7 +70,7 @@ def far_offsets(rng, count, n):
 
 
 def slivers(rng, count, n):
-    """Return bodies 1e-12 to 1e-3 as wide as long, against such and against full ones."""
+    """Return bodies 1e-12 to 1e-3 as wide as long, paired with slivers and with full ones."""
     a = shapes.polygons(rng, count, n, 10.0 ** rng.uniform(-12, -3, count))
     b = shapes.polygons(rng, count, n, 10.0 ** rng.uniform(-12, 0, count))
     return _placed(rng, count, n, _hairs(rng, count, -17, -6), a, b)
@@ -92,7 +92,7 @@ def edge_on_edge(rng, count, n):
 
 
 def one_ulp(rng, count, n):
-    """Return lattice bodies in contact of all three kinds, but for one ulp of one vertex."""
+    """Return lattice bodies in contact of all three kinds, except for one ulp of one vertex."""
     shares = (count + 2) // 3, (count + 1) // 3, count // 3
     pairs = []
     for contact, share in zip((_vertex_on_vertex, _vertex_on_edge, _edge_on_edge), shares):
@@ -107,7 +107,7 @@ def one_ulp(rng, count, n):
 
 
 def rectangles_on_edge(rng, count, n):
-    """Return turned rectangles that share an edge, or would but for rounding."""
+    """Return rotated rectangles that share an edge, exactly or up to rounding."""
     del n
     along, half = shapes.directions(rng, count), rng.uniform(0.1, 2, (3, count, 1))
     across = along[:, ::-1] * [-1, 1]
@@ -134,7 +134,7 @@ def collinear_edges(rng, count, n):
 
 
 def flat_arcs(rng, count, n):
-    """Return bodies that touch, nearly, with arcs so flat that all their vertices seem in line."""
+    """Return bodies that nearly touch along arcs so flat that all vertices seem collinear."""
     x = np.arange(n - 1.0) - n // 2
     rise = np.ldexp(1.0, rng.integers(-44, -20, (count, 1)))
     shear = rng.integers(-3, 4, (count, 2, 2))
@@ -149,7 +149,7 @@ def flat_arcs(rng, count, n):
 
 
 def containment(rng, count, n):
-    """Return a body in another, half of them against its boundary from inside."""
+    """Return a body inside another, half of them touching its boundary from inside."""
     a, b = shapes.polygons(rng, count, n), shapes.polygons(rng, count, n)
     size = 10.0 ** rng.uniform(-3, -0.3, (count, 1, 1))
     inside = np.where(rng.random((count, 1, 1)) < 0.5,
@@ -159,7 +159,7 @@ def containment(rng, count, n):
 
 
 def float32_round_trip(rng, count, n):
-    """Return near bodies as a message carries them, rounded to float32, up to 10 km away."""
+    """Return near bodies rounded to float32 as in messages, up to 10 km away."""
     gap = np.where(rng.random(count) < 0.5, _hairs(rng, count, -9, -3), 0)
     a, b = _placed_arrays(rng, count, n, gap)
     offset = 10.0 ** rng.uniform(-3, 4, (count, 1)) * shapes.directions(rng, count)
@@ -184,7 +184,7 @@ def points_and_segments(rng, count, n):
 
 
 def extreme_scales(rng, count, n):
-    """Return other families' bodies scaled by a power of two between 1e-150 and 1e150."""
+    """Return pairs of other families scaled by a power of two between 1e-150 and 1e150."""
     half = count // 2
     pairs = hair_gaps(rng, half, n) + vertex_on_edge(rng, count - half, n)
     return [(a * scale, b * scale)
@@ -192,7 +192,7 @@ def extreme_scales(rng, count, n):
 
 
 def notched(rng, count, n):
-    """Return an L, a U, a comb and a star, each with a body that just fits into its notch."""
+    """Return an L, a U, a comb and a star, each with a body that just fits into a recess."""
     ell = np.array([[0, 0], [3, 0], [3, 1], [1, 1], [1, 3], [0, 3]])
     star = shapes.star(max(n // 2, 3))
     slot = np.array([[1, 1], [2, 1], [2, 3], [1, 3]])
@@ -249,7 +249,7 @@ def mixed_exponents(rng, count, n):
 
 
 def wide_spans(rng, count, n):
-    """Return other families' bodies scaled until products and even differences overflow."""
+    """Return pairs of other families scaled until products and even differences overflow."""
     kinds = near, hair_gaps, vertex_on_edge, containment, points_and_segments
     pairs = sum((kind(rng, count // 6, n) for kind in kinds), [])
     rings = shapes.convex(shapes.polygons(rng, count - len(pairs), n))
@@ -263,7 +263,7 @@ def wide_spans(rng, count, n):
 
 
 def level_arcs(rng, count, n):
-    """Return bodies that touch, nearly, with arcs whose edges rise less than rounding in all."""
+    """Return bodies that nearly touch along arcs whose total rise is below rounding."""
     pairs = []
     for _ in range(count):
         x = np.arange(n - 1.0) - rng.integers(0, n)
@@ -294,12 +294,13 @@ def _moved(bodies, offset):
     return _pairs(*(body + offset[:, None] for body in bodies))
 
 
-def _hairs(rng, count, least=-17, most=-9):
-    return rng.choice([-1, 1], count) * 10.0 ** rng.uniform(least, most, count)
+def _hairs(rng, count, least=-17, greatest=-9):
+    """Return signed lengths between 10**least and 10**greatest."""
+    return rng.choice([-1, 1], count) * 10.0 ** rng.uniform(least, greatest, count)
 
 
 def _placed_arrays(rng, count, n, gap, a=None, b=None):
-    """Return two bodies apart by gap, or overlapping by -gap, along the axis where they meet."""
+    """Return two bodies with a gap, or an overlap of -gap, along the axis where they meet."""
     a = shapes.polygons(rng, count, n) if a is None else a
     b = shapes.polygons(rng, count, n) if b is None else b
     heading = shapes.directions(rng, count)
@@ -356,7 +357,7 @@ def _turn_by_quarters(ring, quarters):
 
 
 def _near_boundary(rng, ring):
-    """Return a point, seldom a segment, that is close to an edge or a vertex, on either side."""
+    """Return a point, sometimes a segment, close to an edge or a vertex on either side."""
     k = rng.integers(len(ring))
     along, inwards = rng.choice([-1, 1], 2) * 10.0 ** rng.uniform(-6, -0.3, 2)
     point = ring[k] + abs(along) * (ring[k - 1] - ring[k])
@@ -369,7 +370,7 @@ def _slack(rng):
 
 
 def _turned(rng, a, b):
-    """Return both bodies turned and moved together, or as they are, either first."""
+    """Return both bodies rotated and moved together, or unchanged, in either order."""
     if rng.random() < 0.7:
         along, offset = shapes.directions(rng, 1)[0], rng.uniform(-10, 10, 2)
         turn = np.array([along, along[::-1] * [-1, 1]])

@@ -22,21 +22,21 @@ _WRITE_ANYWHERE, _READ_ANYWHERE, _CHANGE_ANYWHERE = 1, 2, 3
 
 
 def without_privileges():
-    """Make the program that this process becomes obey file permissions, even if run by root."""
+    """Make this process, and the program it becomes, obey file permissions even as root."""
     prctl = ctypes.CDLL(None).prctl
     for capability in (_WRITE_ANYWHERE, _READ_ANYWHERE, _CHANGE_ANYWHERE):
         prctl(_DROP_FROM_BOUNDING_SET, capability)
 
 
 def forbid_writing(folder):
-    """Take the permission to write from a folder and all that is in it; the owner may delete."""
+    """Remove write permission from a folder and everything in it; the owner may delete."""
     for path in (folder, *Path(folder).rglob('*')):
         if not path.is_symlink():
             os.chmod(path, path.stat().st_mode & 0o555)
 
 
 def allow_writing(folder):
-    """Restore the permission for folders, so that they can be deleted."""
+    """Restore write permission of folders, so that they can be deleted."""
     os.chmod(folder, 0o755)
     for path in Path(folder).rglob('*'):
         if path.is_dir():

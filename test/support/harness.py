@@ -17,7 +17,7 @@
 import threading
 import time
 
-from builders import box, polygon_message  # noqa: F401, box for who uses a harness
+from builders import box, polygon_message
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PolygonStamped
@@ -34,9 +34,13 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Bool, Float64
 from visualization_msgs.msg import MarkerArray
 
-# Nothing that is awaited takes so long, however busy the machine is, in s.
-PATIENCE = 60.0
+# The longest wait for anything, however busy the machine is, in s.
+TIMEOUT = 60.0
 SECOND = 10**9
+ROBOT = box(0, 0)
+APART = box(5, 5)
+TOUCHING = box(1, 1)
+LASTING = {'footprint__timeout': 0.0, 'obstacle__timeout': 60.0}
 
 _KINDS_BY_END = {'separation': Float64, 'time_to_collision': Float64, 'contacts': PointCloud2}
 _KINDS = {'~/state': DiagnosticArray, '/diagnostics': DiagnosticArray, '~/markers': MarkerArray,
@@ -57,7 +61,7 @@ def to_parameters(values):
 
 
 class Peer:
-    """A node that publishes to the monitor and keeps what it hears from it."""
+    """A node that publishes to the monitor and keeps the messages received from it."""
 
     def __init__(self, domain, name='footprint_monitor', own_name='peer'):
         self.context = rclpy.Context()
@@ -76,31 +80,31 @@ class Peer:
         self.context.shutdown()
 
     def spin(self, seconds=0.0):
-        """Take what has arrived, for some time."""
+        """Receive what has arrived, for some time."""
         end = time.monotonic() + seconds
         self._executor.spin_once(timeout_sec=0.005)
         while time.monotonic() < end:
             self._executor.spin_once(timeout_sec=0.005)
 
-    def until(self, condition, what='what was awaited', patience=PATIENCE):
+    def until(self, condition, what='what was awaited', timeout=TIMEOUT):
         """Spin until the condition holds and return its value; fail if it never does."""
-        end = time.monotonic() + patience
+        end = time.monotonic() + timeout
         while not (value := condition()):
             assert time.monotonic() < end, f'{what} did not happen'
             self.spin()
         return value
 
     def publisher(self, topic, kind=PolygonStamped, qos=100):
-        """Return a publisher that the monitor listens to."""
+        """Return a publisher that the monitor has found."""
         if topic not in self._publishers:
             publisher = self.node.create_publisher(kind, topic, qos)
             self._publishers[topic] = publisher
-            self.until(lambda: publisher.get_subscription_count() and self._is_heard(topic),
-                       f'a subscription to {topic}')
+            self.until(lambda: publisher.get_subscription_count()
+                       and self._matches_publisher(topic), f'a subscription to {topic}')
         return self._publishers[topic]
 
     def send(self, topic, points, stamp=None, frame_id='map', instance=None):
-        """Publish a polygon, stamped about now by default; it ends no set."""
+        """Publish a polygon, stamped about now by default."""
         if stamp is None:
             stamp = max(self.now(), self._last_stamps.get(topic, 0) + SECOND // 40)
             self._last_stamps[topic] = stamp
@@ -108,7 +112,7 @@ class Peer:
         self.publisher(topic, type(message)).publish(message)
 
     def send_set(self, topic, *polygons, stamp=None, **options):
-        """Publish a whole set: polygons of one stamp, and an empty one that ends it."""
+        """Publish a whole set: polygons with one stamp, and an empty one that ends it."""
         for points in (*polygons, []):
             self.send(topic, points, stamp, **options)
             stamp = self._last_stamps[topic] if stamp is None else stamp
@@ -117,31 +121,31 @@ class Peer:
         return self.node.get_clock().now().nanoseconds
 
     def listen(self, topic, qos=100):
-        """Return the list that messages on a topic are added to from now on, oldest first."""
+        """Return the list that collects all messages on a topic from now on."""
         kind = _KINDS.get(topic) or _KINDS_BY_END.get(topic.rpartition('/')[2], Bool)
         topic = topic.replace('~', f'/{self.name}')
         if topic not in self._received:
             received = self._received[topic] = []
             subscription = self.node.create_subscription(kind, topic, received.append, qos)
-            self.until(lambda: subscription.get_publisher_count() and self._is_served(topic),
-                       f'a publisher of {topic}')
+            self.until(lambda: subscription.get_publisher_count()
+                       and self._matches_subscription(topic), f'a publisher of {topic}')
         return self._received[topic]
 
-    def _is_heard(self, topic):
-        """Tell whether the monitor's side, too, knows of our publisher."""
+    def _matches_publisher(self, topic):
+        """Tell whether the monitor has found our publisher."""
         return True
 
-    def _is_served(self, topic):
-        """Tell whether the monitor's side, too, knows of our subscription."""
+    def _matches_subscription(self, topic):
+        """Tell whether the monitor has found our subscription."""
         return True
 
     def flag(self, footprint=None):
-        """Return the flag received last, the common one or that of a footprint, None if none."""
+        """Return the last flag received, the common one or a footprint's, None if none."""
         received = self.listen(f'~/{footprint}/collision' if footprint else '~/collision')
         return received[-1].data if received else None
 
     def status(self, footprint='footprint'):
-        """Return the words of the state received last and its values."""
+        """Return the last status received of a footprint."""
         for array in reversed(self.listen('~/state')):
             for status in array.status:
                 if status.name.endswith(f': {footprint}'):
@@ -172,8 +176,8 @@ class Peer:
         received = self.listen('/diagnostics')
         return received[-1].status[0] if received else None
 
-    def told(self, name):
-        """Return the status of a name that /diagnostics reported last, None before the first."""
+    def diagnostic(self, name):
+        """Return the last status of a name in /diagnostics, None before the first."""
         received = self.listen('/diagnostics')
         return next((status for array in reversed(received) for status in array.status
                      if status.name == name), None)
@@ -191,12 +195,18 @@ class Peer:
             return [log.msg for log in received if all(word in log.msg for word in words)]
         return self.until(lines, f'a log line with {words}')
 
+    def become(self, state, *polygons):
+        """Send the footprint and a set, and wait for a state; return its status."""
+        self.send('footprint', ROBOT)
+        self.send_set('obstacles', *polygons)
+        return self.await_state(state)
+
     def send_until(self, state, topic, points, **options):
-        """Publish a polygon again and again until the footprint is in a state."""
+        """Publish a polygon repeatedly until the footprint is in a state."""
         self._repeat_until(state, lambda: self.send(topic, points, **options))
 
     def send_set_until(self, state, topic, *polygons, **options):
-        """Publish a whole set again and again until the footprint is in a state."""
+        """Publish a set repeatedly until the footprint is in a state."""
         self._repeat_until(state, lambda: self.send_set(topic, *polygons, **options))
 
     def _repeat_until(self, state, send):
@@ -204,16 +214,16 @@ class Peer:
             send()
             self.spin(0.03)
             return self.state() == state
-        self._until_in_state(sent, state, 'footprint', PATIENCE)
+        self._until_in_state(sent, state, 'footprint', TIMEOUT)
 
-    def await_state(self, state, footprint='footprint', patience=PATIENCE):
-        """Wait until the footprint's latest state is the one given; return its status."""
-        self._until_in_state(lambda: self.state(footprint) == state, state, footprint, patience)
+    def await_state(self, state, footprint='footprint', timeout=TIMEOUT):
+        """Wait until the footprint's last state is the given one; return its status."""
+        self._until_in_state(lambda: self.state(footprint) == state, state, footprint, timeout)
         return self.status(footprint)
 
-    def _until_in_state(self, condition, state, footprint, patience):
+    def _until_in_state(self, condition, state, footprint, timeout):
         try:
-            self.until(condition, f'{footprint} {state}', patience)
+            self.until(condition, f'{footprint} {state}', timeout)
         except AssertionError as error:
             raise AssertionError(f'{error}; the last state is {self.status(footprint)}') from None
 
@@ -232,35 +242,35 @@ def values(status):
 
 
 def health(peer):
-    """Return the values that /diagnostics reported last by key, empty before the first."""
+    """Return the values of the last /diagnostics by key, empty before the first."""
     status = peer.health()
     return values(status) if status else {}
 
 
 class MonitorPeer(Peer):
-    """A peer in the process of the monitor, of which it can tell whether that knows of it."""
+    """A peer in the process of the monitor, which knows what the monitor has found."""
 
     monitor = None
 
-    def _is_heard(self, topic):
+    def _matches_publisher(self, topic):
         topic = self.node.resolve_topic_name(topic)
         return any(subscription.topic_name == topic and subscription.get_publisher_count()
                    for subscription in self.monitor.subscriptions)
 
-    def _is_served(self, topic):
+    def _matches_subscription(self, topic):
         return all(publisher.topic_name != topic or publisher.get_subscription_count()
                    for publisher in self.monitor.publishers)
 
 
 class RunningMonitor(MonitorPeer):
-    """A monitor that runs in a thread of its own, seen from a peer."""
+    """A monitor that runs in its own thread, seen from a peer."""
 
     def __init__(self, domain, arguments, parameters):
         self._monitor_context = rclpy.Context()
         self._monitor_context.init(args=['--ros-args', *arguments], domain_id=domain)
         self.monitor = FootprintMonitor(
             context=self._monitor_context,
-            # On a busy machine the loop of a test may well stand still for so long.
+            # On a busy machine the loop of a test may stall for longer than a watchdog allows.
             parameter_overrides=to_parameters({'watchdog': 0.0, **parameters}))
         self._stop = threading.Event()
         self._error = None
@@ -278,21 +288,21 @@ class RunningMonitor(MonitorPeer):
             return self.monitor.get_clock().now().nanoseconds == stamp
         self.until(reads_it, 'a clock')
 
-    def _is_heard(self, topic):
-        """Tell whether the monitor's scene, too, knows of our publisher, if it is to know."""
+    def _matches_publisher(self, topic):
+        """Tell whether the monitor's scene has found our publisher, if it is to."""
         topic = self.node.resolve_topic_name(topic)
         reported = self.monitor._inputs.publishers.reported
         try:
-            return super()._is_heard(topic) and all(
+            return super()._matches_publisher(topic) and all(
                 reported.get(one.name) for one in self.monitor._inputs.inputs
                 if one.subscription.topic_name == topic)
         except InvalidHandle:
-            # The node subscribes anew meanwhile.
+            # The node is creating the subscription again.
             return False
 
     @property
     def received(self):
-        """The node's own count of messages."""
+        """Number of messages received by the node, by name."""
         return self.monitor._monitor.received
 
     def _run(self):
@@ -301,8 +311,8 @@ class RunningMonitor(MonitorPeer):
         except Exception as error:
             self._error = error
 
-    def until(self, condition, what='what was awaited', patience=PATIENCE):
-        return super().until(lambda: self._check() or condition(), what, patience)
+    def until(self, condition, what='what was awaited', timeout=TIMEOUT):
+        return super().until(lambda: self._check() or condition(), what, timeout)
 
     def _check(self):
         if self._error:

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-A world of publishers, lossy channels and clocks around one source, and what it may promise.
+A world of publishers, lossy channels and clocks around one source, and the promises of a source.
 
 The source is the real one, the geometry is not: a body is 'T', which touches the footprint, 'F',
-which is far, or 'M', which comes nearer. The truth, by what was sent and what of it was delivered,
-is kept here, and decides in each state whether clear and the time to collision are right and
-whether the source becomes known again: docs/knowing.md.
+which is far, or 'M', which comes nearer. The world knows what was sent and what was delivered, and
+decides by that in each state whether clear and the time to collision are right and whether the
+source becomes known again: docs/knowing.md.
 """
 
 import math
@@ -37,21 +37,21 @@ SECOND = 10**9
 TIMEOUT = 8
 PERIOD = 2
 SETTLE = 2
-# An older stamp lies so far back.
+# The age of an older stamp, in ns.
 _BACK = SECOND // 2
 START = 1000
-# Where on its way to the footprint, which stands, a body is that is far, in m, and the speed of
-# one that comes nearer, in m/s; a velocity is that between messages so far apart, in ns.
+# The distance of a far body from the footprint, which does not move, in m; the speed of one that
+# comes nearer, in m/s; and how far apart two messages must and may be for a velocity, in ns.
 FAR = 50.0
 SPEED = 0.25
-_LEAST_APART, _MOST_APART = SECOND // 100, 2 * SECOND
+_MIN_APART, _MAX_APART = SECOND // 100, 2 * SECOND
 HORIZON = 1e4
 
 MODES = ('sets', 'ended sets', 'ids', 'maps')
 
 
 class Bodies:
-    """The contacts of a source, almost without geometry: how far away which obstacle is."""
+    """The contacts of a source, almost without geometry: the distance of each obstacle."""
 
     changed = frozenset()
     margin = 0.0
@@ -85,7 +85,7 @@ class Bodies:
 
 
 def time_of(place, speed):
-    """Return when what is somewhere on its way is at the footprint."""
+    """Return when a body at a distance and with a speed reaches the footprint."""
     return 0.0 if place <= 0.0 else place / -speed if speed < 0.0 else math.inf
 
 
@@ -93,7 +93,7 @@ class Message:
     """
     A message as it was sent; body is 'T', 'F', 'M', None for an empty polygon, or a refusal.
 
-    `place` is where it is on its way; `time` when it counts from, once it is delivered.
+    `place` is its distance; `time`, once delivered, when it counts from.
     """
 
     def __init__(self, number, stamp, body, key, listing):
@@ -109,9 +109,9 @@ class Message:
 
 class Publisher:
     """
-    A process that publishes: what it has sent, what of it is on the way, what it will send.
+    A process that publishes: what it has sent, what is in transit, and what it will send.
 
-    The one that numbers its messages from afar is a second instance of the same node.
+    One that starts numbering at a higher number is a second instance of the same node.
     """
 
     def __init__(self, gid, node, numbers_from):
@@ -140,7 +140,7 @@ class Publisher:
 
 class World:
     """
-    One source, and all that can happen to it; events are words, see `options`.
+    One source and everything that can happen to it; events are strings, see `options`.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ class World:
         """Return the events that can happen now."""
         own, second = self.live(False), self.live(True)
         if any(one.delivered and one not in self.known_graph for one in self.graph):
-            # A6: nothing but its number 1 comes before the news of a publisher.
+            # A6: only number 1 may arrive before its publisher is announced.
             return ['news']
         options = [] if self.mode == 'maps' and self._is_busy() else ['tick', 'tick:3']
         if own is None:
@@ -209,7 +209,7 @@ class World:
             options += ['second:start', 'second:namesake']
         for k, one in enumerate(self.publishers):
             if one.queue:
-                # That the last message of a map is lost shows only where another one follows.
+                # The loss of a map's last message is noticed only if another one follows.
                 if self.mode != 'maps' or len(one.queue) > 1 or one.plan:
                     options.append(f'lose:{k}')
                 if one in self.known_graph or one.queue[0].number == 1:
@@ -243,7 +243,7 @@ class World:
         elif event == 'second:start':
             self.start('second', is_second=True)
         elif event == 'second:namesake':
-            # It was there before, hung, and has sent much already.
+            # It started earlier, hung, and has already sent many messages.
             self.start('a', is_second=True)
         elif event == 'second:send':
             self._send_second()
@@ -254,7 +254,7 @@ class World:
         elif what == 'lose':
             self.publishers[int(detail)].queue.pop(0)
         elif what == 'news':
-            self._hear_of_graph()
+            self._update_graph()
         elif what == 'lease':
             for one in [one for one in self.graph if not one.is_alive]:
                 self._leave(one)
@@ -268,7 +268,7 @@ class World:
                      if one.is_alive and one.is_second is is_second), None)
 
     def start(self, node, is_second=False):
-        """Let a publisher start; nothing of a dead one comes after its successor's first."""
+        """Start a publisher; messages of a dead one do not arrive after that."""
         for one in self.publishers:
             if not one.is_alive:
                 one.queue.clear()
@@ -294,7 +294,7 @@ class World:
             self.source.pass_time(now)
 
     def _is_busy(self):
-        """Tell whether a map is on its way: it is sent and delivered without a pause."""
+        """Tell whether a map is in transit: maps are sent and delivered without a pause."""
         return any(one.is_alive and (one.plan or one.queue) for one in self.publishers)
 
     def _plan(self, publisher, bodies):
@@ -347,11 +347,11 @@ class World:
             self._leave(publisher)
 
     def _leave(self, publisher):
-        # A5: what a publisher sent is taken before the news of its end acts.
+        # A5: all that a publisher sent is received before its end is announced.
         publisher.queue.clear()
         self.graph.remove(publisher)
 
-    def _hear_of_graph(self):
+    def _update_graph(self):
         self.known_graph = [*self.graph]
         self.source.update_publishers(
             [Endpoint(one.gid, one.node) for one in self.graph], self.now * SECOND)
@@ -403,7 +403,7 @@ class World:
         return predict(footprint, self.bodies, [self.source], now, HORIZON)
 
     def is_late(self):
-        """Tell by the truth whether a time to collision is late, or given while unknown."""
+        """Tell whether a time to collision is really late, or given while unknown."""
         found = self.prediction
         if not found or not found.is_known or found.seconds == 0.0:
             return False
@@ -416,28 +416,28 @@ class World:
             for message in newest.values())
 
     def _time_of(self, one, last):
-        """Return when the obstacle of a message is at the footprint, never if it is unknown."""
+        """Return when the obstacle of a message really reaches the footprint, -inf if unknown."""
         before, taken = None, -math.inf
         for message in one.delivered:
             if message.key == last.key and message.time >= taken:
                 taken = message.time
-                is_apart = _LEAST_APART <= last.time - message.time <= _MOST_APART
+                is_apart = _MIN_APART <= last.time - message.time <= _MAX_APART
                 before = message if is_apart and message.place is not None else before
         if before is None or last.place is None:
             return -math.inf
         speed = (last.place - before.place) / (last.time - before.time) * SECOND
         age = self.now - last.time / SECOND
-        if speed and age * SECOND > _MOST_APART:
+        if speed and age * SECOND > _MAX_APART:
             return -math.inf
         return max(time_of(last.place, speed) - age, 0.0)
 
     def may_be_clear(self):
-        """Tell by the truth whether the promise lets the source be clear."""
+        """Tell whether the source may really be clear."""
         counted = [one for one in self.known_graph if not self._is_ghost(one)]
         return len(counted) == 1 and self._has_clear_listing(counted[0])
 
     def _is_ghost(self, one):
-        """Tell whether a newer publisher of the same node has spoken, and this one not since."""
+        """Tell whether a newer publisher of the same node has sent, and this one not since."""
         newer = [other for other in self.known_graph[self.known_graph.index(one) + 1:]
                  if other.node == one.node and other.delivered]
         if not newer:
@@ -465,19 +465,19 @@ class World:
         return False
 
     def _has_clear_ids(self, one):
-        """Tell whether all of one timeout has come, with every key last seen far away."""
+        """Tell whether all of one timeout has arrived, with every key last seen far away."""
         newest = self._newest_ids(one)
         return newest is not None and all(message.place for message in newest.values())
 
     def _newest_ids(self, one):
-        """Return the newest message of each key, None if not all of one timeout has come."""
+        """Return the newest message of each key, None if not all of one timeout has arrived."""
         if not one.delivered:
             return None
         last = max(min(message.stamp, self.now * SECOND) for message in one.delivered)
         if last < (self.now - TIMEOUT) * SECOND:
             return None
         begin = last - TIMEOUT * SECOND
-        # What was stamped at its very beginning is told again by its end.
+        # An obstacle stamped exactly at the beginning is sent again by the end.
         if any(not message.is_delivered for message in one.sent
                if message.stamp > begin and message.number < one.delivered[-1].number):
             return None
@@ -489,7 +489,7 @@ class World:
         return newest
 
     def heals(self):
-        """Let all faults end; return whether the source is known soon, and clear in the end."""
+        """End all faults; return whether the source is soon known, and finally clear."""
         for one in self.publishers:
             one.queue.clear()
             if one.is_second and one.is_alive:
@@ -525,13 +525,13 @@ class World:
             self.is_clear or len(self.graph) > 1)
 
     def _can_respawn(self):
-        """Tell whether the next instance of a node that was killed is known for what it is."""
+        """Tell whether the next instance of a killed node is recognised as such."""
         return (len(self.graph) == 1 and bool(self.graph[0].delivered)
                 and self.graph == self.known_graph and not self.graph[0].is_beside_others
                 and not any(one.is_second for one in self.publishers))
 
     def _keeps_its_map(self, own):
-        """Tell whether a map is known that was sent long ago, if one was."""
+        """Tell whether a map sent long ago is known, if there was one."""
         if own.plan or not own.sent or any(one.body in ('R', 'U') for one in own.sent):
             return True
         if not all(one.is_delivered for one in own.sent) and not self.source.wants_history:
@@ -547,7 +547,7 @@ class World:
 
 
 def replayed(mode, events, source=Source):
-    """Return the world in which these events have happened."""
+    """Return the world after these events."""
     world = World(mode, source)
     for event in events:
         world.do(event)

@@ -61,7 +61,7 @@ class World:
         self.scene.look_ahead()
 
     def receive(self, name, data):
-        """Let bytes come now; return why they are refused."""
+        """Receive bytes now; return why they are refused."""
         self.numbers[name] += 1
         rejection = self.monitor.receive(name, data, self.now, self.numbers[name])
         self.rejections += [rejection] if rejection else []
@@ -69,27 +69,27 @@ class World:
         return rejection
 
     def send(self, name, points, time=None, frame_id='odom', instance=None):
-        """Let a polygon come, stamped at a time, or now; 'none' is the stamp 0."""
+        """Receive a polygon stamped at a time, by default now; 'none' is the stamp 0."""
         stamp = self.now if time is None else 0 if time == 'none' else nanoseconds(time)
         return self.receive(name, serialised(points, stamp, frame_id, instance))
 
     def send_map(self, name, *polygons):
-        """Let obstacles with ids from 0 on come, and the empty polygon that ends their map."""
+        """Receive obstacles with ids from 0 on, and the empty polygon that ends their map."""
         for k, points in enumerate((*polygons, ())):
             self.send(name, points, 'none', instance=k)
 
-    def tell(self, topic, *links):
-        """Let transforms come."""
+    def receive_transforms(self, topic, *links):
+        """Receive transforms."""
         self.rejections += self.monitor.receive_transforms(topic, transforms(*links), self.now)
         self.scene.look_ahead()
 
     def move(self, time, x, y=0.0, yaw=0.0, child='base', parent='odom'):
-        """Let a transform come at its time."""
+        """Receive a transform at its time."""
         self.wait_until(time)
-        self.tell(TF, (parent, child, self.now, x, y, yaw))
+        self.receive_transforms(TF, (parent, child, self.now, x, y, yaw))
 
-    def report(self, time, x, y=0.0, yaw=0.0, child='base', parent='odom', **twist):
-        """Let odometry come at its time."""
+    def receive_odometry(self, time, x, y=0.0, yaw=0.0, child='base', parent='odom', **twist):
+        """Receive odometry at its time."""
         self.wait_until(time)
         self.receive('robot', odometry(parent, child, self.now, x, y, yaw, **twist))
 
@@ -118,7 +118,7 @@ class World:
 
 
 def clear_monitor(settings=SETTINGS):
-    """Return a monitor with a footprint at 0, one message, and obstacles far from it, two each."""
+    """Return a monitor with a footprint at 0, and a far obstacle of each source."""
     monitor = Monitor(settings)
     assert monitor.receive('robot', serialised(box(0)), NOW, 1) is None
     for number, points in ((1, box(10)), (2, ())):

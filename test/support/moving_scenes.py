@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Random scenes in random moving frames, and the true places of all bodies.
+Random scenes in random moving frames, with the true positions of all bodies.
 
-Rotations and translations of frames are complex numbers; nothing is shared with the code under
-test. Times are seconds since a scene's beginning.
+Rotations and translations are complex numbers; no code is shared with the package. Times are
+seconds since a scene's beginning.
 """
 
 from bisect import bisect_right
@@ -28,18 +28,18 @@ from builders import SECOND, serialised, transforms
 import numpy as np
 
 FIXED = 'odom'
-# Child and parent. What is in 'map' needs the way back.
+# Child and parent. Bodies in 'map' need the inverse transform.
 TREE = {'base': 'odom', 'odom': 'map', 'pan': 'laser'}
 STATIC = {'laser': ('base', 0.5 + 0.25j, 2.0)}
 FRAMES = 'odom', 'base', 'map', 'laser', 'pan'
 OUTLINE = (0.6 + 0.4j, -0.6 + 0.4j, -0.6 - 0.4j, 0.2 - 0.4j)
 WINDOW, WINDOWS, INSTANCES = 0.5, 6, 6
-# How late transforms and bodies are at most; by the end of a window all have come.
+# The greatest delay of transforms and bodies; by the end of a window all have arrived.
 LATE = 0.1
 
 
 class Event(NamedTuple):
-    """What comes when, on which topic."""
+    """When a message arrives, and on which topic."""
 
     time: float
     topic: str
@@ -64,15 +64,15 @@ class MovingScene:
         self._random = random = Random(seed)
         self._start = start
         self._tracks = {child: self._track() for child in TREE}
-        told = [Event(0.0, '/tf_static', transforms(*(
+        sent = [Event(0.0, '/tf_static', transforms(*(
             (parent, child, 0, place.real, place.imag, turn)
             for child, (parent, place, turn) in STATIC.items())))]
         for child, track in self._tracks.items():
             late = random.uniform(0.0, LATE)
-            told += [Event(time + random.uniform(0.0, late), '/tf', transforms(
+            sent += [Event(time + random.uniform(0.0, late), '/tf', transforms(
                 (TREE[child], child, self.stamp(time), place.real, place.imag, turn)))
                 for time, place, turn in track]
-        self.moving, self.fixed, self.truth = told, list(told), []
+        self.moving, self.fixed, self.truth = sent, list(sent), []
         bodies = {}
         for window in range(WINDOWS):
             names = ['robot', *range(INSTANCES)]
@@ -81,7 +81,7 @@ class MovingScene:
                 if window == 0 or random.random() < 0.7:
                     time = (window + 0.05 + random.uniform(0.0, 0.3)) * WINDOW
                     bodies[name] = ring = self._body()
-                    self._tell(name, ring, time, time + random.uniform(0.0, LATE))
+                    self._send(name, ring, time, time + random.uniform(0.0, LATE))
             self.truth.append(dict(bodies))
         for events in (self.moving, self.fixed):
             events.sort(key=lambda event: event.time)
@@ -90,7 +90,7 @@ class MovingScene:
         return self._start + round(time * SECOND)
 
     def outline(self, time):
-        """Return the outline that moves with 'base' by the newest transform come by a time."""
+        """Return the outline at the newest pose of 'base' that has arrived by a time."""
         came = {data: event_time for event_time, topic, data in self.moving if topic == '/tf'}
         newest = max(at for at, place, turn in self._tracks['base'] if came[transforms(
             ('odom', 'base', self.stamp(at), place.real, place.imag, turn))] <= time)
@@ -98,7 +98,7 @@ class MovingScene:
         return [place + turned * corner for corner in OUTLINE]
 
     def _track(self):
-        """Return times, places and turns of a frame that drives about."""
+        """Return times, positions and headings of a frame that drives around."""
         random = self._random
         rate, phase = random.uniform(12.0, 100.0), random.uniform(0.0, 6.0)
         speed, turning = random.uniform(-2.0, 2.0), random.uniform(-3.0, 3.0)
@@ -107,7 +107,7 @@ class MovingScene:
                  phase + turning * time) for time in times]
 
     def _pose(self, frame, time):
-        """Return where a frame is in the fixed one, and the unit by which it is turned."""
+        """Return the position of a frame in the fixed one, and the unit by which it is rotated."""
         place, turned = 0j, 1 + 0j
         while frame not in (FIXED, 'map'):
             if frame in STATIC:
@@ -132,14 +132,14 @@ class MovingScene:
         return place + share * (other - place), turn + share * (next_turn - turn)
 
     def _body(self):
-        """Return a polygon near the origin; some have a notch."""
+        """Return a polygon near the origin."""
         random = self._random
         middle = complex(random.uniform(-2.5, 2.5), random.uniform(-2.5, 2.5))
         count = random.choice((1, 2, 3, 4, 5, 8))
         return [middle + cmath.rect(random.uniform(0.3, 1.2), cmath.tau * k / count)
                 for k in range(count)]
 
-    def _tell(self, name, ring, time, arrival):
+    def _send(self, name, ring, time, arrival):
         topic, instance = ('/footprint', None) if name == 'robot' else ('/obstacles', name)
         frame = self._random.choice(FRAMES)
         place, turned = self._pose(frame, time)

@@ -63,10 +63,10 @@ def intersects(a, b):
 
 def intersects_pairs(pairs):
     """
-    Return the answers for many pairs of bodies, and which of them floating point left open.
+    Return the answers for many pairs, and which of them floating point left open.
 
-    A compiled loop answers where floating point proves every sign that matters, `intersects` where
-    it does not: see `_sign` for the proof.
+    A compiled loop answers where floating point proves every relevant sign, `intersects` the
+    rest: see `_sign` for the proof.
     """
     answers = np.empty(len(pairs), np.int8)
     _filter_pairs(*_packed([a for a, _ in pairs]), *_packed([b for _, b in pairs]), answers)
@@ -122,7 +122,7 @@ def _filter_pairs(points_a, ends_a, points_b, ends_b, answers):
 
 @kernel
 def _filter(a, b):
-    """Do as `intersects` in floating point: 1 they meet, 0 they do not, `_UNKNOWN` unproved."""
+    """As `intersects`, in floating point: 1 they meet, 0 they do not, `_UNKNOWN` not proved."""
     exact = _on_grid(a, b)
     low_x, low_y = max(a[:, 0].min(), b[:, 0].min()), max(a[:, 1].min(), b[:, 1].min())
     high_x, high_y = min(a[:, 0].max(), b[:, 0].max()), min(a[:, 1].max(), b[:, 1].max())
@@ -193,9 +193,9 @@ def _sign(px, py, qx, qy, rx, ry, exact):
 @kernel
 def _on_grid(a, b):
     """
-    Tell whether floating point is exact on these bodies: integer lattices, scaled or not.
+    Tell whether floating point is exact on these bodies: scaled or unscaled integer lattices.
 
-    Where all coordinates are multiples, up to 2^25 times, of one power of two, their differences
+    If all coordinates are multiples, up to 2^25 times, of one power of two, their differences
     are up to 2^26 times it, products 2^52 and the area 2^53 times its square: all are float64.
     """
     largest = max(np.abs(a).max(), np.abs(b).max())

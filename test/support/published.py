@@ -24,5 +24,5 @@ DATA = Path(__file__).resolve().parents[1] / 'data'
 
 @cache
 def load(name):
-    """Return what a file of test/data has."""
+    """Return the content of a file in test/data."""
     return json.loads(lzma.decompress((DATA / f'{name}.json.xz').read_bytes()))

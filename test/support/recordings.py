@@ -14,6 +14,7 @@
 
 """Recordings made for a test: polygons by topic and time, written by rosbags."""
 
+import itertools
 from pathlib import Path
 import subprocess
 import sys
@@ -27,7 +28,9 @@ pytest.importorskip('rosbags')
 
 from rosbags.interfaces import (  # noqa: E402
     Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime)
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer  # noqa: E402
+from rosbags.rosbag2 import (  # noqa: E402
+    CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer)
+from sat_collision.messages.cdr import decode  # noqa: E402
 from sat_collision.messages.rosbags_interfaces import STORE  # noqa: E402
 from sat_collision.replay.model.configuration import settings_of  # noqa: E402
 
@@ -40,7 +43,7 @@ POLYGON = 'geometry_msgs/msg/PolygonStamped'
 INSTANCE = 'geometry_msgs/msg/PolygonInstanceStamped'
 LATCHED = Qos(QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL,
               *[QosTime(0, 0)] * 2, QosLiveliness.AUTOMATIC, QosTime(0, 0), False)
-# The source of obstacles that there is unless others are named.
+# The name of the default source of obstacles.
 SOURCE = settings_of({}).obstacles[0].name
 
 
@@ -58,8 +61,8 @@ def write(path, messages, storage='mcap', compression=None, types=None, latched=
     """
     Write (topic, seconds, points) and (topic, seconds, bytes) to a bag; return its path.
 
-    `compression` is None, 'file', 'message' or 'storage'; types are POLYGON unless given; what
-    `latched` topics sent was delivered to late joiners.
+    `compression` is None, 'file', 'message' or 'storage'; types are POLYGON by default;
+    `latched` topics are recorded with transient-local durability.
     """
     writer = Writer(path, version=9, storage_plugin=StoragePlugin[storage.upper()])
     if compression:
@@ -79,7 +82,7 @@ def write(path, messages, storage='mcap', compression=None, types=None, latched=
 
 
 def published(name, storage='mcap'):
-    """Return a recording of test/data as a bag, which is written when it is first asked for."""
+    """Return a recording of test/data as a bag, written on first use."""
     path = Path(_FOLDER.name, f'{name}_{storage}')
     if path.exists():
         return path
@@ -95,8 +98,18 @@ def published(name, storage='mcap'):
     return path
 
 
+def by_stamp(bag):
+    """Yield (stamp, [(topic, data), ...]) for each run of messages with one stamp."""
+    with Reader(bag) as reader:
+        connections = [c for c in reader.connections if c.topic in ('/footprint', '/obstacles')]
+        messages = [(decode(data, False)[0], connection.topic, data)
+                    for connection, _, data in reader.messages(connections)]
+    for stamp, run in itertools.groupby(messages, key=lambda message: message[0]):
+        yield stamp, [(topic, data) for _, topic, data in run]
+
+
 def run_without(modules, *arguments):
-    """Run the command in a process of its own that cannot import some modules."""
+    """Run the command in another process that cannot import some modules."""
     program = f"""
 import sys
 sys.modules.update(dict.fromkeys({modules!r}))
@@ -109,9 +122,9 @@ sys.exit(main(sys.argv[1:]))
 
 def drive(duration=10.0, rate=10.0, contact=(4.0, 5.0)):
     """
-    Return a robot that stands at 0 and one obstacle, in contact with it for a while.
+    Return a robot that stands at 0 and one obstacle that touches it for a while.
 
-    An empty polygon ends each set: it is whole at its time.
+    An empty polygon ends each set.
     """
     messages = []
     for tick in range(round(duration * rate) + 1):

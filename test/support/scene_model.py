@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A simple model of the scene: it follows the rules to the letter and recomputes everything.
+A simple model of the scene that follows the rules literally and recomputes everything.
 
-Each query checks all bodies, and shapely does the geometry. A body is a ring: a tuple of its
-corners. Times are in ns.
+Each query checks all bodies with shapely. A body is a ring: a tuple of its corners. Times are in
+ns.
 """
 
 from dataclasses import replace
@@ -24,7 +24,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from builders import SECOND
-from sat_collision.scene.obstacles import OTHER_FRAME
+from sat_collision.scene.obstacle_store import OTHER_FRAME
 from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
 import shapely
 from source_model import (
@@ -32,7 +32,7 @@ from source_model import (
 
 
 class Place(NamedTuple):
-    """Where a footprint is and since when, or what is wrong with it."""
+    """The last position of a footprint and its time, or what is wrong with it."""
 
     ring: tuple | None = None
     time: int | None = None
@@ -42,9 +42,9 @@ class Place(NamedTuple):
 
 class Ahead(NamedTuple):
     """
-    What a footprint moves towards: places of obstacles at its stamp, and how it comes to each.
+    What a footprint moves towards: obstacles at its stamp, and their relative velocities.
 
-    `unknown` are the obstacles, of those, of which it is not known how they move.
+    `unknown` are those obstacles whose motion is not known.
     """
 
     ring: tuple
@@ -54,16 +54,16 @@ class Ahead(NamedTuple):
     unknown: set
 
     def is_met(self, seconds, slack):
-        """Return whether from its stamp until so many seconds from now it meets any, but for m."""
+        """Tell whether it meets any within some seconds from now, up to a slack in m."""
         return any(_is_met(self.ring, other, vx * (seconds + self.age), vy * (seconds + self.age),
                            self.margin + slack) for other, vx, vy in self.others)
 
 
 class SceneModel:
     """
-    All footprints and sources, with the same events as a Scene whose frame_id is configured.
+    All footprints and sources, with the same events as a Scene with a configured frame_id.
 
-    What takes a message returns why it is refused, None if it is not.
+    Methods that take a message return why it is refused, None if it is not.
     """
 
     def __init__(self, settings):
@@ -84,7 +84,7 @@ class SceneModel:
             source.pass_time(now, is_all_taken)
 
     def use(self, settings):
-        """Apply other settings of the same names; what is disabled, or was, forgets all."""
+        """Apply settings with the same names; what is disabled or enabled is reset."""
         for before, footprint in zip(self.settings.footprints, settings.footprints):
             if before.enabled != footprint.enabled:
                 self._footprints[footprint.name] = Place()
@@ -100,12 +100,12 @@ class SceneModel:
         return next(settings for settings in both if settings.name == name)
 
     def receive(self, name, ring, refusal, stamp, now, instance, number):
-        """Take a message: a ring, an empty polygon, or what is refused already."""
+        """Receive a message: a ring, an empty polygon, or one that is already refused."""
         settings = self.settings_of(name)
         if not settings.enabled:
             return None
         if stamp is not None and stamp > now + nanoseconds(self.settings.future_tolerance):
-            # With such a stamp it can be of no set; an empty polygon is of no instance.
+            # Without a valid stamp it belongs to no set; an empty polygon has no instance.
             if ring is None and refusal is None:
                 instance = None
             ring, stamp = None, None
@@ -137,7 +137,7 @@ class SceneModel:
                 for one in source.held(now) if one.ring]
 
     def state(self, name, now):
-        """Return a footprint's status in a word, source and key of its contacts, and reasons."""
+        """Return a footprint's status, the source and key of its contacts, and reasons."""
         settings = self.settings_of(name)
         if not settings.enabled:
             return 'unknown', set(), [f'footprint {name} is disabled']
@@ -156,7 +156,7 @@ class SceneModel:
         return 'unknown' if faults else 'clear', set(), faults
 
     def ahead(self, name, now):
-        """Return what a footprint in no contact moves towards, None while that is unknown."""
+        """Return what a footprint without contact moves towards, None while that is unknown."""
         settings, place = self.settings_of(name), self._footprints[name]
         own = settings.obstacles or self._sources
         velocity = self.state(name, now)[0] == 'clear' and velocity_of(place.places, place.time)
@@ -177,12 +177,12 @@ class SceneModel:
                      unknown)
 
     def age(self, name, now):
-        """Return a footprint's age in seconds, None if there is no good one."""
+        """Return a footprint's age in seconds, None if it has no valid position."""
         time = self._footprints[name].time
         return None if time is None else (now - time) / SECOND
 
     def _faults(self, settings, monitored, now):
-        """Return why there may be obstacles that were not received, in sentences."""
+        """Return why some obstacles may be missing, in sentences."""
         enabled = [source for source in monitored if source.settings.enabled]
         if not enabled:
             return ['none of its obstacle sources is enabled' if settings.obstacles
@@ -210,7 +210,7 @@ def separation(ring, other):
 
 @lru_cache(maxsize=None)
 def _is_met(ring, other, x, y, margin):
-    """Return whether a body that moves straight by (x, y) comes within a margin of another."""
+    """Tell whether a body that moves straight by (x, y) comes within a margin of another."""
     moved = [(a + x, b + y) for a, b in ring]
     way = shapely.union_all([_shape(ring), _shape(moved), *(
         shapely.convex_hull(shapely.MultiPoint([ring[k - 1], ring[k], moved[k - 1], moved[k]]))

@@ -23,8 +23,8 @@ def convex(batch):
     """
     Return (count, n, 2) rings that were convex before rounding as exactly convex bodies.
 
-    A ring that turns left at every vertex, by more than rounding errors, and once around is kept;
-    any other is replaced by the exact convex hull of its vertices, which may have fewer.
+    Rings that turn left at every vertex by more than rounding errors, and once around, are
+    kept; others are replaced by their exact convex hull, which may have fewer vertices.
     """
     edges = np.roll(batch, -1, axis=1) - batch
     after = np.roll(edges, -1, axis=1)
@@ -57,7 +57,7 @@ def directions(rng, count):
 
 
 def regular(rng, count, n, spread=0.0):
-    """Return (count, n, 2) points on the unit circle, evenly spaced but for a random spread."""
+    """Return (count, n, 2) points on the unit circle, evenly spaced up to a random spread."""
     angle = 2 * np.pi / n * (np.arange(n) + rng.uniform(0, 1, (count, 1))
                              + spread * rng.uniform(0, 1, (count, n)))
     return np.stack([np.cos(angle), np.sin(angle)], axis=2)
@@ -88,7 +88,7 @@ def lattice(rng, count, n):
 
 
 def comb(teeth, slack=0.0):
-    """Return a comb, a spine with teeth 1 - 2 slack wide and 1 + 2 slack apart: with two, a U."""
+    """Return a comb with teeth 1 - 2 slack wide and 1 + 2 slack apart: with two teeth, a U."""
     ring = [[0, 0], [2 * teeth - 1, 0]]
     for k in range(teeth - 1, -1, -1):
         right, left = 2 * k + 1 - slack, 2 * k + slack
@@ -105,7 +105,7 @@ def star(points):
 
 
 def reach(a, b, heading):
-    """Return how far b must move along a heading to touch a beyond it, and that axis's cosine."""
+    """Return how far b must move along a heading to just touch a, and that axis's cosine."""
     least, cosine = np.full(len(a), np.inf), np.ones(len(a))
     for body, sign in ((a, 1), (b, -1)):
         edges = np.roll(body, -1, axis=1) - body

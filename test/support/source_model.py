@@ -15,9 +15,9 @@
 """
 A model of a source of obstacles, see scene_model: its obstacles, and whether it is known.
 
-It follows the rules of docs/knowing.md to the letter. A listing is a log of all its messages,
-which each query reads from the first on. Publishers are not announced: a stream begins with number
-1, or with a number that has been received already. Times are in ns.
+It follows the rules of docs/knowing.md literally. A listing is a log of all its messages; each
+query reads it from the start. Publishers are not announced: a stream begins with number 1, or with
+a number that was already received. Times are in ns.
 """
 
 from dataclasses import dataclass, field
@@ -26,13 +26,13 @@ from math import inf
 from typing import NamedTuple
 
 from builders import SECOND
-from sat_collision.scene.obstacles import TOO_MANY
+from sat_collision.scene.obstacle_store import TOO_MANY
 from sat_collision.scene.settings import POLYGON_INSTANCE
 from sat_collision.scene.sources import TOO_OLD
 
 
 class Message(NamedTuple):
-    """What came: a ring, or None for an empty polygon, or why it was refused."""
+    """A received message: a ring, None for an empty polygon, or why it was refused."""
 
     ring: tuple | None
     refusal: str | None
@@ -53,12 +53,12 @@ class Message(NamedTuple):
 
     @property
     def key(self):
-        """Return the id, else the ring; None where that could not be read."""
+        """Return the id, otherwise the ring; None if it could not be read."""
         return self.ring if self.instance is None else self.instance
 
 
 class Obstacle(NamedTuple):
-    """An obstacle, or what stands for a refused one."""
+    """An obstacle, or a placeholder of a refused one."""
 
     key: object
     ring: tuple | None
@@ -70,7 +70,7 @@ class Obstacle(NamedTuple):
 
 @dataclass
 class Set:
-    """A run of messages that is taken for a set."""
+    """A run of messages that is taken as a set."""
 
     start: int
     last: int
@@ -83,8 +83,8 @@ class Set:
 
 
 def read_sets(settings, log, now):
-    """Return the obstacles of the last whole set and all newer, and whether they are known."""
-    window, most = nanoseconds(settings.set_window), settings.max_count
+    """Return the obstacles of the last whole set and later ones, and whether they are known."""
+    window, max_count = nanoseconds(settings.set_window), settings.max_count
     sets = []
     is_missing = is_doubtful = is_cut = is_too_large = False
 
@@ -92,7 +92,7 @@ def read_sets(settings, log, now):
         nonlocal is_doubtful, is_cut, is_too_large
         if one.is_sound and not one.is_whole:
             sets[:] = [one]
-            one.is_whole, is_too_large = True, one.count > most
+            one.is_whole, is_too_large = True, one.count > max_count
             is_doubtful = is_cut = False
 
     for message in log:
@@ -106,7 +106,7 @@ def read_sets(settings, log, now):
             continue
         is_next, is_missing = last is not None and not is_missing, False
         is_near = last and not last.is_ended and abs(message.stamp - last.start) <= window
-        if not (is_near and (last.count < most or is_next and message.is_end)
+        if not (is_near and (last.count < max_count or is_next and message.is_end)
                 or is_next and message.stamp == last.last):
             cuts = bool(last) and not last.is_ended and abs(message.stamp - last.last) <= window
             if is_next and not cuts:
@@ -123,13 +123,13 @@ def read_sets(settings, log, now):
             continue
         last.count += 1
         if not is_past(settings, message.time, message.now):
-            place = min(len(last.members), most)
-            refusal = message.refusal or (TOO_MANY if place == most else None)
+            place = min(len(last.members), max_count)
+            refusal = message.refusal or (TOO_MANY if place == max_count else None)
             last.members[place:] = [
                 Obstacle(place, None if refusal else message.ring, refusal, message.time)]
-        if last.count == most and not is_cut and not is_too_large:
+        if last.count == max_count and not is_cut and not is_too_large:
             prove(last)
-        is_too_large |= last.count > most
+        is_too_large |= last.count > max_count
     is_known = bool(sets) and sets[0].is_whole and not is_doubtful and not is_cut and (
         not is_past(settings, min(sets[0].times), now))
     return [member for one in sets for member in one.members
@@ -137,7 +137,7 @@ def read_sets(settings, log, now):
 
 
 def read_keys(settings, log, now):
-    """Return the obstacles by id or ring, and whether they are all of one timeout."""
+    """Return the obstacles by id or ring, and whether all of one timeout has been received."""
     held, since, last = {}, None, -inf
 
     def forget(time):
@@ -202,7 +202,7 @@ def read_map(settings, log, now):
 
 
 def place(settings, held, message, listing=0):
-    """Let an obstacle be where its newest stamp says; return whether there is room for it."""
+    """Put an obstacle where its newest stamp says; return whether there is room for it."""
     key = message.key
     if key is None or message.is_end or is_past(settings, message.time, message.now):
         return True
@@ -221,12 +221,12 @@ def place(settings, held, message, listing=0):
 
 
 def followed_by(places, time, ring):
-    """Return the places of a body and the next one; one that is earlier is of other times."""
+    """Append the next place of a body; earlier places are dropped if its time goes back."""
     return *((t, r) for t, r in places if places[-1][0] <= time and t != time), (time, ring)
 
 
 def velocity_of(places, time):
-    """Return vx and vy in m/s of what moved without turning, None if it is not known at a time."""
+    """Return vx and vy in m/s of a body that moved without rotating, None if unknown."""
     last, ring = places[-1] if places else (None, ())
     earlier = [place for place in places if last - place[0] >= 10 * SECOND // 1000]
     if last != time or not earlier or last - earlier[-1][0] > 2 * SECOND:
@@ -239,39 +239,39 @@ def velocity_of(places, time):
 
 
 class SourceModel:
-    """One source of obstacles: the log of its listing, and what is left of former ones."""
+    """One source of obstacles: the log of its listing, and remains of earlier ones."""
 
     def __init__(self, settings):
         self.settings = settings
         self._read = (read_map if not settings.timeout else
                       read_sets if self._has_sets else read_keys)
-        # By what a former listing is filtered where it grows old, and its obstacles.
+        # How each former listing is filtered as it becomes stale, and its obstacles.
         self._former = []
         self._log = []
         self._next = None
         self._question = self._answer = None
 
     def switch(self, settings):
-        """Forget all that came, where it is disabled or enabled."""
+        """Reset it when it is disabled or enabled."""
         self.settings = settings
         self._forget()
 
     def step_back(self, now):
-        """Drop what has a time."""
+        """Drop everything that has a time."""
         if self.settings.timeout:
             self._forget()
         else:
             self._log.append(now)
 
     def pass_time(self, now, is_all_taken=True):
-        """Let time pass; where messages may wait to be taken, it is no pause."""
+        """Let time pass; while messages may be queued, it is no pause."""
         if not is_all_taken and self._read is read_map:
             self._log.append(now)
         if self._read is read_map and self.is_known(now):
             self._former.clear()
 
     def receive(self, message):
-        """Take a message; return why it is refused, None if it is not."""
+        """Receive a message; return why it is refused, None if it is not."""
         self.pass_time(message.now)
         expected, self._next = self._next, message.number + 1
         if expected is None or message.number < expected:
@@ -295,7 +295,7 @@ class SourceModel:
         return None if message.key in {one.key for one in held} else TOO_MANY
 
     def held(self, now):
-        """Return all obstacles, those that stand for a refused message included."""
+        """Return all obstacles, including the placeholders of refused messages."""
         return self._listed(now)[0] + [one for only, former in self._former for one in only(
             lambda one: is_past(self.settings, one.time, now), former)]
 
@@ -307,7 +307,7 @@ class SourceModel:
         return self.settings.type != POLYGON_INSTANCE and not self.settings.accumulate
 
     def _listed(self, now):
-        """Read the log, unless that was the last question, too."""
+        """Read the log, unless nothing has changed since the last query."""
         question = self._read, self._log, len(self._log), now
         if question != self._question:
             self._question, self._answer = question, self._read(self.settings, self._log, now)
@@ -327,5 +327,5 @@ def nanoseconds(seconds):
 
 
 def is_past(settings, time, now):
-    """Tell whether something of a time is older than the timeout, where that is not 0."""
+    """Tell whether a time is older than the timeout, if that is not 0."""
     return settings.timeout > 0 and now - time > nanoseconds(settings.timeout)

@@ -26,9 +26,9 @@ from sat_collision.scene.streams import Endpoint
 START = 1000.0
 ROBOT = FootprintSettings('robot', '/footprint')
 CART = FootprintSettings('cart', '/cart/footprint')
-PATIENT_ROBOT = replace(ROBOT, timeout=0.0)
+UNTIMED_ROBOT = replace(ROBOT, timeout=0.0)
 LIDAR = ObstacleSettings('lidar', '/polygons')
-PATIENT_LIDAR = replace(LIDAR, timeout=0.0)
+UNTIMED_LIDAR = replace(LIDAR, timeout=0.0)
 INSTANCES = replace(LIDAR, type='polygon_instance')
 ACCUMULATED = replace(LIDAR, accumulate=True)
 EVERY_KIND = pytest.mark.parametrize('settings', [LIDAR, INSTANCES, ACCUMULATED],
@@ -53,9 +53,9 @@ def square(x):
 
 class Stage:
     """
-    One scene and its clock, which begins at START; all times are seconds since then.
+    One scene and its clock, which begins at START; times are in seconds since then.
 
-    Without other settings: a footprint 'robot', stale after 1 s, and a source 'lidar' of sets,
+    By default there is a footprint 'robot', stale after 1 s, and a source 'lidar' of sets,
     silent after 2 s. The messages of each are numbered from 1 on, as by one publisher.
     """
 
@@ -84,15 +84,15 @@ class Stage:
         return self.numbers[name]
 
     def lose(self, count=1, name='lidar'):
-        """Let messages be sent that never come."""
+        """Skip numbers, as if messages were lost."""
         self.numbers[name] += count
 
     def restart(self, name='lidar'):
-        """Let another publisher begin."""
+        """Begin again with number 1, as a new publisher does."""
         self.numbers[name] = 0
 
     def publish_by(self, *gids, name='lidar'):
-        """Let these publishers be there from now on, each of a node of its own."""
+        """Set the current publishers, each of a node of its own."""
         self.scene.update_publishers(name, [Endpoint(gid, f'/{gid}') for gid in gids])
 
     def wait_until(self, time):
@@ -119,11 +119,11 @@ class Stage:
         self.end(stamp, name)
 
     def refuse(self, reason='not finite', stamp=None, name='lidar', instance=None):
-        """Send a message that is of no use."""
+        """Send a message that is refused."""
         self.scene.refuse(name, reason, self.now, self.stamp(stamp), instance, self.number(name))
 
     def send_garbage(self, name='lidar'):
-        """Send what cannot be decoded."""
+        """Send a message that cannot be decoded."""
         self.scene.refuse(name, 'undecodable', self.now, number=self.number(name))
 
     def state(self, name='robot'):
@@ -135,7 +135,7 @@ class Stage:
 
     @property
     def held(self):
-        """The place of all obstacles by key: sorted places, where two sets have it."""
+        """The x of all obstacles by key: sorted values if two sets have one."""
         places = {}
         for obstacle, polygon in self.scene.obstacles:
             places.setdefault(obstacle.key, []).append(polygon.bounds[0])
@@ -152,15 +152,15 @@ def clear_stage(*sources, **settings):
     return stage
 
 
-def with_robot(*sources, footprints=(PATIENT_ROBOT,), stamp=None):
-    """Return a stage with a footprint that stands at 0 and by default never ages."""
+def with_robot(*sources, footprints=(UNTIMED_ROBOT,), stamp=None):
+    """Return a stage with a footprint at 0 that by default never becomes stale."""
     stage = Stage(*sources, footprints=footprints)
     stage.robot(stamp=stamp)
     return stage
 
 
 def known_stage(*sources):
-    """Return one whose source is known and sees nothing: the robot is clear."""
+    """Return a stage whose source is known and empty, so that the robot is clear."""
     stage = with_robot(*sources)
     stage.end(stamp=-2.0)
     stage.end()

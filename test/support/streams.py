@@ -18,14 +18,12 @@ from contextlib import contextmanager
 import threading
 import time
 
-from harness import box, Peer
-
-APART = box(5, 5)
+from harness import APART, Peer
 
 
 @contextmanager
 def streaming(domain, topic, rate, points=APART):
-    """Publish a polygon repeatedly from a thread, at a rate in 1/s."""
+    """Publish a polygon repeatedly from a thread, at a rate in Hz."""
     stop = threading.Event()
     peer = Peer(domain)
 

@@ -13,12 +13,11 @@
 # limitations under the License.
 
 """
-Recordings: reading bags, whole or damaged, and writing them.
+Reading recordings, whole or damaged.
 
 recording    a bag, of one or more storage files, opened once
 mcap         MCAP storage
 sqlite       SQLite storage (.db3)
-libraries    libraries of ROS and pip, for writing and for compression that is not read here
 storage      common to the readers: faults, limits, decompression
 
 The readers are our own because others stop at damage: in randomly damaged files, in which a

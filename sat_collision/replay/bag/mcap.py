@@ -26,8 +26,9 @@ import struct
 from typing import Any, NamedTuple
 import zlib
 
+from sat_collision.extras import in_one_line
 from sat_collision.replay.bag.storage import (
-    Damage, Faults, in_words, Limits, LONGEST_ROW, Row, Storage, unpacked)
+    Damage, Faults, Limits, LONGEST_ROW, Row, Storage, unpacked)
 
 _MAGIC = b'\x89MCAP0\r\n'
 _FOOTER_KIND, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX = range(2, 8)
@@ -49,23 +50,17 @@ _ENTRY = 400
 
 
 class Block(NamedTuple):
-    """
-    Consecutive messages: a chunk, or a run of messages outside of chunks.
+    """Consecutive messages: a chunk, or a run of messages outside of chunks."""
 
-    `first` and `last` are the announced times of messages in ns, `where` is the position of the
-    chunk (0 for a run), `at` and `size` those of its data, `plain` their decompressed size, and
-    `announced` the number of indexed messages, None without an index.
-    """
-
-    first: int
+    first: int  # announced times of messages, ns
     last: int
-    where: int
-    at: int
+    where: int  # position of the chunk, 0 for a run
+    at: int  # position of its data
     size: int
     compression: str
-    plain: int
+    plain: int  # decompressed size
     checksum: int
-    announced: int | None = None
+    announced: int | None = None  # number of indexed messages, None without an index
 
 
 class McapFile(Storage):
@@ -92,7 +87,7 @@ class McapFile(Storage):
         self._channel_count = 0
         # How many messages the indexes of chunks have, by channel.
         self._indexed: Counter[int] = Counter()
-        self._surveyed = self._ends = False
+        self._is_surveyed = self._ends = False
         try:
             self._file = os.open(path, os.O_RDONLY)
             self._size = os.fstat(self._file).st_size
@@ -102,12 +97,11 @@ class McapFile(Storage):
             self._walk_data()
         except (OSError, Damage) as error:
             self._blocks.clear()
-            faults.damaged(in_words(error))
+            faults.damaged(in_one_line(error))
             return
         counts = self._statistics
-        self._surveyed = counts is None or len(self._channels) < self._channel_count or any(
-            schema not in self._schemas for _, schema in self._channels.values())
-        if counts is None or self._surveyed:
+        if counts is None or len(self._channels) < self._channel_count or any(
+                schema not in self._schemas for _, schema in self._channels.values()):
             counts = self._survey()
         for channel, (topic, schema) in self._channels.items():
             self.counts[topic] += counts[channel]
@@ -133,7 +127,7 @@ class McapFile(Storage):
     def rows(self, topics: Collection[str], start: int | None = None,
              stop: int | None = None) -> Iterator[Row]:
         # If all was read before, the faults are already recorded.
-        faults = Faults(Path()) if self._surveyed else self._faults
+        faults = Faults(Path()) if self._is_surveyed else self._faults
         pending = _Pending({channel: topic for channel, (topic, _) in self._channels.items()
                             if topic in topics}, start or 0, 2**64 if stop is None else stop)
         blocks = sorted(block for block in self._blocks
@@ -149,6 +143,7 @@ class McapFile(Storage):
 
     def _survey(self) -> Counter[int]:
         """Read all of a file whose summary is not complete; return the counts by channel."""
+        self._is_surveyed = True
         found: Counter[int] = Counter()
         for block in self._blocks:
             times, channels = self._load(block, _Pending({}, 0, 0), self._faults)
@@ -161,27 +156,34 @@ class McapFile(Storage):
     def _load(self, block: Block, pending: _Pending, faults: Faults
               ) -> tuple[list[int], list[int]]:
         """Return times and channels of all messages of a block, recording its faults."""
+        begun = len(pending.times)
         times: list[int] = []
         channels: list[int] = []
+        problem = ''
         try:
             self._fill(block, pending, times, channels)
         except Damage as damage:
-            faults.damaged(f'damaged in the chunk at byte {block.where or block.at}: {damage}')
-            if not times:
-                return times, channels
+            problem = str(damage)
+        times += pending.times[begun:]
+        channels += pending.channels[begun:]
+        where = f'damaged in the chunk at byte {block.where or block.at}: '
+        if problem:
+            faults.damaged(where + problem)
+        if problem and not times:
+            return times, channels
         if block.announced not in (None, len(times)):
-            faults.damaged(f'damaged in the chunk at byte {block.where}: {len(times)} messages, '
-                           f'but its index has {block.announced}')
+            faults.damaged(f'{where}{len(times)} messages, but its index has {block.announced}')
         if times and not (block.first <= min(times) and max(times) <= block.last):
-            faults.damaged(f'damaged in the chunk at byte {block.where}: it has messages of '
-                           'another time than it announces')
+            faults.damaged(f'{where}it has messages of another time than it announces')
         return times, channels
 
     def _fill(self, block: Block, pending: _Pending, times: list[int],
               channels: list[int]) -> None:
-        """Add the messages of a block up to any damage."""
+        """Add the messages of a block up to any damage, those not wanted to the lists."""
         content = self._content(block, sum(map(len, pending.messages)))
         topics, first, last = pending.topics, pending.first, pending.last
+        add_time, add_channel, add_message = (
+            pending.times.append, pending.channels.append, pending.messages.append)
         at, end = 0, len(content)
         head_size, least, record_size = (
             _RECORD_HEAD.size, _MESSAGE_HEAD.size, _MESSAGE_RECORD.size)
@@ -191,12 +193,13 @@ class McapFile(Storage):
                 kind, size, channel, _, time, _ = unpack(content, at)
                 behind = at + head_size + size
                 if kind == _MESSAGE and size >= least and behind <= end:
-                    times.append(time)
-                    channels.append(channel)
                     if channel in topics and first <= time < last:
-                        pending.times.append(time)
-                        pending.channels.append(channel)
-                        pending.messages.append(content[at + record_size:behind])
+                        add_time(time)
+                        add_channel(channel)
+                        add_message(content[at + record_size:behind])
+                    else:
+                        times.append(time)
+                        channels.append(channel)
                     at = behind
                     continue
             if end - at < head_size:
@@ -243,21 +246,20 @@ class McapFile(Storage):
         try:
             key, = struct.unpack_from('<H', content)
             if kind == _SCHEMA:
-                name, _ = text(content, 2)
+                name = _text(content, 2)[0]
                 known = self._schemas.setdefault(key, name)
-                said = f'schema {key} is {known} and {name}'
+                if known != name:
+                    self._faults.differs((kind, key), f'schema {key} is {known} and {name}')
             else:
+                # With another schema the topic has another type.
                 schema, = struct.unpack_from('<H', content, 2)
-                topic, _ = text(content, 4)
-                # The schema is compared, too: with another one the topic has another type.
-                known, name = str(self._channels.setdefault(key, (topic, schema))), str(
-                    (topic, schema))
-                said = f'channel {key} is {self._channels[key][0]} and {topic}'
+                channel = _text(content, 4)[0], schema
+                before = self._channels.setdefault(key, channel)
+                if before != channel:
+                    self._faults.differs((kind, key),
+                                         f'channel {key} is {before[0]} and {channel[0]}')
         except (struct.error, ValueError):
             self._faults.damaged(f'damaged at byte {where}: invalid {_NAMES[kind]} record')
-            return
-        if known != name:
-            self._faults.differs((kind, key), said)
 
     def _walk_summary(self) -> None:
         """Read the summary behind the data, if the end of the file announces one."""
@@ -341,7 +343,7 @@ class McapFile(Storage):
                 self._account()
                 head = self._read(at, min(size, 64))
                 first, last, plain, checksum = _CHUNK_HEAD.unpack_from(head)
-                compression, begin = text(head, _CHUNK_HEAD.size)
+                compression, begin = _text(head, _CHUNK_HEAD.size)
                 packed, = struct.unpack_from('<Q', head, begin)
                 if packed != size - begin - 8:
                     raise ValueError
@@ -362,8 +364,8 @@ class McapFile(Storage):
                 content = self._read(at, size)
                 self._channel_count, = struct.unpack_from('<I', content, 10)
                 length, = struct.unpack_from('<I', content, 42)
-                pairs = struct.iter_unpack('<HQ', content[46:46 + length])
-                self._statistics = Counter(dict(pairs))
+                self._statistics = Counter(dict(
+                    struct.iter_unpack('<HQ', content[46:46 + length])))
             else:
                 self._define(kind, self._read(at, size), where)
         except (struct.error, ValueError):
@@ -392,16 +394,12 @@ class McapFile(Storage):
 
 
 class _Pending:
-    """
-    Messages from one time on and before another, in ns, held until no earlier ones can follow.
-
-    Only those of the channels in `topics` are held. Times, channels and messages are in separate
-    lists, because Python's garbage collector would visit a tuple for each again and again.
-    """
+    """Messages of some channels, held until no earlier ones can follow."""
 
     def __init__(self, topics: dict[int, str], first: int, last: int) -> None:
-        self.topics = topics
-        self.first, self.last = first, last
+        self.topics = topics  # by channel
+        self.first, self.last = first, last  # ns
+        # Not in one list: the garbage collector would visit a tuple for each again and again.
         self.times: list[int] = []
         self.channels: list[int] = []
         self.messages: list[bytes] = []
@@ -433,7 +431,7 @@ class _Misplaced(Damage):
         self.where = where
 
 
-def text(content: bytes, at: int) -> tuple[str, int]:
+def _text(content: bytes, at: int) -> tuple[str, int]:
     """Return a string, and the position after it."""
     size, = struct.unpack_from('<I', content, at)
     end = at + 4 + size

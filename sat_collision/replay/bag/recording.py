@@ -24,11 +24,11 @@ import re
 from typing import Any, NamedTuple
 import zlib
 
-from sat_collision.replay.bag.libraries import Rosbag2Storage
+from sat_collision.extras import in_one_line
 from sat_collision.replay.bag.mcap import McapFile
 from sat_collision.replay.bag.sqlite import SqliteFile
 from sat_collision.replay.bag.storage import (
-    Damage, Faults, in_words, is_installed, Limits, Message, Row, Scratch, Storage, unpacked,
+    Damage, Faults, in_rows, is_installed, Limits, Message, Row, Scratch, Storage, unpacked,
     why_not_unpacked, ZSTD_MAGIC)
 import yaml
 
@@ -43,8 +43,8 @@ class Recording(Storage):
     """
     A rosbag2 recording: a directory with metadata.yaml, or one storage file.
 
-    A damaged recording is read as far as possible, and every fault of a file is recorded. Its
-    content is compared with metadata.yaml. It is a context manager. `latched` are the topics whose
+    It is a context manager. A damaged recording is read as far as possible, and every fault of a
+    file is recorded. Its content is compared with metadata.yaml. `latched` are the topics whose
     publishers were transient local.
     """
 
@@ -72,7 +72,7 @@ class Recording(Storage):
                 self._all_faults[:] = known
                 self._open_by_rosbag2(missing)
         except OSError as error:
-            self._faults.damaged(in_words(error))
+            self._faults.damaged(in_one_line(error))
         self._compare(self.counts)
         return self
 
@@ -95,21 +95,15 @@ class Recording(Storage):
 
     def rows(self, topics: Collection[str], start: int | None = None,
              stop: int | None = None) -> Iterator[Row]:
-        for topic, times, messages in self._read(topics, start, stop):
+        for row in self.peek(topics, start, stop):
+            topic, times, messages = row
             self._sums[topic] += sum(map(
                 zlib.crc32, messages, [(time ^ time >> 32) & _LOW for time in times]))
-            yield topic, times, messages
+            yield row
 
-    def messages(self, topics: Collection[str], start: int | None = None,
-                 stop: int | None = None) -> Iterator[Message]:
-        # The digest includes the messages taken, not all that were read with them.
-        for topic, times, messages in self._read(topics, start, stop):
-            for time, data in zip(times, messages):
-                self._sums[topic] += zlib.crc32(data, (time ^ time >> 32) & _LOW)
-                yield topic, time, data
-
-    def _read(self, topics: Collection[str], start: int | None,
-              stop: int | None) -> Iterator[Row]:
+    def peek(self, topics: Collection[str], start: int | None = None,
+             stop: int | None = None) -> Iterator[Row]:
+        """Yield the same as `rows`, but leave it out of `content`."""
         read: Counter[str] = Counter()
         unfit = 0
         for part in self._parts:
@@ -145,15 +139,19 @@ class Recording(Storage):
                               for part in re.split(r'(\d+)', file.name)])
         metadata = self.path / 'metadata.yaml'
         faults = self._faults_of(metadata)
-        if not present and (bags := self._bags_within()):
-            self._faults.damaged(f'a folder of recordings; name each of them, such as {bags[0]}')
-            return []
+        if not present and not metadata.exists():
+            bags = [file.parent for pattern in ('*/metadata.yaml', '*/*.mcap', '*/*.db3')
+                    for file in self.path.glob(pattern)]
+            if bags:
+                self._faults.damaged(
+                    f'a folder of recordings; name each of them, such as {min(bags)}')
+                return []
         try:
             self._metadata = read_metadata(metadata, self._limits.memory // 100)
         except FileNotFoundError:
             faults.damaged("is missing; 'ros2 bag reindex' restores it")
         except (Damage, OSError) as error:
-            faults.damaged(in_words(error))
+            faults.damaged(in_one_line(error))
         if not self._metadata:
             if not present:
                 self._faults.damaged('no .mcap or .db3 file in this directory')
@@ -174,13 +172,6 @@ class Recording(Storage):
             self._faults.differs('more', f'metadata.yaml does not list {", ".join(more)}')
         return [file for file in listed if file.exists()]
 
-    def _bags_within(self) -> list[Path]:
-        """Return the recordings in this folder, unless it is one itself."""
-        if (self.path / 'metadata.yaml').exists():
-            return []
-        return sorted({file.parent for pattern in ('*/metadata.yaml', '*/*.mcap', '*/*.db3')
-                       for file in self.path.glob(pattern)})
-
     def _open(self, file: Path) -> None:
         """Open a storage file; if it is compressed as a whole, decompress it first."""
         faults = self._faults_of(file)
@@ -190,11 +181,11 @@ class Recording(Storage):
                 self._compressions.add('zstd')
                 plain, damage = self._scratch.unpack(file)
                 if damage:
-                    faults.damaged(in_words(damage))
+                    faults.damaged(in_one_line(damage))
             with plain.open('rb') as opened:
                 ros_1 = opened.read(len(_ROS_1)) == _ROS_1
         except (Damage, OSError) as error:
-            faults.damaged(in_words(error))
+            faults.damaged(in_one_line(error))
             return
         if ros_1:
             faults.damaged(f'a ROS 1 bag; convert it first: rosbags-convert --src {file} '
@@ -236,18 +227,13 @@ class Recording(Storage):
 
 
 class Metadata(NamedTuple):
-    """
-    The content of metadata.yaml.
+    """The content of metadata.yaml."""
 
-    The names of the storage files in their order; the numbers of messages of each topic and in
-    all; the topics with transient local publishers; whether files or messages are compressed.
-    """
-
-    files: list[str]
-    counts: dict[str, int]
+    files: list[str]  # the names of the storage files, in their order
+    counts: dict[str, int]  # of messages, by topic
     total: int
-    latched: set[str]
-    packed: bool
+    latched: set[str]  # topics with transient local publishers
+    packed: bool  # whether files or messages are compressed one by one
 
 
 def read_metadata(path: Path, max_bytes: int) -> Metadata:
@@ -257,7 +243,7 @@ def read_metadata(path: Path, max_bytes: int) -> Metadata:
     try:
         content = yaml.safe_load(path.read_text(encoding='utf-8'))
     except Exception as error:  # whatever the constructors of YAML's types raise
-        raise Damage(f'is not YAML: {in_words(error)}') from error
+        raise Damage(f'is not YAML: {in_one_line(error)}') from error
     information = _entry(content, 'rosbag2_bagfile_information', dict)
     files = [Path(str(name)).name for name in _entry(information, 'relative_file_paths', list)]
     counts: dict[str, int] = {}
@@ -289,3 +275,61 @@ def _entry(content: Any, key: str, kind: type) -> Any:
     if type(value) is not kind:
         raise Damage(f"has no '{key}' of the right type where it belongs")
     return value
+
+
+class Rosbag2Storage(Storage):
+    """
+    A directory or storage file read with rosbag2_py of ROS, up to the first damage.
+
+    Compressed files are copied, because rosbag2 would decompress them beside the originals.
+    `packed` says that files or messages are compressed one by one.
+    """
+
+    def __init__(self, path: Path, faults: Faults, packed: bool, scratch: Scratch) -> None:
+        super().__init__(faults)
+        self._packed = packed
+        self._path = path
+        files = [file for file in path.iterdir() if file.is_file()] if path.is_dir() else [path]
+        if any(file.suffix == '.zstd' for file in files):
+            self._path = max(map(scratch.copy, files)).parent
+        try:
+            metadata = self._opened().get_metadata()
+        except RuntimeError as error:  # whatever rosbag2 raises
+            faults.damaged(in_one_line(error))
+            return
+        for topic in metadata.topics_with_message_count:
+            self.topics[topic.topic_metadata.name] = topic.topic_metadata.type
+            self.counts[topic.topic_metadata.name] = topic.message_count
+        if metadata.message_count:
+            self.start = metadata.starting_time.nanoseconds
+            self.end = self.start + metadata.duration.nanoseconds
+
+    def rows(self, topics: Collection[str], start: int | None = None,
+             stop: int | None = None) -> Iterator[Row]:
+        return in_rows(self._read(topics, start, stop))
+
+    def _read(self, topics: Collection[str], start: int | None,
+              stop: int | None) -> Iterator[Message]:
+        import rosbag2_py
+        there = [topic for topic in topics if topic in self.topics]
+        if not there:
+            return
+        try:
+            reader = self._opened()
+            reader.set_filter(rosbag2_py.StorageFilter(topics=there))
+            while reader.has_next():
+                topic, data, time = reader.read_next()
+                if (start is None or time >= start) and (stop is None or time < stop):
+                    yield topic, time, data
+        except RuntimeError as error:
+            self._faults.damaged(in_one_line(error))
+
+    def _opened(self) -> Any:
+        import rosbag2_py
+        reader = (rosbag2_py.SequentialCompressionReader() if self._packed
+                  else rosbag2_py.SequentialReader())
+        storage = '' if self._path.is_dir() else (
+            'mcap' if self._path.suffix == '.mcap' else 'sqlite3')
+        reader.open(rosbag2_py.StorageOptions(uri=str(self._path), storage_id=storage),
+                    rosbag2_py.ConverterOptions('', ''))
+        return reader

@@ -22,8 +22,9 @@ import os
 from pathlib import Path
 import sqlite3
 
+from sat_collision.extras import in_one_line
 from sat_collision.replay.bag.storage import (
-    Damage, Faults, in_rows, in_words, Limits, Message, Row, Scratch, Storage)
+    Damage, Faults, in_rows, Limits, Message, Row, Scratch, Storage)
 
 _LOGS = ('-wal', '-journal')
 _COLUMNS = {'topics': {'id', 'name', 'type'},
@@ -189,4 +190,4 @@ def _message_of(error: Exception) -> str:
     """Return an error's message; an interrupt, which SQLite reports as an error, is raised."""
     if isinstance(error, sqlite3.OperationalError) and str(error) == 'interrupted':
         raise KeyboardInterrupt from error
-    return in_words(error)
+    return in_one_line(error)

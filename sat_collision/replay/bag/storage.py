@@ -17,14 +17,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
-from itertools import repeat
 from pathlib import Path
 import sys
 import tempfile
 from typing import Any, BinaryIO, TypeAlias
+
+from sat_collision.extras import in_one_line
 
 Message: TypeAlias = tuple[str, int, bytes]  # topic, time in ns, data
 # Consecutive messages of one topic: the topic, their times in ns, which do not fall, their data.
@@ -50,6 +51,12 @@ def is_installed(library: str) -> bool:
     return spec is not None and spec.origin is not None
 
 
+def check_bag_writer() -> None:
+    """Raise OSError if no library that writes bags is installed."""
+    if not (is_installed('rosbags.rosbag2') or is_installed('rosbag2_py')):
+        raise OSError('writing a bag needs rosbags (pip install rosbags) or rosbag2_py of ROS')
+
+
 class Faults:
     """The faults of one file: places that are damaged, and numbers that differ."""
 
@@ -60,11 +67,9 @@ class Faults:
         self._differences: dict[object, str] = {}
 
     def damaged(self, where: str) -> None:
-        """Record a damaged place: the first one is described, further ones are counted."""
-        if self._first:
-            self._more += 1
-        else:
-            self._first = where
+        """Record a damaged place; only the first one is described."""
+        self._more += bool(self._first)
+        self._first = self._first or where
 
     def differs(self, about: object, words: str) -> None:
         """Record that two things differ, once for each subject."""
@@ -82,19 +87,16 @@ class Faults:
         """Record the messages of topics or channels that are not announced, if any."""
         if counts:
             listed = ', '.join(str(key)[:20] for key in sorted(counts, key=str)[:3])
-            self.differs('unknown', f'{sum(counts.values())} messages of unknown {what} '
-                                    f'({listed})')
+            self.differs('unknown',
+                         f'{sum(counts.values())} messages of unknown {what} ({listed})')
 
     def __bool__(self) -> bool:
         return bool(self._first or self._differences)
 
     def __str__(self) -> str:
-        parts = []
-        if self._first:
-            more = f', and in {self._more} more places' if self._more else ''
-            parts.append(self._first + more)
+        more = f', and in {self._more} more places' if self._more else ''
         differences = list(self._differences.values())
-        parts += differences[:_MOST]
+        parts = [self._first + more] * bool(self._first) + differences[:_MOST]
         if differences[_MOST:]:
             parts.append(f'and {len(differences) - _MOST} more differences')
         # Names of topics come from the file, and may be anything.
@@ -107,22 +109,12 @@ class Damage(Exception):
 
 
 class Storage:
-    """
-    The content of a recording, or of one file of it; times in ns.
-
-    Attributes
-    ----------
-    topics, counts : dict
-        Type and number of messages of each topic.
-    start, end : int or None
-        Times of the first and the last message.
-
-    """
+    """The content of a recording, or of one file of it; times in ns."""
 
     def __init__(self, faults: Faults) -> None:
-        self.topics: dict[str, str] = {}
-        self.counts: Counter[str] = Counter()
-        self.start: int | None = None
+        self.topics: dict[str, str] = {}  # types by name
+        self.counts: Counter[str] = Counter()  # numbers of messages by topic
+        self.start: int | None = None  # times of the first and the last message
         self.end: int | None = None
         self._faults = faults
 
@@ -130,12 +122,6 @@ class Storage:
              stop: int | None = None) -> Iterator[Row]:
         """Yield the messages of some topics, from start on and before stop (ns)."""
         raise NotImplementedError
-
-    def messages(self, topics: Collection[str], start: int | None = None,
-                 stop: int | None = None) -> Iterator[Message]:
-        """Yield the messages of `rows` one by one."""
-        for topic, times, messages in self.rows(topics, start, stop):
-            yield from zip(repeat(topic), times, messages)
 
     def close(self) -> None:
         """Close open files."""
@@ -172,31 +158,18 @@ def in_rows(messages: Iterable[Message]) -> Iterator[Row]:
 class Limits:
     """How much memory and disk a recording may take, in bytes."""
 
-    # For decompressed data and indexes, not counting what Python itself takes.
-    memory: int = 2 * 10**9
-    # For temporary files: decompressed storage files, and copies to be repaired.
-    disk: int = 4 * 10**9
+    memory: int = 2 * 10**9  # for decompressed data and indexes, without what Python itself takes
+    disk: int = 4 * 10**9  # for decompressed storage files, and copies to be repaired
 
     @property
     def chunk(self) -> int:
-        """
-        The most bytes that are decompressed at a time.
-
-        A message takes at least 31 bytes of a chunk, and about 200 as an entry of a list.
-        """
+        """The most bytes that are decompressed at a time."""
+        # A message takes at least 31 bytes of a chunk, and about 200 as an entry of a list.
         return self.memory // 8
 
 
 def unpacked(packed: bytes, compression: str, max_bytes: int) -> bytes:
-    """
-    Return data decompressed from 'zstd', 'lz4' or '' (none).
-
-    Raises
-    ------
-    Damage
-        If the data are incomplete or hold more bytes than `max_bytes`.
-
-    """
+    """Decompress data from 'zstd', 'lz4' or '' (none); Damage says what is wrong with them."""
     if not compression:
         return packed
     if compression not in _LIBRARIES:
@@ -208,7 +181,7 @@ def unpacked(packed: bytes, compression: str, max_bytes: int) -> bytes:
     try:
         content: bytes = decompressor.decompress(packed, max_length=max_bytes + 1)
     except errors as error:
-        raise Damage(in_words(error)) from error
+        raise Damage(in_one_line(error)) from error
     if len(content) > max_bytes:
         raise Damage(f'it holds more than {max_bytes} bytes')
     if not decompressor.eof:
@@ -236,11 +209,11 @@ def _library(compression: str) -> Any:
             from compression import zstd
         else:
             from backports import zstd
+        return zstd
     except ImportError as error:
         name = _LIBRARIES[compression]
         raise Damage(f'it is compressed: unpacking {compression} needs {name} '
                      f'(pip install {name}) or rosbag2_py of ROS') from error
-    return zstd
 
 
 class Scratch:
@@ -257,34 +230,30 @@ class Scratch:
 
     def copy(self, file: Path) -> Path:
         """Copy a file, keeping its name; raise Damage if it is too large."""
-        plain = self._place(file.name)
-        with file.open('rb') as source, plain.open('wb') as target:
-            self._write(source.read, target)
-        return plain
+        copy = self._place(file.name)
+        with file.open('rb') as source:
+            self._write(source, copy)
+        return copy
 
     def unpack(self, packed: Path) -> tuple[Path, Damage | None]:
         """Decompress a zstd file; return the new file, and what is wrong if it is incomplete."""
         plain = self._place(packed.stem)
         zstd = _library('zstd')
         try:
-            with zstd.open(packed, 'rb') as source, plain.open('wb') as target:
-                self._write(source.read, target)
+            with zstd.open(packed, 'rb') as source:
+                self._write(source, plain)
         except (EOFError, zstd.ZstdError, Damage) as error:
-            return plain, Damage(in_words(error))
+            return plain, Damage(in_one_line(error))
         return plain, None
 
     def _place(self, name: str) -> Path:
         self._folder = self._folder or tempfile.TemporaryDirectory(prefix='replay_check_')
         return Path(self._folder.name, name)
 
-    def _write(self, read: Callable[[int], bytes], target: BinaryIO) -> None:
-        while piece := read(_PIECE):
-            if len(piece) > self._left:
-                raise Damage(f'temporary files would take more than {self._max_bytes / 1e9:g} GB: '
-                             'allow more with --max-disk')
-            self._left -= target.write(piece)
-
-
-def in_words(error: BaseException) -> str:
-    """Return an exception's message in one line, or its type if it has none."""
-    return ' '.join(str(error).split()) or type(error).__name__
+    def _write(self, source: BinaryIO, path: Path) -> None:
+        with path.open('wb') as target:
+            while piece := source.read(_PIECE):
+                if len(piece) > self._left:
+                    raise Damage('temporary files would take more than '
+                                 f'{self._max_bytes / 1e9:g} GB: allow more with --max-disk')
+                self._left -= target.write(piece)

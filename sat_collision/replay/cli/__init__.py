@@ -15,7 +15,6 @@
 """
 The command replay_check.
 
-command     what the command does
+command     what the command does, for one recording or for many at a time
 arguments   what the command line means
-parallel    many recordings at a time
 """

@@ -12,35 +12,45 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The command replay_check."""
+"""
+The command replay_check.
+
+Recordings are checked one by one, or many at a time: by processes of this machine, or by the
+workers of a Dask cluster.
+"""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import fields
+from concurrent.futures import as_completed, ProcessPoolExecutor
+from dataclasses import fields, replace
+import multiprocessing
 import os
 from pathlib import Path
+import signal
 import sys
 import traceback
 
-from sat_collision.extras import missing
-from sat_collision.replay.bag.libraries import check_bag_writer
-from sat_collision.replay.bag.storage import in_words
+from sat_collision.extras import in_one_line, missing, unexpected
+from sat_collision.replay.bag.storage import check_bag_writer
 from sat_collision.replay.cli.arguments import parse
-from sat_collision.replay.cli.parallel import (
-    check_here, check_on_cluster, check_one, failed, unexpected)
 from sat_collision.replay.model.configuration import (
     parameter_of_text, parameters_of_file, settings_of)
 from sat_collision.replay.model.result import Options, overall, Result, Verdict
 from sat_collision.replay.output.formats import (
-    Baseline, BaselineError, write_csv, write_json, write_junit, write_junit_of_differences)
+    BaselineError, differences_from, read_baseline, write_csv, write_json, write_junit,
+    write_junit_of_differences)
 from sat_collision.replay.output.text import Progress, report, report_all, with_colour
-from sat_collision.replay.run import check
+from sat_collision.replay.run import check, OnProgress
 from sat_collision.scene.parameters import ParameterError
 
 _OF_RECORDING = ('.mcap', '.db3', '.zstd', '.db3-wal', '.db3-shm', '.db3-journal')
 _PICTURES = ('.png', '.svg', '.pdf')
+# How often a recording is tried in all whose process or worker dies.
+_ATTEMPTS = 3
+# How long to wait for a scheduler, s.
+_TIMEOUT = 10
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -53,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         return _run(arguments)
     except (ParameterError, BaselineError, OSError) as error:
-        print(f'replay_check: {in_words(error)}', file=sys.stderr)
+        print(f'replay_check: {in_one_line(error)}', file=sys.stderr)
     except ModuleNotFoundError as error:
         print(f'replay_check: {missing(error)}', file=sys.stderr)
     except Exception as error:
@@ -64,33 +74,35 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    if arguments.write_example:
-        return _write_example(arguments.write_example)
+    if example := arguments.write_example:
+        check_bag_writer()
+        from sat_collision.replay.output.bag import write_example
+        write_example(example)
+        # An installation in a ROS workspace keeps commands in lib/sat_collision, not on the path.
+        is_in_workspace = Path(sys.argv[0]).parent.name == 'sat_collision'
+        prefix = 'ros2 run sat_collision ' if is_in_workspace else ''
+        print(f'wrote {example}; check it with\n'
+              f'  {prefix}replay_check {example} --params-file {example}/params.yaml')
+        return int(Verdict.CLEAR)
     options = _options(arguments)
     _check_outputs(arguments)
-    baseline = Baseline(arguments.expect) if arguments.expect else None
+    expect = arguments.expect
+    baseline = read_baseline(expect) if expect else None
     results = _check_all(arguments, options)
-    differences = baseline.differences(results) if baseline else []
-    for path, write in ((arguments.json, write_json), (arguments.csv, write_csv)):
-        if path:
-            write(results, path)
-    if arguments.junit and baseline:
-        write_junit_of_differences(differences, baseline.path, arguments.junit)
-    elif arguments.junit:
-        write_junit(results, arguments.junit)
-    if baseline:
-        lines = [f'{name}: {line}' for name, found in differences for line in found]
-        _say(lines or [f'as expected by {baseline.path}'])
-        return int(Verdict.COLLISION if lines else Verdict.CLEAR)
-    return int(overall(results))
-
-
-def _write_example(path: str) -> int:
-    check_bag_writer()
-    from sat_collision.replay.output.bag import write_example
-    write_example(path)
-    print(f'wrote {path}; check it with\n  replay_check {path} --params-file {path}/params.yaml')
-    return int(Verdict.CLEAR)
+    if arguments.json:
+        write_json(results, arguments.json)
+    if arguments.csv:
+        write_csv(results, arguments.csv)
+    if baseline is None:
+        if arguments.junit:
+            write_junit(results, arguments.junit)
+        return int(overall(results))
+    differences = differences_from(baseline, results)
+    if arguments.junit:
+        write_junit_of_differences(differences, expect, arguments.junit)
+    lines = [f'{name}: {line}' for name, found in differences for line in found]
+    _say(lines or [f'as expected by {expect}'])
+    return int(Verdict.COLLISION if lines else Verdict.CLEAR)
 
 
 def _options(arguments: argparse.Namespace) -> Options:
@@ -141,23 +153,21 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
         if other != option and path != Path(os.devnull):
             raise OSError(f'{other} and {option} name the same file, {text}')
     for option, text in (('--write-bag', write_bag), ('--plot', plot if in_folder else None)):
-        if text is None:
-            continue
-        there = next(path for path in (Path(text), *Path(text).absolute().parents)
-                     if path.exists())
-        if not there.is_dir():
-            raise OSError(f'{option}: {there} is not a directory')
-        if not os.access(there, os.W_OK):
-            raise OSError(f'{option}: {there} cannot be written to')
+        if text is not None:
+            there = next(path for path in (Path(text), *Path(text).absolute().parents)
+                         if path.exists())
+            if not there.is_dir():
+                raise OSError(f'{option}: {there} is not a directory')
+            if not os.access(there, os.W_OK):
+                raise OSError(f'{option}: {there} cannot be written to')
 
 
-def _files_of(path: Path) -> Iterator[Path]:
-    """Yield the files that an input consists of."""
-    if path.is_dir():
-        yield from (file for file in path.iterdir()
-                    if file.name == 'metadata.yaml' or file.name.endswith(_OF_RECORDING))
-    elif path.exists():
-        yield path
+def _files_of(path: Path) -> list[Path]:
+    """Return the files that an input consists of."""
+    if not path.is_dir():
+        return [path] if path.exists() else []
+    return [file for file in path.iterdir()
+            if file.name == 'metadata.yaml' or file.name.endswith(_OF_RECORDING)]
 
 
 def _check_all(arguments: argparse.Namespace, options: Options) -> list[Result]:
@@ -171,7 +181,11 @@ def _check_all(arguments: argparse.Namespace, options: Options) -> list[Result]:
     results: list[Result] = []
     for result in _results(arguments, options):
         if plot and not one_page:
-            _draw([result], _of_bag(plot, result.bag) if several else plot, arguments.debug)
+            path = plot
+            if several:
+                Path(plot).mkdir(parents=True, exist_ok=True)
+                path = str(Path(plot, f'{Path(result.bag).stem}.png'))
+            _draw([result], path, arguments.debug)
         _say(with_colour(report(result), result.verdict, sys.stdout))
         results.append(result)
     if several:
@@ -210,6 +224,80 @@ def _results(arguments: argparse.Namespace, options: Options) -> Iterator[Result
         yield result
 
 
+def check_one(path: str, options: Options, progress: OnProgress | None = None) -> Result:
+    """Check one of several recordings; a bag written for it has a directory of its own."""
+    if options.write_bag:
+        options = replace(options, write_bag=str(Path(options.write_bag, Path(path).stem)))
+    return check(path, options, progress)
+
+
+def check_here(paths: Iterable[str], options: Options, jobs: int) -> Iterator[Result]:
+    """Yield the Result of each recording when it is there, from processes of this machine."""
+    again = []
+    pool = _pool(jobs)
+    try:
+        futures = {pool.submit(check_one, path, options): path for path in paths}
+        for future in as_completed(futures):
+            if future.exception():
+                again.append(futures[future])
+            else:
+                yield future.result()
+    except BaseException:
+        # End running checks, and cancel pending ones.
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in multiprocessing.active_children():
+            process.terminate()
+        raise
+    pool.shutdown()
+    # When a process dies, all running checks fail: run them again one by one.
+    for path in again:
+        for _ in range(_ATTEMPTS - 1):
+            with _pool(1) as pool:
+                future = pool.submit(check_one, path, options)
+            error = future.exception()
+            if not error:
+                break
+        yield failed(path, options, error, _ATTEMPTS) if error else future.result()
+
+
+def _pool(jobs: int) -> ProcessPoolExecutor:
+    # Processes that are interrupted at the terminal end silently.
+    return ProcessPoolExecutor(jobs, multiprocessing.get_context('spawn'),
+                               signal.signal, (signal.SIGINT, signal.SIG_DFL))
+
+
+def check_on_cluster(paths: Iterable[str], options: Options, address: str) -> Iterator[Result]:
+    """
+    Yield the Result of each recording when it is there, from the workers of a Dask cluster.
+
+    Workers must see the same paths, and have this package. The scheduler gives the recordings of a
+    lost worker to others. If none answers at the address, an OSError is raised.
+    """
+    import distributed
+    try:
+        connected = distributed.Client(address, timeout=_TIMEOUT, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise OSError(
+            f'--dask: no scheduler answers at {address}: {in_one_line(error)}') from error
+    with connected as client:
+        futures = {client.submit(check_one, path, options, pure=False, retries=_ATTEMPTS - 1,
+                                 key=f'replay_check-{number}-{path}'): path
+                   for number, path in enumerate(paths)}
+        for future in distributed.as_completed(list(futures), loop=client.loop):
+            path = futures[future]
+            fault = future.exception()
+            yield failed(path, options, fault, _ATTEMPTS) if fault else future.result()
+
+
+def failed(path: str, options: Options, error: BaseException, attempts: int = 1) -> Result:
+    """Return the Result of a recording that could not be checked."""
+    if options.debug:
+        traceback.print_exception(type(error), error, error.__traceback__)
+    tried = f', {attempts} attempts failed' if attempts > 1 else ''
+    return Result(str(path), options,
+                  problems=[f'{path}: not checked{tried}: {unexpected(error)}'])
+
+
 def _say(lines: Iterable[str]) -> None:
     """Print lines; ignore a reader that has gone, such as `head`."""
     try:
@@ -235,8 +323,3 @@ def _draw(results: list[Result], path: str, debug: bool) -> None:
 
 def _is_page(path: str) -> bool:
     return Path(path).suffix.lower() == '.html'
-
-
-def _of_bag(folder: str, bag: str) -> str:
-    Path(folder).mkdir(parents=True, exist_ok=True)
-    return str(Path(folder, f'{Path(bag).stem}.png'))

@@ -19,13 +19,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
 from difflib import get_close_matches
-from itertools import chain
 import math
 from pathlib import Path
 import re
 from typing import Any, TypeAlias
 
-from sat_collision.replay.bag.storage import in_words
+from sat_collision.extras import in_one_line
 from sat_collision.replay.model.result import NODE
 from sat_collision.scene.parameters import (
     check_names_given, declare_parameters, is_name_of, ParameterError, parameters_by_node,
@@ -66,11 +65,7 @@ def parameters_of_file(path: str | Path, node: str = NODE) -> dict[str, Any]:
     """
     Return the parameters that a ROS 2 parameter file has for a node, by their dotted names.
 
-    Raises
-    ------
-    ParameterError
-        If the file is not a parameter file, or has nothing for this node.
-
+    ParameterError says why it is not a parameter file, or that it has nothing for this node.
     """
     try:
         with open(path, encoding='utf-8') as file:
@@ -78,24 +73,22 @@ def parameters_of_file(path: str | Path, node: str = NODE) -> dict[str, Any]:
     except OSError as error:
         raise ParameterError(f'cannot read {path}: {error.strerror}') from error
     except Exception as error:  # whatever the constructors of YAML's types raise
-        raise ParameterError(f'{path} is not a parameter file: {in_words(error)}') from error
+        raise ParameterError(f'{path} is not a parameter file: {in_one_line(error)}') from error
     if not isinstance(content, dict):
         raise ParameterError(f'{path} is not a parameter file: it does not list nodes by name')
     found = dict(parameters_by_node(content))
     if not found:
         raise ParameterError(f"{path} is not a parameter file: it has no 'ros__parameters'")
-    parameters = {}
     for name, values in found.items():
         if not isinstance(values, dict):
             raise ParameterError(f"{path}: 'ros__parameters' of {name} has no parameters")
-        if is_name_of(name, node):
-            parameters.update(_flat(values))
-    if not any(is_name_of(name, node) for name in found):
+    own = [values for name, values in found.items() if is_name_of(name, node)]
+    if not own:
         nearest = get_close_matches(node, [name for name in found if '*' not in name], 1, 0.0)
         hint = f'; did you mean --node {nearest[0]}?' if nearest else ''
         raise ParameterError(
             f'{path} has no parameters for {node}, only for {", ".join(found)}{hint}')
-    return parameters
+    return {key: value for values in own for key, value in _flat(values)}
 
 
 def parameter_of_text(text: str) -> tuple[str, Any]:
@@ -107,21 +100,15 @@ def parameter_of_text(text: str) -> tuple[str, Any]:
     try:
         return name, yaml.load(value, _Loader)
     except Exception as error:  # as above
-        raise ParameterError(f'{text}: {in_words(error)}') from error
+        raise ParameterError(f'{text}: {in_one_line(error)}') from error
 
 
 def settings_of(parameters: Mapping[str, Any], node: str = NODE,
                 is_complete: bool = True) -> Settings:
     """
-    Return the Settings that parameters by dotted names make; what the node refuses is refused.
+    Return the Settings that parameters by dotted names make; ParameterError as from the node.
 
     Unless they are complete, parameters of sources not named yet are ignored.
-
-    Raises
-    ------
-    ParameterError
-        If a value has the wrong type or is not allowed, or there is no such parameter.
-
     """
     values: dict[str, Any] = {}
 
@@ -129,16 +116,24 @@ def settings_of(parameters: Mapping[str, Any], node: str = NODE,
         values[name] = _checked(name, parameters.get(name, default), default, spec)
         return values[name]
 
+    def resolve(topic: str) -> str:
+        if not _TOPIC.fullmatch(topic):
+            raise ValueError(f"'{topic}' is not a valid topic name")
+        if topic.startswith('~'):
+            return node + topic[1:]
+        return topic if topic.startswith('/') else f'{node.rpartition("/")[0]}/{topic}'
+
     footprints, obstacles = declare_parameters(declare)
     check_names_given([name for name in parameters if is_complete or '.' not in name], values)
-    return read_settings(footprints, obstacles, values.__getitem__,
-                         lambda topic: _resolved(topic, node))
+    return read_settings(footprints, obstacles, values.__getitem__, resolve)
 
 
-def _flat(values: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
-    return dict(chain.from_iterable(
-        _flat(value, f'{prefix}{key}.').items() if isinstance(value, dict)
-        else [(f'{prefix}{key}', value)] for key, value in values.items()))
+def _flat(values: Mapping[str, Any], prefix: str = '') -> Iterator[tuple[str, Any]]:
+    for key, value in values.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f'{prefix}{key}.')
+        else:
+            yield f'{prefix}{key}', value
 
 
 def _checked(name: str, value: Any, default: Any, spec: Spec) -> Any:
@@ -157,17 +152,6 @@ def _checked(name: str, value: Any, default: Any, spec: Spec) -> Any:
     return value
 
 
-def _resolved(topic: str, node: str) -> str:
-    """Return the full name of a topic: `/absolute`, `~/of_the_node` or in its namespace."""
-    if not _TOPIC.fullmatch(topic):
-        raise ValueError(f"'{topic}' is not a valid topic name")
-    if topic.startswith('/'):
-        return topic
-    if topic.startswith('~'):
-        return node + topic[1:]
-    return f'{node.rpartition("/")[0]}/{topic}'
-
-
 def settings_for(types: Mapping[str, str], parameters: Mapping[str, object],
                  footprints: Iterable[str] = (), obstacles: Iterable[str] = (),
                  node: str = NODE) -> Settings:
@@ -177,14 +161,8 @@ def settings_for(types: Mapping[str, str], parameters: Mapping[str, object],
     Parameters are by dotted name, footprints and obstacles are TOPIC or NAME:=TOPIC. Topics that
     none of them names are found by type and name, if that is unambiguous: the node's default
     topics; else the only topic of a footprint's type or the only one of them with 'footprint' in
-    its name, and the only other topic. A kind for which no topic is found keeps the default, and
-    receives nothing.
-
-    Raises
-    ------
-    ParameterError
-        If the parameters make no sense or the topics are ambiguous; lists the candidates.
-
+    its name, and the only other topic. If it is ambiguous a ParameterError lists the candidates.
+    A kind for which no topic is found keeps the default, and receives nothing.
     """
     default = settings_of({}, node)
     defaults: dict[str, Source] = {'footprints': default.footprints[0],
@@ -220,7 +198,7 @@ def all_sources(settings: Settings) -> tuple[Source, ...]:
 
 
 def wrong_types(settings: Settings, types: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-    """Return (name, problem) of each source whose topic the recording has with another type."""
+    """Yield (name, problem) of each source whose topic the recording has with another type."""
     for source in all_sources(settings):
         wanted = _types_of(source)
         if types.get(source.topic, wanted[0]) not in wanted:
@@ -228,19 +206,17 @@ def wrong_types(settings: Settings, types: Mapping[str, str]) -> Iterator[tuple[
                                 f'{types[source.topic]}, not {" or ".join(wanted)}')
 
 
-def missing_topics(settings: Settings, types: Mapping[str, str]) -> list[str]:
-    """Return a sentence for each source whose topic the recording lacks, with what it has."""
+def missing_topics(settings: Settings, types: Mapping[str, str]) -> Iterator[str]:
+    """Yield a sentence for each source whose topic the recording lacks, with what it has."""
     taken = {source.topic for source in all_sources(settings)}
     candidates = [f'{topic} ({_KINDS[kind]})' for topic, kind in types.items()
                   if kind in _KINDS and topic not in taken]
     instead = f'; it has {", ".join(candidates)}' if candidates else ''
-    notes = []
     for source in all_sources(settings):
         if source.enabled and source.topic not in types:
             nearest = get_close_matches(source.topic, types, 1)
             hint = f'; did you mean {nearest[0]}?' if nearest else instead
-            notes.append(f'{source.name}: the recording has no topic {source.topic}{hint}')
-    return notes
+            yield f'{source.name}: the recording has no topic {source.topic}{hint}'
 
 
 def is_subscribed(source: Source) -> bool:
@@ -283,18 +259,18 @@ def _named(kind: str, topics: Iterable[str], default: str) -> dict[str, object]:
 def _detected(polygons: Mapping[str, str], kinds: list[str]) -> dict[str, str]:
     """Return the topic detected for each kind, if any."""
     found: dict[str, str] = {}
-    certain = True
+    is_certain = True
     if 'footprints' in kinds:
         plain = [topic for topic, kind in polygons.items() if kind == POLYGON]
         named = [topic for topic in plain if 'footprint' in topic.lower()]
         candidates = plain if len(plain) == 1 else named
-        certain = len(candidates) == 1 or not plain
+        is_certain = len(candidates) == 1 or not plain
         found.update(zip(['footprints'], candidates))
     if 'obstacles' in kinds:
         others = [topic for topic in polygons if topic not in found.values()]
-        certain = certain and len(others) <= 1
+        is_certain = is_certain and len(others) <= 1
         found.update(zip(['obstacles'], others))
-    if not certain:
+    if not is_certain:
         listed = ', '.join(f'{topic} ({_TYPES[kind]})' for topic, kind in polygons.items())
         options = ' and '.join(_OPTIONS[kind] for kind in kinds)
         raise ParameterError('cannot tell which topics are footprints and which are obstacles: '

@@ -30,16 +30,12 @@ Floats: TypeAlias = NDArray[np.float64]
 
 
 class Span(NamedTuple):
-    """
-    A body at consecutive moments, from number `first` until before number `end`.
-
-    `ring` (n, 2) is where it is, or was last if that is not `known`; `name` is its name then.
-    """
+    """A body at consecutive moments, from number `first` until before number `end`."""
 
     first: int
     end: int
     name: str
-    ring: Floats
+    ring: Floats  # (n, 2): where it is, or was last if that is not known
     known: bool
 
 
@@ -110,14 +106,10 @@ class Keyframes:
 
 
 class Tape:
-    """
-    A temporary file of where bodies were, until the moments of keyframes are known.
-
-    It may have `max_bytes` bytes; beyond that nothing is kept, and `is_full` is true.
-    """
+    """A temporary file of where bodies were, until the moments of keyframes are known."""
 
     def __init__(self, max_bytes: int) -> None:
-        self.is_full = False
+        self.is_full = False  # then nothing is kept
         self._max_bytes = max_bytes
         self._file = tempfile.TemporaryFile(prefix='replay_check_')
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from sat_collision.geometry.polygon import Polygon
     from sat_collision.replay.model.keyframes import Keyframes, ShownBody
 
+Sample: TypeAlias = tuple[int, 'float | None']  # a time in ns, and a separation or the like
 
 NODE = '/footprint_monitor'
 RECEIVE = 'receive'
@@ -38,6 +39,7 @@ _MOMENTS = 400
 _AROUND = 40
 _MOST_AROUND = 20
 MOST_CONTACTS = 200
+_MOST_SAMPLES = 4096
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,7 @@ class Options:
 
 
 class Verdict(enum.IntEnum):
-    """The verdict, whose value is the exit status."""
+    """The answer to the question of a check; its value is the exit status."""
 
     CLEAR = 0
     COLLISION = 1
@@ -75,10 +77,10 @@ class Verdict(enum.IntEnum):
         return self.name.lower().replace('_', ' ')
 
 
-# How a contact or a separation was found.
+# How a contact or a separation was found: by the monitor, or by recorded motion.
+AT_A_MESSAGE = 'at a message'
 AT_A_SAMPLE = 'at a sample'
 BETWEEN_SAMPLES = 'between samples'
-AT_A_MESSAGE = 'at a message'
 
 # From the least to the most serious verdict.
 GRAVITY = (Verdict.CLEAR, Verdict.UNKNOWN, Verdict.BAD_INPUT, Verdict.COLLISION)
@@ -86,32 +88,23 @@ GRAVITY = (Verdict.CLEAR, Verdict.UNKNOWN, Verdict.BAD_INPUT, Verdict.COLLISION)
 
 @dataclass
 class Contact:
-    """
-    A footprint and an obstacle share a point, from `first` until just before `last`.
-
-    `found` says how: AT_A_MESSAGE as the monitor, of recorded motion AT_A_SAMPLE or only
-    BETWEEN_SAMPLES. `between` has the last time before and the first time after at which recorded
-    motion has them apart, each None where it is not known. `depth` is the deepest penetration in
-    m, at the time `deepest`: 0 if they only touch, negative if they were apart within the margin;
-    (x, y) is the middle of where their bounds overlapped then, `normal` the unit vector from the
-    obstacle to the footprint, and `points` are one or two points of contact of the footprint, each
-    x and y. `at_end` says that they were still in contact at the end. `deepest_as` is the name of
-    the obstacle when it was deepest: its number may belong to another body in another set.
-    """
+    """A footprint and an obstacle share a point, from `first` until just before `last`."""
 
     footprint: str
     obstacle: str
     first: int
     last: int
-    depth: float = 0.0
-    deepest: int = 0
-    x: float = 0.0
+    depth: float = 0.0  # the deepest in m, 0 if they touch, negative if apart within the margin
+    deepest: int = 0  # when it was deepest
+    x: float = 0.0  # the middle of where their bounds overlapped then
     y: float = 0.0
-    normal: list[float] = field(default_factory=list)
-    points: list[list[float]] = field(default_factory=list)
-    at_end: bool = False
+    normal: list[float] = field(default_factory=list)  # unit vector from obstacle to footprint
+    points: list[list[float]] = field(default_factory=list)  # one or two of the footprint
+    at_end: bool = False  # they were still in contact at the end
     found: str = AT_A_MESSAGE
+    # Recorded motion has them apart last before and first after; None where it is not known.
     between: list[int | None] = field(default_factory=lambda: [None, None])
+    # The obstacle's name then: its number may belong to another body in another set.
     deepest_as: str = ''
 
     def __post_init__(self) -> None:
@@ -123,8 +116,7 @@ class Contact:
             return False
         # Not above: the command line needs results, and importing geometry takes long.
         from sat_collision.geometry.contact import contact
-        self.depth = depth
-        self.deepest = time
+        self.depth, self.deepest = depth, time
         a, b = own.bounds, other.bounds
         self.x = (max(a[0], b[0]) + min(a[2], b[2])) / 2
         self.y = (max(a[1], b[1]) + min(a[3], b[3])) / 2
@@ -167,13 +159,7 @@ class Soonest:
 
 @dataclass
 class FootprintResult:
-    """
-    How long (ns) a footprint was in each state, and how near the nearest obstacle was.
-
-    `separation` has samples (time, separation in m or None), thinned out to their least where
-    there are very many; `time_to_collision` has the same in s, None where it is unknown or none is
-    within the horizon.
-    """
+    """How long (ns) a footprint was in each state, and how near the nearest obstacle was."""
 
     name: str
     topic: str
@@ -183,9 +169,11 @@ class FootprintResult:
     unknown: int = 0
     ever_known: bool = False
     least: Least | None = None
-    separation: list[tuple[int, float | None]] = field(default_factory=list)
+    # In m, None where unknown; of very many samples only the least of neighbours are kept.
+    separation: list[Sample] = field(default_factory=list)
     soonest: Soonest | None = None
-    time_to_collision: list[tuple[int, float | None]] = field(default_factory=list)
+    # In s, None where unknown or where no collision is within the horizon.
+    time_to_collision: list[Sample] = field(default_factory=list)
 
     @property
     def coverage(self) -> float | None:
@@ -193,58 +181,49 @@ class FootprintResult:
         known = self.clear + self.collision
         return known / (known + self.unknown) if known + self.unknown else None
 
+    def note_least(self, found: Least) -> None:
+        """Record a separation if it is the least so far."""
+        if self.least is None or found.separation < self.least.separation:
+            self.least = found
+
 
 @dataclass
 class SourceResult:
-    """
-    How many messages a footprint or source of obstacles had, and why some were rejected.
-
-    `undetermined` is for how long (ns) recorded motion does not know how a body of it moved,
-    because the bodies of two messages could not be matched: only the messages themselves were
-    decided. `refused` is how many messages were refused for their content, such as NaN or
-    self-intersection.
-    """
+    """How many messages a footprint or source of obstacles had, and why some were rejected."""
 
     name: str
     topic: str
     received: int
-    rejected: dict[str, int]
-    examples: dict[str, str]
+    rejected: dict[str, int]  # numbers by reason
+    examples: dict[str, str]  # the first one by reason
+    # For how long (ns) recorded motion does not know how a body of it moved, because the bodies of
+    # two messages could not be matched: only the messages themselves were decided.
     undetermined: int = 0
-    refused: int = 0
+    refused: int = 0  # for their content, such as NaN or self-intersection
 
 
 @dataclass
 class Result:
-    """
-    What was found in one recording.
-
-    `origin` is when the recording begins, `start` and `end` are what part of it was checked.
-    `content` is a digest of the messages, the same wherever they are stored. `problems` say what
-    is wrong with the recording, `notes` what else a reader should know. `keyframes` has the bodies
-    at moments worth drawing, if asked for.
-    """
+    """What was found in one recording."""
 
     bag: str
     options: Options = field(default=Options(), compare=False)
-    origin: int | None = None
-    start: int | None = None
+    origin: int | None = None  # when the recording begins
+    start: int | None = None  # what part of it was checked
     end: int | None = None
-    content: str | None = None
+    content: str | None = None  # a digest of the messages, the same wherever they are stored
     footprints: list[FootprintResult] = field(default_factory=list)
     sources: list[SourceResult] = field(default_factory=list)
     contacts: list[Contact] = field(default_factory=list)
     unknown: list[Unknown] = field(default_factory=list)
-    problems: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    keyframes: Keyframes | None = None
+    problems: list[str] = field(default_factory=list)  # what is wrong with the recording
+    notes: list[str] = field(default_factory=list)  # what else a reader should know
+    keyframes: Keyframes | None = None  # the bodies at moments worth drawing, if asked for
 
     @property
     def duration(self) -> float:
         """The time checked, in s."""
-        if self.start is None or self.end is None:
-            return 0.0
-        return (self.end - self.start) / 1e9
+        return 0.0 if self.start is None or self.end is None else (self.end - self.start) / 1e9
 
     def obstacle_of(self, contact: Contact) -> ShownBody | None:
         """Return the obstacle of a contact, None if it was not kept."""
@@ -265,6 +244,13 @@ class Result:
         found = [(footprint.name, footprint.least) for footprint in self.footprints
                  if footprint.least]
         return min(found, key=lambda one: one[1].separation, default=None)
+
+    @property
+    def too_unknown(self) -> list[FootprintResult]:
+        """The footprints that were unknown for too long."""
+        most = 1e9 * self.options.max_unknown
+        return [footprint for footprint in self.footprints if footprint.enabled
+                and (footprint.unknown > most or not footprint.ever_known)]
 
     @property
     def too_undetermined(self) -> list[SourceResult]:
@@ -288,10 +274,9 @@ class Result:
             return Verdict.COLLISION
         if self.problems:
             return Verdict.BAD_INPUT
-        watched = [footprint for footprint in self.footprints if footprint.enabled]
-        if not watched or not all(footprint.ever_known for footprint in watched) or any(
-                footprint.unknown > 1e9 * self.options.max_unknown for footprint in watched) or (
-                    self.too_undetermined) or any(source.refused for source in self.sources):
+        if self.too_unknown or self.too_undetermined or any(
+                source.refused for source in self.sources) or not any(
+                footprint.enabled for footprint in self.footprints):
             return Verdict.UNKNOWN
         return Verdict.CLEAR
 
@@ -302,17 +287,8 @@ def overall(results: Iterable[Result]) -> Verdict:
                default=Verdict.BAD_INPUT)
 
 
-Sample: TypeAlias = tuple[int, 'float | None']
-
-_MOST_SAMPLES = 4096
-
-
 class Series:
-    """
-    Adds separations (time in ns, metres or None) to a list, which is empty first.
-
-    It never grows beyond a fixed length: where it would, neighbours are merged to their least.
-    """
+    """Adds samples to an empty list; where it would grow long, neighbours become their least."""
 
     def __init__(self, samples: list[Sample]) -> None:
         self.samples = samples
@@ -323,7 +299,8 @@ class Series:
         samples = self.samples
         if self._pending:
             last, least = samples[-1]
-            samples[-1] = last, least_of_all((least, value))
+            if least is None or value is not None and value < least:
+                samples[-1] = last, value
         else:
             if len(samples) == _MOST_SAMPLES:
                 samples[:] = [(time_a, least_of_all((a, b))) for (time_a, a), (_, b)
@@ -368,8 +345,8 @@ class Unknowns:
             unknown.last = now
             del self._open[name]
         if reasons and name not in self._open:
-            self._open[name] = Unknown(name, now, now, reasons)
-            self.intervals.append(self._open[name])
+            unknown = self._open[name] = Unknown(name, now, now, reasons)
+            self.intervals.append(unknown)
 
     def finish(self, now: int) -> None:
         """End open intervals, and drop those without duration."""

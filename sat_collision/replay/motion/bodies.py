@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 import copy
+from functools import cached_property
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -112,30 +113,48 @@ class Bodies:
     def __init__(self, names: Sequence[ObstacleId], block: Block, number: int = 0,
                  max_vertices: int = MAX_VERTICES, frame_id: str = '',
                  is_between: bool = False) -> None:
-        before, numbers = block.numbers[number], block.numbers[number + 1]
-        first, end = before[ROWS], numbers[ROWS]
-        self._count = end - first
+        self._described = block
+        numbers = block.numbers[number + 1]
+        self._count = numbers[ROWS] - block.numbers[number][ROWS]
         # None if the stamps are not those of the block.
         self.block: Block | None = block
         self.number = number
         self.names = names
         self.frame_id = frame_id
         self.is_between = is_between
-        self.points = block.points[before[POINTS]:numbers[POINTS]]
-        self.rings = block.rings[first:end]
-        self.boxes = block.boxes[first:end]
         # The first and the last stamp, 0 if there are no bodies.
         self.begin, self.end = numbers[EARLIEST], numbers[LATEST]
         # Whether two outlines may be equal bit by bit as received.
         self.may_repeat = bool(numbers[MAY_REPEAT])
         self._max_vertices = max_vertices
-        self._polygons: dict[int, Polygon] = {}
 
     def __len__(self) -> int:
         return self._count
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, 'block': None, '_polygons': {}}
+        arrays = {'points': self.points, 'rings': self.rings, 'boxes': self.boxes}
+        return {**self.__dict__, **arrays, 'block': None, '_described': None, '_polygons': {}}
+
+    @cached_property
+    def points(self) -> Floats:
+        """The points of all bodies, see `describe`; so are the rings and boxes."""
+        return self._described.points[self._part(POINTS)]
+
+    @cached_property
+    def rings(self) -> Integers:
+        return self._described.rings[self._part(ROWS)]
+
+    @cached_property
+    def boxes(self) -> Floats:
+        return self._described.boxes[self._part(ROWS)]
+
+    @cached_property
+    def _polygons(self) -> dict[int, Polygon]:
+        return {}
+
+    def _part(self, column: int) -> slice:
+        before, own = self._described.numbers[self.number:self.number + 2]
+        return slice(before[column], own[column])
 
     @property
     def stamps(self) -> Integers:

@@ -18,14 +18,14 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from math import inf, isnan
 from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
 from sat_collision.geometry.jit import indexable
-from sat_collision.geometry.polygon import PackedBody, Polygon, PolygonError
+from sat_collision.geometry.polygon import Polygon, PolygonError
 from sat_collision.geometry.query import closest_points, separation
 from sat_collision.geometry.sweep import time_of_contact
 from sat_collision.replay.model.result import (
@@ -116,26 +116,18 @@ class ContactTracker:
         self.decided = True
         least = inf
         nearest = -1
-        body = self._trajectory.packed(seen.begin) if seen.begin == seen.end else None
-        for gap, row, value in _by_gap(body, box, seen, None, self._margin):
-            if gap > self._margin and gap > least:
-                break
-            if isnan(value) or value <= self._margin:
-                time = int(seen.stamps[row])
-                outline = self._trajectory.outline(time)
-                if outline is None:
-                    continue
-                if isnan(value):
-                    value = separation(outline, seen.polygon(row))
-                if value <= self._margin:
-                    name = seen.names[row]
-                    contact = self._touching.get(name) or before.get(name) or (
-                        self._contacts.begin(name, time))
-                    touching[name] = contact
-                    contact.last = time
-                    contact.found = AT_A_SAMPLE
-                    self._contacts.deepen(contact, name, 0.0 - value, time,
-                                          (outline, seen.polygon(row)))
+        own = self._trajectory.outline(seen.begin) if seen.begin == seen.end else None
+        for row, time, value in self._by_gap(own, box, seen, None, self._margin):
+            outline = self._trajectory.outline(time) if value <= self._margin else None
+            if outline is not None:
+                name = seen.names[row]
+                contact = self._touching.get(name) or before.get(name) or (
+                    self._contacts.begin(name, time))
+                touching[name] = contact
+                contact.last = time
+                contact.found = AT_A_SAMPLE
+                self._contacts.deepen(contact, name, 0.0 - value, time,
+                                      (outline, seen.polygon(row)))
             if value < least:
                 least, nearest = value, row
         if nearest >= 0:
@@ -187,19 +179,40 @@ class ContactTracker:
             if outline is None:
                 continue
             rows = motion.rows[still & (motion.starts <= time) & (time <= motion.finishes)]
-            least = None
-            for gap, row, value in _by_gap(outline.packed, outline.bounds,
-                                           motion.before, rows, -np.inf):
-                if least is not None and gap > least[0]:
-                    break
-                if isnan(value):
-                    value = separation(outline, motion.before.polygon(row))
-                if least is None or value < least[0]:
-                    least = value, row
-            if least:
-                self._contacts.measure(motion.before, least[1], time, least[0])
+            nearest = min(self._by_gap(outline, outline.bounds, motion.before, rows, -inf, time),
+                          key=itemgetter(2), default=None)
+            if nearest:
+                row, _, value = nearest
+                self._contacts.measure(motion.before, row, time, value)
                 if are_all_still:
-                    self._series.add(time, least[0])
+                    self._series.add(time, value)
+
+    def _by_gap(self, own: Polygon | None, box: Box, bodies: Bodies, rows: Integers | None,
+                margin: float, at: int | None = None) -> Iterator[tuple[int, int, float]]:
+        """
+        Yield (row, time, separation) of bodies that may be nearest or within a margin.
+
+        The nearest boxes come first. Without an outline there is another one for each of them;
+        without rows all are candidates; without a time each counts at its own.
+        """
+        if rows is None:
+            rows = np.arange(len(bodies))
+        found = np.empty((len(rows), 3))
+        count = measure_near(own.packed if own else _NOTHING, box, rows,
+                             (bodies.boxes, bodies.points, bodies.rings), margin, found)
+        least = inf
+        for gap, number, value in sorted(found[:count].tolist()):
+            if gap > max(margin, least):
+                return
+            row = int(number)
+            time = int(bodies.stamps[row]) if at is None else at
+            if isnan(value):
+                outline = self._trajectory.outline(time)
+                if outline is None:
+                    continue
+                value = separation(outline, bodies.polygon(row))
+            least = min(least, value)
+            yield row, time, value
 
     def _cross(self, pair: _Pair, contact: Contact | None) -> Contact | None:
         """Decide a piece of the motion of a pair; return the contact open at its end, if any."""
@@ -317,21 +330,6 @@ def _between(first: int, last: int) -> list[int]:
     return [first + (last - first) * part // 8 for part in (4, 2, 6, 1, 3, 5, 7)]
 
 
-def _by_gap(body: PackedBody | None, box: Box, bodies: Bodies, rows: Integers | None,
-            margin: float) -> list[tuple[float, int, float]]:
-    """
-    Return (gap, row, separation) of what `measure_near` finds, the nearest boxes first.
-
-    Without a body nothing is measured; without rows all bodies are candidates.
-    """
-    if rows is None:
-        rows = np.arange(len(bodies))
-    found = np.empty((len(rows), 3))
-    count = measure_near(body or _NOTHING, box, rows, (bodies.boxes, bodies.points, bodies.rings),
-                         margin, found)
-    return [(gap, int(row), value) for gap, row, value in sorted(found[:count].tolist())]
-
-
 class Contacts:
     """Collects the results of one footprint; contacts also go to the list of all footprints."""
 
@@ -353,8 +351,8 @@ class Contacts:
         """Record how deep a contact is at a time, and where; and the obstacle's name then."""
         if contact.deepen(depth, time, *bodies):
             contact.deepest_as = str(name)
-            self._note_least(Least(0.0 - depth, time, contact.obstacle, contact.x, contact.y,
-                                   contact.found))
+            self._result.note_least(Least(0.0 - depth, time, contact.obstacle, contact.x,
+                                          contact.y, contact.found))
 
     def series(self) -> Series:
         """Return a new series, for the separations from the nearest obstacles of one tracker."""
@@ -370,8 +368,8 @@ class Contacts:
         if own is not None:
             (ax, ay), (bx, by) = (
                 point.tolist() for point in closest_points(own, bodies.polygon(row)))
-            self._note_least(Least(value + 0.0, time, str(bodies.names[row]), (ax + bx) / 2,
-                                   (ay + by) / 2, AT_A_SAMPLE))
+            self._result.note_least(Least(value + 0.0, time, str(bodies.names[row]),
+                                          (ax + bx) / 2, (ay + by) / 2, AT_A_SAMPLE))
 
     def draw_curve(self, unknown: Iterable[Unknown]) -> None:
         """Merge the series of all sources, with gaps where the state was unknown."""
@@ -386,8 +384,3 @@ class Contacts:
         curve = Series(self._result.separation)
         for time, value in sorted(samples, key=itemgetter(0)):
             curve.add(time, value)
-
-    def _note_least(self, found: Least) -> None:
-        least = self._result.least
-        if least is None or found.separation < least.separation:
-            self._result.least = found

@@ -23,8 +23,7 @@ import math
 import numpy as np
 from sat_collision.geometry.jit import kernel, scratch, words_and_floats
 from sat_collision.geometry.moving import STRIDE
-from sat_collision.geometry.packing import pack
-from sat_collision.geometry.ring import CONVEX
+from sat_collision.geometry.packing import CONVEX, pack
 
 # The bytes of a float32, and the float32s of a point in a message.
 _WORD = 4

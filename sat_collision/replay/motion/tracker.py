@@ -26,7 +26,7 @@ from abc import ABC, abstractmethod
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from itertools import chain, compress
+from itertools import chain, compress, repeat
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -72,13 +72,8 @@ class Step:
         return bodies[0].frame_id if bodies else ''
 
 
-class Described(NamedTuple):
-    """A set, and how many messages it was made from."""
-
-    bodies: Bodies
-    messages: int
-
-
+# A set, and how many messages it was made from.
+Described: TypeAlias = tuple[Bodies, int]
 Emit: TypeAlias = 'Callable[[Tracker, Step], None]'
 
 
@@ -94,6 +89,10 @@ class Tracker(ABC):
         self._max_vertices = max_vertices
         self._emit = emit
         self._frame_id = ''
+
+    def describe(self, placements: Sequence[Placement]) -> Iterable[Described | None]:
+        """Return for each placement about to be placed the set that begins with it, if any."""
+        return repeat(None)
 
     @abstractmethod
     def place(self, placement: Placement, described: Described | None = None) -> None:
@@ -146,22 +145,22 @@ class SetTracker(Tracker):
         self._last_stamp = 0
         self._alive: Sequence[int] = ()
 
-    def describe(self, placements: Iterable[tuple[int, Placement]]) -> dict[int, Described]:
-        """Describe sets about to be placed, by the numbers of the messages that begin them."""
-        sets: dict[int, list[Placement]] = {}
-        one: list[Placement] = []
+    def describe(self, placements: Sequence[Placement]) -> Iterable[Described | None]:
+        sets: list[list[Placement]] = []
+        begins = []
         stamp = None
-        for number, placement in placements:
+        for placement in placements:
+            begins.append(False)
             if placement.is_empty:
                 stamp = None
             elif stamp is not None and abs(placement.stamp - stamp) <= self._window:
-                one.append(placement)
+                sets[-1].append(placement)
             else:
-                stamp, one = placement.stamp, [placement]
-                sets[number] = one
-        block = Block([*sets.values()], self._longest)
-        return {number: Described(self._set(one, block, k), len(one))
-                for k, (number, one) in enumerate(sets.items())}
+                stamp, begins[-1] = placement.stamp, True
+                sets.append([placement])
+        block = Block(sets, self._longest)
+        found = ((self._set(one, block, k), len(one)) for k, one in enumerate(sets))
+        return [next(found) if is_first else None for is_first in begins]
 
     def place(self, placement: Placement, described: Described | None = None) -> None:
         stamp = placement.stamp
@@ -242,8 +241,8 @@ class SetTracker(Tracker):
         """Return the received set; of identical bodies the last message counts."""
         pending, self._pending = self._pending, []
         described = self._described
-        if described and described.messages == len(pending):
-            seen = described.bodies
+        if described and described[1] == len(pending):
+            seen = described[0]
         else:
             seen = self._set(pending, Block([pending]))
         if seen.may_repeat or not all(map(self._is_usable, pending)):

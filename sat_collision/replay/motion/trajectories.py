@@ -21,14 +21,12 @@ from functools import cached_property, reduce
 from typing import TypeAlias
 
 import numpy as np
-from sat_collision.geometry.jit import indexable
-from sat_collision.geometry.layout import packed_size
-from sat_collision.geometry.polygon import Affine2D, PackedBody, Polygon, PolygonError
+from sat_collision.geometry.polygon import Affine2D, Polygon, PolygonError
 from sat_collision.messages.cdr import Points
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.motion.bodies import (
     Block, Bodies, Floats, LinearMotion, motion_between)
-from sat_collision.replay.motion.kernels import COUNT, pack_ring
+from sat_collision.replay.motion.kernels import COUNT
 from sat_collision.replay.motion.nearness import around
 from sat_collision.scene.frames import NoTransform
 from sat_collision.scene.settings import NEVER
@@ -57,12 +55,6 @@ class Piece:
     def motion(self) -> LinearMotion:
         """The motion, vertex by vertex."""
         return motion_between(self.before, self.after, _ONE, _ONE)
-
-    def ring(self, time: int) -> Floats:
-        """Return the vertices at a time, (n, 2); those of a sample as received."""
-        if self.begin < time < self.end:
-            return self.motion.ring(0, time)
-        return (self.before if time <= self.begin else self.after).ring(0)
 
 
 class Trajectory:
@@ -184,17 +176,6 @@ class Trajectory:
             if self._pieces[k].end > time:
                 return self._pieces[k].motion
         return None
-
-    def packed(self, time: int) -> PackedBody | None:
-        """Return the packed outline at a time, None if it is not known."""
-        piece = self._piece_at(time)
-        if piece is not None and self._outline[0] != time:
-            ring = piece.ring(time)
-            array = indexable(np.empty(packed_size(len(ring))))
-            if count := pack_ring(ring, 0, len(ring), array):
-                return array, count
-        outline = self.outline(time)
-        return None if outline is None else outline.packed
 
     def outline(self, time: int) -> Polygon | None:
         """Return the outline at a time, None if it is not known."""

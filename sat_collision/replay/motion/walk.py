@@ -23,7 +23,9 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import repeat
 from operator import attrgetter
+from typing import Any
 
 from sat_collision.messages.ingest import Placement
 from sat_collision.messages.transform_listener import TransformListener
@@ -33,7 +35,7 @@ from sat_collision.replay.motion.contacts import Contacts, ContactTracker
 from sat_collision.replay.motion.prediction import Prediction
 from sat_collision.replay.motion.tape import MotionTape
 from sat_collision.replay.motion.tracker import (
-    Described, Emit, KeyTracker, LONGEST, SetTracker, Step, Tracker)
+    Emit, KeyTracker, LONGEST, SetTracker, Step, Tracker)
 from sat_collision.replay.motion.trajectories import Poses, Trajectory
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
@@ -68,11 +70,11 @@ class Sweep:
                            else Prediction(settings, self.trajectory, horizon, margin))
         self._contact_trackers: dict[Tracker, ContactTracker] = {}
 
-    def describe(self, placements: Iterable[tuple[int, Placement]]) -> dict[int, Bodies]:
-        """Describe samples that are about to be placed, by the numbers of their messages."""
-        numbers, samples = zip(*placements)
-        self.trajectory.block = block = Block([[one] for one in samples], self.trajectory.longest)
-        return {number: self.sample(block, k) for k, number in enumerate(numbers)}
+    def describe(self, placements: Sequence[Placement]) -> list[Bodies]:
+        """Return the samples that are about to be placed."""
+        block = Block([[one] for one in placements], self.trajectory.longest)
+        self.trajectory.block = block
+        return [self.sample(block, k) for k in range(len(placements))]
 
     def sample(self, block: Block, number: int = 0, is_between: bool = False) -> Bodies:
         """Return a sample of the footprint from a block."""
@@ -173,33 +175,25 @@ class Motion:
 
     def place(self, placements: Sequence[Placement]) -> None:
         """Process placements, given in the order of stamps."""
-        samples, sets = self._describe(placements)
-        for number, placement in enumerate(placements):
+        sweeps, trackers = self._sweeps, self._trackers
+        # None for those of a new tracker: it must not rest before its first placement.
+        takers = [sweeps.get(one.name) or trackers.get((one.name, one.is_stamped))
+                  for one in placements]
+        taken: defaultdict[Sweep | Tracker | None, list[Placement]] = defaultdict(list)
+        for taker, placement in zip(takers, placements):
+            taken[taker].append(placement)
+        described: dict[object, Iterator[Any]] = {
+            taker: iter(taker.describe(own)) if taker else repeat(None)
+            for taker, own in taken.items()}
+        for taker, placement in zip(takers, placements):
             if placement.stamp > self._now:
                 self._now = placement.stamp
-            if number in samples:
-                self._place_footprint(placement, samples[number])
+            bodies = next(described[taker])
+            if isinstance(taker, Sweep):
+                self._place_footprint(taker, placement, bodies)
             else:
-                tracker = self._trackers.get((placement.name, placement.is_stamped)) or (
-                    self._tracker(placement.name, placement.is_stamped))
-                tracker.place(placement, sets.get(number))
-
-    def _describe(self, placements: Sequence[Placement]
-                  ) -> tuple[dict[int, Bodies], dict[int, Described]]:
-        """Return the samples and sets, by the numbers of the messages with which they begin."""
-        samples: dict[int, Bodies] = {}
-        sets: dict[int, Described] = {}
-        concerned: defaultdict[Sweep | Tracker | None, list[tuple[int, Placement]]] = defaultdict(
-            list)
-        for number, placement in enumerate(placements):
-            concerned[self._sweeps.get(placement.name) or self._trackers.get(
-                (placement.name, placement.is_stamped))].append((number, placement))
-        for one, numbered in concerned.items():
-            if isinstance(one, Sweep):
-                samples.update(one.describe(numbered))
-            elif isinstance(one, SetTracker):
-                sets.update(one.describe(numbered))
-        return samples, sets
+                taker = taker or self._tracker(placement.name, placement.is_stamped)
+                taker.place(placement, bodies)
 
     def _tracker(self, name: str, is_stamped: bool) -> Tracker:
         """Return the tracker of a source's bodies with stamps, or of those without."""
@@ -256,14 +250,13 @@ class Motion:
         """Return whether a footprint was ever decided against each source that had bodies."""
         return self._sweeps[name].is_decided
 
-    def _place_footprint(self, placement: Placement, sample: Bodies) -> None:
+    def _place_footprint(self, sweep: Sweep, placement: Placement, sample: Bodies) -> None:
         if placement.frame_id != self._frame_id:
             self._frame_id = placement.frame_id
             for tracker in self._trackers.values():
                 tracker.use_frame(self._frame_id)
-            for sweep in self._sweeps.values():
-                sweep.use_frame(self._frame_id)
-        sweep = self._sweeps[placement.name]
+            for other in self._sweeps.values():
+                other.use_frame(self._frame_id)
         trajectory, stamp = sweep.trajectory, placement.stamp
         begin = trajectory.begin_of_piece(stamp) if sweep.settings.has_outline else None
         if begin is not None:

@@ -12,22 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bags: what the node would have published, by its own outputs, and the demo scene."""
+"""Writing bags: what the node would have published, by its own outputs, and the demo scene."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from sat_collision.demo import warehouse
 from sat_collision.messages.interfaces import (
     Point32, PolygonStamped, serialize, Time, type_name)
 from sat_collision.messages.outputs import Outputs
-from sat_collision.replay.bag.libraries import new_bag
+from sat_collision.replay.bag.storage import check_bag_writer, is_installed
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import Settings
 
@@ -55,7 +54,7 @@ class BagOutputs:
     def __init__(self, path: str, node: str, settings: Settings, scene: Scene) -> None:
         self._node = node
         self._time = 0
-        self._writer = new_bag(Path(path))
+        self._writer = _new_bag(Path(path))
         self._outputs = Outputs(self, settings, scene)
 
     def change(self, names: Iterable[str], now: int) -> None:
@@ -70,13 +69,11 @@ class BagOutputs:
         self._outputs.publish()
 
     def publish_markers(self, now: int) -> None:
-        """Write the markers."""
         self._time = now
         self._outputs.markers_current = False
         self._outputs.publish_markers()
 
     def close(self) -> None:
-        """Finish the bag."""
         self._writer.close()
 
     # The methods of a node and of its clock that Outputs calls.
@@ -102,17 +99,9 @@ class BagOutputs:
 
 
 def write_example(path: str | Path) -> None:
-    """
-    Write the demo scene as a bag of 16 s, with the parameters to check it in params.yaml.
-
-    Raises
-    ------
-    OSError
-        If the path exists, or no library that writes bags is installed.
-
-    """
+    """Write the demo scene as a new bag of 16 s, with parameters to check it in params.yaml."""
     path = Path(path)
-    writer = new_bag(path)
+    writer = _new_bag(path)
     for name in (*warehouse.FOOTPRINTS, 'warehouse', 'people'):
         writer.add_topic(f'/{name}', type_name(PolygonStamped))
     for tick in range(round(warehouse.DURATION / _PERIOD) + 1):
@@ -124,16 +113,71 @@ def write_example(path: str | Path) -> None:
             outlines += [('warehouse', outline)
                          for outline in (*warehouse.STATIC, warehouse.NOTHING)]
         for name, outline in outlines:
-            writer.write(f'/{name}', stamp + _DELAY, _message(outline, stamp))
+            message = PolygonStamped()
+            message.header.frame_id = warehouse.FRAME
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, _SECOND)
+            message.polygon.points = [Point32(x=x, y=y)
+                                      for x, y in outline.astype(np.float32).tolist()]
+            writer.write(f'/{name}', stamp + _DELAY, bytes(serialize(message)))
     writer.close()
-    parameters = _PARAMETERS.format(footprints=', '.join(warehouse.FOOTPRINTS),
-                                    frame=warehouse.FRAME)
-    (path / 'params.yaml').write_text(parameters)
+    (path / 'params.yaml').write_text(_PARAMETERS.format(
+        footprints=', '.join(warehouse.FOOTPRINTS), frame=warehouse.FRAME))
 
 
-def _message(outline: NDArray[np.float64], stamp: int) -> bytes:
-    message = PolygonStamped()
-    message.header.frame_id = warehouse.FRAME
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, _SECOND)
-    message.polygon.points = [Point32(x=x, y=y) for x, y in outline.astype(np.float32).tolist()]
-    return bytes(serialize(message))
+def _new_bag(path: Path) -> _Writer:
+    """Return a writer of MCAP storage in a new directory; OSError says why there is none."""
+    check_bag_writer()
+    if path.exists():
+        raise FileExistsError(f'{path} already exists')
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return _ByRosbags(path) if is_installed('rosbags.rosbag2') else _ByRosbag2(path)
+
+
+class _ByRosbags:
+    """The writer of rosbags; topics have types such as std_msgs/msg/Bool, times are in ns."""
+
+    def __init__(self, path: Path) -> None:
+        from rosbags.rosbag2 import StoragePlugin, Writer
+        from sat_collision.messages.rosbags_interfaces import STORE
+        self._store = STORE
+        self._writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
+        self._writer.open()
+        self._connections: dict[str, Any] = {}
+
+    def add_topic(self, topic: str, kind: str) -> None:
+        self._connections[topic] = self._writer.add_connection(topic, kind, typestore=self._store)
+
+    def write(self, topic: str, time: int, data: bytes) -> None:
+        self._writer.write(self._connections[topic], time, data)
+
+    def close(self) -> None:
+        self._writer.close()
+
+
+class _ByRosbag2:
+    """The writer of ROS, with the same methods."""
+
+    def __init__(self, path: Path) -> None:
+        import rosbag2_py
+        self._writer = rosbag2_py.SequentialWriter()
+        try:
+            self._writer.open(rosbag2_py.StorageOptions(uri=str(path), storage_id='mcap'),
+                              rosbag2_py.ConverterOptions('', ''))
+        except RuntimeError as error:  # whatever rosbag2 raises
+            raise OSError(f'{path}: {error}') from error
+        self._count = 0
+
+    def add_topic(self, topic: str, kind: str) -> None:
+        import rosbag2_py
+        self._writer.create_topic(rosbag2_py.TopicMetadata(
+            id=self._count, name=topic, type=kind, serialization_format='cdr'))
+        self._count += 1
+
+    def write(self, topic: str, time: int, data: bytes) -> None:
+        self._writer.write(topic, data, time)
+
+    def close(self) -> None:
+        self._writer.close()
+
+
+_Writer: TypeAlias = _ByRosbags | _ByRosbag2

@@ -21,8 +21,7 @@ import colorsys
 from pathlib import Path
 from typing import NamedTuple
 
-from sat_collision.replay.model.keyframes import Keyframes, ShownBody
-from sat_collision.replay.model.result import Contact, deepest_contacts, Result, Unknown
+from sat_collision.replay.model.result import Contact, deepest_contacts, Result
 
 CONTACT, UNKNOWN, OBSTACLE, INK = '#d62728', '#9aa0a6', '#5b7089', '#2b3138'
 # Without red and grey, which mean contact and unknown.
@@ -31,9 +30,8 @@ _LINES = ('#1f77b4', '#e08214', '#7b52ab', '#1a9e96', '#8c564b', '#3f8f3f', '#c2
 _FIRST_HUE, _LAST_HUE = 0.08, 0.9
 # Most rows of a footprint, whose bars overlap in time.
 _MOST_ROWS = 4
-# More unknown times than _MANY are joined across gaps shorter than this share of all time.
+# More unknown times than this are joined across short gaps.
 _MANY = 1000
-_LEAST_GAP = 1 / _MANY
 
 
 def colours(result: Result) -> dict[str, str]:
@@ -61,13 +59,6 @@ def distance(separation: float) -> str:
     return f'{-separation:.3g} m deep' if separation < 0.0 else 'touching'
 
 
-def touching(result: Result, keyframes: Keyframes, time: int) -> set[ShownBody]:
-    """Return the footprints and obstacles that are in contact at a time."""
-    found = [(keyframes.footprint(contact.footprint), result.obstacle_of(contact))
-             for contact in result.contacts if contact.first <= time <= contact.last]
-    return {body for pair in found for body in pair if body is not None}
-
-
 class Bar(NamedTuple):
     """A contact, or a time (s since the recording begins) in which a footprint is unknown."""
 
@@ -90,24 +81,31 @@ class Rows(NamedTuple):
 def rows_of(result: Result) -> list[Rows]:
     """Return the rows of a result, in which the deepest contacts come first."""
     found = []
-    row = 0
+    first = 0
     for footprint in result.footprints:
-        unknown = [one for one in result.unknown if one.footprint == footprint.name]
-        bars = _stacked(row, [
-            *(Bar(0, result.since(one.first), result.since(one.last), one.obstacle, one)
-              for one in deepest_contacts(result) if one.footprint == footprint.name),
-            *(Bar(0, first, last, 'unknown', None)
-              for first, last in joined_unknown(result, unknown))])
-        end = max([row, *(bar.row for bar in bars)]) + 1
-        found.append(Rows(footprint.name, row, end, bars))
-        row = end
+        bars = [*(Bar(0, result.since(one.first), result.since(one.last), one.obstacle, one)
+                  for one in deepest_contacts(result) if one.footprint == footprint.name),
+                *(Bar(0, *interval, 'unknown', None)
+                  for interval in unknown_times(result, footprint.name))]
+        rows: list[list[Bar]] = [[] for _ in range(_MOST_ROWS)]
+        for bar in bars:
+            # They overlap only where all rows are taken.
+            free = (k for k, taken in enumerate(rows) if all(
+                bar.last <= other.first or other.last <= bar.first for other in taken))
+            k = next(free, _MOST_ROWS - 1)
+            rows[k].append(bar._replace(row=first + k))
+        end = first + max(sum(map(bool, rows)), 1)
+        found.append(Rows(footprint.name, first, end, [bar for row in rows for bar in row]))
+        first = end
     return found
 
 
-def joined_unknown(result: Result, unknown: list[Unknown]) -> list[tuple[float, float]]:
+def unknown_times(result: Result, name: str) -> list[tuple[float, float]]:
     """Return when a footprint is unknown for any reason, in s."""
-    return joined(((result.since(one.first), result.since(one.last)) for one in unknown),
-                  _LEAST_GAP * result.duration if len(unknown) > _MANY else 0.0)
+    found = [(result.since(one.first), result.since(one.last)) for one in result.unknown
+             if one.footprint == name]
+    # Gaps between very many are too short to be seen.
+    return joined(found, result.duration / _MANY if len(found) > _MANY else 0.0)
 
 
 def joined(intervals: Iterable[tuple[float, float]], gap: float = 0.0
@@ -119,14 +117,3 @@ def joined(intervals: Iterable[tuple[float, float]], gap: float = 0.0
             first, last = found[-1][0], max(last, found.pop()[1])
         found.append((first, last))
     return found
-
-
-def _stacked(row: int, bars: Iterable[Bar]) -> list[Bar]:
-    """Return bars in rows from `row` on; they overlap only where _MOST_ROWS are not enough."""
-    rows: list[list[Bar]] = [[] for _ in range(_MOST_ROWS)]
-    for bar in bars:
-        free = (k for k, taken in enumerate(rows) if all(
-            bar.last <= other.first or other.last <= bar.first for other in taken))
-        k = next(free, _MOST_ROWS - 1)
-        rows[k].append(bar._replace(row=row + k))
-    return [bar for taken in rows for bar in taken]

@@ -26,11 +26,10 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Rectangle
 from matplotlib.transforms import Bbox
 import numpy as np
-from sat_collision.replay.model.keyframes import Keyframes, Span
+from sat_collision.replay.model.keyframes import Keyframes
 from sat_collision.replay.model.result import deepest_contacts, Result
 from sat_collision.replay.output.drawing import (
-    Bar, colours, CONTACT, distance, INK, joined, name_of, OBSTACLE, Rows, rows_of, touching,
-    UNKNOWN)
+    Bar, colours, CONTACT, distance, INK, joined, name_of, OBSTACLE, Rows, rows_of, UNKNOWN)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,7 +52,7 @@ _GAP = 3.0
 
 
 class _View(NamedTuple):
-    """What one scene shows: a footprint and an obstacle at a time, near to (x, y)."""
+    """What a scene shows: a contact, or the least separation of all."""
 
     footprint: str
     obstacle: str
@@ -61,43 +60,6 @@ class _View(NamedTuple):
     separation: float
     x: float
     y: float
-
-
-def draw_picture(result: Result) -> Figure:
-    """Return a result as a figure; of a check with `keyframes`."""
-    rows, views = rows_of(result), _views(result)
-    below = _ROW * _height(rows)
-    columns = min(len(views), _COLUMNS)
-    lines = -(-len(views) // columns)
-    figure = Figure(figsize=(12, 5.2 + below + 4.0 * lines), dpi=_DPI,
-                    layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.1))
-    FigureCanvasAgg(figure)
-    grid = figure.add_gridspec(2 + lines, columns, height_ratios=(4.2, below, *[4.0] * lines))
-    curves, row_axes = figure.add_subplot(grid[0, :]), figure.add_subplot(grid[1, :])
-    scenes = [figure.add_subplot(grid[2 + k // columns, k % columns]) for k in range(len(views))]
-    row_axes.sharex(curves)
-    _draw_curves(result, rows, curves)
-    _draw_rows(result, rows, row_axes)
-    title = figure.suptitle(f'{name_of(result)}: {result.verdict.words}', fontsize=14,
-                            fontweight='bold', color=INK)
-    _fit(title, 0.96 * figure.bbox.width)
-    titles = [axes.set_title(_words(view, result), fontsize=10)
-              for axes, view in zip(scenes, views)]
-    for axes, text in zip(scenes, titles):
-        axes.set(xlabel='x [m]', ylabel='y [m]')
-        text.set_in_layout(False)
-    keyframes = result.keyframes or Keyframes([result.start or 0])
-    # The size of axes depends on their labels, and these on the limits.
-    for _ in range(2):
-        figure.draw_without_rendering()
-        for axes, view in zip(scenes, views):
-            _look_at(axes, view, keyframes)
-    figure.set_layout_engine('none')
-    _label_rows(result, rows, row_axes)
-    for axes, view, text in zip(scenes, views, titles):
-        _fit(text, axes.bbox.width)
-        _draw_scene(result, keyframes, axes, view)
-    return figure
 
 
 def _views(result: Result) -> Sequence[_View | None]:
@@ -112,10 +74,46 @@ def _views(result: Result) -> Sequence[_View | None]:
     return [_View(name, least.obstacle, least.time, least.separation, least.x, least.y)]
 
 
-def _words(view: _View | None, result: Result) -> str:
-    return 'no separation could be measured' if view is None else (
-        f'{result.since(view.time):.3f} s: {view.footprint} and {view.obstacle}, '
-        f'{distance(view.separation)}')
+def draw_picture(result: Result) -> Figure:
+    """Return a result as a figure; of a check with `keyframes`."""
+    rows, views = rows_of(result), _views(result)
+    height = rows[-1].end if rows else 1
+    below = _ROW * height
+    columns = min(len(views), _COLUMNS)
+    lines = -(-len(views) // columns)
+    figure = Figure(figsize=(12, 5.2 + below + 4.0 * lines), dpi=_DPI,
+                    layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.1))
+    FigureCanvasAgg(figure)
+    grid = figure.add_gridspec(2 + lines, columns, height_ratios=(4.2, below, *[4.0] * lines))
+    curves, row_axes = figure.add_subplot(grid[0, :]), figure.add_subplot(grid[1, :])
+    scenes = [figure.add_subplot(grid[2 + k // columns, k % columns]) for k in range(len(views))]
+    row_axes.sharex(curves)
+    _draw_curves(result, rows, curves)
+    row_axes.set_ylim(height - 0.5, -0.5)
+    _draw_rows(result, rows, row_axes)
+    title = figure.suptitle(f'{name_of(result)}: {result.verdict.words}', fontsize=14,
+                            fontweight='bold', color=INK)
+    _fit(title, 0.96 * figure.bbox.width)
+    titles = []
+    for axes, view in zip(scenes, views):
+        axes.set(xlabel='x [m]', ylabel='y [m]')
+        titles.append(axes.set_title(
+            'no separation could be measured' if view is None else
+            f'{result.since(view.time):.3f} s: {view.footprint} and {view.obstacle}, '
+            f'{distance(view.separation)}', fontsize=10))
+        titles[-1].set_in_layout(False)
+    keyframes = result.keyframes or Keyframes([result.start or 0])
+    # The size of axes depends on their labels, and these on the limits.
+    for _ in range(2):
+        figure.draw_without_rendering()
+        for axes, view in zip(scenes, views):
+            _look_at(axes, view, keyframes)
+    figure.set_layout_engine('none')
+    _label_rows(result, rows, row_axes)
+    for axes, view, text in zip(scenes, views, titles):
+        _fit(text, axes.bbox.width)
+        _draw_scene(result, keyframes, axes, view)
+    return figure
 
 
 def _draw_curves(result: Result, rows: list[Rows], axes: Axes) -> None:
@@ -149,7 +147,6 @@ def _draw_curves(result: Result, rows: list[Rows], axes: Axes) -> None:
 def _draw_rows(result: Result, rows: list[Rows], axes: Axes) -> None:
     """Draw the rows and the names of footprints, without other texts."""
     axes.set_xlabel('time since the recording begins [s]')
-    axes.set_ylim(_height(rows) - 0.5, -0.5)
     axes.set_yticks([(row.first + row.end - 1) / 2 for row in rows],
                     [row.name for row in rows], fontweight='bold')
     for label, colour in zip(axes.get_yticklabels(), colours(result).values()):
@@ -170,19 +167,12 @@ def _draw_rows(result: Result, rows: list[Rows], axes: Axes) -> None:
 def _label_rows(result: Result, rows: list[Rows], axes: Axes) -> None:
     """Write what each bar is; the deepest contacts come first where room is short."""
     for row in rows:
-        boxes = []
-        for bar in row.bars:
-            first, last = _bounds(bar, result)
-            boxes.append(Bbox(axes.transData.transform([
-                (first, bar.row + _HEIGHT / 2), (last, bar.row - _HEIGHT / 2)])))
+        boxes = [Bbox(axes.transData.transform([
+            (first, bar.row + _HEIGHT / 2), (last, bar.row - _HEIGHT / 2)]))
+            for bar in row.bars for first, last in [_bounds(bar, result)]]
         taken = list(boxes)
         for bar, box in zip(row.bars, boxes):
             _label(axes, bar.text, box, INK, taken, sides=((0, 0), (1, 0), (-1, 0)))
-
-
-def _height(rows: list[Rows]) -> int:
-    """Return how many rows there are in all, at least one."""
-    return rows[-1].end if rows else 1
 
 
 def _bounds(bar: Bar, result: Result) -> tuple[float, float]:
@@ -218,21 +208,28 @@ def _draw_scene(result: Result, keyframes: Keyframes, axes: Axes, view: _View | 
     Footprints, bodies in contact and the obstacle of the view get labels.
     """
     number = keyframes.number(view.time) if view else 0
+    time = keyframes.moments[number]
+    touching = {body for contact in result.contacts if contact.first <= time <= contact.last
+                for body in (keyframes.footprint(contact.footprint), result.obstacle_of(contact))}
     of_footprint = colours(result)
-    in_contact = touching(result, keyframes, keyframes.moments[number])
     taken: list[Bbox] = []
     spared: list[Bbox] = []
     texts = []
     for body, span in keyframes.at(number):
         colour = of_footprint[span.name] if body.is_footprint else OBSTACLE
-        face = CONTACT if body in in_contact else colour
-        _draw_body(axes, span, colour if body.is_footprint else face, face)
+        face = CONTACT if body in touching else colour
+        if span.known and len(span.ring) > 2:
+            axes.fill(*span.ring.T, color=face, alpha=0.35, linewidth=0)
+        axes.plot(*np.concatenate([span.ring, span.ring[:1]]).T, linewidth=1.4, markersize=4,
+                  color=colour if body.is_footprint else face,
+                  linestyle='-' if span.known else ':',
+                  marker='o' if len(span.ring) == 1 else None)
         box = Bbox.null()
         box.update_from_data_xy(axes.transData.transform(span.ring))
         seen = Bbox.intersection(box, axes.bbox)
         if seen is None:
             continue
-        if body.is_footprint or body in in_contact or view and span.name == view.obstacle:
+        if body.is_footprint or body in touching or view and span.name == view.obstacle:
             taken.append(seen)
             texts.append((span.name, seen, colour if body.is_footprint else INK))
         else:
@@ -241,22 +238,13 @@ def _draw_scene(result: Result, keyframes: Keyframes, axes: Axes, view: _View | 
         _label(axes, name, box, colour, taken, spared)
 
 
-def _draw_body(axes: Axes, span: Span, edge: str, face: str) -> None:
-    ring = np.concatenate([span.ring, span.ring[:1]])
-    if span.known and len(span.ring) > 2:
-        axes.fill(*span.ring.T, color=face, alpha=0.35, linewidth=0)
-    axes.plot(*ring.T, color=edge, linewidth=1.4, linestyle='-' if span.known else ':',
-              marker='o' if len(span.ring) == 1 else None, markersize=4)
-
-
 def _label(axes: Axes, text: str, box: Bbox, colour: str, taken: list[Bbox],
            spared: Sequence[Bbox] = (), sides: Sequence[tuple[int, int]] = _SIDES) -> None:
     """
     Write a text beside a box of pixels, if there is room in axes whose limits are final.
 
     It covers nothing in `taken`, to which it is added, and boxes in `spared` only where there is
-    no better place. Sides to try: -1 is left or below, 1 right or above; (0, 0) is inside, in
-    white.
+    no better place. Sides are -1 for left or below, 1 for right or above; (0, 0) is inside.
     """
     inverse = axes.transData.inverted()
     for avoided, (x, y) in product(([*taken, *spared], [*taken]), sides):

@@ -27,13 +27,14 @@ import dataclasses
 from itertools import chain
 import json
 import math
+from operator import attrgetter
 from pathlib import PurePath
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 from xml.etree import ElementTree
 
 from sat_collision.replay.model.result import FootprintResult, Options, overall, Result
 from sat_collision.replay.output.text import (
-    how_found, how_soon, how_undetermined, report, summary, when)
+    how_found, how_soon, how_undetermined, lasting, report, summary)
 
 SCHEMA = 'sat_collision.replay/3'
 _COLUMNS = ('bag', 'kind', 'footprint', 'obstacle', 'first_ns', 'last_ns', 'duration_s', 'depth_m',
@@ -53,7 +54,7 @@ _LEFT_OUT = {'bag', 'content', 'problems', 'notes', 'max_unknown', 'max_undeterm
              'min_ttc'}
 
 
-def as_dict(results: list[Result]) -> dict[str, Any]:
+def as_dict(results: list[Result]) -> _Values:
     """Return results as what --json writes."""
     verdict = overall(results)
     return {'schema': SCHEMA, 'verdict': verdict.words, 'exit_status': int(verdict),
@@ -97,15 +98,15 @@ def write_junit(results: list[Result], path: str) -> None:
     """Write a test suite for each recording: one case for it and one for each footprint."""
     suites = []
     for result in results:
-        cases: list[_Case] = [(result.bag, 'recording', 'error', result.problems or (
+        cases = [('recording', 'error', result.problems or (
             [] if result.footprints else ['nothing to check']))]
-        cases += [(result.bag, f'motion of {source.name}', 'failure', [how_undetermined(source)])
+        cases += [(f'motion of {source.name}', 'failure', [how_undetermined(source)])
                   for source in result.too_undetermined]
-        cases += [(result.bag, f'messages of {source.name}', 'failure',
-                   [*source.examples.values()]) for source in result.sources if source.refused]
-        cases += [(result.bag, footprint.name, 'failure', [*_failures(footprint, result)])
+        cases += [(f'messages of {source.name}', 'failure', [*source.examples.values()])
+                  for source in result.sources if source.refused]
+        cases += [(footprint.name, 'failure', [*_failures(footprint, result)])
                   for footprint in result.footprints if footprint.enabled]
-        suite = _suite(result.bag, cases)
+        suite = _suite(result.bag, [(result.bag, *case) for case in cases])
         suite.set('time', f'{result.duration:.3f}')
         ElementTree.SubElement(suite, 'system-out').text = '\n'.join(report(result))
         suites.append(suite)
@@ -141,17 +142,20 @@ def _write_suites(suites: list[ElementTree.Element], path: str) -> None:
 def _failures(footprint: FootprintResult, result: Result) -> Iterator[str]:
     for contact in result.contacts:
         if contact.footprint == footprint.name:
-            yield (f'in contact with {contact.obstacle} {when(contact, result)}, '
-                   f'{contact.depth:.4f} m deep, found {how_found(contact, result)}')
+            since = f'{result.since(contact.first):.3f} s'
+            duration = lasting(contact.last - contact.first)
+            when = f'at {since}' if duration == 'moment' else f'from {since} on for {duration} s'
+            yield (f'in contact with {contact.obstacle} {when}, {contact.depth:.4f} m deep, '
+                   f'found {how_found(contact, result)}')
     if footprint in result.too_soon:
         yield how_soon(footprint, result)
-    if footprint.unknown > 1e9 * result.options.max_unknown or not footprint.ever_known:
+    if footprint in result.too_unknown:
         yield f'unknown for {footprint.unknown / 1e9:.3f} s'
 
 
-def _bag(result: Result) -> dict[str, Any]:
+def _bag(result: Result) -> _Values:
     options = result.options
-    bag: dict[str, Any] = {
+    bag: _Values = {
         'bag': result.bag, 'question': 'as live' if options.as_live else 'recorded motion',
         'verdict': result.verdict.words, 'duration': result.duration,
         'messages': result.messages, 'clock': options.clock, 'max_unknown': options.max_unknown,
@@ -171,77 +175,68 @@ class BaselineError(ValueError):
     """The file is not a result that --json wrote."""
 
 
-class Baseline:
-    """A result that --json wrote before; raises BaselineError if the file is anything else."""
+class BaselineBag(NamedTuple):
+    """The result of a recording, as far as it is compared."""
 
-    def __init__(self, path: str) -> None:
-        self.path = path
-        try:
-            with open(path, encoding='utf-8') as file:
-                stored = json.load(file)
-            schema = stored['schema']
-            self._bags = [] if schema != SCHEMA else [
-                (_name(bag), bag, _comparable(bag)) for bag in stored['bags']]
-        except OSError as error:
-            raise BaselineError(f'cannot read {path}: {error.strerror}') from error
-        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-            raise BaselineError(f'{path} is not a result that --json wrote') from error
-        if schema != SCHEMA:
-            raise BaselineError(f'{path} has the schema {schema}, this version needs {SCHEMA}')
+    name: str
+    content: object  # identifies the recording; without a digest it equals no other
+    values: _Values
 
-    def differences(self, results: list[Result]) -> list[tuple[str, list[str]]]:
-        """
-        Return each recording's name, with lines that say what differs.
 
-        Recordings are matched by their content, wherever and however they are stored; others
-        by the last part of their path. Contacts and unknown intervals are matched by footprint and
-        obstacle, in order. The words of problems and notes, normals and points of contact are not
-        compared.
-        """
-        checked: list[_Values] = as_dict(results)['bags']
-        left = list(self._bags)
-        partners: dict[int, _Values] = {}
-        for key in (lambda bag: (_content(bag), _name(bag)), _content, _name):
-            for place, bag in enumerate(checked):
-                found = [number for number, (_, other, _) in enumerate(left)
-                         if key(other) == key(bag)]
-                if found and place not in partners:
-                    partners[place] = left.pop(found[0])[2]
-        differences = [(name, ['expected, but not checked']) for name, _, _ in left]
+def read_baseline(path: str) -> list[BaselineBag]:
+    """Return the recordings in a file that --json wrote; raise BaselineError if it is not one."""
+    try:
+        with open(path, encoding='utf-8') as file:
+            stored = json.load(file)
+        if (schema := stored['schema']) == SCHEMA:
+            return [*map(_compared_part, stored['bags'])]
+    except OSError as error:
+        raise BaselineError(f'cannot read {path}: {error.strerror}') from error
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise BaselineError(f'{path} is not a result that --json wrote') from error
+    raise BaselineError(f'{path} has the schema {schema}, this version needs {SCHEMA}')
+
+
+def differences_from(baseline: list[BaselineBag], results: list[Result]
+                     ) -> list[tuple[str, list[str]]]:
+    """
+    Return each recording's name, with lines that say what differs.
+
+    Recordings are matched by their content, wherever and however they are stored; others by the
+    last part of their path. Contacts and unknown intervals are matched by footprint and obstacle,
+    in order. The words of problems and notes, normals and points of contact are not compared.
+    """
+    checked = [*map(_compared_part, as_dict(results)['bags'])]
+    left = list(baseline)
+    expected: dict[int, _Values] = {}
+    for key in attrgetter('content', 'name'), attrgetter('content'), attrgetter('name'):
         for place, bag in enumerate(checked):
-            lines = [*_compared('', partners[place], _comparable(bag))] if place in partners else [
-                'checked, but not expected']
-            differences.append((_name(bag), lines))
-        return differences
+            found = [number for number, other in enumerate(left) if key(other) == key(bag)]
+            if found and place not in expected:
+                expected[place] = left.pop(found[0]).values
+    return [(bag.name, ['expected, but not checked']) for bag in left] + [
+        (bag.name, [*_compared('', expected[place], bag.values)] if place in expected
+         else ['checked, but not expected'])
+        for place, bag in enumerate(checked)]
 
 
-def _content(bag: _Values) -> object:
-    """Return what identifies a recording; without a digest it equals no other."""
-    return bag.get('content') or id(bag)
-
-
-def _name(bag: _Values) -> str:
-    return PurePath(bag['bag']).name
-
-
-def _comparable(bag: _Values) -> _Values:
-    """Return the parts of a recording's result that are compared."""
-    return {
+def _compared_part(bag: _Values) -> BaselineBag:
+    return BaselineBag(PurePath(bag['bag']).name, bag.get('content') or object(), {
         **_without(bag, _LEFT_OUT),
         'footprints': {one['name']: _without(one, _CURVES) for one in bag['footprints']},
         'sources': {one['name']: _without(one, {'examples'}) for one in bag['sources']},
         'contacts': _numbered([_without(one, _MANIFOLD) for one in bag['contacts']],
                               'footprint', 'obstacle'),
-        'unknown': _numbered(bag['unknown'], 'footprint')}
+        'unknown': _numbered(bag['unknown'], 'footprint')})
 
 
-def _without(values: dict[str, Any], keys: set[str]) -> dict[str, Any]:
+def _without(values: _Values, keys: set[str]) -> _Values:
     return {key: value for key, value in values.items() if key not in keys}
 
 
-def _numbered(intervals: Iterable[dict[str, Any]], *keys: str) -> dict[str, Any]:
+def _numbered(intervals: Iterable[_Values], *keys: str) -> _Values:
     """Return intervals by subject, those of the same subject numbered from 1."""
-    named: dict[str, Any] = {}
+    named: _Values = {}
     counts: Counter[str] = Counter()
     for interval in intervals:
         about = ' - '.join(interval[key] for key in keys)

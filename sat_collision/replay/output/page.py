@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
@@ -28,7 +29,7 @@ from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
 from sat_collision.replay.model.result import (
     Contact, deepest_contacts, GRAVITY, least_of_all, MOST_CONTACTS, overall, Result, Sample)
 from sat_collision.replay.output.drawing import (
-    colours, distance, joined_unknown, name_of, rows_of)
+    colours, distance, name_of, rows_of, unknown_times)
 from sat_collision.replay.output.text import (
     CLOCKS, contact_row, CONTACTS, footprint_row, FOOTPRINTS, SOONEST, soonest_rows, UNKNOWN,
     unknown_row)
@@ -50,10 +51,8 @@ def write_page(results: list[Result], path: str) -> None:
     """
     Write a page of results of checks with `keyframes`, of at most 8 MB.
 
-    The worst verdict comes first, of equal ones the least separation.
-
-    Where the bodies would take more, they are shown at fewer moments; if that is not enough, only
-    those that come nearest to a footprint are shown.
+    The worst verdict comes first, of equal ones the least separation. Where the bodies would take
+    more, they are shown at fewer moments, and then only those that come nearest to a footprint.
     """
     ordered = sorted(results, key=lambda result: (
         -GRAVITY.index(result.verdict), result.nearest[1].separation if result.nearest else inf))
@@ -132,13 +131,11 @@ def _recording(result: Result, keyframes: Keyframes, numbers: list[int],
         'start': result.since(result.start or 0), 'end': result.since(result.end or 0),
         'footprints': [
             {'name': footprint.name, 'colour': colour,
-             'times': [round(result.since(time), 6) for time, _ in samples],
-             'values': [value and float(f'{value:.6g}') for _, value in samples],
-             'ahead': [[round(result.since(time), 6), value and float(f'{value:.6g}')]
-                       for time, value in _thinned(footprint.time_to_collision, count)],
+             'times': [time for time, _ in samples], 'values': [value for _, value in samples],
+             'ahead': _curve(result, footprint.time_to_collision, count),
              'unknown': _unknown_of(result, footprint.name)}
             for footprint, colour in zip(result.footprints, colours(result).values())
-            for samples in [_thinned(footprint.separation, count)]],
+            for samples in [_curve(result, footprint.separation, count)]],
         'rows': [{**row._asdict(), 'bars': [
             {**bar._asdict(), 'contact': places.get(id(bar.contact))} for bar in row.bars]}
             for row in rows_of(result)],
@@ -149,13 +146,13 @@ def _recording(result: Result, keyframes: Keyframes, numbers: list[int],
         'beginAt': [names[name], least.x, least.y] if least else None}
 
 
-def _thinned(samples: list[Sample], limit: int) -> list[Sample]:
-    """Return at most `limit` samples, the least of each run of neighbours."""
-    step = -(-len(samples) // limit)
-    if step <= 1:
-        return samples
+def _curve(result: Result, samples: list[Sample], limit: int) -> list[tuple[float, float | None]]:
+    """Return at most `limit` rounded samples, the least of each run of neighbours."""
+    step = max(-(-len(samples) // limit), 1)
     runs = [samples[k:k + step] for k in range(0, len(samples), step)]
-    return [(run[0][0], least_of_all(value for _, value in run)) for run in runs]
+    leasts = [(run[0][0], least_of_all(value for _, value in run)) for run in runs]
+    return [(round(result.since(time), 6), value and float(f'{value:.6g}'))
+            for time, value in leasts]
 
 
 def _unknown_of(result: Result, name: str) -> list[tuple[float, float, str]]:
@@ -165,7 +162,7 @@ def _unknown_of(result: Result, name: str) -> list[tuple[float, float, str]]:
         return [(result.since(one.first), result.since(one.last), '; '.join(one.reasons))
                 for one in found]
     return [(first, last, 'for several reasons, see the table')
-            for first, last in joined_unknown(result, found)]
+            for first, last in unknown_times(result, name)]
 
 
 def _contact(contact: Contact, result: Result, rows: dict[ShownBody, int],
@@ -189,16 +186,15 @@ def _body(body: ShownBody, names: dict[str, int], numbers: Sequence[int]) -> dic
     The name is null where it is that of the span before. A ring is 1 and x and y in turn, in
     units; or 0 and how much they differ from the ring before, of as many vertices.
     """
-    starts = np.searchsorted(numbers, [span.first for span in body.spans]).tolist()
-    ends = np.searchsorted(numbers, [span.end for span in body.spans]).tolist()
     spans: list[list[Any]] = []
     name: str | None = None
-    last: Any = None
-    for first, end, span in zip(starts, ends, body.spans):
+    last: Any = ()
+    for span in body.spans:
+        first, end = bisect_left(numbers, span.first), bisect_left(numbers, span.end)
         if first == end:
             continue
         ring = _ring(span.ring)
-        differs = last is None or len(last) != len(ring)
+        differs = len(last) != len(ring)
         spans.append([first, end, None if span.name == name else span.name, span.known,
                       [int(differs), *(ring if differs else ring - last).tolist()]])
         name, last = span.name, ring
@@ -215,12 +211,16 @@ def _ring(ring: Floats) -> Any:
 
 def _index_of(results: list[Result]) -> dict[str, Any]:
     """Return a table with a row for each result."""
+    rows = []
+    for result in results:
+        name, least = result.nearest or ('', None)
+        rows.append([
+            name_of(result), result.verdict.words, str(len(result.contacts)),
+            f'{distance(least.separation)}: {name} and {least.obstacle}' if least else '-',
+            f'{sum(one.unknown for one in result.footprints) / 1e9:.3f}',
+            f'{result.duration:.3f}'])
     return {'head': ['recording', 'verdict', 'contacts', 'least separation', 'unknown [s]',
-                     'duration [s]'],
-            'rows': [[name_of(result), result.verdict.words, str(len(result.contacts)),
-                      _least(result),
-                      f'{sum(one.unknown for one in result.footprints) / 1e9:.3f}',
-                      f'{result.duration:.3f}'] for result in results]}
+                     'duration [s]'], 'rows': rows}
 
 
 def _facts_of(result: Result, moments: list[int], left_out: int) -> list[str]:
@@ -261,10 +261,3 @@ def _tables_of(result: Result, contacts: list[Contact]) -> list[dict[str, Any]]:
          [(source.name, str(count), reason, source.examples.get(reason, ''))
           for source in result.sources for reason, count in source.rejected.items()])]
     return [dict(zip(('title', 'note', 'head', 'rows'), table)) for table in tables]
-
-
-def _least(result: Result) -> str:
-    if not result.nearest:
-        return '-'
-    name, least = result.nearest
-    return f'{distance(least.separation)}: {name} and {least.obstacle}'

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 import os
 import sys
 import time
@@ -26,6 +26,7 @@ from sat_collision.replay.model.result import (
     BETWEEN_SAMPLES, Contact, FootprintResult, overall, Result, SourceResult, Unknown, Verdict)
 
 _MOST_ROWS = 20
+_MOST_WORST = 5
 _MOMENT = 500_000
 FOOTPRINTS = ('footprint', 'known', 'clear [s]', 'collision [s]', 'unknown [s]',
               'least separation')
@@ -93,9 +94,13 @@ def report(result: Result) -> list[str]:
     if result.start is None:
         return lines
     question = 'as live' if result.options.as_live else 'recorded motion'
+    sources = ', '.join(f'{source.name} {source.received}' for source in result.sources)
     lines.append(f'  {question}, {result.duration:.3f} s by {CLOCKS[result.options.clock]}, '
-                 f'{_counts(result)}')
-    lines += _rejections(result)
+                 f'{result.messages} messages ({sources})')
+    for source in result.sources:
+        for reason, count in source.rejected.items():
+            lines += [f'  {source.name}: {count} messages rejected: {reason}',
+                      f'    the first one: {source.examples[reason]}']
     lines += [f'  {source.name}: {how_undetermined(source)}' for source in result.sources
               if source.undetermined]
     lines += [f'  {footprint.name}: {how_soon(footprint, result)}'
@@ -127,13 +132,14 @@ def how_soon(footprint: FootprintResult, result: Result) -> str:
 
 def footprint_row(footprint: FootprintResult, result: Result) -> tuple[str, ...]:
     """Return a footprint as a row of FOOTPRINTS."""
-    seconds = [f'{getattr(footprint, state) / 1e9:.3f}'
-               for state in ('clear', 'collision', 'unknown')]
-    share = '' if footprint.coverage is None else f'{100 * footprint.coverage:.2f} %'
     least = footprint.least
-    nearest = 'none known' if least is None else (
+    return (
+        footprint.name + ('' if footprint.enabled else ' (disabled)'),
+        '' if footprint.coverage is None else f'{100 * footprint.coverage:.2f} %',
+        *(f'{time / 1e9:.3f}'
+          for time in (footprint.clear, footprint.collision, footprint.unknown)),
+        'none known' if least is None else
         f'{least.separation:.4g} m from {least.obstacle} at {result.since(least.time):.3f} s')
-    return footprint.name + ('' if footprint.enabled else ' (disabled)'), share, *seconds, nearest
 
 
 def contact_row(contact: Contact, result: Result) -> tuple[str, ...]:
@@ -162,13 +168,6 @@ def lasting(duration: int) -> str:
     return f'{duration / 1e9:.3f}' if duration >= _MOMENT else 'moment'
 
 
-def when(contact: Contact, result: Result) -> str:
-    """Return in words when there was a contact, and for how long."""
-    since = f'{result.since(contact.first):.3f} s'
-    duration = lasting(contact.last - contact.first)
-    return f'at {since}' if duration == 'moment' else f'from {since} on for {duration} s'
-
-
 def how_found(contact: Contact, result: Result) -> str:
     """Return in words how a contact was found: at a sample, or between which times."""
     before, after = contact.between
@@ -181,19 +180,19 @@ def report_all(results: list[Result]) -> list[str]:
     """Return the lines of the summary of several recordings."""
     figures = summary(results)
     counts = ', '.join(f'{count} {word}' for word, count in figures['verdicts'].items())
-    lines = [f'{figures["bags"]} recordings, {figures["duration"] / 3600:.4g} h: {counts}']
     rate = figures['contacts_per_hour']
-    lines.append(f'  {figures["contacts"]} contacts'
-                 + ('' if rate is None else f', {rate:.4g} an hour'))
-    lines += _table(('recording', 'footprint', 'obstacle', 'separation [m]'),
-                    [(worst['bag'], worst['footprint'], worst['obstacle'],
-                      f'{worst["separation"]:.4g}') for worst in figures['worst']],
-                    'worst separations')
-    lines.append(f'  {overall(results).words.upper()}')
-    return lines
+    an_hour = '' if rate is None else f', {rate:.4g} an hour'
+    return [
+        f'{figures["bags"]} recordings, {figures["duration"] / 3600:.4g} h: {counts}',
+        f'  {figures["contacts"]} contacts{an_hour}',
+        *_table(('recording', 'footprint', 'obstacle', 'separation [m]'),
+                [(worst['bag'], worst['footprint'], worst['obstacle'],
+                  f'{worst["separation"]:.4g}') for worst in figures['worst']],
+                'worst separations'),
+        f'  {overall(results).words.upper()}']
 
 
-def summary(results: list[Result], limit: int = 5) -> dict[str, Any]:
+def summary(results: list[Result]) -> dict[str, Any]:
     """Return the figures over several recordings, the least separations among them."""
     hours = sum(result.duration for result in results) / 3600
     contacts = sum(len(result.contacts) for result in results)
@@ -207,19 +206,7 @@ def summary(results: list[Result], limit: int = 5) -> dict[str, Any]:
         'verdicts': {word: count for word, count in verdicts.items() if count},
         'worst': [{'separation': separation, 'bag': bag, 'footprint': footprint,
                    'obstacle': obstacle}
-                  for separation, bag, footprint, obstacle in sorted(leasts)[:limit]]}
-
-
-def _counts(result: Result) -> str:
-    sources = ', '.join(f'{source.name} {source.received}' for source in result.sources)
-    return f'{result.messages} messages ({sources})'
-
-
-def _rejections(result: Result) -> Iterator[str]:
-    for source in result.sources:
-        for reason, count in source.rejected.items():
-            yield f'  {source.name}: {count} messages rejected: {reason}'
-            yield f'    the first one: {source.examples[reason]}'
+                  for separation, bag, footprint, obstacle in sorted(leasts)[:_MOST_WORST]]}
 
 
 def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]], title: str) -> list[str]:
@@ -228,10 +215,10 @@ def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]], title: str) -
         return []
     shown = [head, *rows[:_MOST_ROWS]]
     widths = [max(map(len, column)) for column in zip(*shown)]
-    right = [all(_is_number(cell) for cell in column[1:]) for column in zip(*shown)]
+    aligned = ['>' if all(map(_is_number, column[1:])) else '<' for column in zip(*shown)]
     lines = [f'  {title}'] + ['    ' + '  '.join(
-        f'{cell:>{width}}' if numeric else f'{cell:{width}}'
-        for cell, width, numeric in zip(row, widths, right)).rstrip() for row in shown]
+        f'{cell:{align}{width}}' for cell, align, width in zip(row, aligned, widths)).rstrip()
+        for row in shown]
     if len(rows) > _MOST_ROWS:
         lines.append(f'    and {len(rows) - _MOST_ROWS} more; --json and --csv have all')
     return lines

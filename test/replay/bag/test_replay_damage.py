@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Damaged recordings must not pass as clear: wrong counts, decompression bombs, wrong values."""
+"""Damaged recordings are never clear: wrong counts, decompression bombs, wrong values."""
 
 import contextlib
 import os
@@ -31,9 +31,8 @@ from xml.etree import ElementTree
 import pytest
 from recordings import box, drive, SOURCE, START, write
 from sat_collision.replay.__main__ import main
-from sat_collision.replay.bag.libraries import check_bag_writer
 from sat_collision.replay.bag.sqlite import SqliteFile
-from sat_collision.replay.bag.storage import Faults, Limits, Scratch
+from sat_collision.replay.bag.storage import check_bag_writer, Faults, Limits, Scratch
 from sat_collision.replay.model.result import Options, Verdict
 from sat_collision.replay.run import check
 
@@ -47,14 +46,14 @@ MB = 10**6
 SECOND = 10**9
 
 
-def places(data, kind):
-    """Return where the records of a kind begin, and how large they are."""
+def offsets(data, kind):
+    """Return the offsets and sizes of the records of a kind."""
     return [(where, size) for where, found, size in records(data) if found == kind]
 
 
 @pytest.mark.parametrize('in_file', (0, 120))
 def test_write_ahead_log_of_a_killed_recorder_is_read(tmp_path, in_file):
-    """The collision is in messages that never reached the storage file itself."""
+    """The collision is in messages that are only in the log."""
     file = killed_recorder(tmp_path / 'bag' / 'a.db3', drive(contact=(7.0, 8.0)), in_file)
     before = {path.name: path.read_bytes() for path in file.parent.iterdir()}
     for recording in (file, file.parent):
@@ -64,8 +63,8 @@ def test_write_ahead_log_of_a_killed_recorder_is_read(tmp_path, in_file):
     assert all((file.parent / name).read_bytes() == data for name, data in before.items())
 
 
-def test_log_in_a_folder_that_cannot_be_written_to_is_read():
-    """Since SQLite needs a file of its own beside it: a copy is read, and nothing is left."""
+def test_write_ahead_log_in_a_read_only_folder_is_read():
+    """Since SQLite needs a file beside it, a copy is read and removed."""
     with contextlib.ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         killed_recorder(folder / 'a.db3', drive(contact=(7.0, 8.0)), 120)
@@ -73,7 +72,7 @@ def test_log_in_a_folder_that_cannot_be_written_to_is_read():
         folder.chmod(0o555)
         stack.callback(folder.chmod, 0o755)
         if not os.geteuid():
-            # Root may write anywhere.
+            # Root could write anyway.
             os.seteuid(65534)
             stack.callback(os.seteuid, 0)
         result = check(folder / 'a.db3')
@@ -85,12 +84,12 @@ def test_log_in_a_folder_that_cannot_be_written_to_is_read():
 
 @pytest.mark.parametrize('indexed', (True, False))
 @pytest.mark.parametrize('first, last', [(0, 1), (1, 9), (0, 9), (0, 60)])
-def test_zeroed_chunk_is_missed(tmp_path, first, last, indexed):
-    """Kind, size or head of a chunk's record are zero: it is read or named, never skipped."""
+def test_zeroed_chunk_is_reported(tmp_path, first, last, indexed):
+    """Whichever part of a chunk's header is zero, the chunk is read or reported."""
     file = write_mcap(tmp_path / 'a.mcap', CLEAR, **{} if indexed else {
         'use_statistics': False, 'repeat_channels': False, 'repeat_schemas': False})
     data = bytearray(file.read_bytes())
-    where, _ = places(data, CHUNK)[5]
+    where, _ = offsets(data, CHUNK)[5]
     data[where + first:where + last] = bytes(last - first)
     file.write_bytes(data)
     result = check(file)
@@ -101,8 +100,8 @@ def test_zeroed_chunk_is_missed(tmp_path, first, last, indexed):
 
 
 @pytest.mark.parametrize('start', (10**6, 2**63 - 1, 2**63, 2**64 - 1))
-def test_summary_said_to_begin_behind_the_file(tmp_path, start):
-    """Further than any file can be long, too: it is bad input, and the messages are read."""
+def test_summary_offset_beyond_the_file(tmp_path, start):
+    """All messages are read nevertheless."""
     file = write_mcap(tmp_path / 'a.mcap', CLEAR)
     data = bytearray(file.read_bytes())
     struct.pack_into('<Q', data, len(data) - len(MAGIC) - 20, start)
@@ -113,13 +112,13 @@ def test_summary_said_to_begin_behind_the_file(tmp_path, start):
     assert 'at its end' in problem and str(start) in problem
 
 
-def test_chunk_of_another_kind_is_missed_by_the_numbers(tmp_path):
-    """A record of a kind to come is to be skipped; but statistics announce its messages."""
+def test_chunk_of_an_unknown_kind_is_noticed_by_the_message_count(tmp_path):
+    """Records of unknown kinds are skipped, but statistics count their messages."""
     file = write_mcap(tmp_path / 'a.mcap', CLEAR)
     data = bytearray(file.read_bytes())
-    for where, _ in places(data, CHUNK_INDEX):
+    for where, _ in offsets(data, CHUNK_INDEX):
         data[where] = 200
-    where, _ = places(data, CHUNK)[5]
+    where, _ = offsets(data, CHUNK)[5]
     data[where] = 200
     file.write_bytes(data)
     result = check(file)
@@ -129,8 +128,8 @@ def test_chunk_of_another_kind_is_missed_by_the_numbers(tmp_path):
 
 
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
-def test_metadata_that_announces_more_is_bad_input(tmp_path, storage):
-    """The numbers of both are named, for the recording and a part of it."""
+def test_metadata_with_more_messages_is_bad_input(tmp_path, storage):
+    """The numbers of both are reported, for the whole recording and for a part."""
     bag = write(tmp_path / 'bag', CLEAR, storage)
     metadata = bag / 'metadata.yaml'
     metadata.write_text(metadata.read_text().replace('message_count: 101', 'message_count: 113'))
@@ -142,8 +141,7 @@ def test_metadata_that_announces_more_is_bad_input(tmp_path, storage):
         assert '303 messages in all, but 315' in whole
 
 
-def test_file_that_metadata_does_not_list_is_said(tmp_path):
-    """What it holds would be missed."""
+def test_file_missing_in_metadata_is_reported(tmp_path):
     bag = write(tmp_path / 'bag', CLEAR)
     write_mcap(bag / 'bag_1.mcap', drive())
     result = check(bag)
@@ -151,8 +149,8 @@ def test_file_that_metadata_does_not_list_is_said(tmp_path):
     assert any('bag_1.mcap' in problem for problem in result.problems)
 
 
-def test_messages_of_unknown_topics_are_said(tmp_path):
-    """The rows of a topic that is gone, and the messages of a channel that nothing announces."""
+def test_messages_of_unknown_topics_are_reported(tmp_path):
+    """Rows of a missing topic, and messages of a missing channel."""
     file = storage_file(write(tmp_path / 'bag', CLEAR, 'sqlite3'))
     run_sql(file, 'UPDATE messages SET topic_id = 7 WHERE id > 150 AND topic_id = 2')
     result = check(file)
@@ -168,12 +166,12 @@ def test_messages_of_unknown_topics_are_said(tmp_path):
 
 
 def messages_of(keys):
-    """Return the records of messages of channels, each of a box elsewhere."""
+    """Return records of messages of channels, each with a box at another place."""
     return [message(key, box(3.0 * key), k / 10) for k, key in enumerate(keys)]
 
 
-def test_channel_that_changes_is_said(tmp_path):
-    """Its second half would be taken for another topic's."""
+def test_changed_channel_is_reported(tmp_path):
+    """Its second half would count for another topic."""
     file = tmp_path / 'a.mcap'
     messages = messages_of([1, 2] * 30)
     file.write_bytes(mcap_of(schema(), channel(1, b'/footprint'), channel(2, b'/obstacles'),
@@ -183,8 +181,7 @@ def test_channel_that_changes_is_said(tmp_path):
     assert any('/elsewhere' in problem for problem in result.problems)
 
 
-def test_topic_of_two_types_is_said(tmp_path):
-    """The messages of one of them would be missed or taken for the other's."""
+def test_topic_of_two_types_is_reported(tmp_path):
     rows = storage_file(write(tmp_path / 'bag', CLEAR, 'sqlite3'))
     run_sql(rows, "INSERT INTO topics SELECT 9, name, 'std_msgs/msg/Bool', 'cdr', '', '' "
             "FROM topics WHERE name = '/obstacles'",
@@ -199,8 +196,7 @@ def test_topic_of_two_types_is_said(tmp_path):
         assert any('/obstacles has the types' in problem for problem in result.problems)
 
 
-def test_name_of_a_topic_forges_no_line(tmp_path):
-    """A line end in it is not printed."""
+def test_topic_name_cannot_forge_a_line(tmp_path):
     file = tmp_path / 'a.mcap'
     file.write_bytes(mcap_of(schema(), channel(1, b'/a'), channel(1, b'/b\nall: CLEAR')))
     problem, = check(file).problems
@@ -209,8 +205,8 @@ def test_name_of_a_topic_forges_no_line(tmp_path):
 
 @pytest.mark.parametrize('change', [
     "data = 'seven'", 'data = 7', 'data = NULL', "timestamp = 'soon'", "timestamp = x'00'"])
-def test_row_of_another_type_is_refused_and_counted(tmp_path, change):
-    """It alone: every other message is read, and the collision after it is found."""
+def test_row_with_values_of_another_type_is_counted(tmp_path, change):
+    """All other messages are read, and the collision after it is found."""
     connection = create_db3(tmp_path / 'a.db3', drive())
     connection.executescript('PRAGMA writable_schema = ON; UPDATE sqlite_master SET sql = '
                              "replace(sql, 'NOT NULL', '') WHERE name = 'messages'")
@@ -233,8 +229,8 @@ LAUGHS = '/**:\n  ros__parameters:\n    a0: &a0 {x: 1, y: 2}\n' + ''.join(
 
 
 @pytest.mark.parametrize('content', (LOOP, LAUGHS, '[' * 5000), ids=('loop', 'laughs', 'deep'))
-def test_yaml_that_has_no_end_is_bad_input(tmp_path, capsys, content):
-    """A parameter file with an alias that contains itself, or grows without bounds."""
+def test_recursive_yaml_is_bad_input(tmp_path, capsys, content):
+    """An alias that contains itself, or one that grows exponentially."""
     bag = write(tmp_path / 'bag', CLEAR)
     path = tmp_path / 'params.yaml'
     path.write_text(content)
@@ -248,8 +244,8 @@ def test_yaml_that_has_no_end_is_bad_input(tmp_path, capsys, content):
     'rosbag2_bagfile_information: &a [*a]\n', '[' * 5000, 'rosbag2_bagfile_information: 7',
     'rosbag2_bagfile_information:\n  relative_file_paths: 7\n', '{}', '{:',
     '? [a]\n: 2001-99-99'])
-def test_metadata_that_makes_no_sense_is_bad_input(tmp_path, content):
-    """What the storage files have is read all the same."""
+def test_invalid_metadata_is_bad_input(tmp_path, content):
+    """The storage files are read nevertheless."""
     bag = write(tmp_path / 'bag', drive())
     (bag / 'metadata.yaml').write_text(content)
     result = check(bag)
@@ -259,12 +255,12 @@ def test_metadata_that_makes_no_sense_is_bad_input(tmp_path, content):
 
 
 def run_command(*arguments, **options):
-    """Run the command in a process of its own; return it with the most memory it took, in MB."""
+    """Run the command in another process; it prints its peak memory in MB at the end."""
     program = textwrap.dedent("""
         import sys
         from sat_collision.replay.__main__ import main
         status = main(sys.argv[1:])
-        # Not ru_maxrss, which begins with what the process took that started this one.
+        # Not ru_maxrss, which includes memory of the parent process.
         with open('/proc/self/status') as file:
             print('took', int(file.read().split('VmHWM:')[1].split()[0]) // 1000)
         sys.exit(status)
@@ -274,7 +270,7 @@ def run_command(*arguments, **options):
 
 
 def bomb(path, compression, size, claim=None):
-    """Write a recording with one chunk of a few kB that holds very many zeros."""
+    """Write a recording with a chunk of a few kB that unpacks to very many zeros."""
     from backports import zstd
     import lz4.frame
     if compression == 'zstd':
@@ -296,7 +292,7 @@ def bomb(path, compression, size, claim=None):
     ('zstd', None), *(pytest.param(*one, marks=pytest.mark.long) for one in (
         ('lz4', None), ('zstd', 1000)))])
 def test_chunk_that_would_fill_memory_is_refused(tmp_path, compression, claim):
-    """3 GB in a few kB, said or not: named, and little memory is taken."""
+    """3 GB in a few kB, announced or not."""
     file = bomb(tmp_path / 'a.mcap', compression, 3000 * MB, claim)
     done = run_command(file, '--max-memory', '0.5')
     assert done.returncode == 3, done.stderr
@@ -304,8 +300,8 @@ def test_chunk_that_would_fill_memory_is_refused(tmp_path, compression, claim):
     assert 'a.mcap' in done.stdout
 
 
-def test_chunks_that_overlap_are_held_within_limits(tmp_path):
-    """Every chunk goes on to the end of the recording, so that none could be let go."""
+def test_overlapping_chunks_respect_the_memory_limit(tmp_path):
+    """Every chunk reaches to the end of the recording, so none can be released."""
     messages = [('/footprint', time, box(0)) for k in range(50)
                 for time in (k / 100, *[50.0 + k / 100] * 30)]
     file = write_mcap(tmp_path / 'a.mcap', messages, chunk_size=2900)
@@ -314,15 +310,15 @@ def test_chunks_that_overlap_are_held_within_limits(tmp_path):
     assert '--max-memory' in few
 
 
-def test_pages_that_many_rows_share_are_no_message(tmp_path):
-    """A row of 2 MB is made to announce 100 MB, its pages being linked to a circle."""
+def test_sqlite_pages_linked_to_a_cycle_are_bad_input(tmp_path):
+    """A row of 2 MB announces 100 MB."""
     file = tmp_path / 'a.db3'
     create_db3(file, CLEAR).close()
-    length, told = 2_200_000, 100_000_000
+    length, announced = 2_200_000, 100_000_000
     run_sql(file, ('INSERT INTO messages VALUES (999, 1, ?, ?)', (START, bytes(length))))
     data = bytearray(file.read_bytes())
     # The size of the row, which has 16 bytes besides, and the type of the value.
-    for old, new in ((length + 16, told + 16), (2 * length + 12, 2 * told + 12)):
+    for old, new in ((length + 16, announced + 16), (2 * length + 12, 2 * announced + 12)):
         at = data.index(varint(old))
         data[at:at + 4] = varint(new)
     size = int.from_bytes(data[16:18], 'big')
@@ -337,12 +333,12 @@ def test_pages_that_many_rows_share_are_no_message(tmp_path):
 
 
 def varint(value):
-    """Return a number as SQLite writes one of four bytes."""
+    """Return a number as SQLite's varint of four bytes."""
     return bytes((value >> shift & 127) | (128 if shift else 0) for shift in (21, 14, 7, 0))
 
 
 def test_file_that_would_fill_the_disk_is_refused(tmp_path):
-    """300 MB in a compressed storage file: unpacking ends at the limit."""
+    """300 MB in a compressed storage file."""
     from backports import zstd
     compressor = zstd.ZstdCompressor()
     bag = tmp_path / 'a.mcap.zstd'
@@ -364,7 +360,7 @@ GENERATED = """
 @pytest.mark.parametrize('messages', (f'CREATE VIEW messages AS {RECURSIVE}', GENERATED,
                                       'CREATE VIRTUAL TABLE messages USING fts4(x)'))
 def test_only_tables_are_read(tmp_path, messages):
-    """What would be computed may have no end."""
+    """Views and generated columns may be endless."""
     create_db3(tmp_path / 'a.db3', CLEAR).close()
     run_sql(tmp_path / 'a.db3', 'DROP TABLE messages', messages)
     done = run_command(tmp_path / 'a.db3')
@@ -373,12 +369,12 @@ def test_only_tables_are_read(tmp_path, messages):
 
 
 def interrupt_after(seconds):
-    """Interrupt this process in a while, as from the keyboard."""
+    """Interrupt this process after some time, as from the keyboard."""
     threading.Timer(seconds, os.kill, (os.getpid(), signal.SIGINT)).start()
 
 
 def test_interrupt_ends_a_long_query(tmp_path):
-    """Sorting a table without an index is one call of SQLite."""
+    """Sorting a table without an index is a single call of SQLite."""
     connection = create_db3(tmp_path / 'a.db3', CLEAR, 'PRAGMA journal_mode=OFF;')
     connection.executescript("""
         DROP INDEX timestamp_idx;
@@ -388,19 +384,18 @@ def test_interrupt_ends_a_long_query(tmp_path):
     faults, scratch = Faults(tmp_path), Scratch(0)
     storage = SqliteFile(tmp_path / 'a.db3', faults, scratch, Limits())
     begun = time.process_time()
-    next(storage.messages({'/footprint'}, None, None))
+    next(storage.rows({'/footprint'}, None, None))
     taken = time.process_time() - begun
     interrupt_after(taken / 10)
     begun = time.process_time()
     with pytest.raises(KeyboardInterrupt):
-        next(storage.messages({'/footprint'}, None, None))
+        next(storage.rows({'/footprint'}, None, None))
     assert time.process_time() - begun < taken / 2
     storage.close()
     assert not faults
 
 
-def test_interrupt_ends_the_command_in_one_line(tmp_path, capsys):
-    """While recordings are checked one after the other."""
+def test_interrupt_of_the_command(tmp_path, capsys):
     bag = str(write(tmp_path / 'bag', drive(100.0)))
     interrupt_after(0.3)
     assert main([bag] * 1000) == 2
@@ -408,8 +403,8 @@ def test_interrupt_ends_the_command_in_one_line(tmp_path, capsys):
 
 
 @pytest.mark.parametrize('as_live', (False, True))
-def test_message_that_cannot_be_decoded_is_damage(tmp_path, as_live):
-    """Two bytes at the head of the one message that tells of the contact: never clear."""
+def test_undecodable_message_is_bad_input(tmp_path, as_live):
+    """Two bytes of the one message with the contact are changed."""
     create_db3(tmp_path / 'a.db3', drive(contact=(5.0, 5.1))).close()
     assert check(tmp_path / 'a.db3', Options(as_live=as_live)).verdict is Verdict.COLLISION
     (key, data), = (row for row in sqlite3.connect(tmp_path / 'a.db3').execute(
@@ -424,8 +419,8 @@ def test_message_that_cannot_be_decoded_is_damage(tmp_path, as_live):
 
 
 @pytest.mark.parametrize('as_live', (False, True))
-def test_message_refused_for_its_content_is_told_by_the_exit_status(tmp_path, as_live):
-    """A NaN where the contact was, however short, and however long a footprint may be unknown."""
+def test_refused_message_is_unknown_in_the_exit_status(tmp_path, as_live):
+    """A NaN where the contact was, however short it is."""
     messages = drive(contact=(5.0, 5.1))
     where = next(k for k, (topic, time, points) in enumerate(messages)
                  if topic == '/obstacles' and points and time == 5.0)
@@ -440,7 +435,7 @@ def test_message_refused_for_its_content_is_told_by_the_exit_status(tmp_path, as
 
 @pytest.mark.parametrize('chunked', (True, False))
 def test_checksum_of_the_data_section_is_compared(tmp_path, chunked):
-    """A coordinate that has another bit, where nothing else has a checksum, is damage."""
+    """One changed bit where no other checksum applies."""
     file = write_mcap(tmp_path / 'a.mcap', CLEAR, use_chunking=chunked, enable_crcs=False,
                       enable_data_crcs=True)
     assert check(file).verdict is Verdict.CLEAR
@@ -452,8 +447,8 @@ def test_checksum_of_the_data_section_is_compared(tmp_path, chunked):
     assert 'data_section_crc' in result.problems[0]
 
 
-def test_folder_of_recordings_is_told_what_it_is(tmp_path):
-    """Nothing is to be restored in it: the recordings are to be named."""
+def test_folder_of_recordings_is_bad_input(tmp_path):
+    """The message names the recordings in it, not metadata to restore."""
     write(tmp_path / 'bags' / 'one', CLEAR)
     result = check(tmp_path / 'bags')
     problem, = result.problems
@@ -462,8 +457,7 @@ def test_folder_of_recordings_is_told_what_it_is(tmp_path):
     assert 'reindex' not in problem
 
 
-def test_recording_without_messages_is_told_so(tmp_path):
-    """It has the topics, and nothing on them."""
+def test_recording_with_topics_but_no_messages(tmp_path):
     create_db3(tmp_path / 'a.db3', CLEAR).close()
     run_sql(tmp_path / 'a.db3', 'DELETE FROM messages')
     result = check(tmp_path / 'a.db3')
@@ -471,8 +465,8 @@ def test_recording_without_messages_is_told_so(tmp_path):
     assert 'the recording has no messages' in result.notes
 
 
-def test_folder_called_like_a_library_is_none(tmp_path, monkeypatch):
-    """Beside the process, as any folder: it says what is missing, and what to install."""
+def test_folder_named_like_a_library_is_not_imported(tmp_path, monkeypatch):
+    """The message says what to install."""
     (tmp_path / 'rosbags').mkdir()
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setattr(sys, 'path', [str(tmp_path)])

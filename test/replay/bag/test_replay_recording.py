@@ -37,13 +37,13 @@ ALL = 3 * 101
 
 
 def cut(path, share):
-    """Keep only the first part of a file."""
+    """Keep only the first share of a file."""
     data = path.read_bytes()
     path.write_bytes(data[:int(share * len(data))])
 
 
 def long_drive():
-    """Return so many messages that they fill several chunks and pages: over 4 MB."""
+    """Return messages that fill several chunks and pages: over 4 MB."""
     ring = [(5.0, k / 400) for k in range(400)] + [(6.0, 1.0), (6.0, 0.0)]
     return [(topic, k / 40, box(0.0) if topic == '/footprint' else ring)
             for k in range(1000) for topic in ('/footprint', '/obstacles')]
@@ -53,7 +53,7 @@ def long_drive():
     ('mcap', None), ('mcap', 'storage'), ('sqlite3', None), ('sqlite3', 'file'),
     ('sqlite3', 'message'), ('mcap', 'file'), ('mcap', 'message')])
 def test_every_storage_and_compression_is_read(tmp_path, storage, compression):
-    """Plain, zstd by file, by message and by chunk: the same contact in each."""
+    """Plain, zstd by file, by message and by chunk."""
     result = check(write(tmp_path / 'bag', drive(), storage, compression))
     assert result.problems == []
     assert result.messages == ALL
@@ -63,15 +63,14 @@ def test_every_storage_and_compression_is_read(tmp_path, storage, compression):
 
 
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
-def test_storage_file_is_a_recording_too(tmp_path, storage):
-    """The file itself is given, without metadata.yaml."""
+def test_storage_file_without_metadata_is_read(tmp_path, storage):
     result = check(storage_file(write(tmp_path / 'bag', drive(), storage)))
     assert (result.problems, result.messages) == ([], ALL)
 
 
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
 def test_split_recording_is_read_in_order(tmp_path, storage):
-    """Two storage files listed in one metadata.yaml, as ros2 bag record splits them."""
+    """Two storage files in one metadata.yaml, as ros2 bag record splits them."""
     messages = drive()
     first = write(tmp_path / 'first', messages[:100], storage)
     second = write(tmp_path / 'second', messages[100:], storage)
@@ -96,8 +95,8 @@ def test_split_recording_is_read_in_order(tmp_path, storage):
 
 
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
-def test_missing_metadata_is_said_and_the_rest_read(tmp_path, storage):
-    """Every message is read, but the recording is not whole."""
+def test_missing_metadata_is_reported(tmp_path, storage):
+    """Every message is read."""
     bag = write(tmp_path / 'bag', drive(contact=(0, 0)), storage)
     (bag / 'metadata.yaml').unlink()
     result = check(bag)
@@ -109,8 +108,8 @@ def test_missing_metadata_is_said_and_the_rest_read(tmp_path, storage):
 
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
 @pytest.mark.parametrize('share', (0.3, 0.7, 0.99))
-def test_cut_off_file_is_read_up_to_the_cut(tmp_path, storage, share):
-    """A recorder that was killed: what it had written is checked, and the file is named."""
+def test_truncated_file_is_read_up_to_its_end(tmp_path, storage, share):
+    """As from a killed recorder."""
     bag = write(tmp_path / 'bag', long_drive(), storage)
     cut(storage_file(bag), share)
     result = check(bag)
@@ -120,8 +119,8 @@ def test_cut_off_file_is_read_up_to_the_cut(tmp_path, storage, share):
     assert result.footprints[0].least.separation == 4.0
 
 
-def test_cut_off_compressed_file_is_read_up_to_the_cut(tmp_path):
-    """The zstd frame has no end; the storage file in it is cut off too."""
+def test_truncated_compressed_file_is_read_up_to_its_end(tmp_path):
+    """Both the zstd frame and the storage file in it are truncated."""
     bag = write(tmp_path / 'bag', long_drive(), 'mcap', 'file')
     cut(storage_file(bag), 0.7)
     result = check(bag)
@@ -131,7 +130,7 @@ def test_cut_off_compressed_file_is_read_up_to_the_cut(tmp_path):
 
 
 def test_unindexed_file_is_read(tmp_path):
-    """An MCAP file whose footer says that there is no index, and one without any footer."""
+    """An MCAP file whose footer names no index, and one without a footer."""
     bag = write(tmp_path / 'bag', drive())
     file = storage_file(bag)
     data = file.read_bytes()
@@ -148,8 +147,8 @@ def test_unindexed_file_is_read(tmp_path):
 @pytest.mark.parametrize('name, content', [
     ('a.mcap', b''), ('a.db3', b''), ('a.mcap', b'\x89MCAP0\r\n'), ('a.mcap', b'nonsense' * 99),
     ('a.db3', b'nonsense' * 99), ('a.bag', b'#ROSBAG V2.0\n'), ('a.txt', b'text')])
-def test_what_is_no_recording_is_bad_input(tmp_path, name, content):
-    """Empty files and files of other kinds are named; nothing is raised."""
+def test_other_files_are_bad_input(tmp_path, name, content):
+    """Empty files and files of other kinds."""
     (tmp_path / name).write_bytes(content)
     result = check(tmp_path / name)
     assert result.verdict is Verdict.BAD_INPUT
@@ -157,7 +156,6 @@ def test_what_is_no_recording_is_bad_input(tmp_path, name, content):
 
 
 def test_missing_path_and_empty_directory_are_bad_input(tmp_path):
-    """There is nothing to read."""
     for path in (tmp_path / 'nowhere', tmp_path):
         result = check(path)
         assert result.verdict is Verdict.BAD_INPUT
@@ -165,16 +163,14 @@ def test_missing_path_and_empty_directory_are_bad_input(tmp_path):
 
 
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
-def test_recording_without_messages_cannot_tell(tmp_path, storage):
-    """It is in order, but says nothing."""
+def test_recording_without_topics_is_unknown(tmp_path, storage):
     result = check(write(tmp_path / 'bag', [], storage))
     assert result.problems == []
     assert result.verdict is Verdict.UNKNOWN
     assert any('/footprint' in note for note in result.notes)
 
 
-def test_topic_of_another_type_is_said(tmp_path):
-    """The footprint's topic carries flags: they never reach the scene, which stays unknown."""
+def test_topic_of_another_type_is_bad_input(tmp_path):
     messages = [('/footprint', k / 10, b'\0\1\0\0\1') for k in range(50)]
     messages += [('/obstacles', k / 10, box(0)) for k in range(50)]
     bag = write(tmp_path / 'bag', messages, types={'/footprint': 'std_msgs/msg/Bool'})
@@ -218,8 +214,8 @@ FLIPPED = DRIVE[3][:-20] + bytes([DRIVE[3][-20] ^ 64]) + DRIVE[3][-19:]
     ((*CHANNELS, *DRIVE[:3], b'abc'), 30, 'announced'),
 ], ids=('whole', 'checksum', 'zstd', 'compression', 'short message', 'no such channel',
         'topic that is no text', 'texts longer than their record', 'endless record', 'cut off'))
-def test_damaged_part_of_a_file_is_left_out_and_said(tmp_path, parts, count, words):
-    """No message is made up of damaged bytes, nothing is raised, and the rest is read."""
+def test_damaged_part_of_a_file_is_reported_and_skipped(tmp_path, parts, count, words):
+    """No message is made of damaged bytes, and the rest is read."""
     file = tmp_path / 'a.mcap'
     file.write_bytes(mcap_of(schema(), *parts))
     result = check(file)
@@ -240,13 +236,13 @@ PACKED = [('sqlite3', 'file'), ('sqlite3', 'message'), ('mcap', 'file'), ('mcap'
 
 
 def results_of(path):
-    """Return what --json wrote of recordings."""
+    """Return the recordings in a file written by --json."""
     return json.loads(path.read_text())['bags']
 
 
 @pytest.mark.parametrize('names', (HIDDEN, (*HIDDEN, 'rclpy', 'geometry_msgs')))
 def test_plain_recordings_need_no_library(tmp_path, names):
-    """The same results, with ROS and without."""
+    """The results are the same, with and without ROS."""
     bags = [str(write(tmp_path / storage, TOUCHING, storage)) for storage in ('mcap', 'sqlite3')]
     assert main([*bags, '--json', str(tmp_path / 'a.json')]) == 1
     result = run_without(names, *bags, '--json', str(tmp_path / 'b.json'))
@@ -254,8 +250,7 @@ def test_plain_recordings_need_no_library(tmp_path, names):
     assert results_of(tmp_path / 'a.json') == results_of(tmp_path / 'b.json')
 
 
-def test_packed_recordings_name_what_they_need(tmp_path):
-    """Bad input, reported in one line for each."""
+def test_compressed_recordings_name_the_missing_library(tmp_path):
     bags = [str(write(tmp_path / '_'.join(packed), TOUCHING, *packed)) for packed in PACKED]
     result = run_without(HIDDEN, *bags)
     assert (result.returncode, result.stderr) == (3, '')
@@ -264,8 +259,8 @@ def test_packed_recordings_name_what_they_need(tmp_path):
     assert all('unpacking zstd needs' in line and 'rosbag2_py' in line for line in lines)
 
 
-def test_writing_names_what_it_needs(tmp_path):
-    """Before the run."""
+def test_writing_names_the_missing_library(tmp_path):
+    """Before the check."""
     bag = str(write(tmp_path / 'bag', TOUCHING))
     for arguments in ((bag, '--as-live', '--write-bag', str(tmp_path / 'out')),
                       ('--write-example', str(tmp_path / 'out'))):
@@ -276,7 +271,7 @@ def test_writing_names_what_it_needs(tmp_path):
 
 
 class _Reader:
-    """What rosbag2_py has to read, as its documentation says, on the readers of rosbags."""
+    """A stand-in for the documented interface of rosbag2_py, based on rosbags."""
 
     def open(self, storage, _):  # noqa: A003
         self._reader = AnyReader([Path(storage.uri)])
@@ -311,7 +306,7 @@ class _Reader:
 
 @pytest.fixture(params=('real', 'stand-in'))
 def rosbag2_py(request, monkeypatch):
-    """Hide what unpacks, and have rosbag2_py: that of ROS, or where it is not, a stand-in."""
+    """Hide the libraries that unpack, and provide rosbag2_py or a stand-in."""
     if request.param == 'real':
         pytest.importorskip('rosbag2_py')
     else:
@@ -330,8 +325,9 @@ def rosbag2_py(request, monkeypatch):
 
 @pytest.mark.parametrize('storage, compression', PACKED)
 @pytest.mark.parametrize('part', ({}, {'start': 0.5, 'duration': 1.0}))
-def test_packed_recordings_are_read_by_rosbag2(tmp_path, rosbag2_py, storage, compression, part):
-    """The same results as of the plain recording, and nothing is left beside the packed one."""
+def test_compressed_recordings_are_read_by_rosbag2(
+        tmp_path, rosbag2_py, storage, compression, part):
+    """The results are the same, and no file is left beside them."""
     plain = check(write(tmp_path / 'plain', TOUCHING, storage), Options(**part))
     bag = write(tmp_path / 'bag', TOUCHING, storage, compression)
     before = sorted(bag.iterdir())
@@ -342,8 +338,7 @@ def test_packed_recordings_are_read_by_rosbag2(tmp_path, rosbag2_py, storage, co
     assert sorted(bag.iterdir()) == before
 
 
-def test_what_rosbag2_refuses_is_told(tmp_path, rosbag2_py):
-    """A damaged recording is bad input in one line."""
+def test_recording_that_rosbag2_refuses_is_bad_input(tmp_path, rosbag2_py):
     bag = write(tmp_path / 'bag', TOUCHING, 'mcap', 'storage')
     file = bag / 'bag.mcap'
     file.write_bytes(file.read_bytes()[:2000])
@@ -352,7 +347,7 @@ def test_what_rosbag2_refuses_is_told(tmp_path, rosbag2_py):
 
 
 def test_bag_is_written_by_rosbag2(tmp_path):
-    """Where rosbags is not there: the same messages."""
+    """If rosbags is missing; the messages are the same."""
     pytest.importorskip('rosbag2_py')
     bag = str(write(tmp_path / 'bag', TOUCHING))
     check(bag, Options(as_live=True, write_bag=str(tmp_path / 'a')))

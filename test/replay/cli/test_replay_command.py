@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The command: options, output, and how it starts."""
+"""The command: options, outputs, and how it starts."""
 
 import contextlib
 import csv
@@ -37,7 +37,7 @@ ROOT = Path(__file__).resolve().parents[3]
 
 @pytest.fixture
 def bags(tmp_path):
-    """Return recordings by what they are: clear, collision, unknown and bad."""
+    """Return recordings by verdict."""
     bad = tmp_path / 'bad.mcap'
     bad.write_bytes(b'')
     return {'clear': str(write(tmp_path / 'clear', drive(contact=(0, 0)))),
@@ -51,7 +51,7 @@ def bags(tmp_path):
     (['clear'], 0), (['collision'], 1), (['unknown'], 2), (['bad'], 3), (['clear', 'clear'], 0),
     (['clear', 'unknown'], 2), (['unknown', 'bad', 'clear'], 3), (['bad', 'collision'], 1)])
 def test_exit_status_is_the_verdict(bags, capsys, given, status):
-    """Of several recordings the gravest; a proved collision counts before bad input."""
+    """Of several recordings the worst; a collision outweighs bad input."""
     assert main([bags[name] for name in given]) == status
     for name in given:
         assert bags[name] in capsys.readouterr().out or len(given) > 1
@@ -62,16 +62,16 @@ def test_exit_status_is_the_verdict(bags, capsys, given, status):
     (['-p', 'footprint.timeout:=-1.0'], 'footprint.timeout'),
     (['-p', 'footprint.timeout'], 'NAME:=VALUE'),
     (['--expect', 'nowhere.json'], 'nowhere.json')])
-def test_bad_options_end_in_one_line_before_the_run(bags, capsys, arguments, words):
-    """No traceback, exit status 3, and what is wrong."""
+def test_invalid_options_are_refused_before_the_run(bags, capsys, arguments, words):
+    """In one line, without a traceback."""
     assert main([bags['clear'], *arguments]) == 3
     out, error = capsys.readouterr()
     assert words in error and error.startswith('replay_check: ')
     assert out == '' and error.count('\n') == 1
 
 
-def test_table_tells_what_was_found(bags, capsys):
-    """Times since the beginning, depth and place of the contact, coverage, rejections."""
+def test_text_output(bags, capsys):
+    """Times, depth and position of the contact, coverage, and reasons."""
     main([bags['collision']])
     out = capsys.readouterr().out
     assert 'COLLISION' in out and f'303 messages (footprint 101, {SOURCE} 202)' in out
@@ -90,7 +90,7 @@ def test_table_tells_what_was_found(bags, capsys):
 
 
 def test_json_has_the_documented_schema(bags, tmp_path):
-    """Every key of the file is in docs/replay_json.md, and every number is JSON."""
+    """Every key is in docs/replay_json.md, and every number is valid JSON."""
     path = tmp_path / 'result.json'
     main([*bags.values(), '--json', str(path)])
     content = json.loads(path.read_text(), parse_constant=pytest.fail)
@@ -113,7 +113,7 @@ def test_json_has_the_documented_schema(bags, tmp_path):
 
 
 def keys_of(content):
-    """Return the keys of all objects, but not of those whose keys are names."""
+    """Return the keys of all objects, except those whose keys are names."""
     if isinstance(content, list):
         return set().union(*map(keys_of, content))
     if not isinstance(content, dict):
@@ -124,7 +124,7 @@ def keys_of(content):
 
 
 def test_csv_and_junit(bags, tmp_path):
-    """A row for each interval; a failure for each contact, an error for each problem."""
+    """A row per interval; a failure per contact, an error per problem."""
     table, suites = tmp_path / 'result.csv', tmp_path / 'result.xml'
     main([*bags.values(), '--csv', str(table), '--junit', str(suites)])
     with table.open(newline='') as file:
@@ -146,8 +146,8 @@ def test_csv_and_junit(bags, tmp_path):
     assert f'{SOURCE}/0' in root.find('.//failure').get('message')
 
 
-def test_gate_passes_what_is_as_stored_and_prints_what_is_not(bags, tmp_path, capsys):
-    """A stored collision is no failure; a contact that is gone is one."""
+def test_baseline(bags, tmp_path, capsys):
+    """An expected collision is no failure; a missing one is."""
     stored = str(tmp_path / 'stored.json')
     assert main([bags['collision'], bags['clear'], '--json', stored]) == 1
     assert main([bags['collision'], bags['clear'], '--expect', stored]) == 0
@@ -166,8 +166,8 @@ def test_gate_passes_what_is_as_stored_and_prints_what_is_not(bags, tmp_path, ca
     assert main([bags['clear'], '--expect', stored]) == 3
 
 
-def test_gate_that_wants_all_motion_decided(tmp_path, capsys):
-    """One obstacle is gone and another is there: where each was between is not known."""
+def test_max_undetermined(tmp_path, capsys):
+    """One obstacle disappears and another appears, so their motion is undetermined."""
     messages = [(topic, k / 10, points) for k in range(10) for topic, points in (
         ('/footprint', box(0)), ('/obstacles', box(5) if k < 5 else box(5)[:3]))]
     path = str(write(tmp_path / 'bag', messages))
@@ -184,8 +184,8 @@ def test_gate_that_wants_all_motion_decided(tmp_path, capsys):
     assert case.get('name') == f'motion of {SOURCE}'
 
 
-def test_plots_are_pictures(bags, tmp_path):
-    """Of one recording a file, of several a directory, also where nothing was found."""
+def test_plots(bags, tmp_path):
+    """One file for one recording, a folder for several."""
     pytest.importorskip('matplotlib')
     picture = tmp_path / 'picture.png'
     main([bags['collision'], '--plot', str(picture)])
@@ -195,8 +195,8 @@ def test_plots_are_pictures(bags, tmp_path):
         'clear.png', 'collision.png', 'unknown.png', 'bad.png'}
 
 
-def test_example_is_written_and_checked_as_the_readme_shows(tmp_path, capsys):
-    """The contacts are those that the scene is built to have, once each."""
+def test_example(tmp_path, capsys):
+    """Its contacts are those that the scene is built to have."""
     example = str(tmp_path / 'example')
     assert main(['--write-example', example]) == 0
     result = tmp_path / 'result.json'
@@ -212,8 +212,16 @@ def test_example_is_written_and_checked_as_the_readme_shows(tmp_path, capsys):
     assert main(['--write-example', example]) == 3
 
 
-def test_written_bag_needs_a_new_directory(bags, tmp_path, capsys):
-    """What is there is never overwritten."""
+@pytest.mark.parametrize('folder, command', [
+    ('bin', 'replay_check'), ('lib/sat_collision', 'ros2 run sat_collision replay_check')])
+def test_command_shown_is_the_one_installed(tmp_path, capsys, monkeypatch, folder, command):
+    monkeypatch.setattr(sys, 'argv', [str(tmp_path / folder / 'replay_check')])
+    example = str(tmp_path / 'example')
+    assert main(['--write-example', example]) == 0
+    assert f'\n  {command} {example} --params-file' in capsys.readouterr().out
+
+
+def test_written_bag_does_not_overwrite(bags, tmp_path, capsys):
     to_out = '--as-live', '--write-bag', str(tmp_path / 'out')
     assert main([bags['clear'], '--as-live', '--write-bag', str(tmp_path)]) == 3
     assert 'exists' in capsys.readouterr().err
@@ -227,13 +235,12 @@ def test_written_bag_needs_a_new_directory(bags, tmp_path, capsys):
 
 
 def test_module_runs_as_a_command(bags):
-    """`python -m sat_collision.replay`, in a process of its own."""
     result = run(bags['collision'])
     assert (result.returncode, result.stderr) == (1, '')
 
 
 def test_progress_is_shown_on_a_terminal_only(monkeypatch):
-    """A bar that appears when the run takes long, and is gone afterwards."""
+    """The bar appears in long runs and is removed afterwards."""
     master, slave = pty.openpty()
     now = [0.0]
     monkeypatch.setattr('time.monotonic', lambda: now[0])
@@ -243,7 +250,7 @@ def test_progress_is_shown_on_a_terminal_only(monkeypatch):
             progress.show(share)
         progress.clear()
     shown = ''
-    with contextlib.suppress(OSError):  # how the end of a terminal reads
+    with contextlib.suppress(OSError):  # the end of a terminal
         while part := os.read(master, 1000):
             shown += part.decode()
     os.close(master)
@@ -255,14 +262,14 @@ def test_progress_is_shown_on_a_terminal_only(monkeypatch):
 
 
 def run(*arguments, **environment):
-    """Run the command in a process of its own."""
+    """Run the command in another process."""
     return subprocess.run([sys.executable, '-m', 'sat_collision.replay', *arguments],
                           capture_output=True, text=True, env={**os.environ, **environment})
 
 
 @pytest.mark.parametrize('missing', ('yaml', 'numpy', 'sat_collision.replay.run'))
-def test_import_that_fails_is_bad_input(bags, missing):
-    """Exit status 3 and one line; 1 would say that something touched."""
+def test_failed_import_is_bad_input(bags, missing):
+    """Status 3 and one line; 1 would mean a collision."""
     result = run_without([missing], bags['clear'])
     assert (result.returncode, result.stdout) == (3, '')
     line, = result.stderr.splitlines()
@@ -272,18 +279,16 @@ def test_import_that_fails_is_bad_input(bags, missing):
     assert result.returncode == 3 and 'Traceback' in result.stderr
 
 
-def test_installed_command_starts_where_the_module_does():
-    """The script that setup.py makes calls what keeps crashes apart from collisions."""
+def test_installed_command_is_the_module():
     assert "'replay_check = sat_collision.replay.__main__:main'" in (ROOT / 'setup.py').read_text()
 
 
-def test_help_and_completion_come_without_the_kernels():
-    """They import neither NumPy nor numba."""
+def test_help_imports_neither_numpy_nor_numba():
     assert 'BAG' in run_without(['numba', 'numpy'], '--help').stdout
 
 
-def test_shell_completes_options_and_their_values(tmp_path):
-    """By argcomplete, as the shell asks it to."""
+def test_shell_completion(tmp_path):
+    """By argcomplete."""
     pytest.importorskip('argcomplete')
     found = []
     for line in ('replay_check --clo', 'replay_check --clock '):
@@ -296,7 +301,7 @@ def test_shell_completes_options_and_their_values(tmp_path):
 
 
 def on_terminal(*arguments, **environment):
-    """Return what the command prints on a terminal."""
+    """Return the output of the command on a terminal."""
     master, slave = pty.openpty()
     with os.fdopen(slave, 'w') as terminal:
         process = subprocess.Popen(
@@ -306,7 +311,7 @@ def on_terminal(*arguments, **environment):
     while True:
         try:
             part = os.read(master, 4096)
-        except OSError:  # how the end of a terminal reads
+        except OSError:  # the end of a terminal
             break
         shown += part
     os.close(master)
@@ -316,7 +321,7 @@ def on_terminal(*arguments, **environment):
 
 
 def test_verdicts_have_colours_on_a_terminal_only(bags):
-    """And never where NO_COLOR is set, or the terminal has none."""
+    """Unless NO_COLOR is set or the terminal is dumb."""
     given = bags['clear'], bags['collision']
     shown = on_terminal(*given, NO_COLOR='')
     assert re.search(r'clear: \033\[1;32mCLEAR\033\[0m', shown)

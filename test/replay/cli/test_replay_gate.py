@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The command as a release gate: unexpected errors are no verdicts, errors are one clear line."""
+"""The command as a release gate: unexpected errors are not verdicts, errors are one line."""
 
 import json
 import re
@@ -24,8 +24,9 @@ from xml.etree import ElementTree
 
 import pytest
 from recordings import box, drive, write
-from sat_collision.replay.cli import command, parallel
+from sat_collision.replay.cli import command
 from sat_collision.replay.cli.command import main
+from sat_collision.replay.run import check
 
 CLEAR = drive(2.0, contact=(0, 0))
 TOUCHING = drive(2.0, contact=(1.0, 1.5))
@@ -38,28 +39,28 @@ def bags(tmp_path):
 
 
 def fails(path, options, progress=None):
-    """Check a recording, but for one fault in our own code."""
+    """Check a recording, but raise an unexpected error for one of them."""
     if 'touching' in path:
-        raise ZeroDivisionError('what nobody\nforesaw')
-    return parallel.check(path, options, progress)
+        raise ZeroDivisionError('no result\nat all')
+    return check(path, options, progress)
 
 
 @pytest.mark.parametrize('debug', (True, False))
-def test_what_nobody_foresaw_is_bad_input(bags, monkeypatch, capsys, debug):
-    """Never exit status 1, which says collision; other recordings are checked and reported."""
+def test_unexpected_error_is_bad_input(bags, monkeypatch, capsys, debug):
+    """Never status 1, which means collision; other recordings are checked."""
     monkeypatch.setattr(command, 'check_one', fails)
     monkeypatch.setattr(command, 'check', fails)
     for given in ((bags[1],), (bags[1], bags[0])):
         assert main([*given, *['--debug'] * debug]) == 3
         out, error = capsys.readouterr()
         line, = (line for line in out.splitlines() if 'problem' in line)
-        assert 'ZeroDivisionError: what nobody foresaw' in line and bags[1] in line
+        assert 'ZeroDivisionError: no result at all' in line and bags[1] in line
         assert ('clear: CLEAR' in out) is (len(given) > 1)
         assert ('Traceback' in error) is debug
 
 
-def test_what_nobody_foresaw_in_results_is_bad_input(bags, tmp_path, monkeypatch, capsys):
-    """One line, and no traceback unless it is asked for."""
+def test_unexpected_error_in_an_output_is_bad_input(bags, tmp_path, monkeypatch, capsys):
+    """One line, and a traceback with --debug."""
     monkeypatch.setattr(command, 'write_json', lambda results, path: [][0])
     for more in ([], ['--debug']):
         assert main([bags[0], '--json', str(tmp_path / 'a.json'), *more]) == 3
@@ -68,7 +69,7 @@ def test_what_nobody_foresaw_in_results_is_bad_input(bags, tmp_path, monkeypatch
         assert ('Traceback' in error) is bool(more)
 
 
-def test_picture_that_fails_is_a_problem_of_its_recording(bags, tmp_path, monkeypatch, capsys):
+def test_failed_picture_is_a_problem_of_its_recording(bags, tmp_path, monkeypatch, capsys):
     """The other picture is drawn."""
     figure = pytest.importorskip('matplotlib.figure')
     drawn = []
@@ -95,8 +96,9 @@ def test_picture_that_fails_is_a_problem_of_its_recording(bags, tmp_path, monkey
     ('--plot', 'a.xyz', 'should end in'),
     ('--plot', 'a', 'should end in'),
     ('--write-bag', 'clear', 'already exists')])
-def test_output_that_cannot_be_is_told_before_the_run(bags, tmp_path, capsys, option, path, words):
-    """Nothing is checked, and nothing is overwritten."""
+def test_invalid_output_paths_are_refused_before_the_run(
+        bags, tmp_path, capsys, option, path, words):
+    """And nothing is overwritten."""
     (tmp_path / 'params.png').write_text('/**:\n  ros__parameters:\n    release_delay: 1.0\n')
     (tmp_path / 'stored.json').write_text('{}')
     (tmp_path / 'link.xml').symlink_to(tmp_path / 'clear' / 'clear.mcap')
@@ -109,8 +111,8 @@ def test_output_that_cannot_be_is_told_before_the_run(bags, tmp_path, capsys, op
     assert before == {file: file.read_bytes() for file in tmp_path.rglob('*') if file.is_file()}
 
 
-def test_outputs_of_several_are_checked_too(bags, tmp_path, capsys):
-    """A file where a folder is to be, and one file for two options."""
+def test_output_paths_of_several_recordings_are_checked(bags, tmp_path, capsys):
+    """A file where a folder is needed, and one file for two options."""
     (tmp_path / 'file').write_text('')
     for arguments, words in ((['--plot', str(tmp_path / 'file')], 'not a directory'),
                              (['--as-live', '--write-bag', str(tmp_path / 'file' / 'a')],
@@ -131,8 +133,8 @@ def test_outputs_of_several_are_checked_too(bags, tmp_path, capsys):
     (['--footprint', 'amr=/amr'], 'amr:=/amr'),
     (['--write-bag', 'a'], '--as-live'),
     (['--obstacles', '/a', '/b'], '--obstacles A --obstacles B')])
-def test_misuse_is_told_in_one_clear_line(bags, capsys, arguments, words):
-    """Without the usage; bad input, as argparse's 2 would say that the recording cannot tell."""
+def test_misuse_is_one_line_and_bad_input(bags, capsys, arguments, words):
+    """The status 2 of argparse would mean unknown."""
     with pytest.raises(SystemExit) as stop:
         main([bags[0], *arguments] if arguments else [])
     error = capsys.readouterr().err
@@ -141,7 +143,7 @@ def test_misuse_is_told_in_one_clear_line(bags, capsys, arguments, words):
 
 
 def test_parameter_file_without_this_node_is_bad_input(bags, tmp_path, capsys):
-    """Its margin of 0.5 m would be lost in silence; the names that it has are listed."""
+    """Its parameters would be ignored; the message lists its nodes."""
     params = tmp_path / 'params.yaml'
     params.write_text(
         '/monitors/front:\n  ros__parameters:\n    margin: 2.5\n'
@@ -156,8 +158,8 @@ def test_parameter_file_without_this_node_is_bad_input(bags, tmp_path, capsys):
         assert '/monitors/front, /monitors/rear; did you mean --node /monitors/' in error
 
 
-def test_junit_of_a_gate_says_what_the_gate_says(bags, tmp_path):
-    """A contact that is expected is no failure; what differs from the baseline is one."""
+def test_junit_with_a_baseline(bags, tmp_path):
+    """An expected contact is no failure; a difference is."""
     stored, junit = str(tmp_path / 'stored.json'), tmp_path / 'a.xml'
     assert main([*bags, '--json', stored]) == 1
     assert main([*bags, '--expect', stored, '--junit', str(junit)]) == 0
@@ -171,8 +173,7 @@ def test_junit_of_a_gate_says_what_the_gate_says(bags, tmp_path):
     assert failures['clear'] == 'expected, but not checked' and 'touching' in failures
 
 
-def test_topic_that_is_absent_is_told_with_the_nearest_name(bags, capsys):
-    """A letter too many."""
+def test_missing_topic_is_reported_with_the_nearest_name(bags, capsys):
     assert main([bags[0], '--footprint', '/footprints']) == 2
     assert 'no topic /footprints; did you mean /footprint?' in capsys.readouterr().out
 
@@ -180,9 +181,8 @@ def test_topic_that_is_absent_is_told_with_the_nearest_name(bags, capsys):
 @pytest.mark.parametrize('module, arguments, library', [
     ('distributed', ['--dask', 'tcp://127.0.0.1:9'], "'dask[distributed]'"),
     ('matplotlib', ['--plot', 'a.png'], 'matplotlib')])
-def test_missing_library_is_told_with_what_brings_it(
+def test_missing_library_is_reported_with_what_to_install(
         bags, tmp_path, monkeypatch, capsys, module, arguments, library):
-    """In one line, instead of the name of a module."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sys.modules, module, None)
     assert main([bags[0], *arguments]) == 3
@@ -190,33 +190,30 @@ def test_missing_library_is_told_with_what_brings_it(
     assert out == '' and error.endswith(f'{module} is not installed: pip install {library}\n')
 
 
-def test_scheduler_that_does_not_answer_is_given_up_soon(bags, capsys, monkeypatch):
-    """The command says at once what it does, and in seconds that nobody answers."""
+def test_scheduler_that_does_not_answer(bags, capsys, monkeypatch):
     pytest.importorskip('distributed')
-    monkeypatch.setattr(parallel, '_TIMEOUT', 1)
+    monkeypatch.setattr(command, '_TIMEOUT', 1)
     assert main([bags[0], '--dask', 'tcp://127.0.0.1:9']) == 3
     lines = [line for line in capsys.readouterr().err.splitlines() if 'replay_check' in line]
     assert lines[0] == 'replay_check: connecting to tcp://127.0.0.1:9'
     assert 'no scheduler answers at tcp://127.0.0.1:9' in lines[-1]
 
 
-def test_picture_of_no_kind_is_told_with_the_kinds(bags, capsys):
-    """Those that are meant, not all that the library could write."""
+def test_unknown_kind_of_plot_is_reported_with_the_kinds(bags, capsys):
     assert main([bags[0], '--plot', 'a.mp4']) == 3
     error = capsys.readouterr().err
     assert all(kind in error for kind in ('.html', '.png', '.svg', '.pdf')) and '.ps' not in error
 
 
-def test_topic_taken_for_a_recording_is_told(bags, capsys):
-    """`--obstacles a b BAG`."""
+def test_topic_taken_for_a_recording_is_reported(bags, capsys):
+    """As in `--obstacles a b BAG`."""
     assert main(['--obstacles', '/obstacles', '/b', bags[0]]) == 3
     out, error = capsys.readouterr()
     assert '/b is taken for a recording' in error and error.count('\n') == 1
     assert f'{bags[0]}: CLEAR' in out
 
 
-def test_missing_topic_is_told_with_the_candidates(bags, tmp_path, capsys):
-    """What the recording has and nothing uses."""
+def test_missing_topic_is_reported_with_unused_topics(bags, tmp_path, capsys):
     bag = write(tmp_path / 'bag', [(topic, k / 10, box(0)) for k in range(20)
                                    for topic in ('/footprint', '/people')])
     main([str(bag), '--obstacles', '/persons'])
@@ -225,8 +222,8 @@ def test_missing_topic_is_told_with_the_candidates(bags, tmp_path, capsys):
 
 
 @pytest.mark.parametrize('name', ('a.bag', 'a.db3'))
-def test_bag_of_ros_1_is_named(tmp_path, capsys, name):
-    """With what converts it."""
+def test_bag_of_ros_1_is_reported(tmp_path, capsys, name):
+    """With the command that converts it."""
     (tmp_path / name).write_bytes(b'#ROSBAG V2.0\n' + bytes(5000))
     assert main([str(tmp_path / name)]) == 3
     line, = (line for line in capsys.readouterr().out.splitlines() if 'problem' in line)
@@ -234,8 +231,8 @@ def test_bag_of_ros_1_is_named(tmp_path, capsys, name):
 
 
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
-def test_damaged_file_is_told_once(tmp_path, capsys, storage):
-    """However often it is read, and whatever is wrong with it."""
+def test_damaged_file_is_reported_once(tmp_path, capsys, storage):
+    """However often it is read."""
     bag = write(tmp_path / 'bag', drive(), storage)
     file = bag / {'mcap': 'bag.mcap', 'sqlite3': 'bag.db3'}[storage]
     data = file.read_bytes()
@@ -244,8 +241,8 @@ def test_damaged_file_is_told_once(tmp_path, capsys, storage):
     assert capsys.readouterr().out.count(f'problem: {file}') == 1
 
 
-def test_no_row_says_that_it_lasted_0_s(tmp_path, capsys):
-    """A contact of the last message is a moment; and 100 us without obstacles at the start."""
+def test_momentary_contact_is_not_printed_as_0_s(tmp_path, capsys):
+    """Contact in the last message; obstacles arrive 100 us after the footprint."""
     messages = [('/footprint', 0.0, box(0)), ('/obstacles', 1e-4, box(3)),
                 ('/obstacles', 1e-4, []), ('/footprint', 0.5, box(0)),
                 ('/obstacles', 0.5, box(0.5))]
@@ -258,8 +255,8 @@ def test_no_row_says_that_it_lasted_0_s(tmp_path, capsys):
     assert 'in contact with obstacle/0 at 0.500 s, 0.5000 m deep' in junit.read_text()
 
 
-def test_reader_that_goes_away_is_no_error(bags, tmp_path):
-    """`replay_check ... | head -1`: the status and the files are as they would be."""
+def test_closed_output_is_no_error(bags, tmp_path):
+    """As in `replay_check ... | head -1`."""
     result = tmp_path / 'result.json'
     process = subprocess.Popen([sys.executable, '-m', 'sat_collision.replay', bags[1],
                                 *[bags[0]] * 3, '--json', str(result)],
@@ -271,7 +268,7 @@ def test_reader_that_goes_away_is_no_error(bags, tmp_path):
 
 
 def test_interrupt_ends_all_processes(tmp_path):
-    """Of many recordings, sent to the command alone: what waits is not begun."""
+    """Waiting recordings are not started."""
     bag = str(write(tmp_path / 'bag', drive(60.0)))
     process = subprocess.Popen([sys.executable, '-m', 'sat_collision.replay', *[bag] * 2000,
                                 '--jobs', '2'], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
@@ -283,7 +280,7 @@ def test_interrupt_ends_all_processes(tmp_path):
     assert output.count('\n') < 1000
 
 
-def test_recording_is_known_by_its_content(bags, tmp_path, capsys):
+def test_recording_is_identified_by_its_content(bags, tmp_path, capsys):
     """Under another name, in another folder and in another storage."""
     stored = str(tmp_path / 'stored.json')
     assert main([*bags, '--json', stored]) == 1
@@ -302,4 +299,4 @@ def test_recording_is_known_by_its_content(bags, tmp_path, capsys):
     content = json.loads((tmp_path / 'other.json').read_text())
     del content['bags'][0]['content']
     (tmp_path / 'other.json').write_text(json.dumps(content))
-    assert main([other, '--expect', str(tmp_path / 'other.json')]) == 0, 'of an earlier version'
+    assert main([other, '--expect', str(tmp_path / 'other.json')]) == 0, 'an earlier version'

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Many recordings at once: processes of this machine, and a real Dask cluster over TCP."""
+"""Many recordings at once: on local processes and on a Dask cluster over TCP."""
 
 import functools
 import os
@@ -21,14 +21,15 @@ import signal
 
 import pytest
 from recordings import drive, NAMES, published, write
-from sat_collision.replay.cli import command, parallel
+from sat_collision.replay.cli import command
 from sat_collision.replay.cli.command import main
 from sat_collision.replay.model.result import Options, Verdict
+from sat_collision.replay.run import check
 
 
 @pytest.fixture
 def bags(tmp_path):
-    """Return recordings of which every second has a contact."""
+    """Return recordings, every second one with a contact."""
     return [str(write(tmp_path / f'bag{k}', drive(2.0, contact=(1.0, 1.5 if k % 2 else 1.0))))
             for k in range(4)]
 
@@ -39,7 +40,7 @@ def summed(results):
 
 
 def dies():
-    """End the process hard."""
+    """Kill this process."""
     os.kill(os.getpid(), signal.SIGKILL)
 
 
@@ -48,12 +49,12 @@ def fails():
 
 
 def faulty(path, options, marks, fault, forever=False):
-    """Check a recording; but have a fault at the first attempt, or at every one."""
+    """Check a recording, but with a fault at the first attempt, or at every one."""
     mark = Path(marks, Path(path).name)
     if path.endswith('bag3') and (forever or not mark.exists()):
         mark.touch()
         fault()
-    return parallel.check(path, options)
+    return check(path, options)
 
 
 @pytest.fixture
@@ -66,14 +67,13 @@ def cluster():
 
 
 def test_jobs_give_the_same_results(bags):
-    """In any order, each once."""
-    alone = [parallel.check_one(bag, Options()) for bag in bags]
-    assert summed(parallel.check_here(bags, Options(), 2)) == summed(alone)
+    alone = [command.check_one(bag, Options()) for bag in bags]
+    assert summed(command.check_here(bags, Options(), 2)) == summed(alone)
     assert [result.verdict for result in alone] == [Verdict.CLEAR, Verdict.COLLISION] * 2
 
 
-def test_progress_of_many_counts_recordings(bags, monkeypatch):
-    """Where each has a process of its own, whose bars would overwrite each other."""
+def test_progress_of_several_jobs_counts_recordings(bags, monkeypatch):
+    """Bars of single processes would overwrite each other."""
     shown = []
     monkeypatch.setattr(command.Progress, 'show', lambda _, share: shown.append(share))
     assert main([*bags, '--jobs', '2']) == 1
@@ -81,43 +81,41 @@ def test_progress_of_many_counts_recordings(bags, monkeypatch):
 
 
 @pytest.mark.parametrize('fault', (dies, fails))
-def test_recording_of_a_lost_process_is_tried_again(bags, tmp_path, monkeypatch, fault):
-    """A worker that is killed, or fails, at its first attempt: no result is lost or doubled."""
-    monkeypatch.setattr(parallel, 'check_one', functools.partial(
+def test_lost_process_is_retried(bags, tmp_path, monkeypatch, fault):
+    """No result is lost or doubled."""
+    monkeypatch.setattr(command, 'check_one', functools.partial(
         faulty, marks=str(tmp_path), fault=fault))
-    results = list(parallel.check_here(bags, Options(), 2))
+    results = list(command.check_here(bags, Options(), 2))
     assert sorted(result.bag for result in results) == bags
     assert all(not result.problems for result in results)
 
 
-def test_recording_that_kills_every_process_is_given_up(bags, tmp_path, monkeypatch):
+def test_recording_that_kills_every_process(bags, tmp_path, monkeypatch):
     """It is bad input after three attempts; all others are checked."""
-    monkeypatch.setattr(parallel, 'check_one', functools.partial(
+    monkeypatch.setattr(command, 'check_one', functools.partial(
         faulty, marks=str(tmp_path), fault=dies, forever=True))
-    results = {result.bag: result for result in parallel.check_here(bags, Options(), 2)}
+    results = {result.bag: result for result in command.check_here(bags, Options(), 2)}
     assert sorted(results) == bags
     assert [bag for bag in bags if results[bag].problems] == [bags[3]]
     assert '3 attempts' in results[bags[3]].problems[0]
 
 
 def test_cluster_gives_the_same_results(bags, cluster):
-    """Two worker processes over TCP, the function being that of one recording."""
-    alone = [parallel.check_one(bag, Options()) for bag in bags]
-    assert summed(parallel.check_on_cluster(bags, Options(), cluster)) == summed(alone)
+    alone = [command.check_one(bag, Options()) for bag in bags]
+    assert summed(command.check_on_cluster(bags, Options(), cluster)) == summed(alone)
 
 
 @pytest.mark.parametrize('fault', (dies, fails))
-def test_recording_of_a_lost_worker_is_tried_again(bags, tmp_path, monkeypatch, cluster, fault):
-    """A worker process that is killed, and one that raises."""
-    monkeypatch.setattr(parallel, 'check_one', functools.partial(
+def test_lost_worker_is_retried(bags, tmp_path, monkeypatch, cluster, fault):
+    monkeypatch.setattr(command, 'check_one', functools.partial(
         faulty, marks=str(tmp_path), fault=fault))
-    results = list(parallel.check_on_cluster(bags, Options(), cluster))
+    results = list(command.check_on_cluster(bags, Options(), cluster))
     assert sorted(result.bag for result in results) == bags
     assert all(not result.problems for result in results)
 
 
 def test_command_on_jobs_and_cluster(cluster, capsys):
-    """The recordings, with the summary and the exit status of one after the other."""
+    """The summary and the exit status are the same."""
     recordings = [str(published(name)) for name in NAMES]
     outs = []
     for arguments in ([], ['--jobs', '2'], ['--dask', cluster]):

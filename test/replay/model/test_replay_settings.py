@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Parameters read without ROS, against a real node given the same, and topics found by type."""
+"""Parameters read without ROS, compared with a real node; topics found by type."""
 
 from pathlib import Path
 
@@ -59,7 +59,7 @@ FILES = {
 
 
 def node_settings(domain, *arguments, refusal=type):
-    """Return the Settings that a real node has with these arguments, or `refusal` of the error."""
+    """Return the Settings of a real node with these arguments, or `refusal` of the error."""
     rclpy = pytest.importorskip('rclpy')
     from sat_collision.node.parameters import Parameters
     context = rclpy.Context()
@@ -76,7 +76,7 @@ def node_settings(domain, *arguments, refusal=type):
 
 
 @pytest.mark.parametrize('content', FILES.values(), ids=FILES)
-def test_parameter_file_means_what_it_means_to_the_node(domain, tmp_path, content):
+def test_parameter_files_are_read_as_by_the_node(domain, tmp_path, content):
     """Wildcards, namespaces, nested and dotted names, types."""
     path = tmp_path / 'params.yaml'
     path.write_text(content)
@@ -86,7 +86,6 @@ def test_parameter_file_means_what_it_means_to_the_node(domain, tmp_path, conten
 
 @pytest.mark.parametrize('name', ('footprint_monitor.yaml', 'nav2.yaml', 'outline.yaml'))
 def test_shipped_parameter_files_are_read(domain, name):
-    """As the node reads them."""
     settings = settings_of(parameters_of_file(CONFIG / name, NODE), NODE)
     assert settings == node_settings(domain, '--params-file', str(CONFIG / name))
 
@@ -99,8 +98,8 @@ def test_shipped_parameter_files_are_read(domain, name):
     'footprint.points:=[1.0, 2.0]', 'footprint.frame_id:=base', 'footprint.radius:=2.0',
     'footprint.topic:=a b', "footprint.topic:=''", 'enabled:=1', 'margin:=1', 'frame_id:=5',
     'margn:=1.0', f'{SOURCE}.timout:=1.0', 'scan.timeout:=1.0', 'colour:=red'])
-def test_what_the_node_refuses_is_refused(domain, text):
-    """And in one line that names the parameter."""
+def test_parameters_that_the_node_refuses(domain, text):
+    """In one line that names the parameter."""
     name, value = parameter_of_text(text)
     with pytest.raises(ParameterError, match=name.partition('.')[0]) as error:
         settings_of({name: value})
@@ -116,24 +115,23 @@ def test_what_the_node_refuses_is_refused(domain, text):
     ('robot.topic:=a', "name 'robot' in footprints or obstacles, where it is not"),
     ('margin:=1', "'margin' is 1, but must be a double: write 1.0"),
     ('frame_id:=5', 'write "5", in quotes'), ('footprints:=robot', r'write \[robot\]')])
-def test_refusal_says_what_to_write(domain, text, words):
-    """The same words from replay and from the node."""
+def test_refusals_are_those_of_the_node(domain, text, words):
     name, value = parameter_of_text(text)
     with pytest.raises(ParameterError, match=words) as error:
         settings_of({name: value})
     assert node_settings(domain, '-p', text, refusal=str) == str(error.value)
 
 
-def test_parameters_that_every_node_has_are_no_mistakes(domain):
-    """And a dump of the node has them."""
+def test_parameters_of_rclpy_are_accepted(domain):
+    """A dump of the node has them."""
     given = ['use_sim_time:=true', 'start_type_description_service:=false',
              'qos_overrides./obstacles.subscription.depth:=5']
     settings = settings_of(dict(map(parameter_of_text, given)), NODE)
     assert settings == node_settings(domain, *(part for text in given for part in ('-p', text)))
 
 
-def test_parameters_of_sources_that_options_or_recordings_name_are_known():
-    """Only when all sources are known one can tell that a parameter belongs to none."""
+def test_parameters_of_sources_named_by_options_or_topics():
+    """Unknown parameters are refused once all sources are known."""
     types = {'/footprint': POLYGON, '/people': POLYGON}
     for options in ({}, {'obstacles': ['/people']}):
         settings = settings_for(types, {'people.timeout': 7.0}, **options)
@@ -145,8 +143,7 @@ def test_parameters_of_sources_that_options_or_recordings_name_are_known():
 @pytest.mark.parametrize('content, words', [
     ('{:', 'params.yaml'), ('', 'not a parameter file'), ('a: 1', "no 'ros__parameters'"),
     ('/**:\n  ros__parameters: 3\n', 'has no parameters'), (b'\xff\xfe\xfd', 'params.yaml')])
-def test_file_that_is_no_parameter_file_is_refused(tmp_path, content, words):
-    """The message names it."""
+def test_other_files_are_refused(tmp_path, content, words):
     path = tmp_path / 'params.yaml'
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(ParameterError, match=words):
@@ -156,7 +153,7 @@ def test_file_that_is_no_parameter_file_is_refused(tmp_path, content, words):
 
 
 def topics_of(types, parameters=None, **options):
-    """Return the topics of footprints and of obstacles, and the types of the latter."""
+    """Return the topics of footprints, and the topics and types of sources."""
     settings = settings_for(types, parameters or {}, **options)
     return ([footprint.topic for footprint in settings.footprints],
             [(source.topic, source.type) for source in settings.obstacles])
@@ -174,8 +171,8 @@ def topics_of(types, parameters=None, **options):
     ({'/robot/footprint': POLYGON}, (['/robot/footprint'], [('/obstacles', 'polygon')])),
     ({'/obstacles': POLYGON}, (['/footprint'], [('/obstacles', 'polygon')])),
     ({'/tf': 'tf2_msgs/msg/TFMessage'}, (['/footprint'], [('/obstacles', 'polygon')]))])
-def test_topics_are_found_where_there_is_one_reading(types, found):
-    """The node's defaults, else by type and name."""
+def test_unambiguous_topics_are_found(types, found):
+    """The node's defaults, otherwise by type and name."""
     assert topics_of(types) == found
 
 
@@ -185,14 +182,14 @@ def test_topics_are_found_where_there_is_one_reading(types, found):
     {'/robot/footprint': POLYGON, '/people': POLYGON, '/shelves': POLYGON},
     {'/footprint': POLYGON, '/people': POLYGON, '/shelves': POLYGON}])
 def test_ambiguous_topics_are_listed(types):
-    """With their types, and what to say."""
+    """With the options to choose."""
     with pytest.raises(ParameterError, match='--(footprint|obstacles)') as error:
         settings_for(types, {})
     assert all(topic in str(error.value) for topic in types if topic != '/footprint')
 
 
-def test_topics_can_be_said():
-    """With and without a name; what is not said is still found."""
+def test_topics_can_be_given():
+    """With and without a name; the others are still found."""
     types = {'/a': POLYGON, '/b': POLYGON, '/c': INSTANCE}
     assert topics_of(types, footprints=('/a',), obstacles=('b:=/b', 'c:=/c')) == (
         ['/a'], [('/b', 'polygon'), ('/c', 'polygon_instance')])
@@ -204,8 +201,7 @@ def test_topics_can_be_said():
         topics_of(types, footprints=(':=/a',))
 
 
-def test_topic_called_like_a_parameter_feeds_the_default_source():
-    """No source may be called like a parameter, such as the list of all sources."""
+def test_topic_named_like_a_parameter_uses_the_default_name():
     settings = settings_for({'/footprints': POLYGON, '/obstacles': POLYGON}, {},
                             footprints=['/footprints'], obstacles=['/obstacles'])
     assert [settings.footprints[0].name, settings.obstacles[0].name] == ['footprint', SOURCE]

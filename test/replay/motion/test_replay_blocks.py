@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sets that are described and decided together: the results are the same as one by one."""
+"""Sets that are processed together give the same results as one by one."""
 
 import numpy as np
 import pytest
@@ -25,13 +25,14 @@ from sat_collision.replay.motion.walk import Motion
 
 SHAPES = [box(0.0), [(0, 0), (2, 0), (0.5, 1)], [(0, 0), (1.5, 0.5)], [*box(0.0), (0.0, 0.0)],
           [(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]]
+NAMES = 'robot', 'cart', 'lidar', 'radar', 'map'
 SETTINGS = settings_of({
-    'footprints': ['robot', 'cart'], 'obstacles': ['lidar', 'radar'], 'margin': 0.1,
-    **{f'{name}.topic': f'/{name}' for name in ('robot', 'cart', 'lidar', 'radar')}})
+    'footprints': ['robot', 'cart'], 'obstacles': ['lidar', 'radar', 'map'], 'margin': 0.1,
+    'map.accumulate': True, **{f'{name}.topic': f'/{name}' for name in NAMES}})
 
 
 def placed(name, time, shape):
-    """Return a body where it is at a time in s."""
+    """Return the placement of a body at a time in s."""
     points = np.zeros((len(shape), 3), np.float32)
     points[:, :2] = shape
     return Placement(name, START + round(time * 1e9), True, 'map',
@@ -39,7 +40,7 @@ def placed(name, time, shape):
 
 
 def placements(name, rng, times, shapes):
-    """Return bodies that drive past the origin, or stand; of each time all, but for a few."""
+    """Return bodies that drive past the origin or stand; a few are missing at each time."""
     places, speeds = rng.uniform(-9, 9, (2, len(shapes), 2))
     speeds *= rng.choice([0.1, 0.5]) * (rng.random((len(shapes), 1)) < 0.6)
     for time in times:
@@ -60,11 +61,13 @@ def recorded(seed):
     for name in ('lidar', 'radar'):
         found += placements(name, rng, np.arange(0.0, 12.0, rng.choice([0.1, 0.23])), [
             shapes[rng.integers(len(shapes) - (rng.random() < 0.8))] for _ in range(8)])
+    if rng.random() < 0.5:
+        found += placements('map', rng, np.cumsum(rng.uniform(0.2, 3.0, 5)), shapes)
     return sorted(found, key=lambda placement: placement.stamp)
 
 
 def followed(found, together, alone=0):
-    """Return results and motion of placements, so many taken at a time behind the first ones."""
+    """Return results and motion of placements, some at a time after the first ones."""
     results = [FootprintResult(one.name, one.topic, True) for one in SETTINGS.footprints]
     motion = Motion(SETTINGS, None, results)
     motion.place(found[:alone])
@@ -75,15 +78,15 @@ def followed(found, together, alone=0):
 
 
 def decided(found, together):
-    """Return all that is found of placements so many of which are taken at a time."""
+    """Return all results for placements, some at a time."""
     results, motion = followed(found, together)
     motion.draw_curves([])
     return repr((motion.contacts, [(one.least, one.separation) for one in results], [
-        motion.undetermined(name) for name in ('robot', 'cart', 'lidar', 'radar')]))
+        motion.undetermined(name) for name in NAMES]))
 
 
 @pytest.mark.parametrize('seed', range(8))
-def test_what_is_taken_together_is_decided_as_one_after_the_other(seed):
+def test_placements_together_give_the_same_as_one_by_one(seed):
     found = recorded(seed)
     alone = decided(found, 1)
     assert {decided(found, together) for together in (7, 64, 500)} == {alone}
@@ -94,21 +97,30 @@ def test_what_is_taken_together_is_decided_as_one_after_the_other(seed):
     (1.5, True, 0), (2.5, True, 1), (9.0, True, 2), (9.0, False, 1)],
     ids=['is near', 'touches', 'passes through and comes back', 'passes through'])
 @pytest.mark.parametrize('when', range(1, 9))
-def test_what_happens_on_any_piece_between_two_sets(together, x, comes_back, contacts, when):
-    """Eight pieces of the robot's way lead from a set to the next; on one it goes elsewhere."""
+def test_contact_on_any_piece_between_two_sets(together, x, comes_back, contacts, when):
+    """Between two sets the robot's motion has eight pieces; on one it goes elsewhere."""
     found = []
     for k in range(25):
         is_away = k == 8 + when or k > 8 + when and not comes_back
         found.append(placed('robot', k / 8, box(x if is_away else 0.0)))
         if k % 8 == 0:
             found.append(placed('lidar', k / 8, box(3.0)))
-    # Sets are described together from the second on.
+    # Sets are processed together from the second on.
     _, motion = followed(found, together, alone=2)
     assert len(motion.contacts) == contacts
 
 
-def test_steps_are_looked_at_together(monkeypatch):
-    """Most steps in which nothing touches, or the tests above test nothing."""
+def test_first_sample_is_that_of_its_footprint():
+    """It sets the frame of all footprints, too."""
+    found = [placed('robot', 0.0, box(0.0)), placed('cart', 0.0, box(5.0)),
+             placed('lidar', 0.0, box(0.5)), placed('robot', 0.1, box(2.0)),
+             placed('cart', 0.1, box(5.0)), placed('lidar', 0.1, box(0.5))]
+    _, motion = followed(found, 500)
+    assert [(one.footprint, one.first) for one in motion.contacts] == [('robot', START)]
+
+
+def test_most_steps_are_processed_together(monkeypatch):
+    """Otherwise the tests above would test nothing."""
     answers = []
     look = contacts.ContactTracker._look_together
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Matching of bodies from one set to the next, compared with a plain search of all pairs."""
+"""Matching of bodies from one set to the next, compared with a search of all pairs."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ PERIOD = 10**8
 
 
 def placement(stamp, points):
-    """Return points as a message has them, a whole number of periods after 0."""
+    """Return a placement at a whole number of periods."""
     array = np.zeros((len(points), 3), np.float32)
     array[:, :2] = np.reshape(points, (-1, 2))
     return Placement('lidar', stamp * PERIOD, True, 'map', (array.tobytes(), 0, len(points)),
@@ -42,20 +42,20 @@ def random_set(rng, count, extent):
 
 
 def centre(points):
-    """Return the middle of the bounds, twice."""
+    """Return twice the centre of the bounds."""
     xs, ys = zip(*points)
     return min(xs) + max(xs), min(ys) + max(ys)
 
 
 def nearest(points, others):
-    """Return the first of those that are nearest."""
+    """Return the index of the first of the nearest others."""
     x, y = centre(points)
     return min(range(len(others)), key=lambda j: sum(
         (a - b) ** 2 for a, b in zip((x, y), centre(others[j]))))
 
 
 def expected_pairs(before, after):
-    """Return which ring becomes which: nearest to each other, with as many points."""
+    """Return which ring becomes which: mutually nearest, with the same number of points."""
     if not before or not after:
         return set()
     return {(i, j) for i, j in enumerate(nearest(one, after) for one in before)
@@ -63,8 +63,8 @@ def expected_pairs(before, after):
 
 
 @pytest.mark.parametrize('extent', [2, 5, 30])
-def test_bodies_of_sets_are_those_that_are_nearest_to_each_other(extent):
-    """Many at one place, or few far apart; for how long something has no partner is counted."""
+def test_bodies_are_matched_with_their_mutual_nearest(extent):
+    """Dense and sparse sets; the time without a match is counted."""
     rng = np.random.default_rng(extent)
     steps = []
     tracker = SetTracker(ObstacleSettings('lidar', '/lidar'), 256,

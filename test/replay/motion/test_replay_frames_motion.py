@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recorded motion in moving frames: the same as that of bodies sent in the fixed frame."""
+"""Recorded motion in moving frames is the same as in the fixed frame."""
 
 import math
 
@@ -27,14 +27,14 @@ KINDS = {'sets': {}, 'ids': {f'{SOURCE}.type': 'polygon_instance'}}
 FRAMES = ('odom', 'laser'), ('laser', 'odom'), ('laser', 'laser')
 BODIES_EVERY, TRANSFORMS_EVERY, LAST = 1 / 16, 1 / 8, 8.0
 TURNING = 0.4
-# Where they are at a time: each number is a float32 in either frame while nothing turns, and no
-# contact begins or ends when a message is stamped.
+# Their places at a time: without rotation each number is a float32 in either frame, and no contact
+# begins or ends at the stamp of a message.
 OBSTACLES = (lambda time: box(6 + 1 / 64, 0.25, 0.25, 0.25), lambda time: box(12.0 - time, 0.5),
              lambda time: box(4 + 3 / 64, 3.0 - time, 0.5, 0.25))
 
 
-def told(points, time, frame_id, turning, number=None):
-    """Write a body that has points in the fixed frame as a message in this frame."""
+def written(points, time, frame_id, turning, number=None):
+    """Write a body with points in the fixed frame as a message in another frame."""
     if frame_id == 'laser':
         angle = turning * time
         c, s = math.cos(angle), math.sin(angle)
@@ -44,7 +44,7 @@ def told(points, time, frame_id, turning, number=None):
 
 
 def recorded(path, kind, delay, turning, frames):
-    """Replay the bodies, footprint and obstacles sent in one frame each; transforms come late."""
+    """Replay footprint and obstacles in one frame each; transforms come late."""
     messages = []
     for k in range(round(LAST / TRANSFORMS_EVERY) + 1):
         time = k * TRANSFORMS_EVERY
@@ -53,9 +53,9 @@ def recorded(path, kind, delay, turning, frames):
     for k in range(round(LAST / BODIES_EVERY)):
         time = k * BODIES_EVERY
         messages.append(('/footprint', time + 0.01,
-                         told(box(1.5 * time, 0.0), time, frames[0], turning)))
+                         written(box(1.5 * time, 0.0), time, frames[0], turning)))
         messages += [('/obstacles', time + 0.02 + 0.001 * i,
-                      told(place(time), time, frames[1], turning, i if kind == 'ids' else None))
+                      written(place(time), time, frames[1], turning, i if kind == 'ids' else None))
                      for i, place in enumerate(OBSTACLES)]
     messages.sort(key=lambda message: message[1])
     types = {'/tf': 'tf2_msgs/msg/TFMessage'}
@@ -73,9 +73,9 @@ def recorded(path, kind, delay, turning, frames):
 @pytest.mark.parametrize('turning', (0.0, TURNING))
 def test_motion_is_that_of_the_fixed_frame(tmp_path, kind, delay, turning):
     """
-    Each body is where its own message says, though others come while it waits.
+    Each body is placed at its own stamp, though others arrive while it waits.
 
-    While the frame does not turn, the numbers are the very same in both frames.
+    Without rotation the numbers are identical.
     """
     near = 1e-5 if turning else 0.0
     fixed = recorded(tmp_path / 'fixed', kind, delay, turning, ('odom', 'odom'))
@@ -87,7 +87,7 @@ def test_motion_is_that_of_the_fixed_frame(tmp_path, kind, delay, turning):
 
 
 def compare(moving, fixed, near):
-    """Compare contacts and separations; near in m, and in s."""
+    """Compare contacts and separations; near is a tolerance in m and in s."""
     assert len(moving.contacts) == len(fixed.contacts)
     for one, other in zip(moving.contacts, fixed.contacts):
         assert (one.obstacle, one.found) == (other.obstacle, other.found)

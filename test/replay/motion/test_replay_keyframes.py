@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The keyframes of a replay: where all bodies were, as contacts were decided."""
+"""The keyframes of a replay: the positions of all bodies by which contacts were decided."""
 
 from builders import serialised
 import pytest
@@ -30,7 +30,7 @@ WITH_IDS = {'obstacle.type': 'polygon_instance'}
 
 
 def with_keyframes(path, **options):
-    """Return what a check with keyframes finds."""
+    """Return the result of a check with keyframes."""
     result = check(path, Options(keyframes=True, **options))
     assert not result.problems
     return result
@@ -43,22 +43,22 @@ def nearest(keyframes, time):
 
 
 def places(keyframes, time, is_footprint=False):
-    """Return left ends of bodies by name, and whether they are known, at the moment nearest."""
+    """Return left ends of bodies by name, and whether they are known, at a time."""
     number = nearest(keyframes, time)
     return {span.name: (span.ring[:, 0].min(), span.known) for body, span in keyframes.at(number)
             if body.is_footprint is is_footprint}
 
 
 def agree(result, as_live):
-    """Compare the pair of each contact in the keyframes with its depth."""
+    """Compare the separation of each pair in contact with its depth."""
     assert result.contacts
-    told = {}
+    found = {}
     for contact in result.contacts:
-        told.setdefault(contact.deepest, []).append(contact)
-    for time, contacts in told.items():
+        found.setdefault(contact.deepest, []).append(contact)
+    for time, contacts in found.items():
         number = result.keyframes.number(time)
         assert result.keyframes.moments[number] == time
-        # As live, of those that are deepest at one time between its messages, one is shown.
+        # As live, several contacts may be deepest at one time between messages; one is shown.
         for contact in contacts if not as_live else [max(contacts, key=lambda one: one.depth)]:
             own = result.keyframes.footprint(contact.footprint).at(number)
             other = result.obstacle_of(contact).at(number)
@@ -68,13 +68,13 @@ def agree(result, as_live):
 
 @pytest.mark.parametrize('as_live', (False, True), ids=('motion', 'live'))
 @pytest.mark.parametrize('name', RECORDINGS)
-def test_keyframes_has_each_contact_as_deep_as_it_is_said_to_be(name, as_live):
-    """To the last bit: the deepest moments are there, and so are the bodies of the pair."""
+def test_keyframes_agree_with_the_depth_of_contacts(name, as_live):
+    """Exactly, at the deepest moment of each."""
     agree(with_keyframes(published(name), as_live=as_live), as_live)
 
 
-def test_keyframes_has_a_contact_that_ends_at_the_time_at_which_it_begins(tmp_path):
-    """As live, the robot comes to where the person was, who leaves by a message of that time."""
+def test_keyframes_of_a_momentary_contact(tmp_path):
+    """As live, the robot comes to where the person was, who leaves at the same time."""
     messages = []
     for tick in range(40):
         messages += [('/footprint', tick / 10, box(2.5 if tick >= 10 else 0.0)),
@@ -86,8 +86,8 @@ def test_keyframes_has_a_contact_that_ends_at_the_time_at_which_it_begins(tmp_pa
     agree(result, True)
 
 
-def test_bodies_are_shown_on_their_way_between_messages(tmp_path):
-    """A footprint at 1 Hz and an obstacle with an id at 2 Hz, each at its own speed."""
+def test_bodies_are_interpolated_between_messages(tmp_path):
+    """A footprint at 1 Hz and an obstacle with an id at 2 Hz."""
     messages = [('/footprint', time, box(2.0 * time)) for time in range(11)]
     messages += [('/obstacles', time / 2, serialised(box(30.0 - time), nanoseconds(time / 2),
                                                      instance=7)) for time in range(21)]
@@ -103,8 +103,8 @@ def test_bodies_are_shown_on_their_way_between_messages(tmp_path):
         assert name.endswith('/7') and known and x == pytest.approx(30.0 - 2 * moment, abs=1e-5)
 
 
-def test_what_is_not_known_is_shown_where_it_was_and_marked(tmp_path):
-    """The footprint is silent from 4 s to 8 s, longer than its timeout."""
+def test_unknown_body_stays_in_place_and_is_marked(tmp_path):
+    """The footprint is silent from 4 s to 8 s."""
     messages = [message for message in drive(12.0, contact=(0, 0))
                 if message[0] != '/footprint' or not 4.0 < message[1] < 8.0]
     result = with_keyframes(write(tmp_path / 'bag', messages))
@@ -112,8 +112,7 @@ def test_what_is_not_known_is_shown_where_it_was_and_marked(tmp_path):
     assert known == {2: True, 6: False, 10: True}
 
 
-def test_obstacle_that_is_gone_is_in_the_keyframes_no_more(tmp_path):
-    """Two obstacles until 5 s, then one: as recorded and as live."""
+def test_removed_obstacle_leaves_the_keyframes(tmp_path):
     messages = [message for k in range(101) for message in (
         ('/footprint', k / 10, box(0)), ('/obstacles', k / 10, box(3)),
         *([('/obstacles', k / 10, box(6))] if k < 50 else []), ('/obstacles', k / 10, []))]
@@ -124,7 +123,7 @@ def test_obstacle_that_is_gone_is_in_the_keyframes_no_more(tmp_path):
 
 
 def test_moments_are_dense_around_contacts_and_few_in_all(tmp_path):
-    """Of ten minutes with one contact of half a second."""
+    """Ten minutes with one contact of half a second."""
     result = with_keyframes(
         write(tmp_path / 'bag', drive(600.0, rate=2.0, contact=(300.0, 300.5))))
     moments = moments_of(result)
@@ -135,8 +134,8 @@ def test_moments_are_dense_around_contacts_and_few_in_all(tmp_path):
 
 
 @pytest.mark.parametrize('as_live', (False, True), ids=('motion', 'live'))
-def test_keyframes_changes_nothing_and_the_recording_is_read_once(tmp_path, monkeypatch, as_live):
-    """Without one nothing is kept; with one the result is the same."""
+def test_keyframes_do_not_change_the_result(tmp_path, monkeypatch, as_live):
+    """And the recording is read once."""
     path = write(tmp_path / 'bag', drive())
     plain = check(path, Options(as_live=as_live))
     read = []
@@ -150,8 +149,8 @@ def test_keyframes_changes_nothing_and_the_recording_is_read_once(tmp_path, monk
 
 
 @pytest.mark.parametrize('as_live', (False, True), ids=('motion', 'live'))
-def test_no_more_is_kept_than_the_disk_may_take(tmp_path, as_live):
-    """Then nothing is drawn, a note says why, and the answer is the same."""
+def test_keyframes_respect_the_disk_limit(tmp_path, as_live):
+    """Beyond it nothing is drawn, and a note says why."""
     path = write(tmp_path / 'bag', drive())
     plain = check(path, Options(as_live=as_live))
     result = with_keyframes(path, as_live=as_live, limits=Limits(disk=1000))

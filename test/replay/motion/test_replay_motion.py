@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Contacts in recorded motion: between messages, at equal stamps, and where it is undetermined."""
+"""Contacts in recorded motion: between messages, at equal stamps, and undetermined motion."""
 
 from builders import SECOND, serialised
 from published import load
@@ -32,15 +32,15 @@ def since(result, *times):
 
 
 def at(time, points, delay=0.0, topic='/obstacles'):
-    """Return a message stamped at a time that comes later."""
+    """Return a message stamped at a time and received later."""
     return topic, time + delay, serialised(points, START + round(time * SECOND))
 
 
 def test_leader_at_constant_distance_is_not_touched(tmp_path):
     """
-    0.10 m ahead, both at 2 m/s with frames at 10 Hz, the footprint 20 ms earlier.
+    Both drive at 2 m/s, 0.10 m apart; messages come at 10 Hz, the footprint's 20 ms earlier.
 
-    As live its place of before is taken for its place now, 0.20 m back.
+    As live the leader's previous position counts, which is 0.20 m back.
     """
     messages = []
     for k in range(40):
@@ -56,8 +56,8 @@ def test_leader_at_constant_distance_is_not_touched(tmp_path):
 
 
 @pytest.mark.parametrize('as_live', [False, True])
-def test_footprint_has_sources_of_its_own(tmp_path, as_live):
-    """It stands in its dock, which is not one of them; for another footprint that is a contact."""
+def test_footprint_monitors_only_its_sources(tmp_path, as_live):
+    """The robot stands in its dock, which only the cart monitors."""
     parameters = {'footprints': ['robot', 'cart'], 'obstacles': ['dock', 'walls'],
                   'robot.obstacles': ['walls'], 'cart.obstacles': ['']}
     messages = []
@@ -77,8 +77,8 @@ def test_footprint_has_sources_of_its_own(tmp_path, as_live):
 
 
 @pytest.mark.parametrize('first', ['/footprint', '/obstacles'])
-def test_order_within_a_stamp_means_nothing(tmp_path, first):
-    """Two cars 2 m apart at 3 m a frame, all messages of a frame at one stamp."""
+def test_order_within_a_stamp_does_not_matter(tmp_path, first):
+    """Two cars 2 m apart that move 3 m between messages."""
     messages = []
     for k in range(50):
         frame = [('/footprint', k / 10, box(3 * k)), ('/obstacles', k / 10, box(3 * k + 3))]
@@ -88,8 +88,8 @@ def test_order_within_a_stamp_means_nothing(tmp_path, first):
     assert [value for _, value in result.footprints[0].separation] == [2.0] * 50
 
 
-def test_thin_wall_between_two_frames(tmp_path, capsys):
-    """0.5 m long at 10 m/s, frames at 10 Hz: in no frame does it touch the wall."""
+def test_thin_wall_between_two_messages(tmp_path, capsys):
+    """A robot of 0.5 m at 10 m/s and 10 Hz touches the wall in no message."""
     wall = [(20.6, -1), (20.61, -1), (20.61, 2), (20.6, 2)]
     messages = [message for k in range(41) for message in (
         ('/footprint', k / 10, [(k, 0), (k + 0.5, 0), (k + 0.5, 0.5), (k, 0.5)]),
@@ -108,8 +108,8 @@ def test_thin_wall_between_two_frames(tmp_path, capsys):
 
 @pytest.mark.parametrize('clock', ('receive', 'header'))
 @pytest.mark.parametrize('name', NAMES)
-def test_shared_recordings_say_what_is_true_at_equal_stamps(name, clock):
-    """Every separation, every least one and every contact, against those found by shapely."""
+def test_published_recordings_at_equal_stamps(name, clock):
+    """Every separation, every minimum and every contact, compared with shapely."""
     moments = load('recordings')[name]['moments']
     result = check(published(name, 'sqlite3'), Options(
         clock=clock, parameters={'footprint.timeout': 3.0, f'{SOURCE}.timeout': 3.0}))
@@ -123,22 +123,22 @@ def test_shared_recordings_say_what_is_true_at_equal_stamps(name, clock):
     assert (result.verdict is Verdict.COLLISION) == any(one['touching'] for one in moments)
 
 
-def frames(places, topic='/footprint', every=0.1, size=1.0):
+def samples(places, topic='/footprint', every=0.1, size=1.0):
     """Return messages of a body that is at one place after the other."""
     return [(topic, k * every, box(x, size=size)) for k, x in enumerate(places)]
 
 
 def run(tmp_path, messages, **options):
-    """Check messages in the order of their times."""
+    """Check messages, sorted by time."""
     types = {'/tracks': INSTANCE}
     return check(write(tmp_path / 'bag', sorted(messages, key=lambda one: one[1]), types=types),
                  Options(**options))
 
 
-def test_both_ways_of_a_crossing_are_followed(tmp_path):
-    """The robot passes an obstacle that passes it: they touch half way, in no frame."""
-    robot = frames([0, 0, 0, 4, 4, 4])
-    other = frames([4, 4, 4, 0, 0, 0], '/obstacles')
+def test_motion_of_both_bodies_counts(tmp_path):
+    """The robot and an obstacle pass each other and touch half way, in no message."""
+    robot = samples([0, 0, 0, 4, 4, 4])
+    other = samples([4, 4, 4, 0, 0, 0], '/obstacles')
     result = run(tmp_path, robot + other)
     contact, = result.contacts
     assert contact.found == BETWEEN_SAMPLES
@@ -147,9 +147,9 @@ def test_both_ways_of_a_crossing_are_followed(tmp_path):
     assert result.footprints[0].least.found == BETWEEN_SAMPLES
 
 
-def test_obstacles_are_followed_whatever_their_order(tmp_path):
-    """Two of them cross the robot's lane, sent in another order each time."""
-    messages = frames([0] * 10)
+def test_obstacles_are_matched_in_any_order(tmp_path):
+    """Two of them cross the robot's lane, sent in changing order."""
+    messages = samples([0] * 10)
     for k in range(10):
         pair = [box(-9 + 2 * k, 0), box(30, 5)]
         messages += [('/obstacles', k / 10, points) for points in pair[::(-1) ** k]]
@@ -159,22 +159,21 @@ def test_obstacles_are_followed_whatever_their_order(tmp_path):
     assert all(source.undetermined == 0 for source in result.sources)
 
 
-def test_other_number_of_vertices_is_another_body(tmp_path):
-    """How it came from one place to the other is not known, and the result says for how long."""
-    messages = frames([0] * 10) + frames([-5] * 5, '/obstacles')
+def test_changed_number_of_vertices_is_undetermined_motion(tmp_path):
+    """The result says for how long."""
+    messages = samples([0] * 10) + samples([-5] * 5, '/obstacles')
     messages += [('/obstacles', k / 10, box(5)[:3]) for k in range(5, 10)]
     result = run(tmp_path, messages)
     assert result.verdict is Verdict.CLEAR
     assert [source.undetermined for source in result.sources] == [0, SECOND // 10]
-    for most, verdict in ((0.1, Verdict.CLEAR), (0.099, Verdict.UNKNOWN)):
-        result.options = Options(max_undetermined=most)
+    for limit, verdict in ((0.1, Verdict.CLEAR), (0.099, Verdict.UNKNOWN)):
+        result.options = Options(max_undetermined=limit)
         assert result.verdict is verdict
 
 
-def test_new_start_vertex_is_no_motion(tmp_path):
-    """A wall whose ring begins elsewhere, and runs the other way, each time, stays where it is."""
+def test_changed_start_vertex_or_direction_is_no_motion(tmp_path):
     wall = [(2.0, -3), (2.1, -3), (2.1, 3), (2.0, 3)]
-    messages = frames([0] * 9)
+    messages = samples([0] * 9)
     for k in range(9):
         ring = wall[k % 4:] + wall[:k % 4]
         messages.append(('/obstacles', k / 10, ring[::(-1) ** (k // 2)]))
@@ -184,8 +183,8 @@ def test_new_start_vertex_is_no_motion(tmp_path):
 
 
 @pytest.mark.parametrize('start, step', [(0, 1), (2, 1), (0, -1), (1, -1)])
-def test_new_start_vertex_hides_nothing(tmp_path, start, step):
-    """Were each vertex taken for the next, a wall would shrink to a point half way."""
+def test_changed_start_vertex_hides_no_contact(tmp_path, start, step):
+    """Matched vertex by vertex, the wall would shrink to a point half way."""
     wall = [(2.0, -3), (2.1, -3), (2.1, 3), (2.0, 3)]
     messages = [('/footprint', k / 10, [(x, 2), (x + 0.5, 2), (x + 0.5, 2.5), (x, 2.5)])
                 for k, x in enumerate([0, 1.2, 2.4, 3.6])]
@@ -195,8 +194,8 @@ def test_new_start_vertex_hides_nothing(tmp_path, start, step):
     assert contact.found == BETWEEN_SAMPLES
 
 
-def test_members_of_a_set_with_stamps_of_their_own(tmp_path):
-    """Each is where it was at its own stamp: both keep 0.5 m to a robot at 10 m/s."""
+def test_members_of_a_set_have_their_own_stamps(tmp_path):
+    """Both keep 0.5 m from a robot at 10 m/s."""
     messages = []
     for k in range(20):
         messages += [at(k / 10, box(k), topic='/footprint'),
@@ -214,10 +213,10 @@ def test_members_of_a_set_with_stamps_of_their_own(tmp_path):
     ({f'{SOURCE}.timeout': 60.0}, START), ({f'{SOURCE}.accumulate': True,
                                             f'{SOURCE}.timeout': 60.0}, START)],
     ids=['latched', 'latched without stamp', 'once', 'accumulated'])
-def test_what_is_told_once_stands(tmp_path, parameters, stamp):
-    """The robot drives through a thin wall 30 s after it was sent, between two messages."""
+def test_obstacle_sent_once_is_at_rest(tmp_path, parameters, stamp):
+    """The robot drives through a thin wall 30 s later, between two messages."""
     wall = serialised([(301.6, -1), (301.61, -1), (301.61, 2), (301.6, 2)], stamp)
-    messages = [('/obstacles', 0.0, wall), *frames(range(330), size=0.5)]
+    messages = [('/obstacles', 0.0, wall), *samples(range(330), size=0.5)]
     result = run(tmp_path, messages, parameters=parameters)
     contact, = result.contacts
     assert contact.found == BETWEEN_SAMPLES
@@ -226,9 +225,9 @@ def test_what_is_told_once_stands(tmp_path, parameters, stamp):
     assert min(value for _, value in result.footprints[0].separation) < 0.7
 
 
-def test_what_never_moves_is_looked_at_in_every_frame(tmp_path):
-    """A wall sent once a second, a robot at 10 Hz that bumps into it in one message."""
-    messages = frames([0, 0, 0, 0, 1.5, 0, 0, 0, 0, 0, 0, 0])
+def test_obstacle_at_rest_is_checked_at_every_footprint(tmp_path):
+    """A wall sent once per second, and a robot at 10 Hz that touches it in one message."""
+    messages = samples([0, 0, 0, 0, 1.5, 0, 0, 0, 0, 0, 0, 0])
     messages += [('/obstacles', 0.0, box(2)), ('/obstacles', 1.0, box(2))]
     result = run(tmp_path, messages)
     contact, = result.contacts
@@ -237,10 +236,10 @@ def test_what_never_moves_is_looked_at_in_every_frame(tmp_path):
     assert dict(result.footprints[0].separation)[START + 3 * SECOND // 10] == 1.0
 
 
-def test_footprint_is_interpolated_over_no_more_than_its_timeout(tmp_path):
-    """A gap of 1.5 s in its frames: what lies between is not made up."""
+def test_footprint_is_not_interpolated_beyond_its_timeout(tmp_path):
+    """Its messages have a gap of 1.5 s."""
     robot = [('/footprint', time, box(x)) for time, x in ((0.0, 0), (0.1, 0), (1.6, 9), (1.7, 9))]
-    messages = robot + frames([4] * 18, '/obstacles')
+    messages = robot + samples([4] * 18, '/obstacles')
     result = run(tmp_path, messages)
     assert result.contacts == []
     assert result.footprints[0].unknown > 0.3 * SECOND
@@ -251,19 +250,18 @@ def run_again(tmp_path, **options):
     return check(tmp_path / 'bag', Options(**options))
 
 
-def test_refused_footprint_interrupts_the_way(tmp_path):
-    """Where it was when a message was of no use nobody knows."""
-    robot = frames([0, 0, 0, 9, 9, 9])
-    messages = robot + frames([4] * 6, '/obstacles')
+def test_refused_footprint_is_not_interpolated_across(tmp_path):
+    robot = samples([0, 0, 0, 9, 9, 9])
+    messages = robot + samples([4] * 6, '/obstacles')
     assert len(run(tmp_path, messages).contacts) == 1
     bad = ('/footprint', 0.25, serialised([(0, 0), (float('nan'), 0)], START + SECOND // 4))
     (tmp_path / 'refused').mkdir()
     assert run(tmp_path / 'refused', [*messages, bad]).contacts == []
 
 
-def test_empty_set_ends_what_was_seen(tmp_path):
-    """It is gone by then, and what comes after it is another one."""
-    messages = frames([0] * 9) + frames([-3, -3, -3], '/obstacles')
+def test_empty_set_ends_the_motion_of_obstacles(tmp_path):
+    """A later obstacle is another one."""
+    messages = samples([0] * 9) + samples([-3, -3, -3], '/obstacles')
     messages += [('/obstacles', 0.3, [])]
     messages += [('/obstacles', k / 10, box(3)) for k in range(4, 9)]
     result = run(tmp_path, messages)
@@ -271,8 +269,8 @@ def test_empty_set_ends_what_was_seen(tmp_path):
     assert result.verdict is Verdict.CLEAR
 
 
-def test_margin_counts_between_frames(tmp_path):
-    """A pass at 0.2 m: in contact by a margin of 0.25 m, not by one of 0.15 m."""
+def test_margin_counts_between_messages(tmp_path):
+    """A pass at 0.2 m."""
     messages = [('/footprint', k / 10, [(6 * k, 0), (6 * k + 0.5, 0), (6 * k + 0.5, 0.5)])
                 for k in range(8)]
     messages += [('/obstacles', k / 10, [(21, 0.7), (21.1, 0.7), (21.1, 2)]) for k in range(8)]
@@ -281,8 +279,8 @@ def test_margin_counts_between_frames(tmp_path):
     assert contact.found == BETWEEN_SAMPLES and contact.depth == pytest.approx(-0.2)
 
 
-def test_nothing_known_at_one_time_is_unknown(tmp_path):
-    """A footprint once, and obstacles only after it: as live they collide."""
+def test_bodies_never_known_at_the_same_time_are_unknown(tmp_path):
+    """The footprint is sent once, and obstacles only later; as live they collide."""
     result = run(tmp_path, [('/footprint', 0.0, box(0)),
                             *(('/obstacles', k / 10, box(0)) for k in range(1, 9))])
     assert (result.verdict, result.contacts) == (Verdict.UNKNOWN, [])
@@ -290,18 +288,18 @@ def test_nothing_known_at_one_time_is_unknown(tmp_path):
     assert run_again(tmp_path, as_live=True).verdict is Verdict.COLLISION
 
 
-def test_other_frame_is_never_met(tmp_path):
-    """Received before it is known in which frame the footprint is."""
+def test_obstacle_in_another_frame_is_no_contact(tmp_path):
+    """Even if it is received before the footprint's frame is known."""
     messages = [('/obstacles', 0.0, serialised(box(0), START, 'odom')),
-                *(('/footprint', time + 0.5, points) for _, time, points in frames([0] * 30))]
+                *(('/footprint', time + 0.5, points) for _, time, points in samples([0] * 30))]
     assert run(tmp_path, messages).contacts == []
 
 
 @pytest.mark.parametrize('clock', ('receive', 'header'))
 @pytest.mark.parametrize('as_live', (False, True))
-def test_times_are_those_of_the_recording(tmp_path, capsys, clock, as_live):
-    """From 5 s on: a contact after 6 s is after 6 s, in words and in pictures."""
-    messages = frames([0] * 100) + frames([2] * 60 + [0.5] * 40, '/obstacles')
+def test_times_count_from_the_beginning_of_the_recording(tmp_path, capsys, clock, as_live):
+    """Also with --start."""
+    messages = samples([0] * 100) + samples([2] * 60 + [0.5] * 40, '/obstacles')
     bag = write(tmp_path / 'bag', sorted(messages, key=lambda one: one[1]))
     result = check(bag, Options(start=5.0, clock=clock, as_live=as_live))
     contact, = result.contacts
@@ -311,18 +309,18 @@ def test_times_are_those_of_the_recording(tmp_path, capsys, clock, as_live):
     assert f'{SOURCE}/0 at 6.000 s' in capsys.readouterr().out
 
 
-def test_moving_obstacle_is_nowhere_after_it_was_seen_last(tmp_path):
-    """It is ahead at the robot's speed; then the robot passes where it was seen last."""
-    messages = frames(range(30)) + frames([x + 1.5 for x in range(20)], '/obstacles')
+def test_moving_obstacle_is_undetermined_after_its_last_message(tmp_path):
+    """The robot passes where it was last seen."""
+    messages = samples(range(30)) + samples([x + 1.5 for x in range(20)], '/obstacles')
     result = run(tmp_path, messages)
     assert result.contacts == []
     assert result.sources[1].undetermined > SECOND // 2
     assert run_again(tmp_path, as_live=True).verdict is Verdict.COLLISION
 
 
-def test_ids_are_followed_through_each_other(tmp_path):
-    """Two cross on the robot: by id each touches once, at times of its own."""
-    messages = frames([0] * 30)
+def test_ids_are_matched_when_they_cross(tmp_path):
+    """Each touches the robot once."""
+    messages = samples([0] * 30)
     for k in range(30):
         for name, x in ((7, k - 10), (8, 18 - k)):
             stamp = START + k * SECOND // 10 + name * 10**6
@@ -334,8 +332,8 @@ def test_ids_are_followed_through_each_other(tmp_path):
                      'tracks/8': pytest.approx([1.708, 1.908], abs=1e-6)}
 
 
-def test_standing_body_with_an_id_is_touched_once(tmp_path):
-    """The robot drives past at 1.5 m/s, and both are sent anew 16 times a second."""
+def test_obstacle_at_rest_with_an_id_is_one_contact(tmp_path):
+    """The robot drives past, and both are sent 16 times per second."""
     messages = []
     for k in range(128):
         time = k / 16
@@ -349,8 +347,8 @@ def test_standing_body_with_an_id_is_touched_once(tmp_path):
 
 @pytest.mark.parametrize('delay', (0.15, 0.5, 5.0))
 @pytest.mark.parametrize('clock', ('receive', 'header'))
-def test_footprint_that_is_received_late_counts_at_its_own_stamp(tmp_path, delay, clock):
-    """The one frame in which it touched comes after those that follow it."""
+def test_late_footprint_counts_at_its_stamp(tmp_path, delay, clock):
+    """The one message in which it touches arrives after later ones."""
     messages = [at(k / 10, box(0.0 if k == 50 else 5.0), delay if k == 50 else 0.0, '/footprint')
                 for k in range(121)]
     messages += [at(k / 10, points) for k in range(121) for points in (box(0.5), [])]
@@ -362,8 +360,8 @@ def test_footprint_that_is_received_late_counts_at_its_own_stamp(tmp_path, delay
 
 
 @pytest.mark.parametrize('delay', (0.3, 2.1))
-def test_obstacles_that_are_received_late_count_at_their_own_stamps(tmp_path, delay):
-    """Those of two seconds all at once, when a link is there again."""
+def test_late_obstacles_count_at_their_stamps(tmp_path, delay):
+    """Those of two seconds arrive at once."""
     messages = []
     for k in range(101):
         late = 7.0 - k / 10 + delay if 50 <= k < 70 else 0.0
@@ -378,8 +376,8 @@ def test_obstacles_that_are_received_late_count_at_their_own_stamps(tmp_path, de
 
 
 @pytest.mark.parametrize('delay', [-0.01, 0.15])
-def test_contact_at_the_first_stamp_counts_whichever_is_received_first(tmp_path, delay):
-    """The obstacle is there at the beginning alone, when no frame is known yet."""
+def test_contact_at_the_first_stamp_counts(tmp_path, delay):
+    """Whichever of the two is received first."""
     messages = []
     for k in range(20):
         messages += [at(1 + k / 10, box(0.0), delay, '/footprint'),
@@ -391,8 +389,7 @@ def test_contact_at_the_first_stamp_counts_whichever_is_received_first(tmp_path,
     assert since(result, result.contacts[0].first) == [pytest.approx(max(-delay, 0.0))]
 
 
-def test_what_is_received_after_the_part_that_is_checked_may_be_of_it(tmp_path):
-    """With --duration, a stamp decides."""
+def test_part_of_a_recording_is_selected_by_stamps(tmp_path):
     messages = [at(k / 10, box(0.0 if k == 50 else 5.0), 0.5 if k == 50 else 0.0, '/footprint')
                 for k in range(121)]
     messages += [at(k / 10, points) for k in range(121) for points in (box(0.5), [])]
@@ -401,8 +398,8 @@ def test_what_is_received_after_the_part_that_is_checked_may_be_of_it(tmp_path):
     assert check(bag, Options(duration=4.5)).verdict is Verdict.CLEAR
 
 
-def test_contact_with_a_notched_obstacle_is_deepest_where_they_touch(tmp_path):
-    """Between two frames it passes both prongs of a U; half way through they are apart."""
+def test_deepest_moment_with_a_non_convex_obstacle(tmp_path):
+    """Between two messages the robot passes both prongs of a U; half way they are apart."""
     fork = [(0, -2), (1, -2), (1, 1), (0.75, 1), (0.75, -1), (0.25, -1), (0.25, 1), (0, 1)]
     messages = [message for k in range(21) for message in (
         at(k / 10, box(-20.0 if k < 10 else 20.0, 0.0, 0.125), topic='/footprint'),

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Random recorded motions, compared with dense samples that shapely decides."""
+"""Random recorded motions, compared with dense samples decided by shapely."""
 
 from builders import SECOND, serialised
 import numpy as np
@@ -22,7 +22,7 @@ from sat_collision.replay.run import check
 
 shapely = pytest.importorskip('shapely')
 
-# What the sweep takes for contact, with what a time rounded to ns may add at these speeds.
+# The tolerance of the sweep in m, with the error of a time rounded to ns at these speeds.
 NEAR = 1.1e-6
 SHAPES = [np.array(points, float) for points in (
     [(0, 0), (1, 0), (1, 1), (0, 1)], [(0, 0), (2, 0), (0.5, 1)], [(0, 0), (1.5, 0.5)], [(0, 0)],
@@ -30,7 +30,7 @@ SHAPES = [np.array(points, float) for points in (
 
 
 class Recorded:
-    """A body that drives through the origin's surroundings and turns, seen at irregular times."""
+    """A body that drives past the origin and rotates, sampled at irregular times."""
 
     def __init__(self, rng, shape, duration):
         gaps = rng.uniform(0.05, 0.3, 100)
@@ -47,20 +47,20 @@ class Recorded:
         self.stamps = START + np.rint(self.times * SECOND).astype(np.int64)
 
     def at(self, stamp):
-        """Return where it is between two frames, each vertex on a straight line."""
+        """Return it between two samples, each vertex on a straight line."""
         k = np.clip(np.searchsorted(self.stamps, stamp) - 1, 0, len(self.stamps) - 2)
         share = (stamp - self.stamps[k]) / (self.stamps[k + 1] - self.stamps[k])
         return self.frames[k] + share * (self.frames[k + 1] - self.frames[k])
 
-    def messages(self, rng, topic, instance=None, longest=0.04):
-        """Return its messages, each received up to so many seconds after its stamp."""
-        delays = rng.uniform(0, longest, len(self.times))
+    def messages(self, rng, topic, instance=None, max_delay=0.04):
+        """Return its messages, each received some time after its stamp."""
+        delays = rng.uniform(0, max_delay, len(self.times))
         return [(topic, time + delay, serialised(frame, int(stamp), instance=instance))
                 for time, delay, frame, stamp in zip(self.times, delays, self.frames, self.stamps)]
 
 
 def geometry(points):
-    """Return what shapely takes the vertices for."""
+    """Return the shapely geometry of vertices."""
     kind = {1: shapely.Point, 2: shapely.LineString}.get(len(points), shapely.Polygon)
     return kind(points[0] if len(points) == 1 else points)
 
@@ -71,25 +71,25 @@ def distance(a, b, stamp):
 
 def test_bodies_with_ids_against_dense_samples(tmp_path):
     """
-    In contact at a sample: within a contact found; at both ends of each contact they touch.
+    A sample in contact lies within a contact found, whose ends both touch.
 
-    Footprint and obstacles come at times of their own, and are received in another order.
+    Footprint and obstacles have their own stamps and arrive in another order.
     """
     assert sum(compared(tmp_path / str(seed), seed) for seed in range(12)) > 12
 
 
 @pytest.mark.parametrize('seed', range(6))
-def test_how_late_messages_are_received_means_nothing(tmp_path, seed):
-    """In any order, up to three seconds late: every contact is the same."""
+def test_delays_do_not_change_contacts(tmp_path, seed):
+    """Messages arrive in any order, up to three seconds late."""
     found = []
-    for longest in (0.0, 3.0):
+    for max_delay in (0.0, 3.0):
         rng = np.random.default_rng(seed)
         robot, *others = [Recorded(rng, SHAPES[(seed + k) % len(SHAPES)], 4.0) for k in range(6)]
-        messages = robot.messages(rng, '/footprint', None, longest)
+        messages = robot.messages(rng, '/footprint', None, max_delay)
         for k, other in enumerate(others):
-            messages += other.messages(rng, '/tracks', k, longest)
+            messages += other.messages(rng, '/tracks', k, max_delay)
         messages.sort(key=lambda message: message[1])
-        result = check(write(tmp_path / str(longest), messages, types={'/tracks': INSTANCE}))
+        result = check(write(tmp_path / str(max_delay), messages, types={'/tracks': INSTANCE}))
         assert not any(source.rejected for source in result.sources)
         found.append([(contact.obstacle, contact.first, contact.last, contact.depth)
                       for contact in result.contacts])
@@ -97,7 +97,7 @@ def test_how_late_messages_are_received_means_nothing(tmp_path, seed):
 
 
 def check_manifold(contact, own, other):
-    """At its deepest moment the points are of the footprint, and the normal leads out."""
+    """Check points and normal of a contact at its deepest moment."""
     assert np.hypot(*contact.normal) == pytest.approx(1.0, abs=1e-12)
     assert 1 <= len(contact.points) <= 2
     for point in contact.points:
@@ -108,7 +108,7 @@ def check_manifold(contact, own, other):
 
 
 def compared(path, seed):
-    """Compare what is found in a random recording; return how many contacts it has."""
+    """Compare the contacts of a random recording; return how many there are."""
     rng = np.random.default_rng(seed)
     duration = 4.0
     robot = Recorded(rng, SHAPES[seed % len(SHAPES)], duration)

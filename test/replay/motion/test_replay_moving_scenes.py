@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Random scenes in random moving frames, replayed: as live the results are the monitor's."""
+"""Random scenes in random moving frames, replayed as live."""
 
 import pytest
 
@@ -43,7 +43,7 @@ def touching(result, time):
 
 @pytest.mark.parametrize('seed', range(8))
 def test_contacts_are_those_of_the_fixed_frame(tmp_path, seed):
-    """At the end of each window, when all has come; they are those of the true places."""
+    """And those of the true poses, at the end of each window when all messages have arrived."""
     scene = MovingScene(seed, START)
     moving, fixed = (
         check(write(tmp_path / name, [(topic, time, data) for time, topic, data in events],

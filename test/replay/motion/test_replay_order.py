@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Messages in the order of their own stamps, however they are split into rows."""
+"""Messages sorted by their stamps, however they are split into rows."""
 
 from operator import itemgetter
 
@@ -28,7 +28,7 @@ START = 1000 * SECOND
 
 
 def message(topic, received, stamp, number=0):
-    """Return a message at seconds from the beginning, which has its number for its x."""
+    """Return a message at seconds from the beginning, with its number as x."""
     time = START + round(stamp * SECOND) if stamp else 0
     data = (transforms(('map', 'base', time, number, 0.0)) if topic == '/tf' else
             serialised([(number, 0), (1, 1), (0, 1)], time))
@@ -36,14 +36,14 @@ def message(topic, received, stamp, number=0):
 
 
 def numbers(messages):
-    """Return which messages come at which times, of messages read in rows."""
+    """Return topic, time and numbers of messages read in rows."""
     known = [data for _, _, data in messages]
     return [(topic, (time - START) / SECOND, [known.index(data) for data in batch])
             for topic, time, batch in StampOrder(in_rows(messages), False)]
 
 
-def test_runs_that_are_interleaved_in_a_row_are_sorted_out():
-    """Two publishers on a topic; and a footprint between the two stamps, received last."""
+def test_interleaved_runs_are_sorted():
+    """Two publishers on a topic, and a footprint between their stamps that is received last."""
     messages = [message('/obstacles', 1.0 + k / 100, stamp, k)
                 for k, stamp in enumerate((1.0, 1.0, 1.5, 1.5, 1.0, 1.0, 1.5))]
     messages.append(message('/footprint', 1.2, 1.25, 7))
@@ -52,7 +52,7 @@ def test_runs_that_are_interleaved_in_a_row_are_sorted_out():
                                  ('/obstacles', 1.5, [2, 3, 6])]
 
 
-def test_run_ends_where_it_is_received_too_far_from_its_stamp():
+def test_run_ends_at_a_message_too_far_from_its_stamp():
     messages = [message('/obstacles', received, 20.0, k)
                 for k, received in enumerate((11.0, 9.0, 20.0, 30.0, 30.1, 30.2))]
     assert numbers(messages) == [
@@ -60,15 +60,15 @@ def test_run_ends_where_it_is_received_too_far_from_its_stamp():
         ('/obstacles', 30.2, [5])]
 
 
-def test_run_whose_beginning_has_gone_out_at_once_goes_on():
-    """It was received out of turn, so that it is older than all that waits."""
+def test_run_continues_after_its_beginning_was_passed_on():
+    """Its first message was older than all waiting ones."""
     messages = [message('/obstacles', received, stamp, k) for k, (received, stamp) in enumerate(
         ((0.5, 0.5), (35, 35), (44, 44), (46, 44), (2, 1), (3, 1), (4, 1)))]
     assert sorted(sum((batch for _, _, batch in numbers(messages)), [])) == [*range(7)]
 
 
 def expected(messages, by_header):
-    """Return (topic, time, data) of messages one by one as they should come."""
+    """Return (topic, time, data) of single messages in the expected order."""
     found, waiting, latest = [], [], 0
     for topic, received, data in messages:
         stamp = header_stamp(data[:4] + data[8:16] if topic == '/tf' else data)
@@ -86,8 +86,8 @@ def expected(messages, by_header):
 
 @pytest.mark.parametrize('by_header', (False, True))
 @pytest.mark.parametrize('seed', range(40))
-def test_each_message_comes_at_its_stamp(seed, by_header):
-    """Late ones, far clocks, none, and one that is set back."""
+def test_messages_are_ordered_by_their_stamps(seed, by_header):
+    """Late messages, stamps far off or 0, and a clock that is set back."""
     rng = np.random.default_rng(seed)
     messages = []
     for tick in range(60):
@@ -109,7 +109,7 @@ def test_each_message_comes_at_its_stamp(seed, by_header):
         time for _, time, other in wanted if other is data)
 
 
-def test_rows_are_of_one_topic_and_bounded_and_their_times_do_not_fall():
+def test_rows_have_one_topic_bounded_length_and_ascending_times():
     messages = [('/a', time, b'') for time in (1, 2, 2, 1)] + [('/b', 3, b'')] * (LONGEST_ROW + 1)
     rows = [*in_rows(messages)]
     assert [(topic, times) for topic, times, _ in rows] == [

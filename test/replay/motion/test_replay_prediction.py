@@ -36,12 +36,12 @@ NUPLAN = json.loads((DATA / 'prediction.json').read_text())['time_to_collision']
 
 
 def since(result, samples):
-    """Return samples by their time in tenths of a second since the recording begins."""
+    """Return samples by tenths of a second since the recording begins."""
     return {round((time - result.origin) * 10 / SECOND): value for time, value in samples}
 
 
 def approach(gap=Fraction(5), back=30):
-    """Return a robot at 5/4 m/s before a wall, which goes back after some tenths of a second."""
+    """Return a robot at 5/4 m/s before a wall, which drives back after some tenths."""
     messages = []
     for k in range(back + 20):
         x = Fraction(min(k, 2 * back - k), 8)
@@ -50,7 +50,7 @@ def approach(gap=Fraction(5), back=30):
     return messages
 
 
-def test_a_margin_is_a_collision(tmp_path):
+def test_time_until_within_the_margin(tmp_path):
     result = check(write(tmp_path / 'bag', approach()),
                    Options(min_ttc=0.5, parameters={'margin': 0.25}))
     samples = since(result, result.footprints[0].time_to_collision)
@@ -58,7 +58,7 @@ def test_a_margin_is_a_collision(tmp_path):
 
 
 def test_times_before_a_wall_are_exact(tmp_path):
-    """Unknown at first, then 5 m at 5/4 m/s, and none once it goes back."""
+    """Unknown at first, then 5 m at 5/4 m/s, and none while it drives back."""
     result = check(write(tmp_path / 'bag', approach()), Options(min_ttc=0.5))
     footprint, = result.footprints
     samples = since(result, footprint.time_to_collision)
@@ -75,8 +75,8 @@ def test_times_before_a_wall_are_exact(tmp_path):
     assert result.verdict is Verdict.CLEAR
 
 
-def test_two_that_move_towards_each_other(tmp_path):
-    """12 m apart, at 2 m/s and 3 m/s; one message in 10 is refused, and no way leads there."""
+def test_time_with_two_moving_bodies(tmp_path):
+    """12 m apart at 2 m/s and 3 m/s; every tenth message is refused."""
     messages = []
     for k in range(20):
         own = box(k / 5) if k % 10 else [*box(k / 5), (math.nan, 0)]
@@ -90,8 +90,8 @@ def test_two_that_move_towards_each_other(tmp_path):
 
 
 @pytest.mark.parametrize('seed', range(4))
-def test_turning_is_never_late(tmp_path, seed):
-    """On arcs, against constant twists sampled every millisecond."""
+def test_times_on_arcs_are_never_late(tmp_path, seed):
+    """Compared with constant twists sampled every millisecond."""
     rng = np.random.default_rng(seed)
     speed, turn = rng.uniform(1, 3), rng.choice([-1, 1]) * rng.uniform(0.3, 1.0)
     outline = shapely.Polygon([(-0.5, -0.3), (1, -0.3), (1, 0.3), (-0.5, 0.3)])
@@ -119,7 +119,7 @@ def test_turning_is_never_late(tmp_path, seed):
 
 @pytest.mark.parametrize('scene', NUPLAN, ids=lambda scene: scene['name'])
 def test_scenes_of_nuplan(tmp_path, scene):
-    """Recorded from 0.3 s before until 0.1 s after: the time is the first of its exact ones."""
+    """The time at the scene's moment is the first of its exact ones."""
     def at(points, velocity, tenths):
         return (np.array(points) + np.array(velocity) * tenths / 10).tolist()
 
@@ -137,8 +137,8 @@ def test_scenes_of_nuplan(tmp_path, scene):
     assert samples[3] == (first if first is None else pytest.approx(first, abs=1e-4))
 
 
-def test_none_is_given_while_the_footprint_is_unknown(tmp_path):
-    """The wall is 2.4 s ahead before it is known to be all; then it is silent for 2 s."""
+def test_no_time_while_unknown(tmp_path):
+    """Before the first whole set, and while the wall is silent."""
     messages = [(topic, time, content) for topic, time, content in approach(Fraction(3), back=20)
                 if topic == '/footprint' or not 1.0 < time < 3.0]
     result = check(write(tmp_path / 'bag', messages),
@@ -152,8 +152,8 @@ def test_none_is_given_while_the_footprint_is_unknown(tmp_path):
     assert known > 5
 
 
-def test_gate_fails_in_words(tmp_path, capsys):
-    """1.1 s before the wall it goes back: that is less than 1.5 s, and no collision."""
+def test_min_ttc(tmp_path, capsys):
+    """It drives back 1.1 s before the wall."""
     bag = str(write(tmp_path / 'bag', approach()))
     files = {option: str(tmp_path / f'result.{option}') for option in ('json', 'csv', 'junit')}
     outputs = [part for option, path in files.items() for part in (f'--{option}', path)]
@@ -182,7 +182,7 @@ def test_gate_fails_in_words(tmp_path, capsys):
     assert main([bag, '--min-ttc', '1.5', '--expect', files['json']]) == 0
 
 
-def test_gate_asks_for_recorded_motion(capsys):
+def test_min_ttc_needs_recorded_motion(capsys):
     with pytest.raises(SystemExit) as ended:
         main(['bag', '--min-ttc', '1', '--as-live'])
     assert ended.value.code == 3 and '--min-ttc' in capsys.readouterr().err

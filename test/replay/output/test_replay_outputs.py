@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The files that a replay writes, and its pictures."""
+"""Bags and pictures written by a replay."""
 
 import functools
 from itertools import combinations
@@ -53,7 +53,7 @@ WITHOUT_ROS = """
 
 
 def written(path):
-    """Return the messages of a written bag by topic, each with its time since START."""
+    """Return the messages of a written bag by topic, with times since START."""
     found = {}
     with AnyReader([path]) as reader:
         for connection, time, data in reader.messages():
@@ -63,14 +63,14 @@ def written(path):
 
 
 def run_without_ros(program, *arguments):
-    """Run a program in a process that cannot import ROS; return its output."""
+    """Run a program that cannot import ROS; return its output."""
     return subprocess.run([sys.executable, '-c',
                            textwrap.dedent(WITHOUT_ROS) + textwrap.dedent(program),
                            *arguments], check=True, capture_output=True, text=True).stdout
 
 
-def test_written_bag_has_the_flags_at_the_right_times(tmp_path):
-    """Raised when the contact begins, lowered when it ends, repeated at publish_rate."""
+def test_written_bag_has_all_topics_at_the_right_times(tmp_path):
+    """Flags change with the contact and are repeated at publish_rate."""
     check(write(tmp_path / 'bag', drive()), Options(as_live=True, write_bag=str(tmp_path / 'out')))
     topics = written(tmp_path / 'out')
     assert set(topics) == {f'/footprint_monitor/{name}' for name in (
@@ -100,8 +100,7 @@ def test_written_bag_has_the_flags_at_the_right_times(tmp_path):
         'footprint/fill', f'{SOURCE}/outline', 'contacts/regions'}
 
 
-def test_written_markers_follow_bodies_whose_state_stays(tmp_path):
-    """A robot drives and meets nothing: it is drawn where it was at each time."""
+def test_written_markers_follow_bodies_in_an_unchanged_state(tmp_path):
     messages = [message for k in range(21) for message in (
         ('/footprint', k / 10, box(k / 4)), ('/obstacles', k / 10, box(50)))]
     check(write(tmp_path / 'bag', messages),
@@ -115,7 +114,6 @@ def test_written_markers_follow_bodies_whose_state_stays(tmp_path):
 
 
 def test_written_bag_is_the_same_without_ros(tmp_path):
-    """Message classes of rosbags in place of rclpy's: all messages are equal."""
     pytest.importorskip('rclpy')
     bag = write(tmp_path / 'bag', drive(2.0, contact=(1.0, 1.5)))
     check(bag, Options(as_live=True, write_bag=str(tmp_path / 'ros')))
@@ -131,8 +129,8 @@ def test_written_bag_is_the_same_without_ros(tmp_path):
     assert repr(with_ros) == repr(without)
 
 
-def test_other_encodings_are_read_without_ros():
-    """Big-endian messages go through rosbags' decoder, damaged ones through none."""
+def test_big_endian_messages_are_read_without_ros():
+    """By rosbags' decoder; damaged ones are refused."""
     rclpy = pytest.importorskip('rclpy')
     assert rclpy
     out = run_without_ros("""
@@ -162,8 +160,8 @@ def test_other_encodings_are_read_without_ros():
     assert out.splitlines() == [f'5000000000 map {points} None', f'5000000000 map {points} 0']
 
 
-def test_markers_of_points_and_silence_are_written(tmp_path):
-    """A gap without any message is filled at the rate: silence would mean that the node died."""
+def test_written_flags_continue_through_a_gap_in_messages(tmp_path):
+    """Silence would mean that the node died."""
     messages = [(topic, time, points) for time in (0.0, 3.0)
                 for topic, points in (('/footprint', box(0)), ('/obstacles', [(2.0, 0.5)]))]
     check(write(tmp_path / 'bag', messages),
@@ -188,7 +186,7 @@ def of_warehouse():
 
 
 def of_crowd():
-    """Return the result of robots with long names that stand side by side and are all met."""
+    """Return the result of robots with long names side by side, all in contact."""
     names = [f'robot_with_a_long_name_number_{k}' for k in range(CROWD)]
     messages = []
     for tick in range(301):
@@ -211,7 +209,7 @@ def of_nothing():
 
 @functools.cache
 def of_long():
-    """Return the result of a contact of a quarter of a second in five minutes."""
+    """Return the result of a short contact in five minutes."""
     return check(write(FOLDER / 'long', drive(300.0, rate=4.0, contact=(170.0, 170.2))),
                  Options(keyframes=True))
 
@@ -227,7 +225,7 @@ RESULTS = [of_warehouse, of_crowd, of_nothing, of_long, of_published('tysik_fron
 
 
 def texts(figure):
-    """Return what is written in a figure, and where in pixels."""
+    """Return all visible texts of a figure, with their bounds in pixels."""
     figure.canvas.draw()
     unseen = set()
     for axes in figure.axes:
@@ -241,8 +239,7 @@ def texts(figure):
 
 
 @pytest.mark.parametrize('made', RESULTS)
-def test_no_text_of_a_picture_covers_another_or_is_cut_off(made):
-    """Names of bodies, bars, footprints, titles and numbers."""
+def test_texts_of_a_picture_do_not_overlap(made):
     figure = draw_picture(made())
     found = texts(figure)
     assert len(found) > 5
@@ -253,23 +250,22 @@ def test_no_text_of_a_picture_covers_another_or_is_cut_off(made):
         assert not bounds.overlaps(covered), (text, other)
 
 
-def test_picture_says_what_it_is_of_and_whose_contact_is_which():
-    """The recording's name above, obstacles beside their bars and bodies."""
+def test_texts_of_a_picture():
+    """The recording's name, and obstacles beside their bars and bodies."""
     result = of_warehouse()
     written = [text for text, _ in texts(draw_picture(result))]
     assert 'warehouse: collision' in written
     assert '9.698 s: amr and people/0, 0.394 m deep' in written
-    # The names of rows, and of the footprint that is seen in the scene of its contact.
+    # In its row, and in the scene of its contact.
     assert [written.count(name) for name in ('amr', 'forklift', 'cart')] == [2, 2, 2]
-    # Beside its bar, and beside its body where there is room.
+    # Beside its bar, and beside its body if there is room.
     assert [written.count(f'{name}') for name in ('people/0', 'warehouse/2', 'warehouse/6')] == [
         2, 2, 1]
     titles = [text for text in written if ' s: ' in text and ' and ' in text]
     assert titles == sorted(titles, key=lambda text: float(text.split()[0])) and len(titles) == 3
 
 
-def test_each_bar_lies_in_the_row_of_its_footprint():
-    """At the time of the contact."""
+def test_bars_are_in_the_rows_of_their_footprints():
     result = of_warehouse()
     _, rows, *_ = draw_picture(result).axes
     bars = {rows.get_yticklabels()[round(patch.get_y() + patch.get_height() / 2)].get_text():
@@ -279,8 +275,7 @@ def test_each_bar_lies_in_the_row_of_its_footprint():
         (result.since(contact.first), result.since(contact.last))) for contact in result.contacts}
 
 
-def test_bars_that_overlap_in_time_have_rows_of_their_own(tmp_path):
-    """Two obstacles at once; a later one has the first row again."""
+def test_overlapping_bars_have_their_own_rows(tmp_path):
     messages = [message for k in range(100) for message in (
         ('/footprint', k / 10, box(0)),
         ('/obstacles', k / 10, box(0.75 if 20 <= k < 50 else 3)),
@@ -292,8 +287,8 @@ def test_bars_that_overlap_in_time_have_rows_of_their_own(tmp_path):
     assert [row for _, row in bars] == [0, 1, 0] and row.end == 2
 
 
-def test_short_contact_is_seen_on_a_long_axis():
-    """Two pixels wide at least, in the row and as a shade."""
+def test_short_contact_is_visible_on_a_long_axis():
+    """At least two pixels wide."""
     result = of_long()
     assert len(result.contacts) == 1
     curves, rows, _ = draw_picture(result).axes
@@ -304,7 +299,6 @@ def test_short_contact_is_seen_on_a_long_axis():
 
 @pytest.mark.parametrize('ending', ('pdf', 'svg'))
 def test_pictures_of_other_kinds_are_written(tmp_path, ending):
-    """As the ending says."""
     path = tmp_path / f'picture.{ending}'
     main([str(write(tmp_path / 'bag', drive(2.0))), '--plot', str(path)])
     assert path.read_bytes()[:5] in (b'%PDF-', b'<?xml')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The page of a replay, in a real browser, on a desk and on a phone."""
+"""The page of a replay in a real browser."""
 
 import json
 import shutil
@@ -33,7 +33,7 @@ from selenium.webdriver.common.keys import Keys  # noqa: E402
 
 CHROMIUM = shutil.which('chromium') or shutil.which('google-chrome')
 DRIVER = shutil.which('chromedriver')
-PATIENCE = 60.0
+TIMEOUT = 60.0
 
 pytestmark = pytest.mark.skipif(not (CHROMIUM and DRIVER),
                                 reason='needs chromium and chromedriver')
@@ -41,7 +41,7 @@ pytestmark = pytest.mark.skipif(not (CHROMIUM and DRIVER),
 
 @pytest.fixture(scope='module')
 def chromium():
-    """Return a browser without a window."""
+    """Return a headless browser."""
     options = webdriver.ChromeOptions()
     for argument in ('headless=new', 'no-sandbox', 'disable-dev-shm-usage', 'disable-gpu',
                      'window-size=1280,900', 'force-device-scale-factor=1'):
@@ -55,7 +55,7 @@ def chromium():
 
 @pytest.fixture
 def page(chromium):
-    """Return a function that opens a page; at the end nothing was asked for, and all is well."""
+    """Return a function that opens a page; afterwards there are no requests and no errors."""
     opened = []
 
     def open_page(path):
@@ -83,7 +83,7 @@ def of_warehouse(tmp_path_factory):
 
 
 class Page:
-    """What can be seen and done on an open page."""
+    """The contents and controls of an open page."""
 
     def __init__(self, chromium):
         self.chromium = chromium
@@ -98,21 +98,21 @@ class Page:
         return [one.text for one in self.chromium.find_elements(By.CSS_SELECTOR, selector)]
 
     def click(self, selector, number=0):
-        """Click on an element, by the mouse."""
+        """Click on an element with the mouse."""
         found = self.chromium.find_elements(By.CSS_SELECTOR, selector)[number]
         self.chromium.execute_script('arguments[0].scrollIntoView({block: "center"})', found)
         actions = webdriver.ActionChains(self.chromium)
-        # What is drawn takes a click where it has seen the mouse before.
+        # A drawing accepts a click only after a mouse move over it.
         actions.move_to_element_with_offset(found, 2, 1).pause(0.3)
         actions.move_to_element(found).pause(0.3).click().perform()
 
     def choose(self, view):
-        """Choose what is looked at."""
+        """Choose the view."""
         options = self.chromium.find_elements(By.CSS_SELECTOR, '#view option')
         next(one for one in options if one.text == view).click()
 
     def drawn(self, colour):
-        """Return the bounds in pixels of the footprint with outlines of a colour."""
+        """Return the bounds in pixels of the footprint with an outline of a colour."""
         return self.chromium.execute_script("""
             const found = [...document.querySelectorAll('#scene path.footprint')].find(one =>
                 getComputedStyle(one).stroke === arguments[0]);
@@ -120,7 +120,7 @@ class Page:
             return [left, right, top, bottom].map(Math.round);""", colour)
 
     def drag(self, share):
-        """Drag the scrubber to some share of its way, from wherever it is."""
+        """Move the scrubber to a share of its range."""
         width = self.scrubber.size['width']
         self.chromium.execute_script('arguments[0].scrollIntoView({block: "center"})',
                                      self.scrubber)
@@ -128,8 +128,8 @@ class Page:
             self.scrubber, round((share - 0.5) * width), 0).click().perform()
 
     def until(self, condition):
-        """Wait until something is so."""
-        end = time.monotonic() + PATIENCE
+        """Wait until a condition holds."""
+        end = time.monotonic() + TIMEOUT
         while not condition():
             assert time.monotonic() < end
             time.sleep(0.02)
@@ -138,8 +138,8 @@ class Page:
 AMR, FORKLIFT, CART = 'rgb(31, 119, 180)', 'rgb(224, 130, 20)', 'rgb(123, 82, 171)'
 
 
-def test_page_begins_where_the_recording_is_worst(page, of_warehouse):
-    """With its name as the title, and all tables."""
+def test_page_opens_at_the_deepest_contact(page, of_warehouse):
+    """With the recording's name as its title, and all tables."""
     shown = page(of_warehouse)
     assert shown.chromium.title == shown.text('#name') == 'warehouse'
     assert shown.text('#verdict') == 'collision' and not shown.text('#index')
@@ -150,8 +150,8 @@ def test_page_begins_where_the_recording_is_worst(page, of_warehouse):
     assert 'recorded motion' in shown.text('#facts') and '1869 messages' in shown.text('#facts')
 
 
-def test_scrubber_moves_what_is_drawn(page, of_warehouse):
-    """By the mouse and by keys: the robot drives along the aisle, in one line."""
+def test_scrubber_changes_the_time(page, of_warehouse):
+    """By mouse and keyboard."""
     shown = page(of_warehouse)
     shown.choose('whole scene')
     shown.drag(0.1)
@@ -167,8 +167,7 @@ def test_scrubber_moves_what_is_drawn(page, of_warehouse):
     assert shown.text('#clock') < before and shown.drawn(AMR)[0] < late[0]
 
 
-def test_scene_that_follows_a_footprint_moves_under_it(page, of_warehouse):
-    """The robot stays in the middle; the person, who is seen near it, does not."""
+def test_view_follows_a_footprint(page, of_warehouse):
     shown = page(of_warehouse)
     shown.choose('follow amr')
     places = []
@@ -180,9 +179,9 @@ def test_scene_that_follows_a_footprint_moves_under_it(page, of_warehouse):
 
 @pytest.mark.parametrize('number, name, clock, colour', [
     (0, 'cart', '5.998 s', CART), (2, 'forklift', '11.998 s', FORKLIFT)])
-def test_click_on_a_contact_in_the_table_goes_to_where_it_is_deepest(
+def test_click_on_a_contact_in_the_table_shows_its_deepest_moment(
         page, of_warehouse, number, name, clock, colour):
-    """And looks at the footprint."""
+    """And centres the footprint."""
     shown = page(of_warehouse)
     shown.click('#contacts tbody tr', number)
     assert shown.text('#clock') == clock
@@ -198,8 +197,8 @@ def test_click_on_a_contact_in_the_table_goes_to_where_it_is_deepest(
 
 
 @pytest.mark.parametrize('number, count, normal', [(0, 2, [0, 1]), (1, 1, [1, 0]), (2, 2, [0, 1])])
-def test_contact_has_its_points_and_the_normal(page, of_warehouse, number, count, normal):
-    """On the screen y is downwards; what is drawn at other times is faint."""
+def test_points_and_normal_of_a_contact_are_drawn(page, of_warehouse, number, count, normal):
+    """On the screen y points down; at other times they are faint."""
     shown = page(of_warehouse)
     shown.click('#contacts tbody tr', number)
     drawn = shown.chromium.execute_script("""
@@ -217,8 +216,7 @@ def test_contact_has_its_points_and_the_normal(page, of_warehouse, number, count
     assert group.get_attribute('opacity') == '0.3'
 
 
-def test_click_on_a_bar_goes_to_where_its_contact_is_deepest(page, of_warehouse):
-    """The bar of each contact, by what is drawn."""
+def test_click_on_a_bar_shows_the_deepest_moment(page, of_warehouse):
     shown = page(of_warehouse)
     clocks = set()
     for number in range(3):
@@ -227,15 +225,13 @@ def test_click_on_a_bar_goes_to_where_its_contact_is_deepest(page, of_warehouse)
     assert clocks == {'9.698 s', '5.998 s', '11.998 s'}
 
 
-def test_click_on_the_timeline_goes_to_its_time(page, of_warehouse):
-    """In the middle of it."""
+def test_click_on_the_timeline(page, of_warehouse):
     shown = page(of_warehouse)
     shown.click('#timeline svg path.zero')
     assert float(shown.text('#clock').split()[0]) == pytest.approx(8.0, abs=0.3)
 
 
-def test_drag_over_the_timeline_zooms_and_a_double_click_shows_all(page, of_warehouse):
-    """The bar of the contact gets wider, and is as it was again."""
+def test_drag_over_the_timeline_zooms_and_a_double_click_resets(page, of_warehouse):
     shown = page(of_warehouse)
     widths = []
     timeline = shown.chromium.find_element(By.ID, 'timeline')
@@ -250,7 +246,6 @@ def test_drag_over_the_timeline_zooms_and_a_double_click_shows_all(page, of_ware
 
 
 def test_scene_plays_to_its_end(page, of_warehouse):
-    """From near the end on, and stops there."""
     shown = page(of_warehouse)
     shown.drag(0.97)
     shown.click('#play')
@@ -258,8 +253,7 @@ def test_scene_plays_to_its_end(page, of_warehouse):
     assert shown.scrubber.get_attribute('value') == shown.scrubber.get_attribute('max')
 
 
-def test_short_bar_is_seen_on_a_long_axis(page, tmp_path):
-    """A quarter of a second in five minutes."""
+def test_short_bar_is_visible_on_a_long_axis(page, tmp_path):
     main([str(write(tmp_path / 'long', drive(300.0, rate=4.0, contact=(170.0, 170.2)))),
           '--plot', str(tmp_path / 'page.html')])
     shown = page(tmp_path / 'page.html')
@@ -270,7 +264,7 @@ def test_short_bar_is_seen_on_a_long_axis(page, tmp_path):
 
 
 def test_several_recordings_have_an_index_with_the_worst_first(page, tmp_path, capsys):
-    """The gravest verdict, of equal ones the least separation; a damaged one has no drawing."""
+    """By verdict, then by separation; a damaged one has no drawing."""
     bags = {'clear': drive(3.0, contact=(0, 0)), 'touching': drive(3.0, contact=(1.0, 1.5)),
             'a</script>': [(topic, k / 10, points) for k in range(31) for topic, points in (
                 ('/footprint', box(0)), ('/obstacles', box(0.2)), ('/obstacles', []))],
@@ -297,8 +291,7 @@ def test_several_recordings_have_an_index_with_the_worst_first(page, tmp_path, c
         assert bool(shown.text('#remarks')) is (name in ('damaged', 'silent'))
 
 
-def test_state_is_unknown_just_when_the_table_says_so(page, of_warehouse):
-    """Never clear, about so many metres, in between."""
+def test_state_is_unknown_as_in_the_table(page, of_warehouse):
     shown = page(of_warehouse)
     for moment, words in ((0.02, 'unknown: obstacle source'), (0.25, 'unknown: obstacle source'),
                           (0.49, 'unknown: obstacle source'), (0.51, 'clear, about')):
@@ -308,7 +301,7 @@ def test_state_is_unknown_just_when_the_table_says_so(page, of_warehouse):
 
 
 def test_keyboard_and_screen_reader(page, of_warehouse):
-    """The timeline is a slider that says its value; space plays and stops."""
+    """The timeline is a slider with a value text; space plays and pauses."""
     shown = page(of_warehouse)
     timeline = shown.chromium.find_element(By.ID, 'timeline')
     said = timeline.get_attribute('aria-valuetext')
@@ -325,8 +318,8 @@ def test_keyboard_and_screen_reader(page, of_warehouse):
     assert shown.text('#play') == 'Play'
 
 
-def test_link_leads_to_a_moment(page, of_warehouse):
-    """The address follows what is shown, and shows it."""
+def test_link_to_a_moment(page, of_warehouse):
+    """The address follows the time, and sets it."""
     shown = page(of_warehouse)
     shown.click('#contacts tbody tr', 2)
     assert shown.chromium.current_url.endswith('#t=11.998')
@@ -336,8 +329,8 @@ def test_link_leads_to_a_moment(page, of_warehouse):
     shown.chromium.get(of_warehouse.as_uri())
 
 
-def test_tables_are_sorted_by_what_is_clicked(page, of_warehouse):
-    """Numbers as numbers, up and down."""
+def test_tables_are_sorted_by_a_clicked_column(page, of_warehouse):
+    """Numbers as numbers, ascending and descending."""
     shown = page(of_warehouse)
     for column, wanted in ((5, ['0', '0.15', '0.3938']), (5, ['0.3938', '0.15', '0']),
                            (1, ['amr', 'cart', 'forklift'])):
@@ -348,7 +341,7 @@ def test_tables_are_sorted_by_what_is_clicked(page, of_warehouse):
 
 
 def device(chromium, width, height, scheme='light'):
-    """Make the browser that of another device; of none with a width of 0."""
+    """Emulate another device; none with a width of 0."""
     chromium.execute_cdp_cmd('Emulation.setEmulatedMedia', {'features': [
         {'name': 'prefers-color-scheme', 'value': scheme}]})
     if width:
@@ -360,7 +353,7 @@ def device(chromium, width, height, scheme='light'):
 
 @pytest.fixture
 def of_crowd(tmp_path):
-    """Return a page of thirteen footprints with long names, of which one is met."""
+    """Return a page of thirteen footprints with long names, one in contact."""
     names = [f'robot_with_a_long_name_{k}' for k in range(13)]
     messages = []
     for k in range(41):
@@ -375,8 +368,8 @@ def of_crowd(tmp_path):
 
 @pytest.mark.parametrize('width, height', [(1280, 900), (390, 844)])
 @pytest.mark.parametrize('scheme', ('light', 'dark'))
-def test_page_fits_a_desk_and_a_phone(page, of_crowd, width, height, scheme):
-    """Nothing is cut off, the control hides little, and what is written can be read."""
+def test_page_fits_desktop_and_phone(page, of_crowd, width, height, scheme):
+    """No text is cut off, the controls are small, and colours are readable."""
     shown = page(of_crowd)
     chromium = shown.chromium
     try:
@@ -409,7 +402,7 @@ def test_page_fits_a_desk_and_a_phone(page, of_crowd, width, height, scheme):
 @pytest.mark.long
 @pytest.mark.parametrize('bodies, moments', [(200, 440), (1500, 200)])
 def test_page_has_at_most_eight_megabytes(page, tmp_path, bodies, moments):
-    """However many obstacles move, how long the curves are and how often all is unknown."""
+    """With many obstacles, long curves and many unknown intervals."""
     rng = np.random.default_rng(1)
     result = Result('bag', origin=0, start=0, end=300 * 10**9)
     result.footprints = [FootprintResult(f'robot{k}', '/a', True) for k in range(40)]

@@ -12,27 +12,33 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The nearest features of two disjoint convex polygons: a vertex and an edge, or two vertices.
+Distance or depth of two convex polygons, to twice the precision of a double.
 
-The point of their Minkowski difference Q - P nearest to the origin is sought with its support
-vertices (GJK: E. G. Gilbert, D. W. Johnson, S. S. Keerthi, "A fast procedure for computing the
-distance between complex objects in three-dimensional space", 1988), first in plain doubles. The
-result is checked with double-doubles: no vertex may lie on the origin's side of the line through
-the point found, perpendicular to the axis; from one that does the search goes on. If it does not
-end, all pairs of features are tried. See docs/exactness.md, lemmas 16 and 17.
+The distance of disjoint polygons is between their nearest features: a vertex and an edge, or two
+vertices. The point of their Minkowski difference Q - P nearest to the origin is sought with its
+support vertices (GJK: E. G. Gilbert, D. W. Johnson, S. S. Keerthi, "A fast procedure for computing
+the distance between complex objects in three-dimensional space", 1988), first in plain doubles.
+The result is checked with double-doubles: no vertex may lie on the origin's side of the line
+through the point found, perpendicular to the axis; from one that does the search goes on. If it
+does not end, all pairs of features are tried. See docs/exactness.md, lemmas 16 and 17.
 
-An axis of double-doubles is given as x and y, each a head and a tail, see `double_double`.
+The depth of polygons that meet is the length of the shortest move after which they only touch. It
+is along the normal of an edge of one of them, as far as the other polygon reaches behind that
+edge. All edges are tried in plain doubles, and those that might have the least depth again with
+double-doubles: see lemma 18.
 
+An axis of double-doubles is given as x and y, each a head and a tail, see `arithmetic`.
 Coordinates are below 2^301 in magnitude, and the largest is above 2^-301, see `distance`.
 """
 
+import math
 from typing import Any, NamedTuple
 
-from sat_collision.geometry.double_double import (
+from sat_collision.geometry.arithmetic import (
     cross, difference, dot, negative, plus, quotient, scaled, square_root, times)
-from sat_collision.geometry.jit import inlined, inner, kernel
-from sat_collision.geometry.layout import first_vertex
-from sat_collision.geometry.plane import nearest_of_segment, scale_to_one
+from sat_collision.geometry.jit import inlined, inner, kernel, scratch
+from sat_collision.geometry.layout import first_vertex, vertex_after, vertex_before
+from sat_collision.geometry.plane import nearest_of_segment, scale_to_one, unit
 from sat_collision.geometry.separating_axis import support
 
 # Largest excess of the rough distance over its bound, relative to the largest coordinate: 4 u.
@@ -45,6 +51,11 @@ _HIDDEN = 16.0 * 2.0 ** -106
 _LOST = 2.0 ** -1022
 # The direction of an edge below this length may be an artefact of underflow.
 SHORT = 2.0 ** -900
+# Exceeds the rounding error of a distance along an axis, relative to the largest coordinate: see
+# docs/exactness.md, lemma 20.
+ROUNDING = 2.0 ** -47
+# Offsets along an edge up to this, relative to the largest coordinate, count as zero.
+_NO_OFFSET = 2.0 ** -92
 
 
 class Features(NamedTuple):
@@ -92,11 +103,9 @@ def of_all_features(p, q):
     best = _of_segment(v, w, first, first, other_first, other_first)
     for i in range(p.n):
         a = first + 2 * i
-        b = first + 2 * (i + 1 if i + 1 < p.n else 0)
         for j in range(q.n):
             c = other_first + 2 * j
-            d = other_first + 2 * (j + 1 if j + 1 < q.n else 0)
-            found = _of_segments(v, w, a, b, c, d)
+            found = _of_segments(v, w, a, vertex_after(p, a), c, vertex_after(q, c))
             if found.distance < best.distance:
                 best = found
     return best
@@ -253,28 +262,26 @@ def _of_vertices(i, j, x, y):
 def furthest(p, i, nx, ny):
     """Return the index of the vertex of P furthest along n, to 2^-99 |n| R; start at i."""
     v = p.array
-    first = first_vertex(p)
-    last = first + 2 * p.n - 2
-    ahead = i + 2 if i < last else first
+    ahead = vertex_after(p, i)
     rise_ahead = _rise(v, i, ahead, nx, ny)
     while rise_ahead > 0:
         i = ahead
-        ahead = i + 2 if i < last else first
+        ahead = vertex_after(p, i)
         rise_ahead = _rise(v, i, ahead, nx, ny)
-    behind = i - 2 if i > first else last
+    behind = vertex_before(p, i)
     rise_behind = _rise(v, i, behind, nx, ny)
     while rise_behind > 0:
         i = behind
-        behind = i - 2 if i > first else last
+        behind = vertex_before(p, i)
         rise_behind = _rise(v, i, behind, nx, ny)
         ahead = i
         rise_ahead = -1
     if p.n > 1 and ((rise_ahead == 0 and not _runs_left(v, i, ahead, nx[0], ny[0]))
                     or (rise_behind == 0 and not _runs_left(v, behind, i, nx[0], ny[0]))):
         # At the lowest vertex, or where underflow hides the direction of edges.
-        i = first
+        i = first = first_vertex(p)
         most = along(v, first, first, nx, ny)
-        for k in range(first, last + 2, 2):
+        for k in range(first, first + 2 * p.n, 2):
             found = along(v, first, k, nx, ny)
             if plus(found, negative(most))[0] > 0.0:
                 most = found
@@ -301,3 +308,130 @@ def _rise(v, i, k, nx, ny):
 def _runs_left(v, i, k, nx, ny):
     """Return whether an edge of uncertain rise runs to the left of n, and is not short."""
     return nx * (v[k + 1] - v[i + 1]) - ny * (v[k] - v[i]) > SHORT
+
+
+@kernel
+def penetration(p, q):
+    """
+    Return the depth of two convex polygons that meet, and the points that realise it.
+
+    The depth is rounded, and infinite if both are points, or like points by underflow. Moving P
+    from its point to that of Q takes it out of Q; the unit vector is the opposite direction.
+    """
+    slack = 2.0 * ROUNDING * reach_of(p, q)
+    depth, edge, vertex = _least_reach(p, q, slack)
+    other_depth, other_edge, other_vertex = _least_reach(q, p, slack)
+    if other_depth < depth:
+        bx, by, ax, ay, ux, uy = _move(q, p, other_edge, other_vertex)
+        return other_depth[0], (ax, ay, bx, by, -ux, -uy)
+    if depth[0] == math.inf:
+        v = p.array
+        i = first_vertex(p)
+        return depth[0], (v[i], v[i + 1], v[i], v[i + 1], 1.0, 0.0)
+    return depth[0], _move(p, q, edge, vertex)
+
+
+@inner
+def _least_reach(p, q, slack):
+    """
+    Find the edge of P behind which Q reaches least far.
+
+    Returned are this depth as a double-double (infinite if P is a point, or like one by
+    underflow), and the indices of the vertex at which the edge starts and of the vertex of Q that
+    reaches so far.
+    """
+    v = p.array
+    w = q.array
+    first = first_vertex(p)
+    count = p.n if p.n > 1 else 0
+    rough = scratch(count)
+    least = math.inf
+    for i in range(count):
+        a = first + 2 * i
+        b = vertex_after(p, a)
+        ex = v[b] - v[a]
+        ey = v[b + 1] - v[a + 1]
+        long = max(abs(ex), abs(ey)) > SHORT
+        ex, ey = unit(ex, ey)
+        j = support(q, -ey, ex)
+        rough[i] = -math.inf
+        if long and j >= 0:
+            rough[i] = ex * (w[j + 1] - v[a + 1]) - ey * (w[j] - v[a])
+            least = min(least, rough[i])
+    depth = (math.inf, 0.0)
+    edge = first
+    vertex = first_vertex(q)
+    for i in range(count):
+        if rough[i] > least + slack:
+            continue
+        a = first + 2 * i
+        ex, ey = _edge_at(p, a)
+        if ex[0] == 0.0 and ey[0] == 0.0:
+            continue
+        # No vertex of P is beyond its edge, unless this is so short that underflow turns it.
+        k = furthest(p, a, ey, negative(ex))
+        j = furthest(q, first_vertex(q), negative(ey), ex)
+        reach = cross(ex, ey, difference(w[j], v[k]), difference(w[j + 1], v[k + 1]))
+        found = quotient(reach, square_root(dot(ex, ey, ex, ey)))
+        if found < depth:
+            depth = found
+            edge = a
+            vertex = j
+    return depth, edge, vertex
+
+
+@inner
+def _edge_at(p, a):
+    """Return the edge of P that starts at a, multiplied by a power of two."""
+    v = p.array
+    b = vertex_after(p, a)
+    ex = difference(v[b], v[a])
+    ey = difference(v[b + 1], v[a + 1])
+    return scaled(ex, ey, scale_to_one(max(abs(ex[0]), abs(ey[0]))))
+
+
+@inner
+def _move(p, q, a, j):
+    """
+    Return a point of P, one of Q as far behind P's edge at a as its vertex at j, and the normal.
+
+    The vertex need not be opposite that edge if another vertex of either body is as far along the
+    normal, or nearly: the boundary of the Minkowski difference is followed from the edge on to
+    where a point of Q is opposite one of P. Each coordinate is rounded once.
+    """
+    v = p.array
+    w = q.array
+    ex, ey = _edge_at(p, a)
+    size = square_root(dot(ex, ey, ex, ey))
+    ux = quotient(ey, size)[0]
+    uy = -quotient(ex, size)[0]
+    i, c = a, vertex_after(p, a)
+    k = d = j
+    forward = dot(ex, ey, *offset(v, w, a, j))[0] >= 0.0
+    if not forward:
+        i, c = c, i
+        ex, ey = negative(ex), negative(ey)
+    slack = _NO_OFFSET * size[0] * reach_of(p, q)
+    left = dot(ex, ey, *offset(v, w, c, d))
+    for _ in range(p.n + q.n):
+        if left[0] <= slack:
+            break
+        i, k = c, d
+        c = vertex_after(p, i) if forward else vertex_before(p, i)
+        d = vertex_after(q, k) if forward else vertex_before(q, k)
+        fx, fy = difference(v[c], v[i]), difference(v[c + 1], v[i + 1])
+        gx, gy = difference(w[d], w[k]), difference(w[d + 1], w[k + 1])
+        turn = cross(fx, fy, gx, gy)[0]
+        # If both next edges lead on, the one that turns less comes first.
+        if not dot(ex, ey, gx, gy)[0] < 0.0 or (
+                dot(ex, ey, fx, fy)[0] > 0.0 and (turn <= 0.0 if forward else turn >= 0.0)):
+            d = k
+        else:
+            c = i
+        left = dot(ex, ey, *offset(v, w, c, d))
+    share = 1.0, 0.0
+    if left[0] < 0.0:
+        begin = dot(ex, ey, *offset(v, w, i, k))
+        share = quotient(begin, plus(begin, negative(left)))
+    return (between(v[i], v[c], share), between(v[i + 1], v[c + 1], share),
+            between(w[k], w[d], share), between(w[k + 1], w[d + 1], share), ux, uy)

@@ -128,11 +128,9 @@ class Sets(_Listing):
             return None
         return current
 
-    def is_full(self, stamp: int) -> bool:
-        """Return whether messages of a stamp are of a set that has no room for more."""
-        current = self.current
-        return (current is not None and stamp == current.last
-                and current.count >= self.max_count)
+    def set_of(self, stamp: int, now: int) -> _Set:
+        """Return the set that the next messages join, which are valid and have a stamp."""
+        return self._follow(CONTINUES, stamp, stamp, now)
 
     def end(self, news: News, stamp: int, time: int, now: int) -> None:
         """Receive an empty polygon, which ends the set of its stamp; none if that is 0."""

@@ -22,7 +22,7 @@ from typing import TypeAlias
 import numpy as np
 from sat_collision.geometry.polygon import PackedBody, size_of
 from sat_collision.geometry.run import Run
-from sat_collision.scene.contacts import Contacts, Undecided
+from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.knowledge import Keys, LOSS, Maps, Sets
 from sat_collision.scene.obstacle_store import KeyedGroup, ObstacleStore, SetGroup, TOO_MANY
 from sat_collision.scene.obstacles import Key
@@ -188,29 +188,22 @@ class Source:
         Return how many were taken; the next one may be refused, may meet a footprint, or may end
         the set, and must be received by itself.
         """
-        listing, stream, contacts = self.listing, self.stream, self.store.contacts
+        listing, stream = self.listing, self.stream
         expected = stream.next
         if (not isinstance(listing, Sets) or expected is None or number not in (None, expected)
                 or stream.awaits_endpoint
-                or self._is_far or not stamp <= now <= stamp + self.timeout):
+                or self._is_far or not 0 < stamp <= now <= stamp + self.timeout):
             return 0
         # The message that reaches max_count may end the set.
         most = self.settings.max_count - 1
-        taken = 0
-        if isinstance(contacts, Undecided):
-            # It may also begin a set.
-            if stamp and not listing.is_full(stamp):
-                taken = contacts.check_run(run, most)
-            if taken:
-                group, current = listing.receive(CONTINUES, stamp, stamp, now), listing.current
-                assert current is not None
-                taken = 1 + max(min(taken - 1, most - current.count), 0)
-                group.add_run(taken, frame_id, stamp)
-                current.count += taken - 1
-        elif current := listing.set_to_extend(stamp):
-            taken = current.group.take_run(run, most - current.count, frame_id, stamp)
-            current.count += taken
+        current = listing.set_to_extend(stamp)
+        if current is None and self.store.contacts.may_begin_set(run):
+            current = listing.set_of(stamp, now)
+        if current is None or current.count >= most:
+            return 0
+        taken = current.group.take_run(run, most - current.count, frame_id, stamp)
         if taken:
+            current.count += taken
             stream.next = expected + taken
             if self.faults or listing.is_known is not self._was_known:
                 self._find_faults(now)

@@ -96,9 +96,9 @@ class Contacts:
                 if footprints[row].settings.monitors(obstacle.name.source)]))
         return True
 
-    def may_begin_set(self, run: Run) -> bool:
-        """Return whether a run may begin a set, not only add to one."""
-        return False
+    def count_unplaced(self, run: Run, limit: int) -> int:
+        """Return how many messages of a run, up to a limit, count without being placed."""
+        return 0
 
     def place_run(self, run: Run, rows: Any, first: int, limit: int) -> int:
         """Place obstacles of a run until one has no row or may meet a footprint; say how many."""
@@ -188,13 +188,13 @@ class Undecided(Contacts):
         obstacle.row = NOWHERE
         return False
 
-    def may_begin_set(self, run: Run) -> bool:
-        """Return whether the first message of a run is ordinary."""
-        return self.place_run(run, (), 0, 1) == 1
-
-    def place_run(self, run: Run, rows: Any, first: int, limit: int) -> int:
+    def count_unplaced(self, run: Run, limit: int) -> int:
         """Return how many messages of a run, up to a limit, are ordinary."""
         return self._obstacles.polygons.check_run(run, limit)
+
+    def place_run(self, run: Run, rows: Any, first: int, limit: int) -> int:
+        """Return how many obstacles of a run, up to a limit, are ordinary."""
+        return self.count_unplaced(run, limit)
 
     def remove_obstacle(self, obstacle: Obstacle) -> None:
         """Record that an obstacle is gone."""

@@ -169,14 +169,20 @@ class SetGroup(ObstacleGroup):
         Return how many were taken: if contacts are decided, all before the first one that has no
         row or may meet a footprint.
         """
+        if limit <= 0:
+            return 0
+        taken = self._contacts.place_run(run, self._rows, self._taken, limit)
+        return self.add_run(taken, frame_id, time)
+
+    def add_run(self, count: int, frame_id: str, time: int) -> int:
+        """Add obstacles of a run, which are in their places or have none; return the count."""
         begin = self._taken
-        taken = self._contacts.place_run(run, self._rows, begin, limit)
-        if taken:
-            self._taken += taken
+        if count:
+            self._taken += count
             if time < self.oldest:
                 self.oldest = time
             self._pending.append((begin, self._taken, frame_id, time))
-        return taken
+        return count
 
     def take(self, key: Key, body: PackedBody | None, frame_id: str, time: int,
              refusal: str | None) -> str | None:

@@ -185,6 +185,8 @@ class Source:
         """
         Receive messages that add to the set of the one before, as `receive` would one by one.
 
+        If no contacts are decided they may also begin a set.
+
         Return how many were taken; the next one may be refused, may meet a footprint, or may end
         the set, and must be received by itself.
         """
@@ -197,11 +199,13 @@ class Source:
         # The message that reaches max_count may end the set.
         most = self.settings.max_count - 1
         current = listing.set_to_extend(stamp)
-        if current is None and self.store.contacts.may_begin_set(run):
+        if current is not None:
+            taken = current.group.take_run(run, most - current.count, frame_id, stamp)
+        elif taken := self.store.contacts.count_unplaced(run, most):
             current = listing.set_of(stamp, now)
-        if current is None or current.count >= most:
+            taken = current.group.add_run(min(taken, most - current.count), frame_id, stamp)
+        else:
             return 0
-        taken = current.group.take_run(run, most - current.count, frame_id, stamp)
         if taken:
             current.count += taken
             stream.next = expected + taken

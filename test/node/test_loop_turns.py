@@ -130,7 +130,7 @@ def test_footprints_are_received_and_published_first(looped):
     arrive(peer, flood=20, other=1)
     with looped(receiver) as one:
         one.run(lambda: 'flood' in receiver.names)
-    assert receiver.batches[:2] == [1, 20]
+    assert receiver.names[0] == 'other' and receiver.batches[0] == 1
 
 
 def test_footprint_is_published_between_batches(looped):

@@ -32,13 +32,12 @@ from sat_collision.geometry.intersection import convex_meet
 from sat_collision.geometry.jit import COMPILED, indexable, kernel, scratch
 from sat_collision.geometry.layout import Packed, packed_size
 from sat_collision.geometry.packing import pack
-import sat_methods
 import shapely
 
 
 class Method(NamedTuple):
     """
-    The name and style of a method, its kernel, and the data of each body that the kernel takes.
+    The name and style of a method, its kernel, and the kernel that prepares each body for it.
 
     The colours are safe for the colour-blind (Okabe and Ito, and Tol).
     """
@@ -47,22 +46,26 @@ class Method(NamedTuple):
     colour: str
     marker: str
     kernel: object = None
-    prepared: str = None
+    prepare: object = None
 
 
 METHODS = {
-    'traditional': Method('traditional', '#000000', 'o', sat_methods.traditional_axes),
+    'traditional': Method('traditional', '#000000', 'o', rivals.traditional_axes),
     'traditional_float32': Method('traditional, float32', '#7f7f7f', 's',
-                                  sat_methods.traditional_axes),
-    'boxed': Method('box pre-test', '#56B4E9', '^', sat_methods.boxed_axes, 'bounds'),
-    'published_a': Method('published A', '#D55E00', 'v', sat_methods.published_a_axes, 'centres'),
-    'published_b': Method('published B', '#CC79A7', 'D', sat_methods.published_b_axes, 'centres'),
-    'hybrid': Method('published, hybrid', '#AA4499', '<', sat_methods.hybrid_axes, 'centres'),
-    'closest': Method('published, Eq. 3–4', '#999933', '>', sat_methods.closest_axes),
-    'literal': Method('published, Eq. 5', '#CC6677', 'd', sat_methods.literal_axes, 'centres'),
-    'binary': Method('binary-search SAT', '#E69F00', 'h', rivals.binary_axes, 'heads'),
-    'gjk': Method('GJK', '#332288', 'p', rivals.gjk_axes, 'heads'),
-    'filtered': Method('filtered orientations', '#117733', '8', rivals.filtered_axes, 'heads'),
+                                  rivals.traditional_axes),
+    'boxed': Method('box pre-test', '#56B4E9', '^', rivals.boxed_axes, rivals.bounds),
+    'published_a': Method('published A', '#D55E00', 'v', rivals.published_a_axes,
+                          rivals.centre_of_gravity),
+    'published_b': Method('published B', '#CC79A7', 'D', rivals.published_b_axes,
+                          rivals.centre_of_gravity),
+    'hybrid': Method('published, hybrid', '#AA4499', '<', rivals.hybrid_axes,
+                     rivals.centre_of_gravity),
+    'closest': Method('published, Eq. 3–4', '#999933', '>', rivals.closest_axes),
+    'literal': Method('published, Eq. 5', '#CC6677', 'd', rivals.literal_axes,
+                      rivals.centre_of_gravity),
+    'binary': Method('binary-search SAT', '#E69F00', 'h', rivals.binary_axes, rivals.head),
+    'gjk': Method('GJK', '#332288', 'p', rivals.gjk_axes, rivals.head),
+    'filtered': Method('filtered orientations', '#117733', '8', rivals.filtered_axes, rivals.head),
     'improved': Method('improved', '#009E73', '*'),
     'shapely': Method('shapely', '#0072B2', 'X'),
 }
@@ -78,9 +81,17 @@ class Pairs:
 
     def __init__(self, pairs):
         self.sides = [a for a, _ in pairs], [b for _, b in pairs]
+        self._prepared = {}
 
     def __len__(self):
         return len(self.sides[0])
+
+    def prepared(self, prepare):
+        """Return what a function makes of each body, an array a side."""
+        if prepare not in self._prepared:
+            self._prepared[prepare] = [np.array([prepare(body) for body in bodies])
+                                       for bodies in self.sides]
+        return self._prepared[prepare]
 
     @cached_property
     def packed(self):
@@ -92,29 +103,8 @@ class Pairs:
             return [_pack(bodies, np.float32) for bodies in self.sides]
 
     @cached_property
-    def bounds(self):
-        return _each(sat_methods.bounds, self.sides)
-
-    @cached_property
-    def centres(self):
-        return _each(sat_methods.centre_of_gravity, self.sides)
-
-    @cached_property
-    def heads(self):
-        """Return a bounding box and a centre of gravity a body."""
-        return [np.hstack(parts) for parts in zip(self.bounds, self.centres)]
-
-    @cached_property
-    def polygons(self):
-        return [[Polygon(body) for body in bodies] for bodies in self.sides]
-
-    @cached_property
     def sets(self):
-        return [PolygonSet(polygons) for polygons in self.polygons]
-
-    @cached_property
-    def shapely(self):
-        return [np.array([shapely_shape(body) for body in bodies]) for bodies in self.sides]
+        return [PolygonSet(map(Polygon, bodies)) for bodies in self.sides]
 
 
 def run(name, pairs):
@@ -122,18 +112,16 @@ def run(name, pairs):
     if name == 'improved':
         return intersects_pairs(*pairs.sets), None
     if name == 'shapely':
-        return shapely.intersects(*pairs.shapely), None
-    method, prepared = METHODS[name].kernel, METHODS[name].prepared
-    extra = prepared and [side if COMPILED else side.tolist()
-                          for side in getattr(pairs, prepared)]
+        return shapely.intersects(*pairs.prepared(shapely_shape)), None
+    method, prepare = METHODS[name].kernel, METHODS[name].prepare
     answers, axes = np.empty(len(pairs), np.bool_), np.empty(len(pairs), np.int64)
-
     (a, a_ends), (b, b_ends) = (pairs.packed_float32 if name == 'traditional_float32'
                                 else pairs.packed)
-    if not extra:
+    if prepare is None:
         _stream(method, a, a_ends, b, b_ends, answers, axes)
     else:
-        _stream_prepared(method, a, a_ends, extra[0], b, b_ends, extra[1], answers, axes)
+        of_a, of_b = (side if COMPILED else side.tolist() for side in pairs.prepared(prepare))
+        _stream_prepared(method, a, a_ends, of_a, b, b_ends, of_b, answers, axes)
     return answers, axes
 
 
@@ -147,22 +135,16 @@ def run_once(name, pairs):
     """Return the answers of a method for bodies used once, including their preparation."""
     if name == 'shapely':
         return shapely.intersects(*(shapely.polygons(np.stack(bodies)) for bodies in pairs.sides))
+    method, prepare = METHODS[name].kernel, METHODS[name].prepare
+    if name != 'improved' and prepare is None:
+        return run(name, pairs)[0]
     answers = np.empty(len(pairs), np.bool_)
     (a, a_ends), (b, b_ends) = pairs.packed
     if name == 'improved':
         _pack_and_meet(a, a_ends, b, b_ends, answers)
-    elif METHODS[name].prepared is None:
-        _stream(METHODS[name].kernel, a, a_ends, b, b_ends, answers,
-                np.empty(len(pairs), np.int64))
     else:
-        _stream_once(METHODS[name].kernel, _PREPARING[METHODS[name].prepared], a, a_ends,
-                     b, b_ends, answers)
+        _stream_once(method, prepare, a, a_ends, b, b_ends, answers)
     return answers
-
-
-def _each(function, sides):
-    """Return function of each body: an array a side."""
-    return [np.array([function(body) for body in bodies]) for bodies in sides]
 
 
 def _pack(bodies, dtype):
@@ -225,18 +207,6 @@ def _pack_and_meet(a, a_ends, b, b_ends, answers):
         _, n, _, _, _ = pack(a[a_ends[i]:a_ends[i + 1]].ravel(), p, n, 0)
         _, m, _, _, _ = pack(b[b_ends[i]:b_ends[i + 1]].ravel(), q, m, 0)
         answers[i] = convex_meet(Packed(p, 0, n), Packed(q, 0, m))
-
-
-@kernel
-def _head(body):
-    low_x, low_y, high_x, high_y = sat_methods.bounds(body)
-    x, y = sat_methods.centre_of_gravity(body)
-    return low_x, low_y, high_x, high_y, x, y
-
-
-# The functions that prepare a body, by the name of the data that a method takes.
-_PREPARING = {'bounds': sat_methods.bounds, 'centres': sat_methods.centre_of_gravity,
-              'heads': _head}
 
 
 def measure(seeds, scale=1.0):

@@ -29,9 +29,9 @@ from methods import applicable, Pairs, run
 import numpy as np
 import oracle
 import rationals
+import rivals
 import samples
 from sat_collision import closest_points, intersects, PolygonError, separation
-import sat_methods
 import shapely
 import shapes
 
@@ -175,7 +175,7 @@ def examples(rng, count=4000):
         found[method] = {
             'a': a.tolist(), 'b': b.tolist(), 'separation': float(separation(a, b)),
             'closest_points': [point.tolist() for point in closest_points(a, b)],
-            'centres': [list(map(float, sat_methods.centre_of_gravity(body))) for body in (a, b)]}
+            'centres': [list(map(float, rivals.centre_of_gravity(body))) for body in (a, b)]}
     return found
 
 

@@ -25,7 +25,6 @@ import sys
 import time
 
 from _shared import describe, ROOT
-import frames
 import node
 import scene
 from words import table, table_of, with_tables
@@ -66,7 +65,8 @@ def measure(seed, quick, parts):
         'kernel': lambda: scene.measure_pairs(*((2_000, 3) if quick else (20_000, 7)), seed),
         'scene': lambda: scene.measure(seed, 5 if quick else 25),
         'node': lambda: node.measure(seconds, repeats),
-        'frames': lambda: frames.measure(seconds, repeats),
+        'frames': lambda: {**node.measure_frames(seconds, repeats),
+                           'other_frame': scene.measure_other_frame(5 * repeats)},
         'startup': lambda: node.measure_startup(repeats)}
     figures = {'seed': seed, 'machine': describe(*PACKAGES)}
     with node.ros():

@@ -24,12 +24,12 @@ import time
 import tracemalloc
 
 from _shared import medians
-from builders import serialised
+from builders import box, serialised, transforms
 from matplotlib import pyplot
 import numpy as np
 from sat_collision import intersects_pairs, Polygon, PolygonSet
 from sat_collision.monitor import Monitor
-from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, TF
 import shapely
 import shapes
 from traffic import regular
@@ -199,6 +199,30 @@ def _message(rng, size, repeats):
     return {'obstacles': size, 'obstacle_us': 1e6 * float(np.median(times['alone'][1:])),
             'together_us': 1e6 * float(np.median(times['together'][1:])),
             'footprint_us': 1e6 * float(np.median(footprint_times[20:]))}
+
+
+def measure_other_frame(repeats, count=5000):
+    """Return us a message of the fixed frame, and of another one whose map is cached."""
+    monitor = Monitor(Settings(
+        frame_id='odom', footprints=(FootprintSettings('robot', TF, timeout=0.0),),
+        obstacles=(ObstacleSettings('seen', '/seen', type='polygon_instance', timeout=0.0),)),
+        transforms=True)
+    for k in range(10):
+        now = _START + k * _PERIOD // 10
+        monitor.receive_transforms(TF, transforms(('odom', 'base', now, k / 8, 0.0)), now)
+    seen = {frame: serialised(box(20.0), now - _PERIOD // 20, frame, 1)
+            for frame in ('odom', 'base')}
+    costs = {frame: [] for frame in seen}
+    for _ in range(repeats + 1):
+        for frame, message in seen.items():
+            begin = time.process_time()
+            for _ in range(count):
+                monitor.receive('seen', message, now)
+            costs[frame].append(1e6 * (time.process_time() - begin) / count)
+    if monitor.rejected or monitor.waiting.counts():
+        raise RuntimeError('the messages were not taken')
+    fixed, other = (np.array(costs[frame][1:]) for frame in seen)
+    return {'fixed_us': float(np.median(fixed)), 'more_us': float(np.median(other - fixed))}
 
 
 def _memory(rng, vertices, size=2_000):

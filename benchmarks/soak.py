@@ -25,6 +25,7 @@ import argparse
 import bisect
 import contextlib
 import math
+import operator
 from pathlib import Path
 import resource
 import statistics
@@ -43,6 +44,7 @@ from traffic import FOOTPRINT_RATE, Reader, regular, ROBOT, SET_RATE, tail, Traf
 from words import table
 
 
+_WHEN = operator.itemgetter(0)
 _SLICE = 10.0
 _SETTLING = 3.0
 _STAY = 30
@@ -126,27 +128,26 @@ class Drive:
 
 def judge_times(stays, flags, times, latency=0.0):
     """
-    Return the verdict on the times to collision received; see `Drive.stays` and `Traffic.heard`.
+    Return the verdict on the times to collision received; see `Drive.stays` and `Traffic`.
 
     A delay of up to the greatest latency of a flag, in s, is not counted as an error.
     """
-    begins, heard = [begun for begun, _ in stays], [when for when, _ in flags]
-    errors, late, early, unknown = [], 0, 0, 0
+    errors, late, unknown = [], 0, 0
     for when, seconds in times:
-        k = bisect.bisect_right(begins, when) - 1
-        if k < 0 or math.isnan(seconds) or when - begins[k] < _TRANSPORT:
+        k = bisect.bisect_right(stays, when, key=_WHEN) - 1
+        if k < 0 or math.isnan(seconds) or when - stays[k][0] < _TRANSPORT:
             continue
         meet = stays[k][1]
         if meet is None:
             late += seconds > 0.0
             continue
         errors.append(when + seconds - meet)
-        around = flags[max(bisect.bisect_right(heard, when - _TRANSPORT) - 1, 0):
-                       bisect.bisect_left(heard, when + _TRANSPORT)]
+        around = flags[max(bisect.bisect_right(flags, when - _TRANSPORT, key=_WHEN) - 1, 0):
+                       bisect.bisect_left(flags, when + _TRANSPORT, key=_WHEN)]
         is_near = seconds < _THRESHOLD + _TRANSPORT
         unknown += bool(around) and not is_near and all(flag for _, flag in around)
     late += sum(error > _TRANSPORT + latency for error in errors)
-    early += sum(error < -_TRANSPORT for error in errors)
+    early = sum(error < -_TRANSPORT for error in errors)
     return Times(len(errors), late, early, unknown,
                  1e3 * statistics.median(errors or [math.nan]))
 
@@ -156,19 +157,17 @@ def memory(pid):
     return int(Path(f'/proc/{pid}/statm').read_text().split()[1]) * resource.getpagesize() / 1e6
 
 
-def judge(changes, heard):
+def judge(changes, received):
     """Return the verdict on the flags received, given when contacts changed; see `Traffic`."""
-    times = [when for when, _ in heard]
     counts = {hit: [0, 0, 0] for hit in (True, False)}
-    ends = [when for when, _ in changes[1:]] + [float('inf')]
-    for (begun, hit), ended in zip(changes, ends):
-        flags = [flag for _, flag in
-                 heard[bisect.bisect_left(times, begun):bisect.bisect_left(times, ended)]]
-        told = hit in flags
+    starts = [bisect.bisect_left(received, begun, key=_WHEN) for begun, _ in changes]
+    for (_, hit), start, end in zip(changes, starts, [*starts[1:], len(received)]):
+        flags = [flag for _, flag in received[start:end]]
         counts[hit][0] += 1
-        counts[hit][1] += not told
-        if told:
+        if hit in flags:
             counts[hit][2] += sum(flag != hit for flag in flags[flags.index(hit):])
+        else:
+            counts[hit][1] += 1
     return Verdict(*counts[True], *counts[False])
 
 
@@ -188,9 +187,8 @@ def soak(minutes, obstacles):
         # Before settling: it may take 2 s, and then the person is unknown for its timeout.
         count = reader.steady()
         _, sent, _ = traffic.run(_SETTLING)
-        traffic.changes.clear()
-        traffic.heard.clear()
-        traffic.times.clear()
+        for record in (traffic.changes, traffic.received, traffic.times):
+            record.clear()
         used = cpu_time(pid)
         for k in range(round(60.0 * minutes / _SLICE)):
             traffic.restart()
@@ -205,8 +203,8 @@ def soak(minutes, obstacles):
                       f'{readings[-1].microseconds:.1f} us a message, greatest latency '
                       f'{max(one.latency for one in readings[-6:]):.1f} ms', flush=True)
         latency = np.nanmax([one.latency for one in readings]) / 1e3
-        return (readings, judge(traffic.changes, traffic.heard),
-                judge_times(drive.stays, traffic.heard, traffic.times, latency), sent,
+        return (readings, judge(traffic.changes, traffic.received),
+                judge_times(drive.stays, traffic.received, traffic.times, latency), sent,
                 sent - (reader.steady() - count))
 
 
@@ -225,7 +223,8 @@ def summary(readings, verdict, times, sent, lost):
         ['of these lost by the middleware', f'{lost:,}'],
         ['contacts, and missed', f'{verdict.contacts:,}, {verdict.missed}'],
         ['wrong clears', verdict.wrong_clears],
-        ['departures, and not told within 0.6 s', f'{verdict.releases:,}, {verdict.held_back}'],
+        ['departures, and not reported within 0.6 s',
+         f'{verdict.releases:,}, {verdict.held_back}'],
         ['flags raised without a contact', verdict.false_alarms],
         ['greatest latency', f'{max(one.latency for one in readings):.0f} ms'],
         ['times to collision, and late or early by 0.1 s and that latency',

@@ -15,8 +15,8 @@
 """
 Measure everything, and write the tables and plots of docs/report: `make report`.
 
-With --written they are made again from the figures stored there, after an accuracy run for
-instance.
+With --written they are made again from the figures stored there; with --accuracy after the long
+run against the oracle, in which any wrong answer is a failure: `make accuracy`.
 """
 
 import argparse
@@ -55,16 +55,21 @@ def main():
                         help='share of the usual number of pairs')
     parser.add_argument('--written', action='store_true',
                         help='write tables and plots from the figures stored before')
+    parser.add_argument('--accuracy', metavar='PAIRS', type=lambda text: int(float(text)),
+                        help='compare so many answers with the oracle, and measure nothing else')
     arguments = parser.parse_args()
-    stored = arguments.directory / 'figures.json'
-    if not arguments.written:
+    stored, accuracy = (arguments.directory / f'{name}.json' for name in ('figures', 'accuracy'))
+    if arguments.accuracy:
+        found = stability.long_run(arguments.accuracy, SEEDS[0])
+        accuracy.write_text(words.compact({'machine': describe('numpy'), **found}) + '\n')
+    elif not arguments.written:
         stored.write_text(words.compact(measure(arguments.scale)) + '\n')
-    figures = json.loads(stored.read_text())
-    figures['accuracy'] = json.loads((arguments.directory / 'accuracy.json').read_text())
+    figures = json.loads(stored.read_text()) | {'accuracy': json.loads(accuracy.read_text())}
     plots.write_all(figures, arguments.directory)
     for page in PAGES:
         path = arguments.directory / page
         path.write_text(words.with_tables(path.read_text(), tables.TABLES, figures))
+    return bool(figures['accuracy']['wrong'])
 
 
 def measure(scale):
@@ -94,4 +99,4 @@ def measure(scale):
 
 
 if __name__ == '__main__':
-    main()
+    sys.exit(main())

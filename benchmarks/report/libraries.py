@@ -95,14 +95,13 @@ def _sampled_time(body, other, move):
 
 
 def _box2d_time(body, other, move):
-    ways = Box2D.b2Sweep(), Box2D.b2Sweep()
-    for way in ways:
-        way.localCenter = way.c0 = way.c = (0, 0)
-        way.a0 = way.a = way.alpha0 = 0
-    ways[1].c = tuple(move.tolist())
+    sweeps = Box2D.b2Sweep(), Box2D.b2Sweep()
+    for sweep, end in zip(sweeps, ((0, 0), tuple(move.tolist()))):
+        sweep.localCenter, sweep.c0, sweep.c = (0, 0), (0, 0), end
+        sweep.a0 = sweep.a = sweep.alpha0 = 0
     state, time = Box2D.b2TimeOfImpact(
-        shapeA=_box2d_shape(body), shapeB=_box2d_shape(other), sweepA=ways[0], sweepB=ways[1],
-        tMax=1.0)
+        shapeA=_box2d_shape(body), shapeB=_box2d_shape(other),
+        sweepA=sweeps[0], sweepB=sweeps[1], tMax=1.0)
     return time if state in (Box2D.b2TOIOutput.e_touching, Box2D.b2TOIOutput.e_overlapped) \
         else None
 
@@ -132,15 +131,7 @@ if Box2D is not None:
 
 def decisions(rng, count):
     """Return the ns of making a body and of deciding a near pair, and wrong answers."""
-    rows = []
-    for n in SIDES:
-        pairs, _ = samples.sample(rng, n, 'near', count)
-        for name, library in LIBRARIES.items():
-            if n <= library.max_vertices:
-                bodies = [[library.make(body) for body in pair] for pair in pairs]
-                rows.append({'library': name, 'n': n, **_times(len(pairs), {
-                    'make': lambda: [library.make(a) for a, _ in pairs],
-                    'ask': lambda: [library.meets(a, b) for a, b in bodies]})})
+    rows = _near_times(rng, count, 'meets')
     for kind in ('near', 'hard'):
         pairs, meet = samples.sample(rng, RATED, kind, 4 * count)
         for name, library in LIBRARIES.items():
@@ -152,23 +143,29 @@ def decisions(rng, count):
 
 def separations(rng, count):
     """Return the ns of measuring a separation, and its errors, see `_errors`."""
-    rows = []
-    asked = {name: library for name, library in LIBRARIES.items() if library.distance}
-    for n in SIDES:
-        pairs, _ = samples.sample(rng, n, 'near', count)
-        for name, library in asked.items():
-            if n <= library.max_vertices:
-                bodies = [[library.make(body) for body in pair] for pair in pairs]
-                rows.append({'library': name, 'n': n, **_times(len(pairs), {
-                    'ask': lambda: [library.distance(a, b) for a, b in bodies]})})
+    rows = _near_times(rng, count, 'distance')
     for family in MEASURED:
         of = {**families.CONVEX, **families.EXTREME, 'deep': families.deep}[family]
         pairs = of(rng, count, 8)
         exact = [_separation(a, b) for a, b in pairs]
-        for name, library in asked.items():
-            if family == 'near' or not library.is_fragile:
-                rows.append({'library': name, 'family': family,
-                             **_errors(name, pairs, exact)})
+        for name, library in LIBRARIES.items():
+            if library.distance and (family == 'near' or not library.is_fragile):
+                rows.append({'library': name, 'family': family, **_errors(name, pairs, exact)})
+    return rows
+
+
+def _near_times(rng, count, question):
+    """Return the ns of making a body and of asking a question, a field of `Library`."""
+    rows = []
+    for n in SIDES:
+        pairs, _ = samples.sample(rng, n, 'near', count)
+        for name, library in LIBRARIES.items():
+            ask = getattr(library, question)
+            if ask and n <= library.max_vertices:
+                bodies = [[library.make(body) for body in pair] for pair in pairs]
+                rows.append({'library': name, 'n': n, **_times(len(pairs), {
+                    'make': lambda: [library.make(a) for a, _ in pairs],
+                    'ask': lambda: [ask(a, b) for a, b in bodies]})})
     return rows
 
 
@@ -232,9 +229,8 @@ def _times(count, tasks):
 def _separation(a, b):
     """Return the exact signed separation of two convex bodies, as a rational."""
     p, q = Polygon(a), Polygon(b)
-    if oracle.intersects(a, b):
-        return -rationals.exact_depth(p, q)
-    return rationals.exact_distance(p, q)
+    return (-rationals.exact_depth(p, q) if oracle.intersects(a, b)
+            else rationals.exact_distance(p, q))
 
 
 def _errors(name, pairs, exact):

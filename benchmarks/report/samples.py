@@ -22,9 +22,6 @@ SIDES = 3, 4, 8, 16, 32, 64, 256
 HARD = (families.hair_gaps, families.far_offsets, families.slivers, families.vertex_on_vertex,
         families.vertex_on_edge, families.edge_on_edge, families.one_ulp, families.flat_arcs,
         families.float32_round_trip)
-
-# The summary of the long run gives no time for fewer pairs than this.
-FEWEST_TIMED = 1000
 # Families for bodies of many vertices, which are measured less often, and with how many.
 MANY = {'many_sided': (256, 1024)}
 

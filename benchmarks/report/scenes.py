@@ -27,7 +27,6 @@ from _shared import medians
 import numpy as np
 from published import load
 from sat_collision import intersects_pairs, Polygon, PolygonSet, separation
-from sat_collision.geometry.intersection import bodies_meet
 from sat_collision.geometry.jit import indexable, kernel
 from sat_collision.geometry.layout import convex_part, Packed
 from sat_collision.geometry.separating_axis import (
@@ -84,7 +83,7 @@ def docking(angle):
     The dock is a U, its sides 0.1 m off; a wall and boxes stand about. The robot stays as long as
     it drove, its front against the ground of the dock.
     """
-    place = _Place(angle, (12.0, 7.0))
+    place = functools.partial(_placed, angle, (12.0, 7.0))
     about = [_box(x, y, 0.6, 0.6) for x in (-2.0, -1.0, 0.2) for y in (-3.0, -1.8, 1.8, 3.0)]
     wall = _box(0.8, 0.0, 0.2, 8.0)
     obstacles = [place(body) for body in (_DOCK, wall, *about)]
@@ -100,7 +99,7 @@ def racks(angle):
     Racks of 1.2 by 2.4 m stand edge to edge in two rows of 50 with gaps of one rack, as wide as
     the robot; it drives 48 m flush with the racks' faces, and into each gap between two of them.
     """
-    place = _Place(angle, (20.0, 10.0))
+    place = functools.partial(_placed, angle, (20.0, 10.0))
     gaps = range(4, 50, 5)
     obstacles = [place(_box(1.2 * k + 0.6, y, 1.2, 2.4)) for y in (-3.0, 3.0) for k in range(50)
                  if k not in gaps]
@@ -110,20 +109,14 @@ def racks(angle):
     return [(body, obstacles) for body in (*along, *into)]
 
 
-class _Place:
-    """Turn and move bodies, and round them to float32."""
-
-    def __init__(self, angle, origin):
-        self._turn = np.array([(np.cos(angle), np.sin(angle)), (-np.sin(angle), np.cos(angle))])
-        self._origin = origin
-
-    def __call__(self, body):
-        return (body @ self._turn + self._origin).astype(np.float32).astype(float)
+def _placed(angle, origin, body):
+    """Return a body turned, moved and rounded to float32."""
+    turn = np.array([(np.cos(angle), np.sin(angle)), (-np.sin(angle), np.cos(angle))])
+    return (body @ turn + origin).astype(np.float32).astype(float)
 
 
 def _box(x, y, length, width):
-    return np.array([(x - length / 2, y - width / 2), (x + length / 2, y - width / 2),
-                     (x + length / 2, y + width / 2), (x - length / 2, y + width / 2)])
+    return (x, y) + np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * (length / 2, width / 2)
 
 
 def cost():
@@ -134,19 +127,24 @@ def cost():
 def _exact_stage(frames):
     made = {id(body): Polygon(body) for footprint, obstacles in frames
             for body in (footprint, *obstacles)}
-    pairs = [(made[id(footprint)], made[id(obstacle)])
-             for footprint, obstacles in frames for obstacle in obstacles]
-    a, b = [p for p, _ in pairs], [q for _, q in pairs]
+    a, b = zip(*((made[id(footprint)], made[id(obstacle)])
+                 for footprint, obstacles in frames for obstacle in obstacles))
     axes, exact = tried(a, b)
-    row = {'frames': len(frames), 'pairs': len(pairs),
-           'contacts': int(intersects_pairs(PolygonSet(a), PolygonSet(b)).sum()),
-           'boxes': int((axes == BOX_AXES).sum()), 'exact': int(exact.sum())}
-    whole = seconds(a, b, REPEATS)
+    whole, contacts = _timed(a, b)
     unsure = np.flatnonzero(exact)
-    there = seconds([a[i] for i in unsure], [b[i] for i in unsure], REPEATS)
-    row['ns'] = whole and round(whole / len(pairs) * 1e9, 1)
-    row['exact_time'] = 0.0 if not len(unsure) else there and round(there / whole, 4)
-    return row
+    there, _ = _timed([a[i] for i in unsure], [b[i] for i in unsure])
+    return {'frames': len(frames), 'pairs': len(a), 'contacts': contacts,
+            'boxes': int((axes == BOX_AXES).sum()), 'exact': int(exact.sum()),
+            'ns': whole and round(whole / len(a) * 1e9, 1),
+            'exact_time': 0.0 if not len(unsure) else there and round(there / whole, 4)}
+
+
+def _timed(a, b):
+    """Return the median seconds of deciding pairs in one call, None of few, and the contacts."""
+    task = functools.partial(intersects_pairs, PolygonSet(a), PolygonSet(b))
+    contacts = int(task().sum())
+    seconds = medians({'whole': task}, REPEATS)['whole'] if len(a) >= _FEWEST_TIMED else None
+    return seconds, contacts
 
 
 def tried(a, b):
@@ -158,15 +156,6 @@ def tried(a, b):
     axes, exact = np.empty(len(a), np.int64), np.empty(len(a), np.bool_)
     _count(*_packed(a), *_packed(b), axes, exact)
     return axes, exact
-
-
-def seconds(a, b, repeats=7):
-    """Return the median seconds of deciding pairs in one compiled call; None of few pairs."""
-    if len(a) < _FEWEST_TIMED:
-        return None
-    task = functools.partial(_decide, *_packed(a), *_packed(b), np.empty(len(a), np.bool_))
-    task()
-    return medians({'whole': task}, repeats)['whole']
 
 
 def _packed(polygons):
@@ -181,13 +170,6 @@ def _count(a, a_starts, a_counts, b, b_starts, b_counts, axes, exact):
     for row in range(len(axes)):
         axes[row], exact[row] = _axes_and_doubt(Packed(a, a_starts[row], a_counts[row]),
                                                 Packed(b, b_starts[row], b_counts[row]))
-
-
-@kernel
-def _decide(a, a_starts, a_counts, b, b_starts, b_counts, answers):
-    for row in range(len(answers)):
-        answers[row] = bodies_meet(Packed(a, a_starts[row], a_counts[row]),
-                                   Packed(b, b_starts[row], b_counts[row]))
 
 
 @kernel

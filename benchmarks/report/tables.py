@@ -18,7 +18,6 @@ import math
 
 from libraries import LABELS as LIBRARIES
 from methods import LABELS
-from samples import FEWEST_TIMED
 from words import distance, duration, durations, length, power, rate, share, table, table_of
 
 MIX = 'clear', 'near', 'deep'
@@ -28,6 +27,8 @@ READINGS = 'published_a', 'published_b', 'hybrid', 'closest', 'literal'
 # Of the long tables: one small and one large n that the page does not show.
 _KIND_SIDES = 8, 256
 _KINDS = *MIX, 'hard'
+# The long run gives no time for fewer pairs than this.
+_FEWEST_TIMED = 1000
 
 
 def distinct(rows, key):
@@ -275,7 +276,7 @@ def _float32(figures):
 def long_run(families):
     """Return the table of the accuracy run; without times where there are too few pairs."""
     def each(seconds, pairs):
-        return duration(seconds * 1e9 / pairs) if pairs >= FEWEST_TIMED else '–'
+        return duration(seconds * 1e9 / pairs) if pairs >= _FEWEST_TIMED else '–'
     return table_of([{'family': name.replace('_', ' '), **of} for name, of in families.items()], {
         'family': '{family}', 'pairs': '{pairs:,}',
         'in contact': lambda of: share(of['meet'], of['pairs']), 'wrong': '{wrong}',

@@ -24,10 +24,10 @@ from pathlib import Path
 import sys
 import time
 
-from _shared import describe, ROOT
+from _shared import describe, ROOT, table, table_of
 import node
+from page_parts import with_tables
 import scene
-from words import table, table_of, with_tables
 
 PACKAGES = 'numpy', 'numba', 'shapely', 'rclpy'
 PARTS = 'kernel', 'scene', 'node', 'frames', 'startup'

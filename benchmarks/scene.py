@@ -40,7 +40,7 @@ MESSAGE_SIZES = 10, 100, 1_000, 10_000
 MAP = 200.0
 _FOOTPRINTS = 100
 _START = 1_700_000_000 * 10**9
-# The most messages that the node processes in one call.
+# As many messages as the node processes in one call.
 _TOGETHER = 64
 _PERIOD = 10**8
 
@@ -133,7 +133,6 @@ def measure(seed, repeats):
     rng = np.random.default_rng(seed)
     footprints = _outlines(rng, _FOOTPRINTS, 4, 1.0)
     return {
-        'map': MAP,
         'one': [_one_against_many(rng, footprints, size, repeats) for size in SIZES],
         'message': [_message(rng, size, repeats) for size in MESSAGE_SIZES],
         'memory': [_memory(rng, vertices) for vertices in (4, 32, 256)]}
@@ -155,10 +154,10 @@ def _one_against_many(rng, footprints, size, repeats):
              'tree_us': lambda: [tree.query(body, predicate='intersects') for body in theirs]}
     for found, other in zip(*(task() for task in tasks.values())):
         assert np.array_equal(found, np.sort(other))
-    times = medians(tasks, repeats)
-    build = {'tree_build_us': lambda: shapely.STRtree(polygons).query(theirs[0])}
-    return {'obstacles': size, **{name: 1e6 * times[name] / len(own) for name in times},
-            'tree_build_us': 1e6 * medians(build, min(repeats, 5))['tree_build_us']}
+    tasks['build'] = lambda: shapely.STRtree(polygons).query(theirs[0])
+    times = {name: 1e6 * seconds for name, seconds in medians(tasks, repeats).items()}
+    return {'obstacles': size, 'tree_build_us': times['build'],
+            **{name: times[name] / len(own) for name in ('us', 'tree_us')}}
 
 
 def _monitor(size):
@@ -167,37 +166,30 @@ def _monitor(size):
                             (ObstacleSettings('obstacles', '/obstacles', max_count=size),)))
 
 
-def _rounds(rng, size, vertices, count):
-    """Yield (now, messages) of sets of obstacles."""
-    outlines = np.array(_outlines(rng, size, vertices, 0.5))
-    for k in range(count):
-        now = _START + k * _PERIOD
-        yield now, [serialised(outline, now) for outline in outlines + 0.01 * (k % 8)]
-
-
 def _message(rng, size, repeats):
     """Return the cost of a message in a scene of some size, from bytes to the changed state."""
     monitor = _monitor(size)
-    count = 2 + 2 * repeats * max(1, 500 // size)
-    times, footprint_times = {'alone': [], 'together': []}, []
+    times, footprint_times = {1: [], _TOGETHER: []}, []
+    obstacles = np.array(_outlines(rng, size, 4, 0.5))
     monitor.receive('footprint', serialised(regular(4, 0.0, 0.0, 1.0), _START), _START)
-    for now, messages in _rounds(rng, size, 4, count):
-        how = 'together' if len(times['together']) < len(times['alone']) else 'alone'
-        most = 1 if how == 'alone' else _TOGETHER
-        messages = [*messages, serialised(np.empty((0, 2)), now)]
+    for number in range(2 + 2 * repeats * max(1, 500 // size)):
+        now = _START + number * _PERIOD
+        messages = [serialised(outline, now)
+                    for outline in (*(obstacles + 0.01 * (number % 8)), np.empty((0, 2)))]
+        taken = _TOGETHER if number % 2 else 1
         start = time.perf_counter()
-        for k in range(0, len(messages), most):
-            monitor.receive_batch('obstacles', messages[k:k + most], now)
+        for k in range(0, len(messages), taken):
+            monitor.receive_batch('obstacles', messages[k:k + taken], now)
             monitor.scene.changes()
-        times[how].append((time.perf_counter() - start) / len(messages))
+        times[taken].append((time.perf_counter() - start) / len(messages))
         for outline in _outlines(rng, 10, 4, 1.0):
             message = serialised(outline, now)
             start = time.perf_counter()
             monitor.receive('footprint', message, now)
             monitor.scene.changes()
             footprint_times.append(time.perf_counter() - start)
-    return {'obstacles': size, 'obstacle_us': 1e6 * float(np.median(times['alone'][1:])),
-            'together_us': 1e6 * float(np.median(times['together'][1:])),
+    return {'obstacles': size, 'obstacle_us': 1e6 * float(np.median(times[1][1:])),
+            'together_us': 1e6 * float(np.median(times[_TOGETHER][1:])),
             'footprint_us': 1e6 * float(np.median(footprint_times[20:]))}
 
 

@@ -33,7 +33,7 @@ import sys
 import time
 from typing import NamedTuple
 
-import _shared  # noqa: F401
+from _shared import table
 from builders import serialised
 from geometry_msgs.msg import PolygonInstanceStamped
 from matplotlib import pyplot
@@ -41,7 +41,6 @@ from node import cpu_time, ros, running
 import numpy as np
 from page_parts import replace_part
 from traffic import FOOTPRINT_RATE, Reader, regular, ROBOT, SET_RATE, tail, Traffic
-from words import table
 
 
 _WHEN = operator.itemgetter(0)

@@ -21,26 +21,21 @@ run against the oracle, in which any wrong answer is a failure: `make accuracy`.
 
 import argparse
 import json
-import os
 from pathlib import Path
 import sys
-import tempfile
 import time
 
-# Compile the current kernels: numba's cache does not notice changes in functions that they call.
-FRESH_CACHE = tempfile.TemporaryDirectory()
-os.environ['NUMBA_CACHE_DIR'] = FRESH_CACHE.name
 sys.path.append(str(Path(__file__).parents[1]))
 
-from _shared import describe, ROOT  # noqa: E402, I100
+from _shared import compact, describe, ROOT  # noqa: E402, I100
 import libraries  # noqa: E402
 import methods  # noqa: E402
 import numpy as np  # noqa: E402
+from page_parts import with_tables  # noqa: E402
 import plots  # noqa: E402
 import scenes  # noqa: E402
 import stability  # noqa: E402
 import tables  # noqa: E402
-import words  # noqa: E402
 
 PACKAGES = 'numpy', 'numba', 'shapely', 'pymunk', 'box2d'
 PAGES = 'README.md', 'appendix.md'
@@ -61,14 +56,14 @@ def main():
     stored, accuracy = (arguments.directory / f'{name}.json' for name in ('figures', 'accuracy'))
     if arguments.accuracy:
         found = stability.long_run(arguments.accuracy, SEEDS[0])
-        accuracy.write_text(words.compact({'machine': describe('numpy'), **found}) + '\n')
+        accuracy.write_text(compact({'machine': describe('numpy'), **found}) + '\n')
     elif not arguments.written:
-        stored.write_text(words.compact(measure(arguments.scale)) + '\n')
+        stored.write_text(compact(measure(arguments.scale)) + '\n')
     figures = json.loads(stored.read_text()) | {'accuracy': json.loads(accuracy.read_text())}
     plots.write_all(figures, arguments.directory)
     for page in PAGES:
         path = arguments.directory / page
-        path.write_text(words.with_tables(path.read_text(), tables.TABLES, figures))
+        path.write_text(with_tables(path.read_text(), tables.TABLES, figures))
     return bool(figures['accuracy']['wrong'])
 
 

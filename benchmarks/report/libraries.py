@@ -27,10 +27,10 @@ from typing import Callable, NamedTuple
 
 from _shared import medians
 import families
+from methods import counts, sample, shapely_shape
 import numpy as np
 import oracle
 import rationals
-import samples
 from sat_collision import (
     intersects, intersects_pairs, Polygon, PolygonSet, separation, time_of_contact)
 import shapely
@@ -68,12 +68,6 @@ class Library(NamedTuple):
     time: Callable | None = None
     max_vertices: int = 10**6
     is_fragile: bool = False  # whether hard pairs may end the process
-
-
-def shapely_shape(body):
-    if len(body) > 2:
-        return shapely.Polygon(body)
-    return shapely.LineString(body) if len(body) == 2 else shapely.Point(body[0])
 
 
 def _chipmunk_shape(body):
@@ -133,11 +127,11 @@ def decisions(rng, count):
     """Return the ns of making a body and of deciding a near pair, and wrong answers."""
     rows = _near_times(rng, count, 'meets')
     for kind in ('near', 'hard'):
-        pairs, meet = samples.sample(rng, RATED, kind, 4 * count)
+        pairs, meet = sample(rng, RATED, kind, 4 * count)
         for name, library in LIBRARIES.items():
             if kind == 'near' or not library.is_fragile:
                 answers = np.array([library.meets(*map(library.make, pair)) for pair in pairs])
-                rows.append({'library': name, 'kind': kind, **samples.counts(answers, meet)})
+                rows.append({'library': name, 'kind': kind, **counts(answers, meet)})
     return rows
 
 
@@ -158,7 +152,7 @@ def _near_times(rng, count, question):
     """Return the ns of making a body and of asking a question, a field of `Library`."""
     rows = []
     for n in SIDES:
-        pairs, _ = samples.sample(rng, n, 'near', count)
+        pairs, _ = sample(rng, n, 'near', count)
         for name, library in LIBRARIES.items():
             ask = getattr(library, question)
             if ask and n <= library.max_vertices:

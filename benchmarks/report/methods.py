@@ -13,9 +13,10 @@
 # limitations under the License.
 
 """
-The methods compared, each as a loop over many pairs prepared for it: their speed and errors.
+The methods compared, each as a loop over many pairs, and the pairs: speed and errors.
 
 Data of each body is prepared before: packed arrays, boxes, centres of gravity, shapely's shapes.
+Pairs are of four kinds, with n vertices each and the exact answers.
 """
 
 from functools import cached_property, partial
@@ -23,13 +24,13 @@ import sys
 from typing import NamedTuple
 
 from _shared import medians, times
-from libraries import shapely_shape
+import families
 import numpy as np
+import oracle
 import rivals
-import samples
 from sat_collision import intersects_pairs, Polygon, PolygonSet
 from sat_collision.geometry.intersection import convex_meet
-from sat_collision.geometry.jit import COMPILED, indexable, kernel, scratch
+from sat_collision.geometry.jit import COMPILED, elements, indexable, kernel, scratch
 from sat_collision.geometry.layout import Packed, packed_size
 from sat_collision.geometry.packing import pack
 import shapely
@@ -74,6 +75,19 @@ LABELS = {name: method.label for name, method in METHODS.items()}
 UNTIMED = 'traditional_float32',
 REPEATS = 5
 ONCE_SIDES = 4, 16, 64
+KINDS = 'clear', 'near', 'deep', 'hard'
+SIDES = 3, 4, 8, 16, 32, 64, 256
+HARD = (families.hair_gaps, families.far_offsets, families.slivers, families.vertex_on_vertex,
+        families.vertex_on_edge, families.edge_on_edge, families.one_ulp, families.flat_arcs,
+        families.float32_round_trip)
+# Families for bodies of many vertices, which are measured less often, and with how many.
+MANY = {'many_sided': (256, 1024)}
+
+
+def shapely_shape(body):
+    if len(body) > 2:
+        return shapely.Polygon(body)
+    return shapely.LineString(body) if len(body) == 2 else shapely.Point(body[0])
 
 
 class Pairs:
@@ -153,21 +167,16 @@ def _pack(bodies, dtype):
 
 
 if COMPILED:
-    import numba.extending
+    import numba
 
-    @numba.extending.intrinsic
-    def _borrowed(typing_context, array):
+    @kernel
+    def _borrowed(array):
         """
         Return an array without its reference count, for the inside of a hot loop.
 
         Passing an array on counts references atomically, which costs more than a collision check.
         """
-        def generate(context, builder, signature, arguments):
-            view = context.make_array(array)(context, builder, arguments[0])
-            view.meminfo = view.meminfo.type(None)
-            view.parent = view.parent.type(None)
-            return view._getvalue()
-        return array(array), generate
+        return numba.carray(elements(array), array.shape)
 else:
     def _borrowed(array):
         return array
@@ -175,7 +184,6 @@ else:
 
 @kernel
 def _stream(method, a, a_ends, b, b_ends, answers, axes):
-    # Without reference counts, which would cost more than the faster methods themselves.
     a, b = _borrowed(a), _borrowed(b)
     for i in range(len(answers)):
         answers[i], axes[i] = method(a[a_ends[i]:a_ends[i + 1]], b[b_ends[i]:b_ends[i + 1]])
@@ -212,12 +220,12 @@ def _pack_and_meet(a, a_ends, b, b_ends, answers):
 def measure(seeds, scale=1.0):
     """Return rows of figures: answers and times of each method, of the runs with all seeds."""
     rows = []
-    for n in samples.SIDES:
-        for kind in samples.KINDS:
+    for n in SIDES:
+        for kind in KINDS:
             runs = []
             for seed in seeds:
                 rng = np.random.default_rng([seed, n])
-                runs.append(_run_all(*samples.sample(rng, n, kind, _count(n, scale))))
+                runs.append(_run_all(*sample(rng, n, kind, _count(n, scale))))
             rows += [{'n': n, 'kind': kind, **row} for row in _pooled(runs)]
         print(f'speed: {n}', file=sys.stderr)
     return rows
@@ -227,7 +235,7 @@ def once(rng, scale=1.0):
     """Return the time of near pairs in ns if bodies are prepared for each pair."""
     rows = []
     for n in ONCE_SIDES:
-        pairs = samples.sample(rng, n, 'near', _count(n, scale))[0]
+        pairs = sample(rng, n, 'near', _count(n, scale))[0]
         # Of those whose vertices rounding has not made fewer, so that shapely takes an array.
         prepared = Pairs([pair for pair in pairs if len(pair[0]) == len(pair[1]) == n])
         tasks = {name: partial(run_once, name, prepared) for name in applicable()
@@ -247,7 +255,7 @@ def _run_all(pairs, meet):
         answers = {name: run(name, prepared)[0] for name in applicable()}
     taken = times({name: partial(run, name, prepared)
                    for name in answers if name not in UNTIMED}, REPEATS)
-    return {name: {**samples.counts(answer, meet),
+    return {name: {**counts(answer, meet),
                    'ns': [seconds / len(pairs) * 1e9 for seconds in taken.get(name, ())]}
             for name, answer in answers.items()}
 
@@ -267,3 +275,60 @@ def _pooled(runs):
 def _count(n, scale):
     """Return how many pairs a seed: enough for rates of a per cent, and seconds for a method."""
     return max(8, int(scale * min(1200, max(300, 40_000 // n))) // 2 * 2)
+
+
+def of_family(rng, family, count, sides):
+    """Return count pairs of a family, in equal shares of the numbers of vertices it is for."""
+    if family.__name__ in MANY:
+        sides, count = MANY[family.__name__], count // 25
+    return sum((chunked(family, rng, max(1, count // len(sides)), n) for n in sides), [])
+
+
+def sample(rng, n, kind, count):
+    """
+    Return count pairs of a kind and their exact answers; half of near and hard pairs are apart.
+
+    Clear pairs are all apart and deep ones all overlap, so of equal numbers of the four kinds half
+    are apart.
+    """
+    if kind in ('clear', 'deep'):
+        pairs = _generate(rng, n, kind, count)
+        return pairs, oracle.intersects_pairs(pairs)[0]
+    found = {False: [], True: []}
+    while min(len(pairs) for pairs in found.values()) < count // 2:
+        pairs = _generate(rng, n, kind, count)
+        for pair, meet in zip(pairs, oracle.intersects_pairs(pairs)[0].tolist()):
+            found[meet].append(pair)
+    pairs = [*found[False][:count // 2], *found[True][:count // 2]]
+    order = rng.permutation(len(pairs))
+    return [pairs[i] for i in order], order >= count // 2
+
+
+def chunked(generate, rng, count, n):
+    """Return count pairs of a generator of families, made in parts that fit into memory."""
+    pairs = []
+    for part in chunks(count, n):
+        pairs += generate(rng, part, n)
+    return pairs
+
+
+def chunks(count, n):
+    """Yield numbers of pairs that fit into memory, count in all."""
+    size = min(max(5_000_000 // n**2, 4), 10_000)
+    while count > 0:
+        yield min(size, count)
+        count -= size
+
+
+def counts(answers, meet):
+    """Return the numbers of pairs, of those apart, of false collisions and of false clears."""
+    return {'pairs': len(meet), 'apart': int((~meet).sum()),
+            'false_collisions': int((answers & ~meet).sum()),
+            'false_clears': int((~answers & meet).sum())}
+
+
+def _generate(rng, n, kind, count):
+    if kind != 'hard':
+        return chunked(getattr(families, kind), rng, count, n)
+    pairs = sum((chunked(family, rng, -(-count // len(HARD)), n) for family in HARD), [])
+    return [pairs[i] for i in rng.permutation(len(pairs))]

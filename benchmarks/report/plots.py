@@ -16,13 +16,15 @@
 
 import math
 
+from _shared import wilson
 from matplotlib import pyplot
 from methods import LABELS, METHODS
 import numpy as np
+import rivals
+from sat_collision.geometry.jit import indexable
 import shapely
 from stability import centre_of_bin, FIRST
 from tables import distinct, parts, speed_row
-from words import wilson
 
 U = 2.0 ** -53
 U_FLOAT32 = 2.0 ** -24
@@ -91,8 +93,8 @@ def _speed_error_line(above, below, figures, kind, method, place):
     times = np.array([row['ns'][:3] for row in rows])
     shares = [parts(row) for row in rows]
     wrong = np.array([part > 0 for part, _ in shares])
-    ends = np.array([[_height(end) for end in (part / whole, *wilson(part, whole))]
-                     for part, whole in shares])
+    ends = np.array([(part / whole, *wilson(part, whole)) for part, whole in shares])
+    ends = np.log10(1e4 * np.maximum(ends, 10 ** -4.4))
     for panel, shown, heights in ((above, wrong, ends[:, 0]),
                                   (below, ~wrong, np.full(len(rows), place))):
         panel.plot(times[:, 0], np.where(shown, heights, math.nan), **style(method))
@@ -116,10 +118,6 @@ def _speed_error_line(above, below, figures, kind, method, place):
                        ha='right' if method == 'published_b' else 'center')
 
 
-def _height(share):
-    return max(math.log10(1e4 * share), -0.4) if share else -0.4
-
-
 def _condition(figures):
     figure, (left, right) = pyplot.subplots(1, 2, figsize=(10.5, 4.6), sharey=True)
     found = figures['condition']
@@ -133,9 +131,10 @@ def _condition(figures):
         for side, line in (('apart', '-'), ('meet', ':')):
             x, shares, ends = _curve(found['bins'][method], side)
             if side == 'apart' or np.nan_to_num(shares).any():
-                label = _label(found, method) if side == 'apart' else None
-                right.plot(x, shares, **style(method, linestyle=line, linewidth=1.4,
-                                              markersize=4, label=label))
+                never_wrong = '' if found['backward'][method] else ' (as all never wrong)'
+                right.plot(x, shares, **style(
+                    method, linestyle=line, linewidth=1.4, markersize=4,
+                    label=LABELS[method] + never_wrong if side == 'apart' else None))
                 right.fill_between(x, *ends.T, color=METHODS[method].colour, alpha=0.12,
                                    linewidth=0)
     right.plot([], [], ':', color='#666666', label='dotted: pairs that overlap')
@@ -154,12 +153,6 @@ def _condition(figures):
     left.set_ylabel('wrong answers, %')
     figure.tight_layout()
     return figure
-
-
-def _label(found, method):
-    """Return the label of a line: improved stands for all methods that are never wrong."""
-    never = [m for m, worst in found['backward'].items() if not worst]
-    return f'{LABELS[method]} (as all never wrong)' if method in never else LABELS[method]
 
 
 def _curve(bins, side):
@@ -261,7 +254,8 @@ def _draw_b(panel, example):
     along = along / np.hypot(*along)
     across = np.array([-along[1], along[0]])
     for body, centre, name, sign in zip(map(np.array, bodies), centres, 'PQ', (1, -1)):
-        edge = body[_crossed(body, centre, sign * along)]
+        i = rivals.crossed_edge(indexable(body), centre, *(sign * along).tolist())
+        edge = body[[i - 1, i]]
         panel.plot(*edge.T, 'o-', color=_B, linewidth=4, markersize=8,
                    label='edges that it crosses: four vertices' if name == 'P' else None)
         for vertices, what, colour in ((edge, 'those vertices, all that B sees', _B),
@@ -270,9 +264,3 @@ def _draw_b(panel, example):
             panel.plot(*np.array([foot - 0.6 * across, foot + 0.6 * across]).T, color=colour,
                        linestyle='-' if name == 'P' else ':', linewidth=2,
                        label=f'how far {name} reaches by {what}')
-
-
-def _crossed(body, centre, along):
-    """Return the vertices of the edge that the ray from the centre crosses."""
-    sides = (body - centre) @ np.array([-along[1], along[0]])
-    return next([i - 1, i] for i in range(len(body)) if sides[i - 1] <= 0 <= sides[i])

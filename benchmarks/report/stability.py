@@ -27,12 +27,11 @@ import sys
 import time
 
 import families
-from methods import applicable, Pairs, run
+import methods
 import numpy as np
 import oracle
 import rationals
 import rivals
-import samples
 from sat_collision import (
     closest_points, intersects, intersects_pairs, Polygon, PolygonError, PolygonSet, separation)
 from scenes import tried
@@ -62,20 +61,20 @@ def by_family(rng, count=2000):
     """Return wrong answers by family and method; non-convex bodies are decided by two methods."""
     rows = []
     for name, family in {**families.CONVEX, **families.SIMPLE}.items():
-        pairs = samples.of_family(rng, family, count, SIDES)
+        pairs = methods.of_family(rng, family, count, SIDES)
         meet, _ = oracle.intersects_pairs(pairs)
         answers = _answers(pairs, ('improved', 'shapely') if name in families.SIMPLE
-                           else applicable())
-        rows += [{'family': name, 'method': method, **samples.counts(answer, meet)}
+                           else methods.applicable())
+        rows += [{'family': name, 'method': method, **methods.counts(answer, meet)}
                  for method, answer in answers.items()]
     return rows
 
 
-def _answers(pairs, methods):
+def _answers(pairs, names):
     """Return the answers of some methods, by name."""
-    prepared = Pairs(pairs)
+    prepared = methods.Pairs(pairs)
     with np.errstate(all='ignore'):
-        return {method: run(method, prepared)[0] for method in methods}
+        return {name: methods.run(name, prepared)[0] for name in names}
 
 
 def long_run(pairs, seed):
@@ -91,7 +90,7 @@ def long_run(pairs, seed):
     for k, (family, n, count) in enumerate(_shares(pairs)):
         rng = np.random.default_rng([seed, k])
         total = results.setdefault(family.__name__, Counter())
-        for part in samples.chunks(count, n):
+        for part in methods.chunks(count, n):
             bodies = family(rng, part, n)
             counts, rows = _compare(bodies, np.flatnonzero(rng.random(len(bodies)) < CHECKED))
             total.update(counts)
@@ -112,8 +111,8 @@ def _shares(pairs):
     shares = []
     for family in named:
         share, sides = pairs // len(named), LONG_SIDES
-        if family.__name__ in samples.MANY:
-            share, sides = share // 50, samples.MANY[family.__name__]
+        if family.__name__ in methods.MANY:
+            share, sides = share // 50, methods.MANY[family.__name__]
         elif family.__name__ in families.SIMPLE:
             sides = LONG_SIDES[:-2]
         whole = sum(1 / n for n in sides)
@@ -151,10 +150,10 @@ def by_offset(rng, count=2000):
     for offset in OFFSETS:
         pairs, gaps = hair_pairs(rng, offset, count, -16)
         meet, _ = oracle.intersects_pairs(pairs)
-        prepared = Pairs(pairs)
-        for method in filter(GROWING.__contains__, applicable()):
-            answers, _ = run(method, prepared)
-            rows.append({'offset': offset, 'method': method, **samples.counts(answers, meet),
+        prepared = methods.Pairs(pairs)
+        for method in filter(GROWING.__contains__, methods.applicable()):
+            answers, _ = methods.run(method, prepared)
+            rows.append({'offset': offset, 'method': method, **methods.counts(answers, meet),
                          'widest': float(np.abs(gaps[answers != meet]).max(initial=0.0))})
     return rows
 
@@ -189,7 +188,7 @@ def hair_pairs(rng, offset, count, least):
     gaps = rng.choice([-1, 1], count) * 10.0 ** rng.uniform(least, 0, count)
     moves = offset * shapes.directions(rng, count)
     pairs = []
-    for part in samples.chunks(count, SHOWN_SIDES):
+    for part in methods.chunks(count, SHOWN_SIDES):
         gap, move = (of[len(pairs):len(pairs) + part] for of in (gaps, moves))
         a, b = (shapes.polygons(rng, part, SHOWN_SIDES) for _ in range(2))
         heading = shapes.directions(rng, part)
@@ -203,11 +202,11 @@ def hair_pairs(rng, offset, count, least):
 def by_step(rng, count=4000):
     """Return by number of vertices at which step near pairs are called clear, rightly or not."""
     rows = []
-    for n in samples.SIDES:
-        pairs, meet = samples.sample(rng, n, 'near', count if n < 256 else count // 4)
-        prepared = Pairs(pairs)
+    for n in methods.SIDES:
+        pairs, meet = methods.sample(rng, n, 'near', count if n < 256 else count // 4)
+        prepared = methods.Pairs(pairs)
         for method, steps in STEPS.items():
-            answers, axes = run(method, prepared)
+            answers, axes = methods.run(method, prepared)
             found, before = [], 0
             for step, last in steps.items():
                 here = ~answers & (before < axes) & (axes <= last)
@@ -221,11 +220,11 @@ def by_step(rng, count=4000):
 
 def examples(rng, count=4000):
     """Return the near pair furthest apart of those A calls colliding, and B's deepest miss."""
-    pairs, meet = samples.sample(rng, SHOWN_SIDES, 'near', count)
-    prepared = Pairs(pairs)
+    pairs, meet = methods.sample(rng, SHOWN_SIDES, 'near', count)
+    prepared = methods.Pairs(pairs)
     found = {}
     for method, wrong in (('published_a', ~meet), ('published_b', meet)):
-        answers, _ = run(method, prepared)
+        answers, _ = methods.run(method, prepared)
         rows = np.flatnonzero((answers != meet) & wrong)
         values = [separation(*pairs[i]) for i in rows]
         a, b = pairs[rows[np.argmax(np.abs(values))]]
@@ -245,13 +244,13 @@ def by_condition(rng, count):
     """
     pooled, of_families, worst = {}, {}, {}
     for name, family in families.CONVEX.items():
-        if name in samples.MANY:
+        if name in methods.MANY:
             continue
-        pairs = samples.of_family(rng, family, count, FEW_SIDES)
+        pairs = methods.of_family(rng, family, count, FEW_SIDES)
         meet, _ = oracle.intersects_pairs(pairs)
         units = np.array([gap_in_units(a, b, met) for (a, b), met in zip(pairs, meet.tolist())])
         bins = np.array([bin_of(value) for value in units])
-        for method, answer in _answers(pairs, applicable()).items():
+        for method, answer in _answers(pairs, methods.applicable()).items():
             wrong = answer != meet
             worst[method] = max(worst.get(method, 0.0), float(units[wrong].max(initial=0.0)) / 2)
             for k in np.unique(bins).tolist():

@@ -16,9 +16,10 @@
 
 import math
 
+from _shared import (
+    distance, duration, durations, length, power, rate, share, table, table_of)
 from libraries import LABELS as LIBRARIES
 from methods import LABELS
-from words import distance, duration, durations, length, power, rate, share, table, table_of
 
 MIX = 'clear', 'near', 'deep'
 SHOWN = 4, 16, 64
@@ -145,24 +146,6 @@ def _separation_families(figures):
         for family in distinct(rows.values(), 'family')])
 
 
-def _time_of_contact(figures):
-    return table_of(figures['contact_times'], {
-        '': lambda row: LIBRARIES[row['library']], 'n': '{n}',
-        'time': lambda row: duration(row['ask']), 'missed': '{missed} of {contacts}',
-        'invented': lambda row: f'{row["invented"]} of {row["pairs"] - row["contacts"]}',
-        'median error': lambda row: length(row['median']),
-        'greatest error': lambda row: length(row['worst'])})
-
-
-def _stepping(figures):
-    return table_of(figures['stepping'], {
-        '': lambda row: f'steps of {row["step"]:g} s' if row['step'] else '**continuous**',
-        'missed': '{missed:,} of {contacts:,}',
-        'late, mean': lambda row: duration(1e9 * row['mean']) if row['step'] else '0',
-        'late, at most': lambda row: duration(1e9 * row['worst']) if row['step'] else '0',
-        'an obstacle': lambda row: duration(row['ns'])})
-
-
 def _non_convex(figures):
     rows = figures['non_convex']
     sides = distinct(rows, 'n')
@@ -178,24 +161,6 @@ def _non_convex(figures):
 def _readings(figures):
     return _by_sides(_sides(figures), {method: LABELS[method] for method in READINGS},
                      lambda n, method: _both_errors(speed_row(figures, n, 'near', method)))
-
-
-def _scenes(figures):
-    return table_of(figures['cost'], {
-        'scene': '{scene}', 'pairs': '{pairs:,}', 'in contact': '{contacts:,}',
-        'boxes or discs decide': lambda row: share(row['boxes'], row['pairs']),
-        'exact stage': lambda row: share(row['exact'], row['pairs']),
-        'of the time': lambda row: share(row['exact_time']),
-        'a pair': lambda row: duration(row['ns'])})
-
-
-def _ages(figures):
-    return table_of([row for row in figures['ages'] if row['speed']], {
-        'scene': '{scene}', 'sample interval': lambda row: f'{1e3 * row["spacing"]:.0f} ms',
-        'fastest': '{speed:.2g} m/s',
-        'one sample older': lambda row: ' to '.join(map(length, row['before'])),
-        'between two samples': lambda row: ' to '.join(map(length, row['between'])),
-        'float32': lambda row: length(row['coordinates'])})
 
 
 def _measured_on(figures):
@@ -264,19 +229,10 @@ def _offsets(figures):
         for offset in sorted(distinct(rows, 'offset'))])
 
 
-def _float32(figures):
-    return table_of(figures['float32'], {
-        'distance from the origin': lambda row: distance(row['distance']),
-        'step': lambda row: length(row['step']), 'pairs': '{pairs:,}',
-        'answer changed': '{changed:,}',
-        'widest': lambda row: length(row['widest']) if row['widest'] else '–',
-        'refused': '{refused:,}'})
-
-
-def long_run(families):
-    """Return the table of the accuracy run; without times where there are too few pairs."""
+def _long_run(figures):
     def each(seconds, pairs):
         return duration(seconds * 1e9 / pairs) if pairs >= _FEWEST_TIMED else '–'
+    families = figures['accuracy']['families']
     return table_of([{'family': name.replace('_', ' '), **of} for name, of in families.items()], {
         'family': '{family}', 'pairs': '{pairs:,}',
         'in contact': lambda of: share(of['meet'], of['pairs']), 'wrong': '{wrong}',
@@ -287,10 +243,38 @@ def long_run(families):
 
 TABLES = {
     'speed against error': _speed, 'bodies used once': _once, 'asked from Python': _asked,
-    'separation': _separation, 'time of contact': _time_of_contact, 'stepping': _stepping,
-    'non convex': _non_convex, 'readings of the paper': _readings, 'scenes': _scenes,
-    'ages': _ages, 'measured on': _measured_on, 'times': _times, 'times by kind': _times_by_kind,
+    'separation': _separation, 'non convex': _non_convex, 'readings of the paper': _readings,
+    'measured on': _measured_on, 'times': _times, 'times by kind': _times_by_kind,
     'wrong on hard pairs': _wrong_on_hard, 'steps': _steps, 'families': _families,
-    'distance from the origin': _offsets, 'float32': _float32,
-    'separation by family': _separation_families,
-    'long run': lambda figures: long_run(figures['accuracy']['families'])}
+    'distance from the origin': _offsets, 'separation by family': _separation_families,
+    'long run': _long_run,
+    'time of contact': lambda figures: table_of(figures['contact_times'], {
+        '': lambda row: LIBRARIES[row['library']], 'n': '{n}',
+        'time': lambda row: duration(row['ask']), 'missed': '{missed} of {contacts}',
+        'invented': lambda row: f'{row["invented"]} of {row["pairs"] - row["contacts"]}',
+        'median error': lambda row: length(row['median']),
+        'greatest error': lambda row: length(row['worst'])}),
+    'stepping': lambda figures: table_of(figures['stepping'], {
+        '': lambda row: f'steps of {row["step"]:g} s' if row['step'] else '**continuous**',
+        'missed': '{missed:,} of {contacts:,}',
+        'late, mean': lambda row: duration(1e9 * row['mean']) if row['step'] else '0',
+        'late, at most': lambda row: duration(1e9 * row['worst']) if row['step'] else '0',
+        'an obstacle': lambda row: duration(row['ns'])}),
+    'scenes': lambda figures: table_of(figures['cost'], {
+        'scene': '{scene}', 'pairs': '{pairs:,}', 'in contact': '{contacts:,}',
+        'boxes or discs decide': lambda row: share(row['boxes'], row['pairs']),
+        'exact stage': lambda row: share(row['exact'], row['pairs']),
+        'of the time': lambda row: share(row['exact_time']),
+        'a pair': lambda row: duration(row['ns'])}),
+    'ages': lambda figures: table_of([row for row in figures['ages'] if row['speed']], {
+        'scene': '{scene}', 'sample interval': lambda row: f'{1e3 * row["spacing"]:.0f} ms',
+        'fastest': '{speed:.2g} m/s',
+        'one sample older': lambda row: ' to '.join(map(length, row['before'])),
+        'between two samples': lambda row: ' to '.join(map(length, row['between'])),
+        'float32': lambda row: length(row['coordinates'])}),
+    'float32': lambda figures: table_of(figures['float32'], {
+        'distance from the origin': lambda row: distance(row['distance']),
+        'step': lambda row: length(row['step']), 'pairs': '{pairs:,}',
+        'answer changed': '{changed:,}',
+        'widest': lambda row: length(row['widest']) if row['widest'] else '–',
+        'refused': '{refused:,}'})}

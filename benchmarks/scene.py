@@ -79,9 +79,9 @@ def shared_edges(rng, count, n):
 LOADS = [(random_pairs, n) for n in VERTICES] + [(abutting_boxes, 4), (shared_edges, 1024)]
 
 
-def measure_pairs(pairs, repeats, seed):
+def measure_pairs(pairs, repeats):
     """Return for each load median ns a pair, setup in us a polygon, and different answers."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     for load, n in LOADS:
         _measure_load(load, rng, 10, n, 1)  # whatever has to be compiled is compiled now
     return [_measure_load(load, rng, pairs, n, repeats) for load, n in LOADS]
@@ -101,7 +101,7 @@ def _measure_load(load, rng, count, n, repeats):
             **{name: 1e9 * seconds / count for name, seconds in medians(tasks, repeats).items()}}
 
 
-def plot_pairs(figures, path):
+def plot(figures, path):
     """Draw time against vertices, log-log, with the ratio between."""
     figure, axes = pyplot.subplots(figsize=(8.0, 4.6), layout='constrained')
     rows = [row for row in figures if row['load'] == 'random_pairs']
@@ -128,9 +128,9 @@ def plot_pairs(figures, path):
     pyplot.close(figure)
 
 
-def measure(seed, repeats):
+def measure(repeats):
     """Return all figures of this part; times are medians of repeats."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     footprints = _outlines(rng, _FOOTPRINTS, 4, 1.0)
     return {
         'one': [_one_against_many(rng, footprints, size, repeats) for size in SIZES],
@@ -227,19 +227,3 @@ def _memory(rng, vertices, size=2_000):
     allocated, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     return {'vertices': vertices, 'scene': allocated / size}
-
-
-def plot(figures, path):
-    """Draw a query against the number of obstacles."""
-    figure, axes = pyplot.subplots(figsize=(6.4, 4.0), layout='constrained')
-    sizes = [one['obstacles'] for one in figures['one']]
-    axes.loglog(sizes, [one['us'] for one in figures['one']], 'o-', label='sat_collision, scan')
-    axes.loglog(sizes, [one['tree_us'] for one in figures['one']], 's--',
-                label='shapely STRtree, built before')
-    axes.loglog(sizes, [one['tree_build_us'] for one in figures['one']], '^:',
-                label='shapely STRtree, with building it')
-    axes.set(xlabel='obstacles', ylabel='one footprint against all [µs]')
-    axes.grid(alpha=0.3)
-    axes.legend()
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)

@@ -198,24 +198,17 @@ def soak(minutes, obstacles):
                                     1e6 * (used - before) / (more + footprints),
                                     1e3 * max(latencies, default=float('nan'))))
             if k % 6 == 5:
-                print(f'{readings[-1].minutes:5.1f} min  {readings[-1].megabytes:.1f} MB  '
-                      f'{readings[-1].microseconds:.1f} us a message, greatest latency '
-                      f'{max(one.latency for one in readings[-6:]):.1f} ms', flush=True)
+                print('{:5.1f} min  {:.1f} MB  {:.1f} us a message, latency {:.1f} ms'.format(
+                    *readings[-1]), flush=True)
         latency = np.nanmax([one.latency for one in readings]) / 1e3
         return (readings, judge(traffic.changes, traffic.received),
                 judge_times(drive.stays, traffic.received, traffic.times, latency), sent,
                 sent - (reader.steady() - count))
 
 
-def growth(readings):
-    """Return the relative growth of memory after the first minutes, None if there are no more."""
-    settled = [one.megabytes for one in readings if one.minutes >= _SETTLED_MINUTES]
-    return max(settled) / settled[0] - 1.0 if len(settled) > 1 else None
-
-
 def summary(readings, verdict, times, sent, lost):
     """Return the figures of a soak as a table in Markdown."""
-    grown = growth(readings)
+    settled = [one.megabytes for one in readings if one.minutes >= _SETTLED_MINUTES]
     return table(['what', 'how many'], [
         ['minutes', f'{readings[-1].minutes:.3g}'],
         ['obstacle messages', f'{sent:,}'],
@@ -230,7 +223,8 @@ def summary(readings, verdict, times, sent, lost):
          f'{times.given:,}, {times.late + times.early}'],
         ['times given while unknown', times.while_unknown],
         ['their median error, transport included', f'{times.error:.1f} ms'],
-        ['growth of memory after 5 minutes', '–' if grown is None else f'{grown:.2%}']])
+        ['growth of memory after 5 minutes',
+         f'{max(settled) / settled[0] - 1.0:.2%}' if len(settled) > 1 else '–']])
 
 
 def plot(readings, path):

@@ -21,18 +21,16 @@ vertices nearer than 2.5 mm and takes at most 16 of them.
 """
 
 from fractions import Fraction
-from functools import partial
 import math
 from typing import Callable, NamedTuple
 
 from _shared import medians
 import families
-from methods import counts, sample, shapely_shape
+from methods import counts, Pairs, run, sample, shapely_shape
 import numpy as np
 import oracle
 import rationals
-from sat_collision import (
-    intersects, intersects_pairs, Polygon, PolygonSet, separation, time_of_contact)
+from sat_collision import intersects, Polygon, separation, time_of_contact
 import shapely
 
 try:
@@ -179,13 +177,11 @@ def contact_times(rng, count):
             found = [library.time(*moving) for moving in moves]
             both = [abs(float(Fraction(one) - other)) * math.hypot(*move) for one, other, (
                 *_, move) in zip(found, exact, moves) if None not in (one, other)]
+            seen = [(one is not None, other is not None) for one, other in zip(found, exact)]
             rows.append({
                 'library': name, 'n': n, 'pairs': len(moves),
-                'contacts': sum(one is not None for one in exact),
-                'missed': sum(one is None and other is not None
-                              for one, other in zip(found, exact)),
-                'invented': sum(one is not None and other is None
-                                for one, other in zip(found, exact)),
+                'contacts': sum(is_contact for _, is_contact in seen),
+                'missed': seen.count((False, True)), 'invented': seen.count((True, False)),
                 'median': float(np.median(both)), 'worst': max(both),
                 **_times(len(moves), {'ask': lambda: [library.time(*one) for one in moves]})})
     return rows
@@ -197,18 +193,13 @@ def non_convex(rng, count):
     for n in NON_CONVEX_SIDES:
         pairs = families.interlocked_combs(rng, count, n)
         meet, _ = oracle.intersects_pairs(pairs)
-        bodies = [[Polygon(pair[k]) for pair in pairs] for k in (0, 1)]
-        sets = [PolygonSet(polygons) for polygons in bodies]
-        shapes = [[shapely.Polygon(pair[k]) for pair in pairs] for k in (0, 1)]
-        arrays = [np.array(of) for of in shapes]
-        tasks = {
-            'improved': {'make': lambda: [Polygon(a) for a, _ in pairs],
-                         'ask': partial(intersects_pairs, *sets)},
-            'shapely': {'make': lambda: [shapely.Polygon(a) for a, _ in pairs],
-                        'ask': partial(shapely.intersects, *arrays)}}
-        for name, of in tasks.items():
+        prepared = Pairs(pairs)
+        for name in ('improved', 'shapely'):
+            make = LIBRARIES[name].make
             rows.append({'library': name, 'n': len(pairs[0][0]), 'pairs': len(pairs),
-                         'wrong': int((of['ask']() != meet).sum()), **_times(len(pairs), of)})
+                         'wrong': int((run(name, prepared)[0] != meet).sum()),
+                         **_times(len(pairs), {'make': lambda: [make(a) for a, _ in pairs],
+                                               'ask': lambda: run(name, prepared)})})
     return rows
 
 
@@ -230,21 +221,16 @@ def _separation(a, b):
 def _errors(name, pairs, exact):
     """Return errors in ulp of the largest coordinate; of others than ours for pairs apart."""
     library = LIBRARIES[name]
-    worst, signs, unusable, measured = Fraction(0), 0, 0, 0
-    for pair, truth in zip(pairs, exact):
-        if truth <= 0 and name != 'improved':
-            continue
-        measured += 1
-        with np.errstate(all='ignore'):
-            value = float(library.distance(*map(library.make, pair)))
-        signs += (value > 0) != (truth > 0)
-        if not math.isfinite(value):
-            unusable += 1
-            continue
-        ulp = Fraction(float(np.spacing(max(np.abs(body).max() for body in pair))))
-        worst = max(worst, abs(Fraction(value) - truth) / ulp)
-    return {'pairs': measured, 'worst_ulp': float(worst) if worst < 10**300 else math.inf,
-            'wrong_signs': signs, 'unusable': unusable}
+    with np.errstate(all='ignore'):
+        found = [(float(library.distance(*map(library.make, pair))), truth, pair)
+                 for pair, truth in zip(pairs, exact) if truth > 0 or name == 'improved']
+    errors = [abs(Fraction(value) - truth)
+              / Fraction(float(np.spacing(max(np.abs(body).max() for body in pair))))
+              for value, truth, pair in found if math.isfinite(value)]
+    worst = max(errors, default=0)
+    return {'pairs': len(found), 'worst_ulp': float(worst) if worst < 10**300 else math.inf,
+            'wrong_signs': sum((value > 0) != (truth > 0) for value, truth, _ in found),
+            'unusable': len(found) - len(errors)}
 
 
 def _move(rng, a, b):

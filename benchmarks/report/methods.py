@@ -19,7 +19,9 @@ Data of each body is prepared before: packed arrays, boxes, centres of gravity, 
 Pairs are of four kinds, with n vertices each and the exact answers.
 """
 
+from collections import Counter, defaultdict
 from functools import cached_property, partial
+import itertools
 import sys
 from typing import NamedTuple
 
@@ -218,16 +220,23 @@ def _pack_and_meet(a, a_ends, b, b_ends, answers):
 
 
 def measure(seeds, scale=1.0):
-    """Return rows of figures: answers and times of each method, of the runs with all seeds."""
+    """Return a row of answers and times for each method and kind of pairs, of all seeds."""
     rows = []
-    for n in SIDES:
-        for kind in KINDS:
-            runs = []
-            for seed in seeds:
-                rng = np.random.default_rng([seed, n])
-                runs.append(_run_all(*sample(rng, n, kind, _count(n, scale))))
-            rows += [{'n': n, 'kind': kind, **row} for row in _pooled(runs)]
-        print(f'speed: {n}', file=sys.stderr)
+    for n, kind in itertools.product(SIDES, KINDS):
+        found, taken = defaultdict(Counter), defaultdict(list)
+        for seed in seeds:
+            pairs, meet = sample(np.random.default_rng([seed, n]), n, kind, _count(n, scale))
+            prepared = Pairs(pairs)
+            with np.errstate(all='ignore'):
+                for name in applicable():
+                    found[name].update(counts(run(name, prepared)[0], meet))
+            for name, seconds in times({name: partial(run, name, prepared) for name in found
+                                        if name not in UNTIMED}, REPEATS).items():
+                taken[name] += [1e9 * one / len(pairs) for one in seconds]
+        rows += [{'n': n, 'kind': kind, 'method': name, **found[name], **({
+            'ns': np.quantile(taken[name], [0.5, 0.25, 0.75]).round(1).tolist()}
+            if name in taken else {})} for name in found]
+        print(f'speed: {n}, {kind}', file=sys.stderr)
     return rows
 
 
@@ -246,30 +255,6 @@ def once(rng, scale=1.0):
         rows += [{'method': name, 'n': n, 'ns': round(seconds / len(prepared) * 1e9, 1)}
                  for name, seconds in medians(tasks, REPEATS).items()]
     return rows
-
-
-def _run_all(pairs, meet):
-    """Return for each method the answers' counts and all times in ns."""
-    prepared = Pairs(pairs)
-    with np.errstate(all='ignore'):
-        answers = {name: run(name, prepared)[0] for name in applicable()}
-    taken = times({name: partial(run, name, prepared)
-                   for name in answers if name not in UNTIMED}, REPEATS)
-    return {name: {**counts(answer, meet),
-                   'ns': [seconds / len(pairs) * 1e9 for seconds in taken.get(name, ())]}
-            for name, answer in answers.items()}
-
-
-def _pooled(runs):
-    """Return a row a method of the runs with several seeds; its times are median, quartiles."""
-    for name in runs[0]:
-        of = [run_[name] for run_ in runs]
-        row = {'method': name, **{key: sum(one[key] for one in of) for key in (
-            'pairs', 'apart', 'false_collisions', 'false_clears')}}
-        taken = np.concatenate([one['ns'] for one in of])
-        if len(taken):
-            row['ns'] = [round(value, 1) for value in np.quantile(taken, [0.5, 0.25, 0.75])]
-        yield row
 
 
 def _count(n, scale):

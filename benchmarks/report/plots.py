@@ -67,16 +67,13 @@ def _speed_error(figures):
     for (above, below), kind in zip(panels.T, ('near', 'hard')):
         for place, method in enumerate(reversed(DRAWN)):
             _speed_error_line(above, below, figures, kind, method, place)
-        above.set_title(f'{kind} pairs')
-        above.set_ylim(-0.4, 4.1)
+        above.set(title=f'{kind} pairs', ylim=(-0.4, 4.1))
         above.set_yticks(range(5), ['0.01 %', '0.1 %', '1 %', '10 %', '100 %'])
-        below.set_ylim(-0.6, len(DRAWN) - 0.1)
+        below.set(ylim=(-0.6, len(DRAWN) - 0.1), xscale='log', xlabel='median time a pair, ns')
         below.set_yticks(range(len(DRAWN)), [LABELS[method] for method in reversed(DRAWN)])
         below.grid(axis='y', visible=False)
         below.axhspan(*(DRAWN[::-1].index('improved') + end for end in (-0.5, 0.5)),
                       color=METHODS['improved'].colour, alpha=0.15)
-        below.set_xscale('log')
-        below.set_xlabel('median time a pair, ns')
     panels[0, 0].set_ylabel('wrong answers')
     panels[1, 0].set_ylabel('no wrong answer')
     for text in panels[1, 0].get_yticklabels():
@@ -126,7 +123,6 @@ def _condition(figures):
         if np.nan_to_num(shares).any():
             left.plot(x, shares, linewidth=1.0, marker='os^vDPX<>hp8d'[number % 13], markersize=4,
                       label=family.replace('_', ' '))
-    left.set_title('traditional by family, pairs apart')
     for method in CONDITIONED:
         for side, line in (('apart', '-'), ('meet', ':')):
             x, shares, ends = _curve(found['bins'][method], side)
@@ -138,19 +134,18 @@ def _condition(figures):
                 right.fill_between(x, *ends.T, color=METHODS[method].colour, alpha=0.12,
                                    linewidth=0)
     right.plot([], [], ':', color='#666666', label='dotted: pairs that overlap')
-    right.set_title('all families')
     for panel, step in ((left, 1), (right, 3)):
-        panel.set_xscale('log')
+        panel.set(xscale='log', ylim=(-3, 109),
+                  xlabel='gap or overlap in units of u D:  1/κ = |g| / (u D)')
         panel.axvline(4, color='#666666', linewidth=0.8, linestyle='--')
         panel.annotate('4 u D', (4, 103), (-3, 0), textcoords='offset points', fontsize=8,
                        color='#666666', ha='right')
-        panel.set_xlabel('gap or overlap in units of u D:  1/κ = |g| / (u D)')
         panel.set_xticks([10.0 ** k for k in range(-2, 17, step)])
         panel.minorticks_off()
-        panel.set_ylim(-3, 109)
         panel.legend(frameon=False, fontsize=8, loc='upper right')
-    left.set_xlim(10 ** FIRST, 1e3)
-    left.set_ylabel('wrong answers, %')
+    left.set(title='traditional by family, pairs apart', xlim=(10 ** FIRST, 1e3),
+             ylabel='wrong answers, %')
+    right.set_title('all families')
     figure.tight_layout()
     return figure
 
@@ -180,10 +175,8 @@ def _growth(figures):
                   and row['widest'] > 1e-300]
         if points:
             panel.plot(*zip(*points), **style(method, linewidth=0.8))
-    panel.set_xscale('log')
-    panel.set_yscale('log')
-    panel.set_xlabel('distance from the origin D, m')
-    panel.set_ylabel('widest gap or overlap misjudged, m')
+    panel.set(xscale='log', yscale='log', xlabel='distance from the origin D, m',
+              ylabel='widest gap or overlap misjudged, m')
     panel.legend(frameon=False, fontsize=8, loc='upper left', bbox_to_anchor=(1, 1))
     return figure
 

@@ -163,9 +163,7 @@ def centre_of_gravity(polygon):
 @kernel
 def head(polygon):
     """Return bounding box and centre of gravity, six numbers."""
-    low_x, low_y, high_x, high_y = bounds(polygon)
-    x, y = centre_of_gravity(polygon)
-    return low_x, low_y, high_x, high_y, x, y
+    return bounds(polygon) + centre_of_gravity(polygon)
 
 
 @kernel

@@ -121,22 +121,19 @@ def _box(x, y, length, width):
 
 def cost():
     """Return for each scene how many pairs the exact stage decides, and its share of the time."""
-    return [{'scene': name, **_exact_stage(frames)} for name, frames in scenes().items()]
-
-
-def _exact_stage(frames):
-    made = {id(body): Polygon(body) for footprint, obstacles in frames
-            for body in (footprint, *obstacles)}
-    a, b = zip(*((made[id(footprint)], made[id(obstacle)])
-                 for footprint, obstacles in frames for obstacle in obstacles))
-    axes, exact = tried(a, b)
-    whole, contacts = _timed(a, b)
-    unsure = np.flatnonzero(exact)
-    there, _ = _timed([a[i] for i in unsure], [b[i] for i in unsure])
-    return {'frames': len(frames), 'pairs': len(a), 'contacts': contacts,
-            'boxes': int((axes == BOX_AXES).sum()), 'exact': int(exact.sum()),
-            'ns': whole and round(whole / len(a) * 1e9, 1),
-            'exact_time': 0.0 if not len(unsure) else there and round(there / whole, 4)}
+    rows = []
+    for name, frames in scenes().items():
+        a, b = zip(*((Polygon(footprint), Polygon(obstacle))
+                     for footprint, obstacles in frames for obstacle in obstacles))
+        axes, exact = tried(a, b)
+        whole, contacts = _timed(a, b)
+        unsure = np.flatnonzero(exact)
+        there, _ = _timed([a[i] for i in unsure], [b[i] for i in unsure])
+        rows.append({'scene': name, 'frames': len(frames), 'pairs': len(a), 'contacts': contacts,
+                     'boxes': int((axes == BOX_AXES).sum()), 'exact': len(unsure),
+                     'ns': whole and round(whole / len(a) * 1e9, 1),
+                     'exact_time': 0.0 if not len(unsure) else there and round(there / whole, 4)})
+    return rows
 
 
 def _timed(a, b):
@@ -193,16 +190,15 @@ def _axes_and_doubt(p, q):
 
 
 def ages():
-    """Return a row of figures for each recording."""
+    """
+    Return for each recording how wrong separations are, in m, by a footprint of another stamp.
+
+    It is the one of the frame before, or the one half way between the frames before and after.
+    """
     return [{'scene': title, **_age_of(stamped(name))} for name, title in NAMES.items()]
 
 
 def _age_of(frames):
-    """
-    Return how wrong separations are, in m, if the footprint is not that of the same stamp.
-
-    It is the one of the frame before, or the one half way between the frames before and after.
-    """
     before, between, speeds, gaps = [], [], [], []
     for (t0, p0, _), (t1, p1, obstacles), (t2, p2, _) in zip(frames, frames[1:], frames[2:]):
         if not obstacles or not len(p0) == len(p1) == len(p2):

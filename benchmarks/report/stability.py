@@ -21,7 +21,7 @@ are by its reciprocal, the gap in units of u D. A wrong answer about a gap g is 
 moved by |g| / 2 each: |g| / 2 in units of u D is its backward error c.
 """
 
-from collections import Counter
+from collections import Counter, defaultdict
 import math
 import sys
 import time
@@ -242,7 +242,8 @@ def by_condition(rng, count):
     The families are those of convex bodies with few vertices, count pairs of each. A bin is a list
     of its number, false collisions, pairs apart, false clears, and pairs that meet.
     """
-    pooled, of_families, worst = {}, {}, {}
+    pooled = defaultdict(lambda: defaultdict(lambda: np.zeros(4, int)))
+    of_families, worst = defaultdict(list), defaultdict(float)
     for name, family in families.CONVEX.items():
         if name in methods.MANY:
             continue
@@ -252,15 +253,14 @@ def by_condition(rng, count):
         bins = np.array([bin_of(value) for value in units])
         for method, answer in _answers(pairs, methods.applicable()).items():
             wrong = answer != meet
-            worst[method] = max(worst.get(method, 0.0), float(units[wrong].max(initial=0.0)) / 2)
+            worst[method] = max(worst[method], float(units[wrong].max(initial=0.0)) / 2)
             for k in np.unique(bins).tolist():
                 here = bins == k
                 found = np.array([(of & here).sum() for of in (
                     wrong & ~meet, ~meet, wrong & meet, meet)])
-                of_method = pooled.setdefault(method, {})
-                of_method[k] = of_method.get(k, 0) + found
+                pooled[method][k] += found
                 if method == 'traditional':
-                    of_families.setdefault(name, []).append([k, *found.tolist()])
+                    of_families[name].append([k, *found.tolist()])
     return {'bins': {method: [[k, *of[k].tolist()] for k in sorted(of)]
                      for method, of in pooled.items()},
             'families': dict(sorted(of_families.items())), 'backward': worst}

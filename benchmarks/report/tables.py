@@ -43,11 +43,9 @@ def speed_row(figures, n, kind, method):
                  and row['method'] == method), None)
 
 
-def parts(row, what='wrong'):
-    """Return false collisions and the pairs apart, or false clears and the others, or both."""
-    if what == 'wrong':
-        return row['false_collisions'] + row['false_clears'], row['pairs']
-    return row[what], row['apart'] if what == 'false_collisions' else row['pairs'] - row['apart']
+def parts(row):
+    """Return the wrong answers and the pairs."""
+    return row['false_collisions'] + row['false_clears'], row['pairs']
 
 
 def count_wrong(rows):
@@ -61,7 +59,8 @@ def _rate(row):
 
 
 def _both_errors(row):
-    return ' / '.join(share(*parts(row, what)) for what in ('false_collisions', 'false_clears'))
+    return (f'{share(row["false_collisions"], row["apart"])} / '
+            f'{share(row["false_clears"], row["pairs"] - row["apart"])}')
 
 
 def _time(figures, n, method, kinds=MIX):
@@ -95,11 +94,6 @@ def _speed(figures):
             power(worst) if worst else '–'])
     return table(['', *(f'n = {n}, near' for n in SHOWN), 'wrong, near', 'wrong, hard', 'c'],
                  lines)
-
-
-def _once(figures):
-    times = {(row['n'], row['method']): row['ns'] for row in figures['once']}
-    return _by_sides(SHOWN, _timed(figures), lambda *key: duration(times[key]))
 
 
 def _asked(figures):
@@ -158,11 +152,6 @@ def _non_convex(figures):
     return table(['', *(f'n = {n}' for n in sides), 'wrong'], lines)
 
 
-def _readings(figures):
-    return _by_sides(_sides(figures), {method: LABELS[method] for method in READINGS},
-                     lambda n, method: _both_errors(speed_row(figures, n, 'near', method)))
-
-
 def _measured_on(figures):
     facts = figures['machine']
     versions = ', '.join(f'{name} {facts[name]}' for name in facts
@@ -171,11 +160,6 @@ def _measured_on(figures):
     return table(['machine', 'versions', 'pairs for each n and kind', 'minutes'], [[
         f'{facts["processor"]}, {facts["cores"]} cores, {facts["system"]}', versions,
         f'{min(counts):,} to {max(counts):,}', f'{figures["seconds"] / 60:.0f}']])
-
-
-def _times(figures):
-    return _by_sides(_sides(figures), {name: LABELS[name] for name in _timed(figures)},
-                     lambda n, method: _time(figures, n, method))
 
 
 def _times_by_kind(figures):
@@ -242,12 +226,21 @@ def _long_run(figures):
 
 
 TABLES = {
-    'speed against error': _speed, 'bodies used once': _once, 'asked from Python': _asked,
-    'separation': _separation, 'non convex': _non_convex, 'readings of the paper': _readings,
-    'measured on': _measured_on, 'times': _times, 'times by kind': _times_by_kind,
-    'wrong on hard pairs': _wrong_on_hard, 'steps': _steps, 'families': _families,
-    'distance from the origin': _offsets, 'separation by family': _separation_families,
-    'long run': _long_run,
+    'speed against error': _speed, 'asked from Python': _asked,
+    'separation': _separation, 'non convex': _non_convex, 'measured on': _measured_on,
+    'times by kind': _times_by_kind, 'wrong on hard pairs': _wrong_on_hard, 'steps': _steps,
+    'families': _families, 'distance from the origin': _offsets,
+    'separation by family': _separation_families, 'long run': _long_run,
+    'bodies used once': lambda figures: _by_sides(
+        SHOWN, _timed(figures), lambda n, method: next(
+            duration(row['ns']) for row in figures['once']
+            if row['n'] == n and row['method'] == method)),
+    'times': lambda figures: _by_sides(
+        _sides(figures), {method: LABELS[method] for method in _timed(figures)},
+        lambda n, method: _time(figures, n, method)),
+    'readings of the paper': lambda figures: _by_sides(
+        _sides(figures), {method: LABELS[method] for method in READINGS},
+        lambda n, method: _both_errors(speed_row(figures, n, 'near', method))),
     'time of contact': lambda figures: table_of(figures['contact_times'], {
         '': lambda row: LIBRARIES[row['library']], 'n': '{n}',
         'time': lambda row: duration(row['ask']), 'missed': '{missed} of {contacts}',

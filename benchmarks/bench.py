@@ -77,18 +77,16 @@ def measure(quick, parts):
 
 
 def _latencies(figures):
+    def cell(run):
+        lost = run['lost'] + run['unanswered']
+        return '{p50_ms:.1f} / {p99_ms:.1f} / {max_ms:.1f}'.format(**run) + (
+            f', {lost:,} lost' if lost else '')
     loads = figures['node']['loads'] + [{**one, 'vertices': '4, all at once'}
                                         for one in figures['node']['bursts']]
     return table_of(loads, {
         'obstacles': '{obstacles:,}', 'vertices': '{vertices}',
-        **{title: lambda one, kind=kind: _latency(one[kind]) if kind in one else '–'
+        **{title: lambda one, kind=kind: cell(one[kind]) if kind in one else '–'
            for kind, title in node.TITLES.items()}})
-
-
-def _latency(run):
-    lost = run['lost'] + run['unanswered']
-    return '{p50_ms:.1f} / {p99_ms:.1f} / {max_ms:.1f}'.format(**run) + (
-        f', {lost:,} lost' if lost else '')
 
 
 def _transforms(figures):

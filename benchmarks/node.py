@@ -39,7 +39,6 @@ import rclpy
 from std_msgs.msg import Bool
 from traffic import Reader, SET_RATE, Traffic, until
 
-
 _PEERS = str(ROOT / 'benchmarks' / 'peers.py')
 _MONITOR = ['-m', 'sat_collision.node']
 NODES = {'monitor': _MONITOR, 'plain': _MONITOR, 'floor': [_PEERS, 'floor'],
@@ -164,13 +163,11 @@ def _by_turns(kinds, repeats, *arguments, **options):
 def measure(seconds, repeats):
     """Return the cost of each node under each load, bursts, and the rate that one core handles."""
     def beside_the_floor(*load):
-        us, floor, ratio = together([('monitor',), ('floor',)], lambda: Traffic(*load), seconds,
-                                    3 * repeats)
-        return {'us': {'monitor': us, 'floor': floor}, 'times_floor': ratio}
+        return together([('monitor',), ('floor',)], lambda: Traffic(*load), seconds,
+                        3 * repeats)[-1]
     return {
-        'repeats': repeats,
         'loads': [{'obstacles': obstacles, 'vertices': vertices,
-                   'together': beside_the_floor(obstacles, vertices),
+                   'together': {'times_floor': beside_the_floor(obstacles, vertices)},
                    **_by_turns(TITLES, repeats, obstacles, vertices, seconds)}
                   for vertices in VERTICES for obstacles in OBSTACLES],
         'bursts': [{'obstacles': obstacles,

@@ -33,10 +33,9 @@ from sat_collision.replay.model.result import Options
 from sat_collision.replay.run import check
 import shapes
 
-
 _START = 1_700_000_000 * 10**9
 _KIND = 'geometry_msgs/msg/PolygonStamped'
-_TOPICS = ('/footprint', '/obstacles')
+_TOPICS = '/footprint', '/obstacles'
 
 
 def write(path, messages, per_set, storage):

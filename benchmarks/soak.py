@@ -42,7 +42,6 @@ import numpy as np
 from page_parts import replace_part
 from traffic import FOOTPRINT_RATE, Reader, regular, ROBOT, SET_RATE, tail, Traffic
 
-
 _WHEN = operator.itemgetter(0)
 _SLICE = 10.0
 _SETTLING = 3.0
@@ -122,7 +121,7 @@ class Drive:
         if not is_on:
             left = self._meet_at - stamp / 1e9
             x = walker + _WALKER_RADIUS - ROBOT[0][0] + left * (_WALK_SPEED - _ROBOT_SPEED)
-        return tail(np.float32([(x + dx, dy, 0.0) for dx, dy in ROBOT])), is_on, is_first
+        return tail(np.add(ROBOT, (x, 0.0))), is_on, is_first
 
 
 def judge_times(stays, flags, times, latency=0.0):

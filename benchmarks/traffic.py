@@ -45,8 +45,9 @@ def _head(stamp):
 
 
 def tail(points):
-    """Return the rest of a PolygonStamped after the stamp, for (n, 3) float32 points."""
-    return struct.pack('<I4sI', 4, _FRAME.encode() + b'\0', len(points)) + points.tobytes()
+    """Return the rest of a PolygonStamped after the stamp, for (n, 2) points."""
+    spatial = np.pad(points, ((0, 0), (0, 1))).astype(np.float32)
+    return struct.pack('<I4sI', 4, _FRAME.encode() + b'\0', len(points)) + spatial.tobytes()
 
 
 def regular(count, x, y, radius):
@@ -82,17 +83,13 @@ class Traffic:
         self._per_set = obstacles + 1
         self._sets = []
         for _ in range(_VARIANTS):
-            points = np.zeros((obstacles, vertices, 3), np.float32)
-            for k, (x, y) in enumerate(centres + rng.uniform(-0.1, 0.1, centres.shape)):
-                points[k, :, :2] = regular(vertices, x, y, 0.5)
-            self._sets.append([tail(outline) for outline in (*points, points[0, :0])])
-        footprints = itertools.cycle(
-            (tail(np.float32([(x + dx, dy, 0.0) for dx, dy in ROBOT])), hit, True)
-            for x, hit in ((0.0, True), (1000.0, False)))
+            moved = centres + rng.uniform(-0.1, 0.1, centres.shape)
+            outlines = [regular(vertices, x, y, 0.5) for x, y in moved]
+            self._sets.append([tail(outline) for outline in (*outlines, np.empty((0, 2)))])
+        footprints = itertools.cycle((tail(np.add(ROBOT, (x, 0.0))), hit, True)
+                                     for x, hit in ((0.0, True), (1000.0, False)))
         self.footprint_at = lambda stamp: next(footprints)
-        self.changes = []
-        self.received = []
-        self.times = []
+        self.changes, self.received, self.times = [], [], []
         self.node = rclpy.create_node('traffic')
         self._footprint = self.node.create_publisher(PolygonStamped, 'footprint', 10)
         self._obstacle = self._new_publisher()
@@ -183,14 +180,10 @@ def _arrived(subscription, message_type):
 
 def _answer(unanswered, flag, now):
     """Return the latency of the footprint that a flag answers: none if the flag is repeated."""
-    while unanswered:
-        sent, expected = unanswered[0]
-        if flag == expected:
-            unanswered.popleft()
-            return [now - sent]
-        if len(unanswered) == 1:
-            return []
+    while len(unanswered) > 1 and unanswered[0][1] != flag:
         unanswered.popleft()  # superseded before the node processed it
+    if unanswered and unanswered[0][1] == flag:
+        return [now - unanswered.popleft()[0]]
     return []
 
 

@@ -26,8 +26,7 @@ import shapely
 from stability import centre_of_bin, FIRST
 from tables import distinct, parts, speed_row
 
-U = 2.0 ** -53
-U_FLOAT32 = 2.0 ** -24
+U, U_FLOAT32 = 2.0 ** -53, 2.0 ** -24
 # Drawn in the first figure; the others are in its table.
 DRAWN = ('improved', 'traditional', 'published_a', 'published_b', 'binary', 'gjk', 'filtered',
          'shapely')

@@ -330,11 +330,7 @@ def support(body, x, y):
             return middle
         higher = ((body[low, 0] - body[middle, 0]) * x
                   + (body[low, 1] - body[middle, 1]) * y) > 0
-        if rises:
-            before = ahead <= 0 or higher
-        else:
-            before = ahead <= 0 and not higher
-        if before:
+        if (ahead <= 0 or higher) if rises else (ahead <= 0 and not higher):
             high = middle
         else:
             low, rises = middle, ahead > 0

@@ -53,16 +53,11 @@ _RECTANGLE = np.array([(-0.4, -0.25), (0.4, -0.25), (0.4, 0.25), (-0.4, 0.25)])
 
 def scenes():
     """Return the frames of each scene by name."""
-    found = {title: recorded(name) for name, title in NAMES.items()}
+    found = {title: [frame[1:] for frame in stamped(name)] for name, title in NAMES.items()}
     for name, scene in (('docking', docking), ('racks in line', racks)):
         found[name] = scene(0.0)
         found[f'{name}, turned by 30°'] = scene(np.pi / 6)
     return found
-
-
-def recorded(name):
-    """Return the frames of a recording, footprint and obstacles of equal stamps."""
-    return [frame[1:] for frame in stamped(name)]
 
 
 def stamped(name):

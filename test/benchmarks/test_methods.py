@@ -269,7 +269,7 @@ def test_scenes_have_contacts_and_clear_pairs(scene, angle):
 @pytest.mark.parametrize('name', scenes.NAMES)
 def test_recorded_scenes_have_their_known_contacts(name):
     meet = [sum(oracle.intersects(footprint, obstacle) for obstacle in obstacles)
-            for footprint, obstacles in scenes.recorded(name)]
+            for _, footprint, obstacles in scenes.stamped(name)]
     assert meet == [len(moment['hits']) for moment in load('recordings')[name]['contacts']]
 
 

@@ -21,6 +21,7 @@ import time
 from types import SimpleNamespace
 
 from geometry_msgs.msg import Point32, Polygon, PolygonStamped
+from harness import streaming
 import pytest
 from rcl_interfaces.srv import ListParameters
 import rclpy
@@ -28,7 +29,6 @@ from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import QoSProfile
 from sat_collision.node import loop
-from streams import streaming
 
 
 class Recorder:

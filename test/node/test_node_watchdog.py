@@ -64,6 +64,7 @@ def stall():
 
 def clear(running):
     """Bring the monitor to a clear state."""
+    running.send_set('obstacles', box(5, 5))
     running.send_until('clear', 'footprint', box(0, 0))
     running.until(lambda: running.flag() is False)
 
@@ -74,7 +75,6 @@ PARAMETERS = {'footprint__timeout': 0.0, 'obstacle__timeout': 60.0, 'watchdog': 
 def test_stalled_loop_raises_the_flags(start, stall):
     """All flags are raised and all states unknown until the loop continues."""
     running = start(**PARAMETERS)
-    running.send_set('obstacles', box(5, 5))
     clear(running)
     assert running.flag('footprint') is not True
     running.logged('footprint: ')
@@ -102,7 +102,6 @@ def test_stalled_loop_raises_the_flags(start, stall):
 def test_flags_fall_after_the_stall(start, stall):
     """The two threads that publish do not overtake each other."""
     running = start(**PARAMETERS)
-    running.send_set('obstacles', box(5, 5))
     clear(running)
     for _ in range(2):
         stalled = stall(running)
@@ -117,7 +116,6 @@ def test_flags_fall_after_the_stall(start, stall):
 def test_without_a_watchdog(start, stall):
     """With watchdog 0.0 the last flag stays."""
     running = start(**{**PARAMETERS, 'watchdog': 0.0})
-    running.send_set('obstacles', box(5, 5))
     clear(running)
     stalled = stall(running)
     received = len(running.listen('~/collision'))
@@ -128,7 +126,6 @@ def test_without_a_watchdog(start, stall):
 
 def test_watchdog_can_be_changed_live(start, stall):
     running = start(**PARAMETERS)
-    running.send_set('obstacles', box(5, 5))
     clear(running)
     assert running.set_parameters(watchdog=30.0) == [None]
     running.logged('parameter watchdog was changed from 1.0 to 30.0')

@@ -16,20 +16,17 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
-from sat_collision.messages.commands import Commands
-from sat_collision.messages.ingest import Batch, Ingest
-from sat_collision.messages.outlines import Outlines
-from sat_collision.messages.placement import Placement
+from sat_collision.messages.ingest import Batch, Ingest, Placement, WAIT, Wait
+from sat_collision.messages.outlines import Commands, Outlines
 from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import FootprintSettings, NEVER, ObstacleSettings, Settings
 from sat_collision.scene.streams import Endpoint
-from sat_collision.scene.waiting import WAIT, Wait, Waiting
 
 # Max messages that wait for transforms: of a footprint; of a source in multiples of max_count.
 _FOOTPRINTS_WAIT = 100
@@ -78,12 +75,12 @@ class Monitor:
         self.transforms = TransformListener(settings)
         has_transforms = transforms or any(one.odometry for one in settings.footprints)
         self.ingest = Ingest(settings, self.scene, self.transforms if has_transforms else None,
-                             self._watch_clock, placements)
+                             placements)
         # Number of refused messages, by (name, reason).
         self.rejected = self.ingest.rejected
         self.outlines = Outlines(settings, self.ingest, self.transforms, self.received)
         self.commands = Commands(settings, self.ingest, self.scene)
-        self.waiting: Waiting[_Item, Rejection] = Waiting(self._take_waiting)
+        self.waiting = Waiting(self._take_waiting)
         self.scene.waiting = self.waiting.queues
         self._timeout = round(settings.transform_timeout * 1e9)
         self._now = 0
@@ -121,6 +118,7 @@ class Monitor:
         self.received[name] += len(messages)
         if name in self.commands.names:
             return self.commands.receive(name, messages, now)
+        self._watch_clock(now)
         rejections: Sequence[Rejection] = _NOTHING
         if number is None:
             self.is_numbered = False
@@ -141,6 +139,7 @@ class Monitor:
 
         Returns how many were taken. The next one must be received by itself.
         """
+        self._watch_clock(now)
         taken = self.ingest.take_run(name, batch, begin, now)
         self.received[name] += taken
         return taken
@@ -199,11 +198,10 @@ class Monitor:
         if not settings.enabled:
             return _NOTHING
         if name in self.outlines.names:
-            self._watch_clock(now)
             if number is not None:
                 self.scene.receive_number(name, number, now)
             return self.outlines.receive(name, data, now) + self._take_moved(now)
-        if self.waiting.earliest == NEVER or name not in self.waiting:
+        if name not in self.waiting:
             outcome = self.ingest.take(settings, data, number, now)
             if outcome is not WAIT:
                 return [outcome] if outcome else _NOTHING
@@ -212,10 +210,9 @@ class Monitor:
     def _hold(self, settings: FootprintSettings | ObstacleSettings, item: _Item,
               now: int) -> list[Rejection]:
         """Queue a message, or publishers that apply after it."""
-        self._watch_clock(now)
-        most = (_SETS_WAIT * settings.max_count if isinstance(settings, ObstacleSettings)
-                else _FOOTPRINTS_WAIT)
-        return self.waiting.add(settings.name, item, now, self._timeout, most)
+        limit = (_SETS_WAIT * settings.max_count if isinstance(settings, ObstacleSettings)
+                 else _FOOTPRINTS_WAIT)
+        return self.waiting.add(settings.name, item, now, self._timeout, limit)
 
     def _take_waiting(self, name: str, item: _Item, now: int,
                       may_wait: bool) -> Rejection | Wait | None:
@@ -226,3 +223,68 @@ class Monitor:
         elif settings.enabled:
             return self.ingest.take(settings, *item, now, may_wait)
         return None
+
+
+class Waiting:
+    """
+    Queues of waiting items by name, each in order of arrival.
+
+    `take` is called with a name, the first item, the present time in ns and whether it may go on
+    waiting; it returns WAIT if it does.
+    """
+
+    def __init__(self, take: Callable[[str, _Item, int, bool], Rejection | Wait | None]) -> None:
+        self._take = take
+        # The items and until when they may wait, by name; none is empty.
+        self.queues: dict[str, deque[tuple[_Item, int]]] = {}
+        # When the first of them must be taken.
+        self.earliest = NEVER
+
+    def __contains__(self, name: object) -> bool:
+        """Return whether something waits under this name."""
+        return name in self.queues
+
+    def counts(self) -> dict[str, int]:
+        """Return the number of waiting items by name."""
+        return {name: len(queue) for name, queue in self.queues.items()}
+
+    def add(self, name: str, item: _Item, now: int, timeout: int, limit: int) -> list[Rejection]:
+        """Let an item wait; beyond `limit` items the oldest are taken at once."""
+        queue = self.queues.setdefault(name, deque())
+        queue.append((item, now + timeout))
+        rejections: list[Rejection] = []
+        while len(queue) > limit:
+            self._take_first(name, now, False, rejections)
+        self._find_earliest()
+        return rejections
+
+    def take(self, now: int) -> list[Rejection]:
+        """Take the items that need not wait any more."""
+        rejections: list[Rejection] = []
+        for name, queue in [*self.queues.items()]:
+            while queue and self._take_first(name, now, now <= queue[0][1], rejections):
+                pass
+            if not queue:
+                del self.queues[name]
+        self._find_earliest()
+        return rejections
+
+    def drop(self) -> None:
+        """Drop all that waits."""
+        self.queues.clear()
+        self.earliest = NEVER
+
+    def _take_first(self, name: str, now: int, may_wait: bool,
+                    rejections: list[Rejection]) -> bool:
+        """Take the first item of a name, if it need not wait; return whether it was taken."""
+        queue = self.queues[name]
+        outcome = self._take(name, queue[0][0], now, may_wait)
+        if isinstance(outcome, Wait):
+            return False
+        queue.popleft()
+        if outcome is not None:
+            rejections.append(outcome)
+        return True
+
+    def _find_earliest(self) -> None:
+        self.earliest = min((queue[0][1] for queue in self.queues.values()), default=NEVER)

@@ -22,8 +22,8 @@ from builders import box, command, SECOND
 from monitors import START, World
 import numpy as np
 import pytest
+from sat_collision.messages.cdr import stamped
 from sat_collision.messages.states import States
-from sat_collision.messages.transform_listener import stamped
 from sat_collision.scene.parameters import check_outlines, ParameterError
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, TF
 from shapely import affinity

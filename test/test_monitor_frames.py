@@ -20,11 +20,12 @@ import math
 from builders import box, serialised, transforms
 from monitors import nanoseconds, START, World
 import pytest
+from sat_collision.messages.ingest import WAIT
 from sat_collision.messages.transform_listener import TF, TF_STATIC
-from sat_collision.monitor import Monitor
+from sat_collision.monitor import Monitor, Waiting
 from sat_collision.scene import frames
-from sat_collision.scene.frame_tree import BAD_TRANSFORM
-from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from sat_collision.scene.frames import BAD_TRANSFORM
+from sat_collision.scene.settings import FootprintSettings, NEVER, ObstacleSettings, Settings
 from sat_collision.scene.streams import Endpoint
 
 SETTINGS = Settings(
@@ -413,3 +414,38 @@ def test_two_publishers_of_a_frame_are_noticed(robot):
     for number in (4, 100, 5, 101, 6):
         listener.receive(TF, transforms(('odom', 'base', robot.now, 0, 0)), robot.now, number)
     assert listener.turns == {'base': 3}
+
+
+class Receiver:
+    """Accepts numbers up to `ready` and records them."""
+
+    def __init__(self):
+        self.ready = 0
+        self.taken = []
+        self.waiting = Waiting(self.take)
+
+    def take(self, name, item, now, may_wait):
+        if item > self.ready and may_wait:
+            return WAIT
+        self.taken.append((name, item))
+        return f'{item} timed out' if item > self.ready else None
+
+
+def test_waiting_messages_time_out_one_by_one():
+    receiver = Receiver()
+    receiver.waiting.add('a', 5, 0, 10, 9)
+    receiver.waiting.add('a', 6, 4, 10, 9)
+    assert receiver.waiting.earliest == 10
+    assert receiver.waiting.take(10) == []
+    assert receiver.waiting.take(11) == ['5 timed out']
+    assert receiver.waiting.earliest == 14
+    assert receiver.waiting.take(15) == ['6 timed out']
+    assert receiver.waiting.earliest == NEVER
+
+
+def test_dropped_messages_are_not_received():
+    receiver = Receiver()
+    receiver.waiting.add('a', 5, 0, 10, 9)
+    receiver.waiting.drop()
+    assert receiver.waiting.take(99) == receiver.taken == []
+    assert receiver.waiting.earliest == NEVER and 'a' not in receiver.waiting

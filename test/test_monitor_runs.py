@@ -87,14 +87,14 @@ def test_batches_give_the_same_as_single_messages(seed):
                 for k, one in enumerate(places)]
     singly, alone, together, undecided = monitors
     singly.ingest.take_run = lambda *_: 0
-    now, number = NOW, source.choice((1, 7, None))
+    now, number = source.choice((NOW, NOW, SECOND // 5)), source.choice((1, 7, None))
     for monitor in monitors:
         monitor.receive_transforms('/tf_static', transforms(('map', 'laser', 0, 0.25, 3.0, 1.5)),
                                    now)
         monitor.update_publishers('lidar', [Endpoint('gid', '/tracker')])
     left = []
     for _ in range(12):
-        now += source.choice((SECOND // 20, SECOND // 10, 2 * SECOND))
+        now += source.choice((SECOND // 20, SECOND // 10, 7 * SECOND // 10, 2 * SECOND))
         robot = serialised(box(source.choice((0, 0, -5))), now)
         stamp = now + source.choice((0, 0, 0, SECOND // 20, -SECOND // 2))
         left += random_set(source, stamp, source.choice(('map', 'map', 'laser')))
@@ -174,15 +174,21 @@ def test_unusual_message_in_a_run_is_received_by_itself(
 
 
 def test_whole_sets_are_runs_if_no_contacts_are_decided():
-    """From the second one on, by its header; what touches is no exception, what is odd is one."""
+    """From the second one on, by its header, but not what is odd; they count from their stamps."""
     monitor = Monitor(replace(SETTINGS, obstacles=SETTINGS.obstacles[:1]), placements=[],
                       decides_contacts=False)
     monitor.receive('robot', serialised(box(0)), NOW)
     taken = []
-    for k in range(3):
+    for k in range(4):
         stamp = NOW + k * SECOND // 10
-        batch = Batch([serialised(box(0), stamp), *(ordinary(k, stamp) for k in range(8)),
-                       serialised(NON_CONVEX, stamp), ordinary(9, stamp)])
-        taken.append(monitor.receive_run('lidar', batch, 0, stamp))
-        monitor.receive_batch('lidar', batch.messages[taken[-1]:], stamp)
-    assert taken == [0, 9, 9]
+        now = stamp + SECOND // 2
+        odd = [serialised(NON_CONVEX, stamp), ordinary(9, stamp)] if k < 2 else []
+        batch = Batch([serialised(box(0), stamp), *(ordinary(k, stamp) for k in range(8)), *odd])
+        taken.append(monitor.receive_run('lidar', batch, 0, now))
+        monitor.receive_batch('lidar', batch.messages[taken[-1]:], now)
+    assert taken == [0, 9, 9, 9]
+    expires = stamp - SECOND // 10 + round(SETTINGS.obstacles[0].timeout * SECOND)
+    monitor.advance(expires)
+    assert monitor.scene.source_faults == ()
+    monitor.advance(expires + 1)
+    assert monitor.scene.source_faults != ()

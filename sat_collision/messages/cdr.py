@@ -13,10 +13,12 @@
 # limitations under the License.
 
 """
-Decodes serialised geometry_msgs/PolygonStamped and PolygonInstanceStamped.
+Decodes serialised messages in place, with every length checked.
 
-CDR in this machine's byte order is read in place, with every length checked. A message that does
-not match to the byte goes to the decoder of rclpy, or without ROS to that of rosbags.
+Of geometry_msgs PolygonStamped, PolygonInstanceStamped and TwistStamped, of nav_msgs Odometry, of
+tf2_msgs TFMessage. Polygons are read in this machine's byte order: one that does not match to the
+byte goes to the decoder of rclpy, or without ROS to that of rosbags. Others are read in either.
+What no decoder can account for to the byte raises a MessageError.
 """
 
 from __future__ import annotations
@@ -25,6 +27,10 @@ from array import array
 import struct
 import sys
 from typing import Literal, TypeAlias
+
+from sat_collision.scene.frames import LONGEST_FRAME_ID
+from sat_collision.scene.rotations import Transform
+from sat_collision.scene.velocity import Twist
 
 _OWN_CDR = {'little': b'\x00\x01\x00\x00', 'big': b'\x00\x00\x00\x00'}[sys.byteorder]
 _HEADER = struct.Struct('=4siII')  # encapsulation, seconds, nanoseconds, length of frame_id
@@ -37,12 +43,29 @@ STAMP_SIZE = 12
 COUNT_SIZE = 4
 _ID_SIZE = 8
 POINT_SIZE = 12
+# Of the encapsulation of a TFMessage and the number of its transforms; of a stamp and the length
+# of the name behind it; of a transform.
+_COUNTED_SIZE = 8
+_STAMPED_SIZE = 12
+_TRANSFORM_SIZE = 56
+# Pose and twist, each with a covariance.
+_ODOMETRY_SIZE = 8 * 2 * 36 + 8 * (7 + 6)
+_TWIST_SIZE = 8 * 6
+_TWIST_COVARIANCE_SIZE = 8 * 36
 _SECOND = 1_000_000_000
-_MOST_SHOWN = 200
+_MAX_SHOWN = 200
+
+# Decoded names of frames, as they repeat. One may be of a message that is cut off within it: its
+# transform is then beyond the end, which is checked.
+_MAX_NAMES = 1000
+_names: dict[bytes, str] = {}
 
 # Bytes, the offset of the points in them, and the number of points: x, y and z of each as float32
 # in this machine's byte order.
 Points: TypeAlias = tuple[bytes, int, int]
+# Parent and child frame, stamp in ns, and the transform as received: its rotation may have any
+# length.
+StampedTransform: TypeAlias = tuple[str, str, int, Transform]
 
 
 class MessageError(ValueError):
@@ -53,25 +76,7 @@ def decode(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
     """
     Read a PolygonStamped, or a PolygonInstanceStamped if `instance` is true.
 
-    Parameters
-    ----------
-    data : bytes
-    instance : bool
-
-    Returns
-    -------
-    stamp : int
-        In ns.
-    frame_id : str
-    points : Points
-    identity : int or None
-        The id of a PolygonInstanceStamped.
-
-    Raises
-    ------
-    MessageError
-        If neither this decoder nor the library's can account for every byte.
-
+    Return the stamp in ns, the frame_id, the points, and the id of a PolygonInstanceStamped.
     """
     size = len(data)
     if size < _HEADER_SIZE:
@@ -114,8 +119,14 @@ def header_stamp(data: bytes) -> int:
     return int(seconds * _SECOND + nanoseconds)
 
 
-def _too_many_nanoseconds(nanoseconds: int) -> MessageError:
-    return MessageError(f'{nanoseconds} nanoseconds in the stamp make more than a second')
+def _too_many_nanoseconds(nanoseconds: int, stamp: str = 'the stamp') -> MessageError:
+    return MessageError(f'{nanoseconds} nanoseconds in {stamp} make more than a second')
+
+
+def _check_size(data: bytes, expected: int) -> None:
+    """Raise MessageError if a message has not as many bytes as its contents need."""
+    if len(data) != expected:
+        raise MessageError(f'{len(data)} bytes where the contents need {expected}')
 
 
 def _decode_with_library(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
@@ -131,19 +142,16 @@ def _decode_with_library(data: bytes, instance: bool) -> tuple[int, str, Points,
     try:
         from sat_collision.messages import interfaces
     except ImportError as error:
-        raise MessageError(
-            f'only rclpy or rosbags could read this encoding: {error}') from error
+        raise MessageError(f'only rclpy or rosbags could read this encoding: {error}') from error
     kind = interfaces.PolygonInstanceStamped if instance else interfaces.PolygonStamped
     try:
         message = interfaces.deserialize(data, kind)
     except Exception as error:  # rclpy's own error class is private, rosbags raises any
-        raise MessageError(f'not decodable: {str(error)[:_MOST_SHOWN]!r}') from error
+        raise MessageError(f'not decodable: {str(error)[:_MAX_SHOWN]!r}') from error
     frame_id = message.header.frame_id
     if '\N{REPLACEMENT CHARACTER}' in frame_id:
         raise MessageError('frame_id is not UTF-8')
-    expected = len(interfaces.serialize(message))
-    if len(data) != expected:
-        raise MessageError(f'{len(data)} bytes where the contents need {expected}')
+    _check_size(data, len(interfaces.serialize(message)))
     polygon = message.polygon.polygon if instance else message.polygon
     points = polygon.points
     count_at = (_HEADER_SIZE + len(frame_id.encode()) + 1 + 3) & ~3
@@ -174,3 +182,124 @@ def _check_lengths(data: bytes) -> None:
     room = (len(data) - points_at) // POINT_SIZE
     if count > room:
         raise MessageError(f'{count} points where there are bytes for {room}')
+
+
+class _Order:
+    """Readers of the numbers of one byte order."""
+
+    def __init__(self, sign: str) -> None:
+        self.count = struct.Struct(f'{sign}I').unpack_from
+        self.head = struct.Struct(f'{sign}iII').unpack_from
+        self.transform = struct.Struct(f'{sign}7d').unpack_from
+        self.twist = struct.Struct(f'{sign}2d24x1d').unpack_from
+
+
+_ORDERS = {b'\x00\x01\x00\x00': _Order('<'), b'\x00\x00\x00\x00': _Order('>')}
+
+
+def decode_transforms(data: bytes) -> list[StampedTransform]:
+    """Read a TFMessage."""
+    order = _order_of(data, _COUNTED_SIZE)
+    count, = order.count(data, _COUNTED_SIZE - COUNT_SIZE)
+    head, link, transform, names = order.head, order.count, order.transform, _names
+    at = _COUNTED_SIZE
+    transforms = []
+    try:
+        for _ in range(count):
+            seconds, nanoseconds, length = head(data, at)
+            start = at + _STAMPED_SIZE
+            at = start + length
+            parent = names.get(data[start:at]) or _name(data[start:at], length)
+            start = ((at + 3) & ~3) + COUNT_SIZE
+            length, = link(data, start - COUNT_SIZE)
+            at = start + length
+            child = names.get(data[start:at]) or _name(data[start:at], length)
+            # Alignment counts from behind the encapsulation, hence the 4.
+            at = ((at - 4 + 7) & ~7) + 4
+            if nanoseconds >= _SECOND:
+                raise _too_many_nanoseconds(nanoseconds, 'a stamp')
+            transforms.append((
+                parent, child, seconds * _SECOND + nanoseconds, transform(data, at)))
+            at += _TRANSFORM_SIZE
+    except struct.error as error:
+        raise MessageError(f'ends before its {count} transforms do') from error
+    _check_size(data, at)
+    return transforms
+
+
+def decode_odometry(data: bytes) -> StampedTransform:
+    """Read an Odometry as the transform that its pose is."""
+    try:
+        order, stamp, parent, end = _read_either_header(data)
+        start = ((end + 3) & ~3) + COUNT_SIZE
+        length, = order.count(data, start - COUNT_SIZE)
+        child = _name(data[start:start + length], length)
+        at = ((start + length - 4 + 7) & ~7) + 4
+        transform = order.transform(data, at)
+    except struct.error as error:
+        raise MessageError('ends before its pose does') from error
+    _check_size(data, at + _ODOMETRY_SIZE)
+    return parent, child, stamp, transform
+
+
+def decode_twist(data: bytes) -> Twist:
+    """Read the twist in the child frame from a whole Odometry."""
+    vx, vy, omega = _ORDERS[data[:4]].twist(
+        data, len(data) - _TWIST_COVARIANCE_SIZE - _TWIST_SIZE)
+    return vx, vy, omega
+
+
+def decode_command(data: bytes) -> tuple[int, str, Twist]:
+    """Read a TwistStamped: its stamp in ns, its frame and its twist."""
+    try:
+        order, stamp, frame_id, end = _read_either_header(data)
+        at = ((end - 4 + 7) & ~7) + 4
+        vx, vy, omega = order.twist(data, at)
+    except struct.error as error:
+        raise MessageError('ends before its twist does') from error
+    _check_size(data, at + _TWIST_SIZE)
+    return stamp, frame_id, (vx, vy, omega)
+
+
+def stamped(twist: bytes) -> bytes:
+    """Return a serialised Twist as a TwistStamped without stamp and frame."""
+    order: Literal['little', 'big'] = 'little' if twist[1:2] == b'\1' else 'big'
+    length = (1).to_bytes(COUNT_SIZE, order)
+    return twist[:4] + bytes(_STAMPED_SIZE - COUNT_SIZE) + length + bytes(4) + twist[4:]
+
+
+def _read_either_header(data: bytes) -> tuple[_Order, int, str, int]:
+    """Read a header: its byte order, the stamp in ns, the frame, and where its name ends."""
+    order = _order_of(data)
+    seconds, nanoseconds, length = order.head(data, 4)
+    end = _HEADER_SIZE + length
+    frame_id = _name(data[_HEADER_SIZE:end], length)
+    if nanoseconds >= _SECOND:
+        raise _too_many_nanoseconds(nanoseconds)
+    return order, seconds * _SECOND + nanoseconds, frame_id, end
+
+
+def _order_of(data: bytes, least: int = 0) -> _Order:
+    """Return the byte order of a message, which has so many bytes at least."""
+    order = _ORDERS.get(data[:4])
+    if order is None or len(data) < least:
+        raise MessageError(
+            f'{len(data)} bytes that begin with {data[:4].hex()!r} are not a message')
+    return order
+
+
+def _name(text: bytes, length: int) -> str:
+    """Return the name that a string holds, cut off if shorter than its length; keep the name."""
+    if length > LONGEST_FRAME_ID + 1:
+        raise MessageError(f'a frame name of {length} bytes where {LONGEST_FRAME_ID} are accepted')
+    # The first NUL must be the last byte of the string.
+    if length == 0 or text.find(b'\0') != length - 1:
+        raise MessageError('a frame name does not end where it says')
+    try:
+        name = text[:-1].decode()
+    except UnicodeDecodeError as error:
+        raise MessageError('a frame name is not UTF-8') from error
+    if len(_names) >= _MAX_NAMES:
+        _names.clear()
+    _names[text] = name
+    return name

@@ -17,27 +17,48 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
-from itertools import accumulate
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+import enum
+from itertools import accumulate, pairwise
+from typing import Any, cast, NamedTuple, TypeAlias
 
 import numpy as np
-from sat_collision.geometry.jit import indexable
-from sat_collision.geometry.polygon import Affine2D, PolygonError, UNMOVED
+from numpy.typing import NDArray
+from sat_collision.geometry.jit import COMPILED, indexable
+from sat_collision.geometry.layout import packed_size
+from sat_collision.geometry.packing import pack_convex
+from sat_collision.geometry.polygon import (
+    Affine2D, PackedBody, Polygon, PolygonError, Reason, UNMOVED)
 from sat_collision.messages.cdr import (
-    COUNT_SIZE, decode, header_stamp, MessageError, Points, STAMP_SIZE)
-from sat_collision.messages.packer import Packer, vertices_of
-from sat_collision.messages.placement import Placement
+    COUNT_SIZE, decode, header_stamp, MessageError, POINT_SIZE, Points, STAMP_SIZE)
 from sat_collision.messages.rejections import (
     detail_of, EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE)
 from sat_collision.messages.transform_listener import TransformListener
-from sat_collision.scene.frame_tree import LONGEST_FRAME_ID
-from sat_collision.scene.frames import Mapped, NoTransform
+from sat_collision.scene.frames import LONGEST_FRAME_ID, Mapped, NoTransform
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
     CommandSettings, FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
 from sat_collision.scene.velocity import Velocity
-from sat_collision.scene.waiting import WAIT, Wait
+
+# Max vertices that plain Python cuts into convex parts and measures in time, see
+# docs/reliability.md.
+_MAX_NON_CONVEX = 128
+# Messages with more points than this times the max vertices are refused unread.
+_POINTS_FOR_A_VERTEX = 8
+_NO_ENDS = indexable(np.empty(0, np.int64))
+
+# The bytes of the messages of a run; the end of each but the last, an array of int64; and where in
+# each message the points start.
+RunPoints: TypeAlias = tuple[bytes, Any, int]
+
+
+class Wait(enum.Enum):
+    """The outcome of a message that must go on waiting."""
+
+    WAIT = 'wait'
+
+
+WAIT = Wait.WAIT
 
 
 class Batch:
@@ -57,19 +78,56 @@ class Batch:
                                               len(messages) - 1))
 
 
-_NO_ENDS = indexable(np.empty(0, np.int64))
+class Placement(NamedTuple):
+    """
+    A message that was taken, or a run of messages that differ only in their points.
+
+    Recorded motion is found from these.
+    """
+
+    name: str  # of the footprint or source of obstacles
+    stamp: int  # in ns, the time of reception if it has none
+    is_stamped: bool
+    frame_id: str  # after the map is applied
+    points: Points | RunPoints  # as received
+    affine: Affine2D | None  # the map of the points to that frame, None if they are in it
+    instance: int | None  # the obstacle's id, of a source that gives ids
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether the message has no points, which ends a set or a map."""
+        return not self.points[2]
+
+    @property
+    def single(self) -> Points:
+        """The points of a single message."""
+        return cast(Points, self.points)
+
+    @property
+    def shape(self) -> bytes:
+        """The bytes of the points of a single message."""
+        data, start, count = self.single
+        return data[start:start + POINT_SIZE * count]
+
+    def each(self) -> Iterator[Placement]:
+        """Yield the messages of a run one by one."""
+        data, ends, points_at = self.points
+        if isinstance(ends, int):
+            yield self
+        else:
+            for start, end in pairwise([0, *ends.tolist(), len(data)]):
+                start += points_at
+                yield self._replace(points=(data, start, (end - start) // POINT_SIZE))
 
 
 class Ingest:
     """
     Passes messages to a scene, or refuses them; if `transforms` is None all in other frames.
 
-    `watch_clock` is called with the present time in ns before a transform is looked up, and
     `placements` receives the accepted messages.
     """
 
     def __init__(self, settings: Settings, scene: Scene, transforms: TransformListener | None,
-                 watch_clock: Callable[[int], None],
                  placements: list[Placement] | None = None) -> None:
         self._placements = placements
         # Number of refused messages, by (name, reason).
@@ -77,7 +135,6 @@ class Ingest:
         self._scene = scene
         self._transforms = transforms
         self._fixed = settings.frame_id
-        self._watch_clock = watch_clock
         self._with_ids = {source.name for source in settings.obstacles
                           if source.type == POLYGON_INSTANCE}
         self._packer = Packer(settings.max_vertices)
@@ -108,7 +165,6 @@ class Ingest:
             start, stamp = message[:len(start)], header_stamp(message)
         affine = None
         if self._transforms and frame_id != self._fixed:
-            self._watch_clock(now)
             found = self._transforms.lookup_affine(
                 frame_id, stamp, now, self._scene.settings_of(name).timeout)
             if isinstance(found, NoTransform):
@@ -153,7 +209,6 @@ class Ingest:
                     f'{LONGEST_FRAME_ID} are accepted', now, stamp, instance, number)
             origin = None
             if self._transforms and frame_id != self._fixed and points[2]:
-                self._watch_clock(now)
                 found = self._transforms.lookup_affine(frame_id, stamp, now, settings.timeout)
                 if isinstance(found, NoTransform):
                     if found.may_come and may_wait and stamp:
@@ -224,3 +279,45 @@ class Ingest:
         """Count a refused message and return its Rejection."""
         self.rejected[settings.name, reason] += 1
         return Rejection(settings.name, settings.topic, reason, detail)
+
+
+def max_non_convex(max_vertices: int) -> int:
+    """Return the max vertices of a non-convex polygon, given those of any polygon."""
+    return max_vertices if COMPILED else min(max_vertices, _MAX_NON_CONVEX)
+
+
+class Packer:
+    """Packs the points of messages, convex ones into an array used again each time."""
+
+    def __init__(self, max_vertices: int) -> None:
+        self.max_vertices = max_vertices
+        self._max_non_convex = max_non_convex(max_vertices)
+        # One more, for a closing point; messages with even more points may be slow.
+        self._max_points = max_vertices + 1
+        self.array = indexable(np.empty(packed_size(self._max_points)))
+
+    def pack(self, points: Points, affine: Affine2D = UNMOVED) -> PackedBody:
+        """Return the body of points moved by an affine map, valid until the next call."""
+        count = points[2]
+        if 0 < count <= self._max_points:
+            vertices = pack_convex(*points, self.array, self.max_vertices, affine)
+            if vertices:
+                return self.array, vertices
+        limit = _POINTS_FOR_A_VERTEX * self.max_vertices
+        if count > limit:
+            raise PolygonError(Reason.TOO_MANY_VERTICES,
+                               f'{count} points, of which at most {limit} are looked at')
+        return Polygon.from_float32(
+            *points, self.max_vertices, self._max_non_convex, affine).packed
+
+
+def vertices_of(points: Points, affine: Affine2D | None = None) -> NDArray[np.float64]:
+    """Return points in the order sent as (n, 2) array, moved by an affine map if given."""
+    data, start, count = points
+    received = np.frombuffer(data, np.float32, 3 * count, start).reshape(-1, 3)
+    vertices = received[:, :2].astype(np.float64)
+    if affine is None:
+        return vertices
+    a, b, x, c, d, y = affine
+    moved: NDArray[np.float64] = vertices @ np.array([(a, c), (b, d)]) + (x, y)
+    return moved

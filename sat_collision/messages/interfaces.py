@@ -61,5 +61,5 @@ __all__ = ['Bool', 'ColorRGBA', 'DiagnosticArray', 'DiagnosticStatus', 'Duration
 
 
 def type_name(kind: type) -> str:
-    """Return the name of a message class as bags have it, such as std_msgs/msg/Bool."""
+    """Return the name of a message class as ROS has it, such as std_msgs/msg/Bool."""
     return f'{kind.__module__.partition(".")[0]}/msg/{kind.__name__}'

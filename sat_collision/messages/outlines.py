@@ -12,23 +12,28 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Footprints without a publisher: an outline, and a frame that moves it."""
+"""Footprints without a publisher: an outline, a frame that moves it, and its commands."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from functools import partial
 import struct
 
-from sat_collision.messages.cdr import Points
+from sat_collision.messages.cdr import (
+    decode_command, decode_odometry, decode_twist, MessageError, Points)
 from sat_collision.messages.ingest import Ingest
-from sat_collision.messages.rejections import Rejection
-from sat_collision.messages.transform_listener import (
-    decode_odometry, decode_twist, TransformListener)
-from sat_collision.scene.frames import Mapped, NoTransform
+from sat_collision.messages.rejections import (
+    BAD_COMMAND, COMMAND_FRAME, detail_of, Rejection, UNDECODABLE)
+from sat_collision.messages.transform_listener import TransformListener
+from sat_collision.scene.frames import in_quotes, Mapped, NoTransform
 from sat_collision.scene.parameters import Outline, outline_of
-from sat_collision.scene.settings import FootprintSettings, NEVER, Settings
-from sat_collision.scene.velocity import COMMAND, ODOMETRY, pose_of, TRANSFORMS, Velocity
+from sat_collision.scene.scene import FROM_FUTURE, Scene
+from sat_collision.scene.settings import CommandSettings, FootprintSettings, NEVER, Settings
+from sat_collision.scene.sources import TOO_OLD
+from sat_collision.scene.velocity import (
+    COMMAND, Command, is_plausible, ODOMETRY, pose_of, TRANSFORMS, Velocity)
 
 # An outline in a static frame is placed again so many times within its timeout.
 _TIMES_PLACED = 3
@@ -73,50 +78,43 @@ class Outlines:
 
     def follow(self, now: int) -> list[Rejection]:
         """Place the outlines that have moved."""
-        rejections: list[Rejection] = []
-        for one in self._outlines.values():
-            rejections += self._follow(one, now)
-        return rejections
+        return [rejection for one in self._outlines.values()
+                if (rejection := self._follow(one, now))]
 
     @property
     def deadline(self) -> float:
         """The time in ns until which nothing is to be placed unless a message comes."""
         return min((one.due(self._timeout) for one in self._outlines.values()), default=NEVER)
 
-    def _follow(self, one: _Placed, now: int) -> list[Rejection]:
+    def _follow(self, one: _Placed, now: int) -> Rejection | None:
         """Place an outline, if its frame has moved and it is not too soon."""
         settings = one.settings
         if not settings.enabled:
-            return []
+            return None
         if now + one.period < one.next:
             one.is_pending = True
-            return []
+            return None
         one.is_pending = False
         one.begin(now)
         found = self._transforms.newest(settings.frame_id, now)
         if isinstance(found, NoTransform):
             if one.fault == found.reason or (found.may_come and not one.has_waited(
                     now, self._timeout)):
-                return []
+                return None
             one.forget(found.reason)
-            return [self._ingest.refuse(settings, found.reason, found.detail, now)]
+            return self._ingest.refuse(settings, found.reason, found.detail, now)
         if not one.is_moved(found.at, now):
-            return []
+            return None
         one.next = max(one.next, now) + one.period
         one.stamp, one.is_static, one.fault = min(found.at or now, now), found.at is None, ''
         if not settings.odometry:
             self._received[settings.name] += 1
-        rejection = self._ingest.place(settings, one.points, found, now,
-                                       partial(self._velocity, one))
-        return [rejection] if rejection else []
+        return self._ingest.place(settings, one.points, found, now, partial(self._velocity, one))
 
     def _velocity(self, one: _Placed, found: Mapped) -> Velocity | None:
-        """
-        Return the velocity given for an outline, whose frame was found; None if none is.
-
-        With commands only the pose counts: the twist is that of the command.
-        """
+        """Return the velocity given for an outline, whose frame was found; None if none is."""
         if one.settings.cmd_vel or found.at is None:
+            # With commands only the pose counts: the twist is that of the command.
             return Velocity((0.0, 0.0, 0.0), pose_of(found.affine),
                             COMMAND if one.settings.cmd_vel else TRANSFORMS)
         if not one.odometry:
@@ -129,6 +127,52 @@ class Outlines:
         return Velocity(decode_twist(one.odometry), pose_of(where.affine), ODOMETRY)
 
 
+class Commands:
+    """
+    Passes commands to a scene, of which the last counts, or refuses them.
+
+    A refused command replaces the one before: the velocity is then unknown.
+    """
+
+    def __init__(self, settings: Settings, ingest: Ingest, scene: Scene) -> None:
+        self._ingest = ingest
+        self._scene = scene
+        self.names = frozenset(one.command.name for one in settings.footprints if one.command)
+        # The last command, by these names.
+        self.last: dict[str, Command] = {}
+
+    def receive(self, name: str, messages: Sequence[bytes], now: int) -> list[Rejection]:
+        """Take serialised TwistStamped messages, oldest first."""
+        return [rejection for one in self._scene.settings.footprints
+                if one.command and one.command.name == name and one.enabled
+                for data in messages
+                if (rejection := self._receive(one, one.command, data, now))]
+
+    def _receive(self, footprint: FootprintSettings, settings: CommandSettings, data: bytes,
+                 now: int) -> Rejection | None:
+        problem = None
+        time = now
+        try:
+            stamp, frame_id, twist = decode_command(data)
+        except MessageError as error:
+            problem = UNDECODABLE, str(error)
+        else:
+            time = stamp if 0 < stamp < now else now
+            age = (now - stamp) / 1e9 if now and stamp > 0 else 0.0
+            if frame_id not in ('', footprint.frame_id):
+                problem = COMMAND_FRAME, (f'it is in {in_quotes(frame_id)}, the outline in '
+                                          f'{in_quotes(footprint.frame_id)}')
+            elif not is_plausible(twist):
+                problem = BAD_COMMAND, '{:g} m/s, {:g} m/s, {:g} rad/s'.format(*twist)
+            elif age > settings.timeout or -age > self._scene.settings.future_tolerance:
+                reason = TOO_OLD if age > 0.0 else FROM_FUTURE
+                problem = reason, detail_of(reason, '', '', age, settings.timeout)
+        command = Command(now, refusal=problem[0]) if problem else Command(time, twist)
+        self.last[settings.name] = command
+        self._scene.command(footprint.name, command)
+        return self._ingest.reject(settings, *problem) if problem else None
+
+
 class _Placed:
     """The outline of a footprint, and where it was placed last."""
 
@@ -139,7 +183,6 @@ class _Placed:
         self.forget()
 
     def configure(self, footprint: FootprintSettings, max_vertices: int) -> None:
-        """Apply settings."""
         self.settings = footprint
         # The least time between two placements, on average, in ns.
         self.period = round(1e9 / footprint.rate)

@@ -19,8 +19,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from sat_collision.geometry.polygon import Reason
-from sat_collision.scene import frame_tree, frames
-from sat_collision.scene.frame_tree import in_quotes
+from sat_collision.scene import frames
+from sat_collision.scene.frames import in_quotes
 from sat_collision.scene.obstacle_store import OTHER_FRAME, TOO_MANY
 from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
 from sat_collision.scene.settings import BY_ANOTHER_CLOCK, FAR
@@ -49,21 +49,21 @@ _ADVICE = {
     TOO_OLD: 'check clocks and delays, or raise the parameter timeout',
     UNDECODABLE: 'check that the publisher has the message type that this topic should have',
     frames.BAD_FRAME_ID: 'correct the header of the publisher, or the parameter frame_id',
+    frames.BAD_NAMES: 'a transform must name two frames',
+    frames.BAD_TRANSFORM: 'the publisher must send finite numbers and a quaternion that is not '
+                          'zero',
     frames.GAP: 'publish transforms more often, or raise the parameter max_tf_gap',
     frames.LOOP: 'let each frame have one publisher',
     frames.NO_TRANSFORM: 'check clocks and the rate of /tf, or raise the parameter '
                          'transform_timeout',
     frames.NOT_CONNECTED: 'check which transforms are published on /tf and /tf_static',
     frames.OLD_LATEST: 'check the rate of /tf, or raise the parameter timeout',
+    frames.OLD_TRANSFORM: 'check the clocks, and that the frame has one publisher',
     frames.TILTED: 'obstacles must lie in the plane; what is tilted by less than the parameter '
                    'max_tilt is projected',
+    frames.TOO_MANY_FRAMES: 'find the publisher that makes up names of frames',
     frames.UNKNOWN_FRAME: 'check the frame_id and which transforms are published on /tf and '
                           '/tf_static',
-    frame_tree.BAD_NAMES: 'a transform must name two frames',
-    frame_tree.BAD_TRANSFORM: 'the publisher must send finite numbers and a quaternion that is '
-                              'not zero',
-    frame_tree.OLD_TRANSFORM: 'check the clocks, and that the frame has one publisher',
-    frame_tree.TOO_MANY_FRAMES: 'find the publisher that makes up names of frames',
 }
 
 

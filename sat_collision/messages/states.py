@@ -23,7 +23,7 @@ import numpy as np
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.messages.interfaces import DiagnosticArray, DiagnosticStatus, KeyValue
 from sat_collision.scene.footprints import State, Status
-from sat_collision.scene.frame_tree import in_words as name_in_words
+from sat_collision.scene.frames import in_words as name_in_words
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.prediction import Prediction
 from sat_collision.scene.scene import Nearest, Scene
@@ -133,42 +133,36 @@ class States:
             *self._moving[name],
             KeyValue(key='reason', value='; '.join(reasons))]
 
-    def write_moving(self, name: str, age: float | None,
-                     nearest: Nearest | None,
-                     newer: Mapping[ObstacleId, float],
-                     origin: tuple[str, float | None],
-                     velocity: Velocity | str,
-                     prediction: Prediction | None) -> None:
+    def write_moving(self, name: str, age: float | None, nearest: Nearest | None,
+                     newer: Mapping[ObstacleId, float], origin: tuple[str, float | None],
+                     velocity: Velocity | str, prediction: Prediction | None) -> None:
         """
         Write the values that change all the time, as the methods of a Scene return them.
 
         The age is in s since the footprint's stamp; `newer` says by how many s the nearest
         obstacle, and each in contact, is newer than the footprint.
         """
-        (age_value, separation_value, obstacle_value, nearest_value, contacts_value, frame_value,
-         transform_value, time_value, first_value, velocity_value,
-         unknown_value) = self._moving[name]
         frame_id, transform_age = origin
-        frame_value.value = name_in_words(frame_id) if frame_id else ''
-        transform_value.value = '' if transform_age is None else f'{transform_age:.3f}'
-        age_value.value = '' if age is None else f'{age:.3f}'
-        separation_value.value = f'{nearest[1]:.6g}' if nearest else ''
-        obstacle_value.value = str(nearest[0]) if nearest else ''
-        nearest_value.value = (f'{newer[nearest[0]]:.3f}' if nearest and nearest[0] in newer
-                               else '')
-        contacts_value.value = ', '.join(f'{obstacle} {newer[obstacle]:.3f}'
-                                         for obstacle in self._contacts[name]
-                                         if obstacle in newer)
-        is_known = prediction and prediction.is_known
-        time_value.value = f'{prediction.seconds:.3f}' if prediction and is_known else ''
-        first_value.value = str(prediction.obstacle or '') if prediction and is_known else ''
-        unknown_value.value = ', '.join(map(str, prediction.unknown)) if prediction else ''
         if isinstance(velocity, str):
-            velocity_value.value = f'unknown: {velocity}' if velocity else 'unknown'
+            motion = f'unknown: {velocity}' if velocity else 'unknown'
         else:
             vx, vy, omega = velocity.twist
-            velocity_value.value = (f'{vx:.3f} m/s, {vy:.3f} m/s, {omega:.3f} rad/s by '
-                                    f'{velocity.origin}')
+            motion = f'{vx:.3f} m/s, {vy:.3f} m/s, {omega:.3f} rad/s by {velocity.origin}'
+        is_known = prediction and prediction.is_known
+        texts = (
+            '' if age is None else f'{age:.3f}',
+            f'{nearest[1]:.6g}' if nearest else '',
+            str(nearest[0]) if nearest else '',
+            f'{newer[nearest[0]]:.3f}' if nearest and nearest[0] in newer else '',
+            ', '.join(f'{one} {newer[one]:.3f}' for one in self._contacts[name] if one in newer),
+            name_in_words(frame_id) if frame_id else '',
+            '' if transform_age is None else f'{transform_age:.3f}',
+            f'{prediction.seconds:.3f}' if prediction and is_known else '',
+            str(prediction.obstacle or '') if prediction and is_known else '',
+            motion,
+            ', '.join(map(str, prediction.unknown)) if prediction else '')
+        for value, text in zip(self._moving[name], texts):
+            value.value = text
 
     @property
     def statuses(self) -> list[Any]:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Entry point of the node's process."""
+"""The entry point of the node's process, and its command line."""
 
 from __future__ import annotations
 
@@ -22,8 +22,18 @@ import sys
 
 from sat_collision import __version__
 from sat_collision.extras import missing
-from sat_collision.node.arguments import split, unknown_arguments, USAGE
 from sat_collision.node.signals import end_on_signals
+
+_USAGE = """\
+usage: ros2 run sat_collision footprint_monitor [--help] [--version] [--ros-args ...]
+
+Publishes whether robots' footprints meet obstacles. Parameters come in a file:
+
+  ros2 run sat_collision footprint_monitor --ros-args --params-file my.yaml
+
+Without ROS's commands: python3 -m sat_collision.node --ros-args --params-file my.yaml
+config/footprint_monitor.yaml lists all parameters with their defaults.
+"""
 
 _STDERR = 2
 _STATUS_OF_BAD_ARGUMENTS = 2  # as in argparse
@@ -35,15 +45,17 @@ def main(args: Sequence[str] | None = None) -> int:
 
     `args` excludes the program's name and defaults to the arguments of the process.
     """
-    own, ros = split(sys.argv[1:] if args is None else args)
+    own, ros = _split(sys.argv[1:] if args is None else args)
     if '--version' in own:
         print(f'sat_collision {__version__}')
         return 0
     if '--help' in own or '-h' in own:
-        print(USAGE, end='')
+        print(_USAGE, end='')
         return 0
     if own:
-        print(f'footprint_monitor: {unknown_arguments(own)}', file=sys.stderr)
+        print(f"footprint_monitor: nothing takes '{' '.join(own)}': all arguments come after "
+              '--ros-args, as in --ros-args --params-file my.yaml (--help says more)',
+              file=sys.stderr)
         return _STATUS_OF_BAD_ARGUMENTS
     _fill_standard_streams()
     end_on_signals()
@@ -51,11 +63,26 @@ def main(args: Sequence[str] | None = None) -> int:
     try:
         from sat_collision.geometry import preparation
         preparation.begin()
-        from sat_collision.node.process import run
+        from sat_collision.node.footprint_monitor import run
     except ModuleNotFoundError as error:
         print(f'footprint_monitor: cannot start: {missing(error)}', file=sys.stderr)
         return 1
     return run(ros)
+
+
+def _split(args: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the node's own arguments and the ROS arguments, told apart as rcl does."""
+    own: list[str] = []
+    ros: list[str] = []
+    taken_by = own
+    for argument in args:
+        if argument == '--ros-args':
+            taken_by = ros
+        elif argument == '--' and taken_by is ros:
+            taken_by = own
+        else:
+            taken_by.append(argument)
+    return own, ros
 
 
 def _fill_standard_streams() -> None:

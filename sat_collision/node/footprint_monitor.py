@@ -12,32 +12,43 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The node: topics and parameters around a Monitor."""
+"""The node: topics and parameters around a Monitor, and its process until a signal ends it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+import gc
+import sys
 import time
 from typing import Any
 
+import rclpy
 from rclpy.clock import JumpThreshold, TimeJump
+from rclpy.context import Context
 from rclpy.duration import Duration
+from rclpy.logging import (
+    get_logger, get_logger_effective_level, get_logger_level, LoggingSeverity, set_logger_level)
 from rclpy.node import Node
 from rclpy.qos import QoSLivelinessPolicy, QoSProfile
+from rclpy.signals import SignalHandlerOptions
 from sat_collision.geometry.compilation import kernel_problem
 from sat_collision.geometry.jit import KERNEL
 from sat_collision.geometry.preparation import Preparation
+from sat_collision.messages.cdr import stamped
 from sat_collision.messages.outputs import Outputs
 from sat_collision.messages.rejections import Rejection
-from sat_collision.messages.transform_listener import stamped, TRANSFORM_TOPICS
+from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
 from sat_collision.node.health import Health
 from sat_collision.node.loop import Backlog, Loop, Reserved
 from sat_collision.node.parameters import Parameters
+from sat_collision.node.signals import Signalled
 from sat_collision.node.subscriptions import (
     CommandSubscriptions, subscribe_transforms, Subscriptions, transform_type)
 from sat_collision.node.watchdog import ClockWatch, Every, Systemd, Watchdog
+from sat_collision.scene.parameters import is_name_of, ParameterError, parameters_by_node
 from sat_collision.scene.settings import NEVER, Settings
+import yaml
 
 NAME = 'footprint_monitor'
 
@@ -72,13 +83,7 @@ class FootprintMonitor(Node):
 
     Everything happens in one thread, see `loop`: messages are checked in batches, changes are
     published once per batch, and a tick by the steady clock does whatever is due by time alone.
-    Options are those of `rclpy.node.Node`.
-
-    Raises
-    ------
-    ParameterError
-        If the initial parameters are invalid.
-
+    Options are those of `rclpy.node.Node`. Invalid initial parameters raise a ParameterError.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -102,7 +107,6 @@ class FootprintMonitor(Node):
         taken_by = Reserved()
         self._inputs = Subscriptions(self, settings, taken_by, self._health)
         transform_inputs = transforms and subscribe_transforms(self, transforms, taken_by)
-        self._behind: set[str] = set()
         self._reports_unknown_at = time.monotonic() + _STARTED
         self._clock_watch = ClockWatch()
         self._warns_of_losses = True
@@ -172,10 +176,6 @@ class FootprintMonitor(Node):
     def note_backlog(self, name: str, backlog: Backlog | None) -> None:
         """Record how far behind a topic is, None if it is no longer behind."""
         self._health.note_backlog(name, backlog)
-        if backlog:
-            self._behind.add(name)
-        else:
-            self._behind.discard(name)
 
     def due(self, now: int, steady: float) -> float:
         """Return when the next tick is due, by the steady clock in s."""
@@ -204,7 +204,7 @@ class FootprintMonitor(Node):
 
     def _look_around(self, now: int, steady: float) -> None:
         """Poll what gives no event: publishers, clock, middleware, kernels being compiled."""
-        for name, endpoints in self._inputs.publishers.news(self._behind):
+        for name, endpoints in self._inputs.publishers.news(self._health.backlogs):
             self._monitor.update_publishers(name, endpoints)
         self._commands.follow()
         for one in self._inputs.inputs:
@@ -271,3 +271,72 @@ class FootprintMonitor(Node):
             self._outputs.publish_rise(brief)
         if brief or changed:
             self._outputs.publish({*brief, *changed})
+
+
+def run(args: Sequence[str]) -> int:
+    """Run the node with ROS arguments until a signal ends it; return the exit status."""
+    try:
+        context = _begin_ros(args)
+    except RuntimeError as error:  # raised by rcl for an unreadable parameter file
+        print(f'{NAME}: cannot start: {_in_one_line(error)}', file=sys.stderr)
+        return 1
+    _quieten_rcl()
+    try:
+        node = FootprintMonitor(context=context)
+    except ParameterError as error:
+        get_logger(NAME).fatal(str(error))
+        rclpy.shutdown(context=context)
+        return 1
+    for words in unused_files(args, node.get_fully_qualified_name()):
+        node.get_logger().warning(words)
+    # Exempt the objects made so far from later garbage collections, each of some 70 ms.
+    gc.freeze()
+    node.loop.run(Signalled())
+    node.get_logger().info('stopped by a signal')
+    node.loop.close()
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+    return 0
+
+
+def _begin_ros(args: Sequence[str]) -> Context:
+    """Initialise ROS, without a log file if none can be written."""
+    def begin(*more: str) -> Context:
+        context = Context()
+        rclpy.init(args=['--ros-args', *args, *more], context=context,
+                   signal_handler_options=SignalHandlerOptions.NO)
+        return context
+    try:
+        return begin()
+    except RuntimeError as error:
+        if 'failed to initialize logging' not in str(error):
+            raise
+        print(f'{NAME}: the log goes to this stream only, not to a file: {_in_one_line(error)}',
+              file=sys.stderr)
+        return begin('--disable-external-lib-logs')
+
+
+def _quieten_rcl() -> None:
+    """Keep rcl, which then logs each take, from level debug unless its own level is given."""
+    if get_logger_level('rcl') is LoggingSeverity.UNSET:
+        set_logger_level('rcl', max(LoggingSeverity.INFO, get_logger_effective_level('rcl')))
+
+
+def _in_one_line(error: Exception) -> str:
+    return ' '.join(str(error).split())
+
+
+def unused_files(ros: Sequence[str], node: str) -> Iterator[str]:
+    """
+    Yield a warning for each parameter file that has no parameters for a node.
+
+    `ros` has the ROS arguments, `node` is the full name of the node.
+    """
+    for option, path in zip(ros, ros[1:]):
+        if option != '--params-file':
+            continue
+        with open(path) as file:
+            names = [name for name, _ in parameters_by_node(yaml.safe_load(file))]
+        if not any(is_name_of(name, node) for name in names):
+            yield (f'{path} has no parameters for {node}, only for {", ".join(names) or "none"}: '
+                   'call it /** there, which is any node')

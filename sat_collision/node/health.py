@@ -25,13 +25,13 @@ from rclpy.node import Node
 from sat_collision.monitor import Monitor
 from sat_collision.node.loop import Backlog
 from sat_collision.node.publishers import publishers_of_tf
-from sat_collision.scene.frame_tree import in_words
+from sat_collision.scene.frames import in_words
 
 # A shorter backlog, in s, is a burst that is just being taken.
 _NOTEWORTHY = 0.1
 # If a frame's publishers take turns less often per period, one was only restarted.
 _FEW_TURNS = 2
-_MOST_NAMED = 10
+_MAX_NAMED = 10
 
 
 class Health:
@@ -55,7 +55,8 @@ class Health:
         self._transforms = 0
         self._refused = self._lost = 0
         self._begun = time.monotonic()
-        self._backlogs: dict[str, Backlog] = {}
+        # How far behind topics are, by name of the footprint or source.
+        self.backlogs: dict[str, Backlog] = {}
         self._messages = 0
         self._seconds = 0.0
         self._longest = 0.0
@@ -86,9 +87,9 @@ class Health:
     def note_backlog(self, name: str, backlog: Backlog | None) -> None:
         """Record how far behind a footprint or source is, None if it is no longer behind."""
         if backlog:
-            self._backlogs[name] = backlog
+            self.backlogs[name] = backlog
         else:
-            self._backlogs.pop(name, None)
+            self.backlogs.pop(name, None)
 
     def publish(self, monitor: Monitor, states: Iterable[DiagnosticStatus]) -> None:
         """Publish the states of footprints and the figures since the last message."""
@@ -136,7 +137,7 @@ class Health:
             values[f'{name}: lost'] = str(count)
         for (topic, what), count in self._events.items():
             values[f'{topic}: {what}'] = str(count)
-        for name, backlog in self._backlogs.items():
+        for name, backlog in self.backlogs.items():
             values[f'{name}: behind'] = f'{backlog.seconds:.3f} s, {backlog.messages} messages'
         if self._stalls:
             values['stalls'] = f'{self._stalls}, the longest of {self._longest_stall:.1f} s'
@@ -146,7 +147,7 @@ class Health:
         problems = [*monitor.scene.source_faults]
         if twice:
             publishers = ', '.join(sorted(publishers_of_tf(self._node))) or 'unknown'
-            frames = ', '.join(map(in_words, [*twice][:_MOST_NAMED]))
+            frames = ', '.join(map(in_words, [*twice][:_MAX_NAMED]))
             problems.append(f'more than one publisher of /tf, of {publishers}, sends {frames}')
         if not self._node.get_clock().ros_time_is_active and self._node.count_publishers('/clock'):
             problems.append('/clock is published, but not used here: set use_sim_time: true')
@@ -155,7 +156,7 @@ class Health:
         if lost > self._lost:
             problems.append(f'messages lost: {lost - self._lost}')
         problems += [f'{name} is behind by {backlog.seconds:.3f} s'
-                     for name, backlog in self._backlogs.items()
+                     for name, backlog in self.backlogs.items()
                      if backlog.seconds > _NOTEWORTHY]
         problems += [f'{what}: {count}' for what, count in (+self._news).items()]
         self._news.clear()

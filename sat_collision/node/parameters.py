@@ -38,11 +38,7 @@ class Parameters:
     """
     Declares the parameters of a node and keeps the Settings made from them.
 
-    Raises
-    ------
-    ParameterError
-        If an initial value is invalid or of the wrong type, or a name is unknown.
-
+    An initial value that is invalid, and an unknown name, raise a ParameterError.
     """
 
     def __init__(self, node: Node) -> None:

@@ -24,6 +24,7 @@ from rclpy.node import Node
 from rclpy.qos import (
     qos_check_compatible, QoSCompatibility, QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy)
 from rclpy.topic_endpoint_info import TopicEndpointInfo
+from sat_collision.messages.interfaces import type_name
 from sat_collision.node.loop import Input
 from sat_collision.scene.settings import TF
 from sat_collision.scene.streams import Endpoint
@@ -153,7 +154,7 @@ class Publishers:
         name = '' if info.node_name == _UNKNOWN else (
             f'{info.node_namespace.rstrip("/")}/{info.node_name}')
         problem = hint = ''
-        expected = _type_name(one.subscription.msg_type)
+        expected = type_name(one.subscription.msg_type)
         if info.topic_type != expected:
             problem = f'of another type, {info.topic_type}, where {expected} is expected'
         elif wrong := _incompatible(info.qos_profile, qos, topic):
@@ -187,9 +188,3 @@ def _incompatible(offered: QoSProfile, requested: QoSProfile, topic: str) -> str
                 f'{override}.durability: volatile')
     reason = reason.removeprefix('ERROR: ').strip(' ;')
     return f'{reason}; change what it offers, or {override}.*'
-
-
-def _type_name(kind: type) -> str:
-    """Return the name of a message type as in the ROS graph."""
-    package, *_, name = f'{kind.__module__}.{kind.__name__}'.split('.')
-    return f'{package}/msg/{name}'

@@ -22,10 +22,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from sat_collision.geometry.polygon import Reason
-from sat_collision.messages.cdr import header_stamp
-from sat_collision.messages.placement import Placement
+from sat_collision.messages.cdr import header_stamp, stamped
+from sat_collision.messages.ingest import Placement
 from sat_collision.messages.rejections import EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE
-from sat_collision.messages.transform_listener import stamped, TF_STATIC, TRANSFORM_TOPICS
+from sat_collision.messages.transform_listener import TF_STATIC, TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.bag.storage import Row

@@ -96,8 +96,12 @@ class Contacts:
                 if footprints[row].settings.monitors(obstacle.name.source)]))
         return True
 
+    def count_unplaced(self, run: Run, limit: int) -> int:
+        """Return how many messages of a run, up to a limit, count without being placed."""
+        return 0
+
     def place_run(self, run: Run, rows: Any, first: int, limit: int) -> int:
-        """Place the obstacles of a run until one may meet a footprint; return how many."""
+        """Place obstacles of a run until one has no row or may meet a footprint; say how many."""
         return self._obstacles.polygons.place_run(
             run, rows, first, limit, self._footprints.polygons, self.margin)
 
@@ -184,16 +188,20 @@ class Undecided(Contacts):
         obstacle.row = NOWHERE
         return False
 
+    def count_unplaced(self, run: Run, limit: int) -> int:
+        """Return how many messages of a run, up to a limit, are ordinary."""
+        return self._obstacles.polygons.check_run(run, limit)
+
+    def place_run(self, run: Run, rows: Any, first: int, limit: int) -> int:
+        """Return how many obstacles of a run, up to a limit, are ordinary."""
+        return self.count_unplaced(run, limit)
+
     def remove_obstacle(self, obstacle: Obstacle) -> None:
         """Record that an obstacle is gone."""
         obstacle.row = None
 
     def hide_obstacles(self, group: object, rows: Any) -> None:
         """Do nothing."""
-
-    def check_run(self, run: Run, limit: int) -> int:
-        """Return how many messages of a run, up to a limit, are ordinary."""
-        return self._obstacles.polygons.check_run(run, limit)
 
 
 class _Placed(Generic[_Kind]):

@@ -12,22 +12,34 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Look up where a frame was in another at a time, or why that is not known."""
+"""
+Where a frame was in another at a time, or why that is not known.
+
+It does what tf2's buffer does, which is not used because pip has no tf2, and because recordings
+are checked without ROS.
+"""
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from collections.abc import Iterable
+from bisect import bisect_left, bisect_right
+from collections.abc import Container, Iterable
 from itertools import chain, takewhile
 import math
-from typing import NamedTuple
+import re
+from typing import NamedTuple, TypeAlias
 
 from sat_collision.geometry.polygon import Affine2D
-from sat_collision.scene.frame_tree import FrameTree, in_quotes, in_words, transform_to
 from sat_collision.scene.rotations import (
-    affine_of, FixedTransform, IDENTITY, relative, rounded, tilt, Transform)
+    accepted, affine_of, composed, fixed, FixedTransform, IDENTITY, interpolated, relative, tilt,
+    Transform)
 from sat_collision.scene.settings import NEVER
 
+# Why a transform is refused.
+BAD_NAMES = 'bad frame names'
+BAD_TRANSFORM = 'not finite or no rotation'
+OLD_TRANSFORM = 'older than tf_cache_time'
+TOO_MANY_FRAMES = 'too many frames'
+# Why there is none.
 BAD_FRAME_ID = 'bad frame_id'
 GAP = 'gap between transforms'
 LOOP = 'frames in a circle'
@@ -37,8 +49,19 @@ OLD_LATEST = 'latest transform too old'
 TILTED = 'tilted'
 UNKNOWN_FRAME = 'unknown frame'
 
-_MOST_MAPS = 256
-_MOST_LISTED = 10
+LONGEST_FRAME_ID = 255
+# Bounds the memory that made-up frame names can take.
+_MAX_FRAMES = 10_000
+_MAX_MAPS = 256
+_MAX_LISTED = 10
+_MAX_SHOWN = 64
+_PLAIN = re.compile(rf'[A-Za-z0-9_./-]{{1,{_MAX_SHOWN}}}')
+
+# A frame and its ancestors, in order, each with the transform from the one before it; that of the
+# first is the identity.
+_Steps: TypeAlias = dict[str, FixedTransform]
+# The parent frame, and the transform to it.
+_Link: TypeAlias = tuple[str, Transform]
 
 
 class Located(NamedTuple):
@@ -46,11 +69,6 @@ class Located(NamedTuple):
 
     pose: FixedTransform  # from the one to the other
     at: int | None  # the time that it holds for in ns, None for all times
-
-    @property
-    def transform(self) -> Transform:
-        """The pose, rounded to doubles."""
-        return rounded(self.pose)
 
 
 class Mapped(NamedTuple):
@@ -70,11 +88,12 @@ class NoTransform(NamedTuple):
 
 class Frames:
     """
-    The transforms of the last seconds, and look-ups in them.
+    The parent of each frame, its transforms of the last seconds, and look-ups in them.
 
-    As in tf2, the translation is interpolated linearly between two stamps and the rotation evenly,
-    and static transforms hold at all times. Unlike in tf2, nothing is known between two stamps
-    that are further apart than `max_gap`.
+    The last transform of a child at a stamp counts, whoever sent it, and so does its parent. As in
+    tf2, the translation is interpolated linearly between two stamps and the rotation evenly, and
+    static transforms hold at all times. Unlike in tf2, nothing is known between two stamps that
+    are further apart than `max_gap`.
 
     Times are ints in ns.
 
@@ -90,13 +109,20 @@ class Frames:
     """
 
     def __init__(self, history: int, max_gap: float = NEVER, max_tilt: float = math.pi) -> None:
-        self._tree = FrameTree(history)
+        self._history = history
+        # By the name of the frame: its parent with the transform to it, or a track of these.
+        self._static: dict[str, tuple[str, FixedTransform]] = {}
+        self._moving: dict[str, _Track] = {}
+        self._parents: set[str] = set()
+        # Answered look-ups by target, source and stamp. They hold until a transform changes the
+        # past: one newer than all others of its frame does not.
         self._maps: dict[tuple[str, str, int], Mapped] = {}
         self.configure(max_gap, max_tilt)
 
     def clear(self) -> None:
         """Forget all moving frames, as tf2 does; static ones are published only once."""
-        self._tree.clear()
+        self._moving.clear()
+        self._parents = {parent for parent, _ in self._static.values()}
         self._maps.clear()
 
     def configure(self, max_gap: float, max_tilt: float) -> None:
@@ -106,28 +132,59 @@ class Frames:
 
     def insert(self, parent: str, child: str, stamp: int, transform: Transform,
                static: bool = False) -> str | None:
-        """Insert a transform as `FrameTree.insert` does, and return what that returns."""
-        tree = self._tree
-        refusal = tree.insert(parent, child, stamp, transform, static)
-        if tree.rewritten:
-            # A transform newer than all others changes no look-up that was answered.
+        """
+        Insert the transform from a child frame to its parent.
+
+        A slash before a name is dropped, as tf2 does. Return None, or why it was refused:
+        BAD_NAMES, BAD_TRANSFORM, OLD_TRANSFORM or TOO_MANY_FRAMES.
+        """
+        taken = accepted(transform)
+        track = self._moving.get(child)
+        # The usual case: a newer transform of a known frame.
+        if track is not None and not static and taken and track.links[-1][0] == parent \
+                and track.extend(stamp, (parent, taken), self._history):
+            return None
+        if parent[:1] == '/' or child[:1] == '/':
+            parent, child = parent.removeprefix('/'), child.removeprefix('/')
+        if parent == child or not parent or not child:
+            return BAD_NAMES
+        if taken is None:
+            return BAD_TRANSFORM
+        if len(self._static) + len(self._moving) >= _MAX_FRAMES and not (
+                child in self._static or child in self._moving):
+            return TOO_MANY_FRAMES
+        link = parent, taken
+        if static:
+            pose = parent, fixed(taken)
+            is_past_changed = self._static.get(child) != pose
+            if is_past_changed:
+                self._moving.pop(child, None)
+                self._static[child] = pose
+        elif (track := self._moving.get(child)) is None:
+            self._static.pop(child, None)
+            self._moving[child] = _Track(stamp, link)
+            is_past_changed = True
+        else:
+            is_past_changed = not track.extend(stamp, link, self._history)
+            if is_past_changed and not track.insert(stamp, link, self._history):
+                return OLD_TRANSFORM
+        self._parents.add(parent)
+        if is_past_changed:
             self._maps.clear()
-            tree.rewritten = False
-        return refusal
+        return None
 
     def lookup(self, target: str, source: str, stamp: int) -> Located | NoTransform:
         """Return where the source frame was in the target frame at a time."""
         if source == target:
             return Located(IDENTITY, stamp)
-        climb, gap = self._tree.climb, self._max_gap
-        below, top = climb(source, stamp, gap, (target,))
+        below, top = self._climb(source, stamp, (target,))
         if top == target:
-            return Located(transform_to(target, below), stamp)
+            return Located(_transform_to(target, below), stamp)
         if top:
-            above, common = climb(target, stamp, gap, below)
+            above, common = self._climb(target, stamp, below)
             if common in below:
-                return Located(relative(transform_to(common, above),
-                                        transform_to(common, below)), stamp)
+                return Located(relative(_transform_to(common, above),
+                                        _transform_to(common, below)), stamp)
         return self._explain(target, source, stamp)
 
     def newest(self, target: str, source: str, oldest: float = -NEVER,
@@ -138,8 +195,8 @@ class Frames:
         A time before `oldest` is no answer. One after `now` is used only if there is no other: a
         transform ahead of the clock must not shut out those after it.
         """
-        below, top = self._tree.climb_newest(source, (target,))
-        above, common = self._tree.climb_newest(target, below)
+        below, top = self._climb_newest(source, (target,))
+        above, common = self._climb_newest(target, below)
         if not top or common not in below:
             return self._explain(target, source, None)
         time = min(above[common], below[common])
@@ -149,7 +206,7 @@ class Frames:
         if time > now:
             path = chain(takewhile(common.__ne__, below), takewhile(common.__ne__, above))
             time = min(stamps[max(bisect_right(stamps, now) - 1, 0)] for stamps in (
-                self._tree.moving[frame].stamps for frame in path if frame in self._tree.moving))
+                self._moving[frame].stamps for frame in path if frame in self._moving))
         if time < oldest:
             return NoTransform(
                 OLD_LATEST, f'no transform from {in_words(source)} to {in_words(target)}: the '
@@ -164,7 +221,7 @@ class Frames:
             found = self._projected(self.lookup(target, source, stamp), target, source)
             if isinstance(found, NoTransform):
                 return found
-            if len(self._maps) >= _MOST_MAPS:
+            if len(self._maps) >= _MAX_MAPS:
                 self._maps.clear()
             self._maps[key] = known = found
         return known
@@ -176,10 +233,9 @@ class Frames:
 
     def stamps(self, target: str, source: str, after: int, until: int) -> list[int]:
         """Return the sorted stamps, between two times, of the transforms above either frame."""
-        tree = self._tree
-        names = {*tree.climb_newest(source)[0], *tree.climb_newest(target)[0]}
-        return sorted({stamp for name in names & tree.moving.keys()
-                       for stamp in tree.moving[name].stamps if after < stamp < until})
+        names = {*self._climb_newest(source)[0], *self._climb_newest(target)[0]}
+        return sorted({stamp for name in names & self._moving.keys()
+                       for stamp in self._moving[name].stamps if after < stamp < until})
 
     def _projected(self, found: Located | NoTransform, target: str,
                    source: str) -> Mapped | NoTransform:
@@ -192,31 +248,76 @@ class Frames:
                 f'{in_words(target)}, more than {math.degrees(self._max_tilt):g}', False)
         return Mapped(affine_of(found.pose), found.at)
 
+    def _climb(self, frame: str, stamp: int,
+               ends: Container[str] = ()) -> tuple[_Steps, str]:
+        """
+        Collect the transforms at a time from a frame to its ancestors, up to one of the ends.
+
+        Return the steps, as far as `_Track.at` knows them, and the last frame, which is empty if
+        the frames form a circle.
+        """
+        steps = {frame: IDENTITY}
+        static, moving, max_gap = self._static, self._moving, self._max_gap
+        while frame not in ends:
+            found = static.get(frame)
+            if found is None:
+                track = moving.get(frame)
+                found = track.at(stamp, max_gap) if track else None
+                if found is None:
+                    break
+            frame, step = found
+            if frame in steps:
+                return steps, ''
+            steps[frame] = step
+        return steps, frame
+
+    def _climb_newest(self, frame: str,
+                      ends: Container[str] = ()) -> tuple[dict[str, float], str]:
+        """
+        Collect the ancestors of a frame as `_climb` does, by the newest transforms.
+
+        Return for each the least stamp up to there, NEVER if all are static; and the last frame.
+        """
+        least = NEVER
+        passed = {frame: least}
+        while frame not in ends:
+            if frame in self._static:
+                frame = self._static[frame][0]
+            elif frame in self._moving:
+                track = self._moving[frame]
+                least = min(least, track.stamps[-1])
+                frame = track.links[-1][0]
+            else:
+                break
+            if frame in passed:
+                return passed, ''
+            passed[frame] = least
+        return passed, frame
+
     def _explain(self, target: str, source: str, stamp: int | None) -> NoTransform:
         """Say why there is no answer for a time, or for the newest."""
-        tree = self._tree
         prefix = f'no transform from {in_words(source)} to {in_words(target)}'
         for name in (source, target):
             if not name or name[0] == '/':
                 return NoTransform(BAD_FRAME_ID, f'{in_quotes(name)} is not a valid frame: a '
                                    'name is not empty and does not begin with a slash', False)
         for name in (source, target):
-            if name not in tree:
+            if not any(name in named for named in (self._static, self._moving, self._parents)):
                 return NoTransform(UNKNOWN_FRAME, f'{prefix}: no good transform has named '
                                    f'{in_words(name)} yet', True)
         faults = []
         for name in (source, target):
             passed: Iterable[str]
             if stamp is None:
-                passed, top = tree.climb_newest(name)
+                passed, top = self._climb_newest(name)
             else:
-                passed, top = tree.climb(name, stamp, self._max_gap)
-                if top in tree.moving:
+                passed, top = self._climb(name, stamp)
+                if top in self._moving:
                     faults.append(self._fault(top, stamp, f'{prefix} at its stamp'))
             if not top:
                 shown = [in_words(one) for one in passed]
-                if len(shown) > _MOST_LISTED:
-                    shown[_MOST_LISTED:] = [f'and {len(shown) - _MOST_LISTED} more']
+                if len(shown) > _MAX_LISTED:
+                    shown[_MAX_LISTED:] = [f'and {len(shown) - _MAX_LISTED} more']
                 return NoTransform(LOOP, f'{prefix}: the parents of {in_words(name)} lead in a '
                                    f'circle: {", ".join(shown)}', True)
         if not faults:
@@ -225,7 +326,7 @@ class Frames:
 
     def _fault(self, frame: str, stamp: int, prefix: str) -> NoTransform:
         """Say why it is not known where a frame was at a time."""
-        track, name = self._tree.moving[frame], in_words(frame)
+        track, name = self._moving[frame], in_words(frame)
         if stamp > track.stamps[-1]:
             return NoTransform(NO_TRANSFORM, f'{prefix}: the newest of {name} is '
                                f'{_seconds(stamp - track.stamps[-1])} older', True)
@@ -239,3 +340,105 @@ class Frames:
 
 def _seconds(nanoseconds: float) -> str:
     return f'{nanoseconds / 1e9:.3g} s'
+
+
+def _transform_to(end: str, steps: _Steps) -> FixedTransform:
+    """Return the transform from the first frame of some steps to another of them."""
+    here = IDENTITY
+    for frame, step in steps.items():
+        here = step if here is IDENTITY else composed(step, here)
+        if frame == end:
+            break
+    return here
+
+
+class _Track:
+    """
+    Transforms of a frame by their stamps, with the meaning that tf2's TimeCache gives them.
+
+    Where several have one stamp, the last one counts from then on, and interpolation up to that
+    stamp leads to the first one. Times are ints in ns.
+    """
+
+    __slots__ = ('stamps', 'links')
+
+    def __init__(self, stamp: int, link: _Link) -> None:
+        # Ascending, none more than twice, and a link for each.
+        self.stamps = [stamp]
+        self.links = [link]
+
+    def extend(self, stamp: int, link: _Link, history: int) -> bool:
+        """
+        Add a transform newer than all others; return False if it is not newer.
+
+        Transforms more than the history older than the previous newest are forgotten, as in tf2.
+        """
+        stamps = self.stamps
+        if stamp <= stamps[-1]:
+            return False
+        self._prune(history)
+        stamps.append(stamp)
+        self.links.append(link)
+        return True
+
+    def insert(self, stamp: int, link: _Link, history: int) -> bool:
+        """Add an older transform, forgetting as `extend` does; return False if it is too old."""
+        stamps, links = self.stamps, self.links
+        self._prune(history)
+        if stamp < stamps[-1] - history:
+            return False
+        place = bisect_right(stamps, stamp)
+        first = bisect_left(stamps, stamp)
+        if link not in links[first:place]:
+            if place - first == 2:
+                links[place - 1] = link
+            else:
+                stamps.insert(place, stamp)
+                links.insert(place, link)
+        return True
+
+    def _prune(self, history: int) -> None:
+        """Forget what is older than the newest by more than the history."""
+        stamps = self.stamps
+        oldest = stamps[-1] - history
+        if stamps[0] < oldest:
+            passed = bisect_left(stamps, oldest)
+            del stamps[:passed], self.links[:passed]
+
+    def at(self, stamp: int, max_gap: float) -> tuple[str, FixedTransform] | None:
+        """
+        Return the parent and the transform at a time; None outside the history, and in a gap.
+
+        Between two stamps no further apart than `max_gap` it is interpolated; where the parent
+        changed between them it is the older one, as in tf2.
+        """
+        stamps = self.stamps
+        place = bisect_right(stamps, stamp)
+        if place == 0:
+            return None
+        before = stamps[place - 1]
+        parent, older = self.links[place - 1]
+        if before == stamp:
+            return parent, fixed(older)
+        if place == len(stamps) or stamps[place] - before > max_gap:
+            return None
+        next_parent, newer = self.links[place]
+        if next_parent != parent:
+            return parent, fixed(older)
+        return parent, interpolated(older, newer, stamp - before, stamps[place] - before)
+
+    def gap(self, stamp: int) -> int:
+        """Return how far apart the stamps around a time within the history are."""
+        place = bisect_right(self.stamps, stamp)
+        return self.stamps[place] - self.stamps[place - 1]
+
+
+def in_quotes(text: str) -> str:
+    """Return a text quoted, cut to 64 characters, without line breaks or control characters."""
+    shown = repr(text[:_MAX_SHOWN])
+    return f'{shown} and so on' if len(text) > _MAX_SHOWN else shown
+
+
+def in_words(name: str) -> str:
+    """Return the name of a frame, in quotes if it has unusual characters."""
+    return name if _PLAIN.fullmatch(name) else in_quotes(name)

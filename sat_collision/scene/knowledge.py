@@ -25,6 +25,7 @@ which it counts and the present, in ns. docs/knowing.md has the guarantees, and 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from sat_collision.scene.obstacle_store import KeyedGroup, ObstacleStore, SetGroup
 from sat_collision.scene.settings import NEVER, ObstacleSettings
@@ -33,11 +34,17 @@ from sat_collision.scene.streams import BEGUN, CONTINUES, LOST, MET, News
 LOSS = 'messages were lost'
 
 # Max sets kept that are not whole, besides the last whole one.
-_MOST_SETS = 20
+_MAX_SETS = 20
 
 
 class _Listing:
-    """The base of all listings; the store makes the groups of obstacles."""
+    """
+    The base of all listings; the store makes the groups of obstacles.
+
+    `receive` takes a polygon and returns the group that it joins, `end` takes an empty polygon,
+    and `spoil` messages of unknown content. `deadline` is the time after which `pass_time` changes
+    something. `problem` says why no listing is known, as the end of a sentence; empty if one is.
+    """
 
     timeout: float = NEVER
     window: float = 0
@@ -64,20 +71,18 @@ class _Listing:
         return f'its timeout of {self.timeout / 1e9:g} s'
 
 
+@dataclass(slots=True, eq=False)
 class _Set:
     """One set of obstacles."""
 
-    __slots__ = ('group', 'start', 'last', 'time', 'count', 'is_begun', 'is_ended', 'is_whole')
-
-    def __init__(self, group: SetGroup, stamp: int, time: int, is_begun: bool) -> None:
-        self.group = group
-        self.start = stamp  # of its first message
-        self.last = stamp  # of the last one so far
-        self.time = time  # the earliest from which its messages count
-        self.count = 0  # of its messages so far
-        self.is_begun = is_begun  # whether nothing is missing since its beginning
-        self.is_ended = False  # whether an empty polygon has ended it
-        self.is_whole = False  # whether it is proved whole
+    group: SetGroup
+    start: int  # the stamp of its first message
+    last: int  # that of the last one so far
+    time: int  # the earliest from which its messages count
+    is_begun: bool  # whether nothing is missing since its beginning
+    count: int = 0  # of its messages so far
+    is_ended: bool = False  # whether an empty polygon has ended it
+    is_whole: bool = False  # whether it is proved whole
 
 
 class Sets(_Listing):
@@ -104,7 +109,6 @@ class Sets(_Listing):
         return [one.group for one in self._sets]
 
     def receive(self, news: News, stamp: int, time: int, now: int) -> SetGroup:
-        """Receive a polygon; return the group that it joins."""
         current = self.current
         if (current is None or stamp != current.last or news is not CONTINUES
                 or time < current.time or self._is_spoiled):
@@ -124,11 +128,9 @@ class Sets(_Listing):
             return None
         return current
 
-    def is_full(self, stamp: int) -> bool:
-        """Return whether messages of a stamp are of a set that has no room for more."""
-        current = self.current
-        return (current is not None and stamp == current.last
-                and current.count >= self.max_count)
+    def set_of(self, stamp: int, now: int) -> _Set:
+        """Return the set that the next messages join, which are valid and have a stamp."""
+        return self._follow(CONTINUES, stamp, stamp, now)
 
     def end(self, news: News, stamp: int, time: int, now: int) -> None:
         """Receive an empty polygon, which ends the set of its stamp; none if that is 0."""
@@ -170,7 +172,6 @@ class Sets(_Listing):
         return min((group.oldest for group in self.groups), default=NEVER) + self.timeout
 
     def problem(self, now: int) -> str:
-        """Return why no listing is known, as the end of a sentence; empty if one is."""
         if self._is_cut:
             return ('sends sets that set_window cuts in two: set it to more than a set takes and '
                     'less than the time between sets, or to 0 with one stamp a set')
@@ -224,10 +225,10 @@ class Sets(_Listing):
             elif news is CONTINUES:
                 self._end(current, now)
                 is_begun = True
-        self.current = current = _Set(self._store.new_set(), stamp, time, is_begun)
+        self.current = current = _Set(self._store.new_set(), stamp, stamp, time, is_begun)
         self._sets.append(current)
         is_first_whole = self._sets[0].is_whole
-        if len(self._sets) > _MOST_SETS + 1 + is_first_whole:
+        if len(self._sets) > _MAX_SETS + 1 + is_first_whole:
             # Too many sets: drop the oldest that is not whole.
             self.is_known = False
             self._sets.pop(is_first_whole).group.clear()
@@ -283,7 +284,6 @@ class Keys(_Keyed):
         self._last: float = -NEVER
 
     def receive(self, news: News, stamp: int, time: int, now: int) -> KeyedGroup:
-        """Receive a polygon; return the group that it joins."""
         last = self._last
         if news is not CONTINUES or self._since == NEVER or last + self.timeout < now:
             self._restart(max(time, last), LOSS if news is LOST else '')
@@ -318,7 +318,6 @@ class Keys(_Keyed):
         return self.timeout + (self._last if self._since < NEVER else self.group.oldest)
 
     def problem(self, now: int) -> str:
-        """Return why no listing is known, as the end of a sentence; empty if one is."""
         if self.is_known:
             return ''
         if self._last == -NEVER:
@@ -349,7 +348,6 @@ class Maps(_Keyed):
         self._settles: float = NEVER
 
     def receive(self, news: News, stamp: int, time: int, now: int) -> KeyedGroup:
-        """Receive a polygon; return the group that it joins."""
         if news is BEGUN:
             self._is_begun, self.wants_history = True, False
             self._settles = now
@@ -393,7 +391,6 @@ class Maps(_Keyed):
         return self._settles
 
     def problem(self, now: int) -> str:
-        """Return why no listing is known, as the end of a sentence; empty if one is."""
         if self.is_known:
             return ''
         if self._settles < NEVER:

@@ -164,25 +164,25 @@ class SetGroup(ObstacleGroup):
 
     def take_run(self, run: Run, limit: int, frame_id: str, time: int) -> int:
         """
-        Take obstacles of a run, up to a limit, into places that have a row.
+        Take obstacles of a run, up to a limit.
 
-        Return how many were taken: all before the first one that may meet a footprint.
+        Return how many were taken: if contacts are decided, all before the first one that has no
+        row or may meet a footprint.
         """
-        begin = self._taken
-        if begin == len(self._places) or limit <= 0:
+        if limit <= 0:
             return 0
-        taken = self._contacts.place_run(run, self._rows, begin, limit)
-        if taken:
-            self.add_run(taken, frame_id, time)
-        return taken
+        taken = self._contacts.place_run(run, self._rows, self._taken, limit)
+        return self.add_run(taken, frame_id, time)
 
-    def add_run(self, count: int, frame_id: str, time: int) -> None:
-        """Add obstacles of a run, which are in their places already or have none."""
+    def add_run(self, count: int, frame_id: str, time: int) -> int:
+        """Add obstacles of a run, which are in their places or have none; return the count."""
         begin = self._taken
-        self._taken += count
-        if time < self.oldest:
-            self.oldest = time
-        self._pending.append((begin, self._taken, frame_id, time))
+        if count:
+            self._taken += count
+            if time < self.oldest:
+                self.oldest = time
+            self._pending.append((begin, self._taken, frame_id, time))
+        return count
 
     def take(self, key: Key, body: PackedBody | None, frame_id: str, time: int,
              refusal: str | None) -> str | None:

@@ -127,22 +127,10 @@ def type_problem(name: str, value: object, default: object) -> str | None:
 def read_settings(footprints: Iterable[str], obstacles: Iterable[str],
                   value: Callable[[str], Any], resolve: Callable[[str], str]) -> Settings:
     """
-    Return the Settings that the values of all parameters make.
+    Return the Settings that the values of all parameters make, or raise a ParameterError.
 
-    Parameters
-    ----------
-    footprints, obstacles : iterable of str
-        As `declare_parameters` returns them.
-    value : callable
-        Takes the name of a parameter and returns its value.
-    resolve : callable
-        Takes the name of a topic and returns it in full.
-
-    Raises
-    ------
-    ParameterError
-        If a topic or an outline is invalid, or a footprint names an unknown source.
-
+    `footprints` and `obstacles` are as `declare_parameters` returns them. `value` takes the name
+    of a parameter and returns its value, `resolve` takes that of a topic and returns it in full.
     """
     def resolved(name: str, topic: str) -> str:
         try:

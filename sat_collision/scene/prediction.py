@@ -57,9 +57,9 @@ class Prediction(NamedTuple):
 def velocity_of(footprint: Footprint, now: int) -> Velocity | str:
     """Return the velocity of a footprint from its stamp on, or why it is unknown, if known."""
     settings, command = footprint.settings.command, footprint.command
-    if settings and not command:
-        return f'no command on {settings.topic} yet'
-    if settings and command:
+    if settings:
+        if not command:
+            return f'no command on {settings.topic} yet'
         if command.refusal:
             return f'the last command on {settings.topic} was refused: {command.refusal}'
         if not command.holds(now, settings.timeout):

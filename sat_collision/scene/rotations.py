@@ -143,13 +143,6 @@ def interpolated(one: Transform, two: Transform, passed: int, span: int) -> Fixe
             *_fixed_rotation(m * a + n * p, m * b + n * q, m * c + n * r, m * d + n * s))
 
 
-def rounded(transform: FixedTransform) -> Transform:
-    """Return a transform in doubles, its quaternion of length 1."""
-    x, y, z, a, b, c, d = transform
-    length = math.isqrt(a * a + b * b + c * c + d * d)
-    return (x / _ONE, y / _ONE, z / _ONE, a / length, b / length, c / length, d / length)
-
-
 def affine_of(transform: FixedTransform) -> Affine2D:
     """Return the map of the plane z = 0 by a transform, projected onto z = 0."""
     x, y, _, a, b, c, d = transform

@@ -27,7 +27,7 @@ from sat_collision.geometry.polygon_set import Point
 from sat_collision.geometry.run import Run
 from sat_collision.scene.contacts import Contacts, Undecided
 from sat_collision.scene.footprints import Evaluation, Footprint, Origin, State, Status
-from sat_collision.scene.frame_tree import in_quotes
+from sat_collision.scene.frames import in_quotes
 from sat_collision.scene.obstacle_store import OTHER_FRAME
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.prediction import predict, Prediction, velocity_of
@@ -81,7 +81,6 @@ class Scene:
     """
 
     def __init__(self, settings: Settings, decides_contacts: bool = True) -> None:
-        self.settings = settings
         # The frame of all bodies: that of the settings, else the common frame of the footprints
         # received in the last second; empty until there is one.
         self.frame_id = settings.frame_id
@@ -264,8 +263,7 @@ class Scene:
         if due < self.deadline:
             self.deadline = due
         if source.faults is not faults or source.listing is not listing:
-            self.deadline = min(self.deadline, source.deadline)
-            self._reevaluate_all()
+            self._follow_up(source)
         elif self._contacts.changed:
             self._evaluate()
         return refusal
@@ -287,8 +285,7 @@ class Scene:
         if taken and stamp + source.timeout < self.deadline:
             self.deadline = stamp + source.timeout
         if source.faults is not faults:
-            self.deadline = min(self.deadline, source.deadline)
-            self._reevaluate_all()
+            self._follow_up(source)
         return taken
 
     def refuse(self, name: str, reason: str, now: int, stamp: int | None = None,
@@ -306,10 +303,10 @@ class Scene:
             if number is not None:
                 self.receive_number(name, number, now)
             self._invalidate(self._footprints[name], f'was refused: {reason}')
+            self._evaluate()
         elif source.settings.enabled:
             source.receive(None, '', stamp, now, instance, number, reason)
-            self.deadline = min(self.deadline, source.deadline)
-        self._reevaluate_all()
+            self._follow_up(source)
 
     def receive_number(self, name: str, number: int, now: int) -> None:
         """Record the sequence number of a message of a footprint."""
@@ -325,19 +322,19 @@ class Scene:
         source = self._sources.get(name)
         if source is not None:
             source.update_publishers(endpoints, self._now)
-            self.deadline = min(self.deadline, source.deadline)
+            self._follow_up(source)
         else:
             footprint = self._footprints[name]
             if footprint.stream.update(endpoints) and footprint.time is not None:
                 self._invalidate(footprint, _CHANGED)
             if footprint.find_stream_faults(self._now):
                 self._contacts.changed.add(footprint)
-        self._reevaluate_all()
+            self._evaluate()
 
     def lost(self) -> Counter[str]:
         """Return the number of messages that were sent but not received, by name."""
-        things: Mapping[str, Footprint | Source] = {**self._footprints, **self._sources}
-        return +Counter({name: thing.stream.lost for name, thing in things.items()})
+        receivers: Mapping[str, Footprint | Source] = {**self._footprints, **self._sources}
+        return +Counter({name: one.stream.lost for name, one in receivers.items()})
 
     def wants_history(self, name: str) -> bool:
         """Return whether a map is needed again from the start, by a new subscription."""
@@ -531,6 +528,11 @@ class Scene:
         footprint.fault = fault
         self._contacts.remove_footprint(footprint)
         self._contacts.changed.add(footprint)
+
+    def _follow_up(self, source: Source) -> None:
+        """Evaluate what follows from a change in a source."""
+        self.deadline = min(self.deadline, source.deadline)
+        self._reevaluate_all()
 
     def _reevaluate_all(self) -> None:
         """Update the faults, and evaluate the footprints for which something has changed."""

@@ -43,7 +43,6 @@ DEFAULT_SOURCE = 'obstacle'
 DEFAULT_SOURCE_TOPIC = 'obstacles'
 
 _DAY = 86400.0
-_RATES = (0.1, 50.0)
 _SPEC = 'spec'
 
 
@@ -231,7 +230,7 @@ class Settings:
         live=True, limits=(5.0, 50.0)))
     marker_rate: float = field(default=10.0, metadata=_setting(
         'Hz; how often markers are published while somebody subscribes',
-        live=True, limits=_RATES))
+        live=True, limits=(0.1, 50.0)))
     max_batch_delay: float = field(default=0.005, metadata=_setting(
         's; where messages are many the node rests for so long between takes, which spares '
         'processor time and delays an answer by no more; 0.0 for never',

@@ -22,7 +22,7 @@ from typing import TypeAlias
 import numpy as np
 from sat_collision.geometry.polygon import PackedBody, size_of
 from sat_collision.geometry.run import Run
-from sat_collision.scene.contacts import Contacts, Undecided
+from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.knowledge import Keys, LOSS, Maps, Sets
 from sat_collision.scene.obstacle_store import KeyedGroup, ObstacleStore, SetGroup, TOO_MANY
 from sat_collision.scene.obstacles import Key
@@ -34,7 +34,7 @@ from sat_collision.scene.velocity import MotionTracker, Vertices
 TOO_OLD = 'too old'
 
 # Max interrupted listings whose obstacles are kept.
-_MOST_FORMER = 20
+_MAX_FORMER = 20
 
 _Listing: TypeAlias = Sets | Keys | Maps
 _Group: TypeAlias = SetGroup | KeyedGroup
@@ -185,32 +185,29 @@ class Source:
         """
         Receive messages that add to the set of the one before, as `receive` would one by one.
 
+        If no contacts are decided they may also begin a set.
+
         Return how many were taken; the next one may be refused, may meet a footprint, or may end
         the set, and must be received by itself.
         """
-        listing, stream, contacts = self.listing, self.stream, self.store.contacts
+        listing, stream = self.listing, self.stream
         expected = stream.next
         if (not isinstance(listing, Sets) or expected is None or number not in (None, expected)
                 or stream.awaits_endpoint
-                or self._is_far or not stamp <= now <= stamp + self.timeout):
+                or self._is_far or not 0 < stamp <= now <= stamp + self.timeout):
             return 0
         # The message that reaches max_count may end the set.
         most = self.settings.max_count - 1
-        taken = 0
-        if isinstance(contacts, Undecided):
-            # It may also begin a set.
-            if stamp and not listing.is_full(stamp):
-                taken = contacts.check_run(run, most)
-            if taken:
-                group, current = listing.receive(CONTINUES, stamp, stamp, now), listing.current
-                assert current is not None
-                taken = 1 + max(min(taken - 1, most - current.count), 0)
-                group.add_run(taken, frame_id, stamp)
-                current.count += taken - 1
-        elif current := listing.set_to_extend(stamp):
+        current = listing.set_to_extend(stamp)
+        if current is not None:
             taken = current.group.take_run(run, most - current.count, frame_id, stamp)
-            current.count += taken
+        elif taken := self.store.contacts.count_unplaced(run, most):
+            current = listing.set_of(stamp, now)
+            taken = current.group.add_run(min(taken, most - current.count), frame_id, stamp)
+        else:
+            return 0
         if taken:
+            current.count += taken
             stream.next = expected + taken
             if self.faults or listing.is_known is not self._was_known:
                 self._find_faults(now)
@@ -267,7 +264,7 @@ class Source:
         is_replaced = (self.timeout == NEVER and self.listing.is_known
                        and self.stream.is_alone)
         for k, group in reversed([*enumerate(self._former)]):
-            if is_replaced or group.oldest == NEVER or k < len(self._former) - _MOST_FORMER:
+            if is_replaced or group.oldest == NEVER or k < len(self._former) - _MAX_FORMER:
                 del self._former[k]
                 group.clear()
 

@@ -48,13 +48,13 @@ Pose: TypeAlias = tuple[float, float, float]
 # Least and greatest time between two places that a velocity is fitted to, in ns.
 _SHORTEST = 10**7
 _LONGEST = 2 * 10**9
-_MOST_PLACES = 100
+_MAX_PLACES = 100
 # Greater velocities, in m/s or rad/s, are not those of a robot.
 FASTEST = 1e3
 # Of a translation, all vertices have the same velocity but for this, in m/s.
-_MOST_SPREAD = 0.05
+_MAX_SPREAD = 0.05
 # Of a rigid motion, the outline changes by no more than this share of its size.
-_MOST_CHANGE = 0.1
+_MAX_CHANGE = 0.1
 
 
 class Velocity(NamedTuple):
@@ -118,7 +118,7 @@ class MotionTracker:
 
     def clear(self) -> None:
         """Forget all: the clock was set back, or the body was lost."""
-        self._places: deque[tuple[int, Vertices]] = deque(maxlen=_MOST_PLACES)
+        self._places: deque[tuple[int, Vertices]] = deque(maxlen=_MAX_PLACES)
         self._given: Velocity | None = None
         self._translation: Translation | None = None
         self._is_translation_current = False
@@ -175,7 +175,7 @@ def translated(before: Vertices, after: Vertices, seconds: float) -> Translation
     velocities = (after - before) / seconds
     mean, centre = velocities.mean(0), after.mean(0)
     # An overflow makes NaN, which fails both comparisons.
-    if not (np.abs(velocities - mean).max() <= _MOST_SPREAD and np.abs(mean).max() <= FASTEST):
+    if not (np.abs(velocities - mean).max() <= _MAX_SPREAD and np.abs(mean).max() <= FASTEST):
         return None
     (vx, vy), (x, y) = mean.tolist(), centre.tolist()
     return Translation(vx, vy, x, y, float(np.hypot(*(after - centre).T).max()))
@@ -192,7 +192,7 @@ def fitted(before: Vertices, after: Vertices, seconds: float, origin: str) -> Ve
     start, end = before.mean(0), after.mean(0)
     *_, turn = pose_between(before, after)
     change = np.linalg.norm(after - end - (before - start) @ _rotation(turn).T)
-    if not change <= _MOST_CHANGE * np.linalg.norm(after - end):
+    if not change <= _MAX_CHANGE * np.linalg.norm(after - end):
         return None
     half = turn / 2.0
     stretch = half / math.sin(half) if half else 1.0

@@ -29,9 +29,8 @@ import atheris  # noqa: E402
 with atheris.instrument_imports(include=['sat_collision.messages', 'sat_collision.monitor']):
     from builders import box, odometry, serialised, transforms  # noqa: I100, from fuzz's path
     from fuzz import check_message
-    from sat_collision.messages.cdr import MessageError
+    from sat_collision.messages.cdr import decode_odometry, decode_transforms, MessageError
     from sat_collision.messages.transform_listener import TF, TF_STATIC
-    from sat_collision.messages.transform_listener import decode_odometry, decode_transforms
     from sat_collision.monitor import Monitor
     from sat_collision.replay.model.configuration import settings_of
 

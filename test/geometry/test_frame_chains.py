@@ -18,7 +18,8 @@ from fractions import Fraction
 import frame_chains
 import numpy as np
 import pytest
-from sat_collision.scene.rotations import accepted, affine_of, composed, fixed, rounded
+from rationals import rounded
+from sat_collision.scene.rotations import accepted, affine_of, composed, fixed
 
 EVALUATIONS = 2000
 

@@ -21,9 +21,8 @@ import numpy as np
 import pytest
 from sat_collision import Polygon
 from sat_collision.messages.interfaces import deserialize, Marker, PointCloud2, serialize, Time
-from sat_collision.messages.markers import Labels, Markers
+from sat_collision.messages.markers import clip, contact_marks, Labels, Markers
 from sat_collision.messages.outputs import contact_cloud, MOST_CONTACTS
-from sat_collision.messages.shared_region import clip, contact_marks
 from sat_collision.messages.states import coordinate_step, in_words
 from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.obstacles import ObstacleId

@@ -24,11 +24,11 @@ import numpy as np
 import pytest
 from rosbags.typesys import get_typestore, Stores
 import sat_collision.messages
-from sat_collision.messages.cdr import decode, header_stamp, MessageError
+from sat_collision.messages.cdr import (
+    decode, decode_command, decode_odometry, decode_transforms, decode_twist, header_stamp,
+    MessageError, stamped)
 from sat_collision.messages.interfaces import (
     deserialize, PolygonInstanceStamped, PolygonStamped, serialize)
-from sat_collision.messages.transform_listener import (
-    decode_command, decode_odometry, decode_transforms, decode_twist, stamped)
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 POINTS = [(1.0, 2.0, 3.0), (-4.0, 0.125, 0.0), (1e30, -0.0, 5.0)]
@@ -312,8 +312,7 @@ def test_header_stamp(sec, nanosec):
 
 
 def test_decoding_needs_neither_ros_nor_rosbags():
-    program = ('import sys; from sat_collision.messages.cdr import decode; '
-               'from sat_collision.messages.transform_listener import decode_transforms; '
+    program = ('import sys; from sat_collision.messages.cdr import decode, decode_transforms; '
                f'assert decode({KINDS["instance"].good()!r}, True)[-1] == -9; '
                f'assert len(decode_transforms({KINDS["transforms"].good()!r})) == 3; '
                'assert not {"rclpy", "geometry_msgs", "rosbags"} & set(sys.modules)')

@@ -235,6 +235,20 @@ def test_parameters_change_a_running_node(start):
                   < SECOND // 2, 'more states')
 
 
+def test_new_margin_changes_contacts(start):
+    """Nothing has moved; a margin that is refused changes none."""
+    monitor = start(**LASTING)
+    monitor.become('clear', box(1.25, 0))
+    assert monitor.set_parameters(margin=0.25) == [None]
+    monitor.await_state('collision')
+    assert monitor.contacts() == ['obstacle/0']
+    monitor.until(monitor.flag)
+    assert monitor.set_parameters(margin=-1.0) != [None]
+    assert monitor.set_parameters(margin=0.125) == [None]
+    monitor.await_state('clear')
+    monitor.until(lambda: monitor.flag() is False)
+
+
 AHEAD = box(5, 0)
 OVERLAPPING = box(0.75, 0)
 

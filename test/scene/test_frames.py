@@ -19,11 +19,12 @@ import math
 import numpy as np
 from published import load
 import pytest
+from rationals import rounded
 from sat_collision.scene import frames
-from sat_collision.scene.frame_tree import BAD_NAMES, BAD_TRANSFORM, OLD_TRANSFORM
-from sat_collision.scene.frames import Frames, Mapped, NoTransform
+from sat_collision.scene.frames import (
+    BAD_NAMES, BAD_TRANSFORM, Frames, Mapped, NoTransform, OLD_TRANSFORM)
 from sat_collision.scene.rotations import (
-    accepted, affine_of, composed, fixed, IDENTITY, interpolated, relative, rounded, tilt)
+    accepted, affine_of, composed, fixed, IDENTITY, interpolated, relative, tilt)
 
 SECOND = 10**9
 START = 1000 * SECOND
@@ -57,11 +58,11 @@ class Tree:
     def where(self, source, time, target='odom'):
         """Return x of the source frame, or the NoTransform."""
         found = self.frames.lookup(target, source, nanoseconds(time))
-        return found if isinstance(found, NoTransform) else found.transform[0]
+        return found if isinstance(found, NoTransform) else rounded(found.pose)[0]
 
     def newest(self, source, oldest, target='odom'):
         found = self.frames.newest(target, source, nanoseconds(oldest))
-        return found if isinstance(found, NoTransform) else (found.transform[0], found.at)
+        return found if isinstance(found, NoTransform) else (rounded(found.pose)[0], found.at)
 
     def lookup_affine(self, source, time, target='odom'):
         return self.frames.lookup_affine(target, source, nanoseconds(time))
@@ -260,7 +261,7 @@ def test_buffer_is_bounded():
         buffer.insert('odom', 'base', START + k * SECOND // 100, (float(k), 0.0, 0.0, *UPRIGHT))
     for k in range(5000):
         buffer.insert('odom', 'base', START + 50 * SECOND, (float(k), 0.0, 0.0, *UPRIGHT))
-    track = buffer._tree.moving['base']
+    track = buffer._moving['base']
     assert 1000 <= len(track.stamps) == len(track.links) <= 1004
 
 
@@ -421,9 +422,10 @@ NOT_TAKEN = {('refused', 'i')}
 
 def assert_same(found, translation, quaternion):
     """Compare with what tf2 found; a quaternion and its opposite are one rotation."""
-    rotation = np.array(found.transform[3:])
+    transform = rounded(found.pose)
+    rotation = np.array(transform[3:])
     rotation *= 1 if rotation @ quaternion > 0 else -1
-    np.testing.assert_allclose((*found.transform[:3], *rotation), (*translation, *quaternion),
+    np.testing.assert_allclose((*transform[:3], *rotation), (*translation, *quaternion),
                                rtol=0, atol=1e-9)
 
 

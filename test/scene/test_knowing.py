@@ -52,8 +52,8 @@ def ignore_gaps(patch):
 
 
 def accept_sets_without_beginning(patch):
-    def begin(self, group, stamp, time, is_begun, original=knowledge._Set.__init__):
-        original(self, group, stamp, time, True)
+    def begin(self, group, start, last, time, is_begun, original=knowledge._Set.__init__):
+        original(self, group, start, last, time, True)
     patch.setattr(knowledge._Set, '__init__', begin)
 
 

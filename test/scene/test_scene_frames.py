@@ -12,12 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The frame of the scene: how it is chosen, bodies in other frames, and waiting messages."""
+"""The frame of the scene: how it is chosen, and bodies in other frames."""
 
 from dataclasses import replace
 
-from sat_collision.scene.settings import NEVER
-from sat_collision.scene.waiting import WAIT, Waiting
 from stage import ACCUMULATED, CART, clear_stage, EVERY_KIND, ROBOT, Stage
 
 
@@ -141,38 +139,3 @@ def test_refused_or_disabled_footprint_does_not_set_the_frame():
     stage.refuse(name='robot')
     stage.robot(name='cart', frame='odom')
     assert stage.scene.frame_id == ''
-
-
-class Receiver:
-    """Accepts numbers up to `ready` and records them."""
-
-    def __init__(self):
-        self.ready = 0
-        self.taken = []
-        self.waiting = Waiting(self.take)
-
-    def take(self, name, item, now, may_wait):
-        if item > self.ready and may_wait:
-            return WAIT
-        self.taken.append((name, item))
-        return f'{item} timed out' if item > self.ready else None
-
-
-def test_waiting_messages_time_out_one_by_one():
-    receiver = Receiver()
-    receiver.waiting.add('a', 5, 0, 10, 9)
-    receiver.waiting.add('a', 6, 4, 10, 9)
-    assert receiver.waiting.earliest == 10
-    assert receiver.waiting.take(10) == []
-    assert receiver.waiting.take(11) == ['5 timed out']
-    assert receiver.waiting.earliest == 14
-    assert receiver.waiting.take(15) == ['6 timed out']
-    assert receiver.waiting.earliest == NEVER
-
-
-def test_dropped_messages_are_not_received():
-    receiver = Receiver()
-    receiver.waiting.add('a', 5, 0, 10, 9)
-    receiver.waiting.drop()
-    assert receiver.waiting.take(99) == receiver.taken == []
-    assert receiver.waiting.earliest == NEVER and 'a' not in receiver.waiting

@@ -18,6 +18,7 @@ from fractions import Fraction
 import math
 
 import numpy as np
+from sat_collision.scene.rotations import IDENTITY
 
 
 def twice_area(vertices):
@@ -69,3 +70,11 @@ def square_root(square):
     """Return the root of a rational, correct to far more digits than a double has."""
     scale = 2 ** (200 + abs(square.denominator.bit_length() - square.numerator.bit_length()))
     return Fraction(math.isqrt(square.numerator * scale ** 2 // square.denominator), scale)
+
+
+def rounded(transform):
+    """Return a transform of fixed-point numbers in doubles, its quaternion of length 1."""
+    x, y, z, *rotation = transform
+    length = math.isqrt(sum(number * number for number in rotation))
+    one = IDENTITY[-1]
+    return (x / one, y / one, z / one, *(number / length for number in rotation))

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from sat_collision.geometry.moving import STRIDE
 from sat_collision.geometry.polygon import Affine2D, MAX_VERTICES, Polygon
 from sat_collision.messages.cdr import POINT_SIZE
-from sat_collision.messages.placement import Placement
+from sat_collision.messages.ingest import Placement
 from sat_collision.replay.motion.kernels import (
     COUNT, describe, EARLIEST, END, FINISH, FIRST, follow, LAST, LATEST, MAY_REPEAT, MOTIONS,
     MOTIONS_BEGIN, motions_between, MOTIONS_END, MOVED, POINTS, ROWS, STAMP, START)

@@ -30,7 +30,7 @@ from itertools import chain, compress, repeat
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from sat_collision.messages.placement import Placement
+from sat_collision.messages.ingest import Placement
 from sat_collision.replay.motion.bodies import (
     Block, Bodies, LinearMotion, motion_between, motion_in_block, stay)
 from sat_collision.replay.motion.kernels import COUNT, MOVED, mutual_nearest, ROWS

@@ -27,7 +27,7 @@ from itertools import repeat
 from operator import attrgetter
 from typing import Any
 
-from sat_collision.messages.placement import Placement
+from sat_collision.messages.ingest import Placement
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.model.result import Contact, FootprintResult, Unknown, Unknowns
 from sat_collision.replay.motion.bodies import Block, Bodies

@@ -17,7 +17,7 @@
 import numpy as np
 import pytest
 from recordings import box, START
-from sat_collision.messages.placement import Placement
+from sat_collision.messages.ingest import Placement
 from sat_collision.replay.model.configuration import settings_of
 from sat_collision.replay.model.result import FootprintResult
 from sat_collision.replay.motion import contacts

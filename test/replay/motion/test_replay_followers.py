@@ -16,7 +16,7 @@
 
 import numpy as np
 import pytest
-from sat_collision.messages.placement import Placement
+from sat_collision.messages.ingest import Placement
 from sat_collision.replay.motion.tracker import SetTracker
 from sat_collision.scene.settings import ObstacleSettings
 

@@ -62,6 +62,13 @@ def written(path):
     return found
 
 
+def bytes_of(path):
+    """Return the messages of a written bag as they are stored, with topics and times."""
+    with AnyReader([path]) as reader:
+        return [(connection.topic, time, bytes(data))
+                for connection, time, data in reader.messages()]
+
+
 def run_without_ros(program, *arguments):
     """Run a program that cannot import ROS; return its output."""
     return subprocess.run([sys.executable, '-c',
@@ -114,6 +121,7 @@ def test_written_markers_follow_bodies_in_an_unchanged_state(tmp_path):
 
 
 def test_written_bag_is_the_same_without_ros(tmp_path):
+    """Byte for byte, although ROS leaves padding as it finds memory."""
     pytest.importorskip('rclpy')
     bag = write(tmp_path / 'bag', drive(2.0, contact=(1.0, 1.5)))
     check(bag, Options(as_live=True, write_bag=str(tmp_path / 'ros')))
@@ -124,9 +132,9 @@ def test_written_bag_is_the_same_without_ros(tmp_path):
         print(result.problems, len(result.contacts), 'rclpy' in sys.modules)
     """, str(bag), str(tmp_path / 'plain'))
     assert out == '[] 1 False\n'
-    with_ros, without = written(tmp_path / 'ros'), written(tmp_path / 'plain')
-    assert len(with_ros) == 7
-    assert repr(with_ros) == repr(without)
+    with_ros = bytes_of(tmp_path / 'ros')
+    assert len({topic for topic, _, _ in with_ros}) == 7
+    assert with_ros == bytes_of(tmp_path / 'plain')
 
 
 def test_big_endian_messages_are_read_without_ros():

@@ -171,7 +171,7 @@ def _files_of(path: Path) -> list[Path]:
 
 
 def _check_all(arguments: argparse.Namespace, options: Options) -> list[Result]:
-    """Check, report and draw each recording; return the results in the order of the command."""
+    """Check, report and draw each recording, and return the results."""
     several, plot = len(arguments.bags) > 1, arguments.plot
     strays = [bag for bag in arguments.bags if not Path(bag).exists()]
     if strays and (arguments.footprints or arguments.obstacles):
@@ -189,8 +189,6 @@ def _check_all(arguments: argparse.Namespace, options: Options) -> list[Result]:
         _say(with_colour(report(result), result.verdict, sys.stdout))
         results.append(result)
     if several:
-        order = {bag: place for place, bag in enumerate(arguments.bags)}
-        results.sort(key=lambda result: order[result.bag])
         _say(with_colour(report_all(results), overall(results), sys.stdout))
     if one_page:
         _draw(results, plot, arguments.debug)
@@ -198,7 +196,7 @@ def _check_all(arguments: argparse.Namespace, options: Options) -> list[Result]:
 
 
 def _results(arguments: argparse.Namespace, options: Options) -> Iterator[Result]:
-    """Yield results as they come, and show progress meanwhile."""
+    """Yield results in the order of the command, and show progress meanwhile."""
     bags, several = arguments.bags, len(arguments.bags) > 1
     if arguments.dask or several and arguments.jobs > 1:
         if arguments.dask:
@@ -207,9 +205,13 @@ def _results(arguments: argparse.Namespace, options: Options) -> Iterator[Result
         else:
             results = check_here(bags, options, arguments.jobs)
         progress = Progress(f'{len(bags)} recordings')
+        left = [*bags]
+        waiting: dict[str, list[Result]] = {bag: [] for bag in bags}
         for count, result in enumerate(results, 1):
             progress.clear()
-            yield result
+            waiting[result.bag].append(result)
+            while left and waiting[left[0]]:
+                yield waiting[left.pop(0)].pop()
             if count < len(bags):
                 progress.show(count / len(bags))
         return

@@ -22,6 +22,7 @@ workers of a Dask cluster.
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import as_completed, ProcessPoolExecutor
 from dataclasses import fields, replace
@@ -133,6 +134,10 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
             import matplotlib  # noqa: F401
         except ModuleNotFoundError as error:
             raise OSError(f'--plot: {missing(error)}') from None
+    name, count = Counter(Path(bag).stem for bag in arguments.bags).most_common(1)[0]
+    if count > 1 and (write_bag or in_folder):
+        raise OSError(f'{count} recordings are called {name}, and what is written of each would '
+                      'have the same name: check them one by one')
     inputs = [file for path in (*arguments.bags, *arguments.params_file, arguments.expect) if path
               for file in _files_of(Path(path))]
     taken: dict[Path, str] = {}

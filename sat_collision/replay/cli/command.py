@@ -320,8 +320,8 @@ def _draw(results: list[Result], path: str, debug: bool) -> None:
             from sat_collision.replay.output.page import write_page
             write_page(results, path)
         else:
-            from sat_collision.replay.output.figure import draw_picture
-            draw_picture(results[0]).savefig(path)
+            from sat_collision.replay.output.figure import write_picture
+            write_picture(results[0], path)
     except Exception as error:
         if debug:
             traceback.print_exc()

@@ -38,7 +38,7 @@ from matplotlib.colors import to_hex  # noqa: E402, I100
 from matplotlib.patches import Rectangle  # noqa: E402
 from matplotlib.text import Text  # noqa: E402
 from sat_collision.replay.output.drawing import CONTACT, rows_of  # noqa: E402
-from sat_collision.replay.output.figure import draw_picture  # noqa: E402
+from sat_collision.replay.output.figure import draw_picture, write_picture  # noqa: E402
 
 SECOND = 10**9
 WITHOUT_ROS = """
@@ -256,6 +256,18 @@ def test_texts_of_a_picture_do_not_overlap(made):
         assert figure.bbox.y0 <= bounds.y0 and bounds.y1 <= figure.bbox.y1, text
     for (text, bounds), (other, covered) in combinations(found, 2):
         assert not bounds.overlaps(covered), (text, other)
+
+
+@pytest.mark.parametrize('ending', ('png', 'svg', 'PDF'))
+def test_picture_of_the_same_result_is_the_same_file(tmp_path, monkeypatch, ending):
+    """Neither the time of drawing nor random names are in it."""
+    path = tmp_path / f'a.{ending}'
+    pictures = set()
+    for time in ('1000000000', '2000000000'):
+        monkeypatch.setenv('SOURCE_DATE_EPOCH', time)
+        write_picture(of_warehouse(), str(path))
+        pictures.add(path.read_bytes())
+    assert len(pictures) == 1
 
 
 def test_texts_of_a_picture():

@@ -120,8 +120,7 @@ class Timeline:
     def deepen(self, now: int) -> None:
         """Measure the open contacts of bodies that have moved."""
         for name, contacts in self.touching.items():
-            # In a fixed order, because of equal depths the first counts.
-            for obstacle, *bodies in sorted(self._scene.contacts(name), key=_name_and_place):
+            for obstacle, *bodies in self._scene.contacts(name):
                 contact = contacts.get(obstacle)
                 if contact is None or self._measured.get((name, obstacle)) == bodies:
                     continue
@@ -178,11 +177,6 @@ class Timeline:
             self.touching[name] = contacts
         else:
             self.touching.pop(name, None)
-
-
-def _name_and_place(contact: tuple[ObstacleId, Polygon, Polygon]) -> tuple[object, ...]:
-    obstacle, _, other = contact
-    return obstacle, other.bounds
 
 
 class Rows:

@@ -18,8 +18,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
+from pathlib import Path
 from typing import NamedTuple, TYPE_CHECKING
 
+from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -35,6 +37,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.text import Text
 
+# What leaves the time of drawing out, by the ending of the file.
+_UNDATED = {'.svg': {'Date': None}, '.pdf': {'CreationDate': None}}
 _DPI = 110
 # Most scenes drawn, and most of them side by side.
 _MOST_SCENES = 6
@@ -72,6 +76,12 @@ def _views(result: Result) -> Sequence[_View | None]:
         return [None]
     name, least = result.nearest
     return [_View(name, least.obstacle, least.time, least.separation, least.x, least.y)]
+
+
+def write_picture(result: Result, path: str) -> None:
+    """Write the picture of a result; the same result gives the same bytes."""
+    with rc_context({'svg.hashsalt': 'sat_collision'}):
+        draw_picture(result).savefig(path, metadata=_UNDATED.get(Path(path).suffix.lower()))
 
 
 def draw_picture(result: Result) -> Figure:
@@ -140,7 +150,7 @@ def _draw_curves(result: Result, rows: list[Rows], axes: Axes) -> None:
                   markersize=4)
     axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.grid(alpha=0.25)
-    first = result.since(result.start or 0)
+    first = 0.0 if result.start is None else result.since(result.start)
     axes.set_xlim(first, first + max(result.duration, 1e-9))
 
 

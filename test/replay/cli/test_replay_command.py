@@ -230,7 +230,7 @@ def test_written_bag_does_not_overwrite(bags, tmp_path, capsys):
         with Reader(tmp_path / 'out' / name) as reader:
             assert reader.message_count > 100
     capsys.readouterr()
-    assert main([bags['clear'], bags['clear'], *to_out]) == 3
+    assert main([bags['clear'], bags['collision'], *to_out]) == 3
     assert capsys.readouterr().out.count('exists') == 2
 
 

@@ -38,7 +38,7 @@ from sat_collision.replay.model.result import (
 from sat_collision.replay.motion.order import StampOrder, Timed, WINDOW
 from sat_collision.replay.motion.prediction import HORIZON
 from sat_collision.replay.motion.tape import MotionTape
-from sat_collision.replay.motion.walk import Motion, MotionTimeline
+from sat_collision.replay.motion.walk import Motion
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.scene import OVERTAKEN
 from sat_collision.scene.settings import NEVER, Settings
@@ -123,7 +123,7 @@ class _Run:
         self._timers: list[Timer] = []
         self._motion: Motion | None = None
         self._live: Timeline | None = None
-        self._timeline: Timeline | MotionTimeline
+        self._timeline: Timeline | Motion
         self._tape: SceneTape | MotionTape | None = None
         if options.as_live:
             if options.keyframes:
@@ -132,11 +132,10 @@ class _Run:
             self._timers.append(Timer(options.sample, self._live.sample))
         else:
             if options.keyframes:
-                self._tape = MotionTape(options.limits.disk)
-            self._motion = Motion(
-                settings, self._monitor.transforms, footprints, self._tape,
+                self._tape = MotionTape(options.limits.disk, settings.footprints)
+            self._timeline = self._motion = Motion(
+                settings, self._scene, self._monitor.transforms, footprints, self._tape,
                 None if options.min_ttc is None else max(HORIZON, options.min_ttc))
-            self._timeline = MotionTimeline(self._scene, self._motion, footprints)
         self._outputs: BagOutputs | None = None
         self._now = 0
         self._due: float = NEVER

@@ -35,6 +35,8 @@ from sat_collision.scene.obstacles import ObstacleId
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
 
+# The longest motion that is interpolated, whatever the timeout, ns.
+LONGEST = 10 * 10**9
 _IDENTITY = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0
 _NO_PLANES = np.empty((0, len(_IDENTITY)))
 _NO_ENDS = np.empty(0, np.int64)

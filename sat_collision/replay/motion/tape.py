@@ -21,23 +21,20 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from sat_collision.replay.model.keyframes import Keyframes, ShownBody, Tape
-from sat_collision.replay.motion.bodies import Bodies, Floats, LinearMotion
-from sat_collision.replay.motion.tracker import LONGEST, Step, Tracker
+from sat_collision.replay.motion.bodies import Bodies, Floats, LinearMotion, LONGEST
+from sat_collision.replay.motion.tracker import Step, Tracker
 from sat_collision.replay.motion.trajectories import Trajectory
 from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.settings import FootprintSettings
 
 
 class MotionTape(Tape):
     """The motion by which contacts are decided, in a temporary file; see Tape."""
 
-    def __init__(self, max_bytes: int) -> None:
+    def __init__(self, max_bytes: int, footprints: Sequence[FootprintSettings]) -> None:
         super().__init__(max_bytes)
         self._numbers: dict[Tracker, int] = {}
-        self._timeouts: dict[str, float] = {}
-
-    def name(self, footprint: str, timeout: float) -> None:
-        """Name a footprint, and its timeout in ns."""
-        self._timeouts[footprint] = timeout
+        self._footprints = footprints
 
     def follow(self, tracker: Tracker, step: Step) -> None:
         """Keep a step of a source."""
@@ -51,8 +48,7 @@ class MotionTape(Tape):
     def develop(self, moments: Sequence[int], end: int) -> Keyframes:
         """Return keyframes at some moments; the recording ends at a time in ns."""
         keyframes = Keyframes(moments)
-        trajectories = {name: Trajectory(timeout, LONGEST)
-                        for name, timeout in self._timeouts.items()}
+        trajectories = {one.name: Trajectory(one) for one in self._footprints}
         motion = _Developer(keyframes)
         for key, event in self._events():
             if isinstance(event, Step):

@@ -32,13 +32,11 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from sat_collision.messages.placement import Placement
 from sat_collision.replay.motion.bodies import (
-    Block, Bodies, LinearMotion, motion_between, motion_in_block, stay)
+    Block, Bodies, LinearMotion, LONGEST, motion_between, motion_in_block, stay)
 from sat_collision.replay.motion.kernels import COUNT, MOVED, mutual_nearest, ROWS
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import NEVER, ObstacleSettings, POLYGON_INSTANCE
 
-# The longest motion that is interpolated, whatever the timeout, ns.
-LONGEST = 10 * 10**9
 # Bodies known by id or shape are processed together if stamped within this of the first, ns.
 _TOGETHER = 10**8
 

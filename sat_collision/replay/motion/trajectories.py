@@ -25,11 +25,11 @@ from sat_collision.geometry.polygon import Affine2D, Polygon, PolygonError
 from sat_collision.messages.cdr import Points
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.motion.bodies import (
-    Block, Bodies, Floats, LinearMotion, motion_between)
+    Block, Bodies, Floats, LinearMotion, LONGEST, motion_between)
 from sat_collision.replay.motion.kernels import COUNT
 from sat_collision.replay.motion.nearness import around
 from sat_collision.scene.frames import NoTransform
-from sat_collision.scene.settings import NEVER
+from sat_collision.scene.settings import FootprintSettings, NEVER
 
 NUMBERS = 3  # a point's, in a message
 _ONE = np.zeros(1, np.int64)
@@ -63,13 +63,14 @@ class Trajectory:
 
     A piece leads from one sample to the next if no refused footprint came between them, if they
     are no further apart in time than the timeout, and if they have as many vertices. A sample
-    alone is a piece without length. Times are in ns; the timeout may be NEVER, and no motion
-    longer than `longest` is interpolated.
+    alone is a piece without length. Times are in ns.
     """
 
-    def __init__(self, timeout: float, longest: int) -> None:
+    def __init__(self, settings: FootprintSettings) -> None:
+        timeout = round(settings.timeout * 1e9) or NEVER
         self._never_stale = timeout == NEVER
-        self.longest = round(min(timeout, longest))
+        # The longest motion that is interpolated.
+        self.longest = round(min(timeout, LONGEST))
         # The block of the samples that are being added, if any.
         self.block: Block | None = None
         # The stamp of the last sample.

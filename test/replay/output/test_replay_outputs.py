@@ -26,7 +26,7 @@ import textwrap
 import pytest
 from recordings import box, drive, published, SOURCE, START, write
 from rosbags.highlevel import AnyReader
-from sat_collision.replay.cli.command import main
+from sat_collision.replay.command import main
 from sat_collision.replay.model.configuration import parameters_of_file
 from sat_collision.replay.model.result import Options
 from sat_collision.replay.output.bag import write_example

@@ -187,6 +187,11 @@ class FootprintResult:
         if self.least is None or found.separation < self.least.separation:
             self.least = found
 
+    def note_contact(self, contact: Contact) -> None:
+        """Record the separation where a contact is deepest if it is the least so far."""
+        self.note_least(Least(0.0 - contact.depth, contact.deepest, contact.obstacle, contact.x,
+                              contact.y, contact.found))
+
 
 @dataclass
 class SourceResult:

@@ -21,29 +21,24 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from sat_collision.replay.model.keyframes import Keyframes, ShownBody, Tape
-from sat_collision.replay.motion.bodies import Bodies, Floats, LinearMotion, LONGEST
-from sat_collision.replay.motion.tracker import Step, Tracker
+from sat_collision.replay.motion.bodies import Floats, LinearMotion, LONGEST
+from sat_collision.replay.motion.tracker import Step
 from sat_collision.replay.motion.trajectories import Trajectory
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import FootprintSettings
 
 
 class MotionTape(Tape):
-    """The motion by which contacts are decided, in a temporary file; see Tape."""
+    """
+    The motion by which contacts are decided, in a temporary file; see Tape.
+
+    An event is the id of a tracker and a step of its source; or the name of a footprint and a
+    sample of it, None if its pose is unknown until the next one.
+    """
 
     def __init__(self, max_bytes: int, footprints: Sequence[FootprintSettings]) -> None:
         super().__init__(max_bytes)
-        self._numbers: dict[Tracker, int] = {}
         self._footprints = footprints
-
-    def follow(self, tracker: Tracker, step: Step) -> None:
-        """Keep a step of a source."""
-        number = self._numbers.setdefault(tracker, len(self._numbers))
-        self._write((number, step))
-
-    def place(self, footprint: str, sample: Bodies | None) -> None:
-        """Keep a sample of a footprint; None if its pose is unknown until the next one."""
-        self._write((footprint, sample))
 
     def develop(self, moments: Sequence[int], end: int) -> Keyframes:
         """Return keyframes at some moments; the recording ends at a time in ns."""

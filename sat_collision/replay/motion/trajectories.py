@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
+from contextlib import suppress
 from functools import cached_property, reduce
 from typing import TypeAlias
 
@@ -181,15 +182,13 @@ class Trajectory:
     def outline(self, time: int) -> Polygon | None:
         """Return the outline at a time, None if it is not known."""
         if self._outline[0] != time:
-            self._outline = time, self._find_outline(time)
+            piece = self._piece_at(time)
+            outline = None
+            if piece is not None:
+                with suppress(PolygonError):
+                    outline = piece.motion.polygon(0, time)
+            self._outline = time, outline
         return self._outline[1]
-
-    def _find_outline(self, time: int) -> Polygon | None:
-        piece = self._piece_at(time)
-        try:
-            return None if piece is None else piece.motion.polygon(0, time)
-        except PolygonError:
-            return None
 
     def _piece_at(self, time: int) -> Piece | None:
         """Return the first piece that includes a time; pieces that meet share the sample there."""

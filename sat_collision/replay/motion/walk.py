@@ -235,7 +235,7 @@ class Motion:
         if name in self._sweeps:
             self._sweeps[name].trajectory.lose()
             if self._tape:
-                self._tape.place(name, None)
+                self._tape.write(name, None)
 
     def finish(self, end: int) -> None:
         """Decide all remaining steps at the end of the recording, and complete the results."""
@@ -287,7 +287,7 @@ class Motion:
             if poses is None:
                 trajectory.lose_piece(stamp)
                 if self._tape:
-                    self._tape.place(placement.name, None)
+                    self._tape.write(placement.name, None)
             for time, affine in poses or ():
                 self._add(sweep, time, sweep.sample(Block(
                     [[placement._replace(stamp=time, affine=affine)]]), is_between=True))
@@ -300,7 +300,7 @@ class Motion:
         """Add a sample to the trajectory of a footprint."""
         sweep.trajectory.add(time, sample)
         if self._tape:
-            self._tape.place(sweep.settings.name, sample)
+            self._tape.write(sweep.settings.name, sample)
 
     def _emit_of(self, source: str) -> Emit:
         """Return the callback for the steps of a source, which queues them for footprints."""
@@ -308,7 +308,7 @@ class Motion:
 
         def emit(tracker: Tracker, step: Step) -> None:
             if self._tape:
-                self._tape.follow(tracker, step)
+                self._tape.write(id(tracker), step)
             for sweep in concerned:
                 sweep.queue(tracker, step, self._now)
         return emit

@@ -89,10 +89,8 @@ class Timeline:
         self.contacts: list[Contact] = []
         # The open contacts by footprint and obstacle, only for footprints that have any.
         self.touching: dict[str, dict[ObstacleId, Contact]] = {}
-        self.footprints = footprints
-        self.notes: list[str] = []
-        self._results = {result.name: result for result in self.footprints}
-        self._series = {result.name: Series(result.separation) for result in self.footprints}
+        self._results = {result.name: result for result in footprints}
+        self._series = {result.name: Series(result.separation) for result in footprints}
         self._since: dict[str, tuple[int, Status]] = {}
         self._unknowns = Unknowns()
         self._measured: dict[tuple[str, ObstacleId], list[Polygon]] = {}

@@ -97,8 +97,9 @@ class _Run:
         self._settings = settings
         self._options = options
         self._result = result
-        footprints = [FootprintResult(footprint.name, footprint.topic, footprint.enabled)
-                      for footprint in settings.footprints]
+        footprints = self._footprints = [
+            FootprintResult(footprint.name, footprint.topic, footprint.enabled)
+            for footprint in settings.footprints]
         self._transforms = [topic for topic in TRANSFORM_TOPICS if settings.frame_id
                             and recording.topics.get(topic) == TRANSFORM_TYPE]
         # Not yet passed to recorded motion; at once with outlines, which look up transforms.
@@ -168,10 +169,10 @@ class _Run:
                          sum(count for reason, count in rejected.items()
                              if reason in _OF_CONTENT))
             for source in all_sources(self._settings)]
-        result.footprints = self._timeline.footprints
+        result.footprints = self._footprints
         result.contacts = self._timeline.contacts
         result.unknown = self._timeline.unknown
-        result.notes += self._timeline.notes
+        result.notes += self._motion.notes if self._motion else []
         if self._tape and self._tape.is_full:
             result.notes.append('there was more to draw than --max-disk allows to keep')
         elif self._tape and result.end is not None and (moments := moments_of(result)):

@@ -154,7 +154,6 @@ class Motion:
                  horizon: float | None = None) -> None:
         # In the order in which they are found; in the end, in that of their beginning.
         self.contacts: list[Contact] = []
-        self.footprints = footprints
         # Remarks for the report.
         self.notes: list[str] = []
         self._scene = scene

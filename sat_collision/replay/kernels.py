@@ -128,17 +128,22 @@ _SQUARE = ((0, 0), (1, 0), (1, 1), (0, 1))
 
 
 class _WarmUp:
-    """A stand-in for a Recording: a non-convex robot, and two obstacles that pass it."""
+    """
+    A stand-in for a Recording: a non-convex robot, and two obstacles that pass it.
+
+    It has more messages than recorded motion processes together, because a source that is new
+    takes its first ones one by one.
+    """
 
     path = Path('warm-up')
-    start, end = _SECOND, 2 * _SECOND
+    start, end = _SECOND, 6 * _SECOND
     latched: frozenset[str] = frozenset()
     problems: tuple[str, ...] = ()
     topics = {'/footprint': _TYPES[0], '/obstacles': _TYPES[0]}
     counts: Counter[str] = Counter()
 
     def rows(self, *_: object) -> Iterator[Row]:
-        for tick in range(21):
+        for tick in range(101):
             time = _SECOND + tick * _SECOND // 20
             yield '/footprint', [time], [_message(time, _NOTCHED, 0.01 * tick)]
             for ring, x in ((_SQUARE, 0.3 * tick - 3.0), (_NOTCHED, 9.0 - 0.4 * tick)):

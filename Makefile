@@ -32,8 +32,7 @@ report: $(VENV)/bench.stamp
 # The long run against the exact oracle, and its figures in the report: make accuracy PAIRS=1000000
 PAIRS ?= 20000000
 accuracy: $(VENV)/bench.stamp
-	$(BIN)/python benchmarks/accuracy.py --pairs $(PAIRS) --json docs/report/accuracy.json
-	$(BIN)/python benchmarks/report --written
+	$(BIN)/python benchmarks/report --accuracy $(PAIRS)
 
 # The search for inputs that break the proofs of docs/exactness.md: make adversary EVALUATIONS=1e6
 EVALUATIONS ?= 1e7

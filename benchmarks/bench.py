@@ -24,15 +24,14 @@ from pathlib import Path
 import sys
 import time
 
-from _shared import describe, ROOT
-import frames
+from _shared import describe, ROOT, table, table_of
 import node
+from page_parts import with_tables
 import scene
-from words import table, table_of, with_tables
 
 PACKAGES = 'numpy', 'numba', 'shapely', 'rclpy'
 PARTS = 'kernel', 'scene', 'node', 'frames', 'startup'
-PLOTS = {'kernel': scene.plot_pairs, 'scene': scene.plot, 'node': node.plot}
+PLOTS = {'kernel': scene.plot, 'node': node.plot}
 _KERNELS = {'monitor': 'numba', 'plain': 'plain Python'}
 
 
@@ -40,7 +39,6 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--directory', type=Path, default=ROOT / 'docs' / 'benchmarks',
                         help='with the page, in which the tables are replaced')
-    parser.add_argument('--seed', type=int, default=1)
     parser.add_argument('--quick', action='store_true', help='fewer pairs and repeats')
     parser.add_argument('--only', choices=PARTS, action='append',
                         help='measure these parts; others stay as stored')
@@ -50,7 +48,7 @@ def main():
     stored = arguments.directory / 'figures.json'
     figures = json.loads(stored.read_text())
     if not arguments.written:
-        figures |= measure(arguments.seed, arguments.quick, arguments.only or PARTS)
+        figures |= measure(arguments.quick, arguments.only or PARTS)
         stored.write_text(json.dumps(figures, indent=1) + '\n')
     for part, plot in PLOTS.items():
         plot(figures[part], arguments.directory / f'{part}.png')
@@ -58,17 +56,18 @@ def main():
     page.write_text(with_tables(page.read_text(), TABLES, figures))
 
 
-def measure(seed, quick, parts):
+def measure(quick, parts):
     """Return the figures of some parts."""
     start = time.perf_counter()
     seconds, repeats = (1.0, 1) if quick else (3.0, 3)
     measures = {
-        'kernel': lambda: scene.measure_pairs(*((2_000, 3) if quick else (20_000, 7)), seed),
-        'scene': lambda: scene.measure(seed, 5 if quick else 25),
+        'kernel': lambda: scene.measure_pairs(*((2_000, 3) if quick else (20_000, 7))),
+        'scene': lambda: scene.measure(5 if quick else 25),
         'node': lambda: node.measure(seconds, repeats),
-        'frames': lambda: frames.measure(seconds, repeats),
+        'frames': lambda: {**node.measure_frames(seconds, repeats),
+                           'other_frame': scene.measure_other_frame(5 * repeats)},
         'startup': lambda: node.measure_startup(repeats)}
-    figures = {'seed': seed, 'machine': describe(*PACKAGES)}
+    figures = {'machine': describe(*PACKAGES)}
     with node.ros():
         for name in parts:
             print(f'{time.perf_counter() - start:6.0f} s  {name}', file=sys.stderr)
@@ -77,28 +76,17 @@ def measure(seed, quick, parts):
     return figures
 
 
-def _costs(figures):
-    return table_of(figures['node']['loads'], {
-        'obstacles': '{obstacles:,}', 'vertices': '{vertices}',
-        **{title: f'{{{kind}[cpu_us]:.0f}}' for kind, title in node.TITLES.items()},
-        'times the empty node': '{together[times_floor]:.1f}',
-        'shapely, times ours': lambda one: '{:.1f}'.format(
-            one['rival']['cpu_us'] / one['monitor']['cpu_us'])})
-
-
 def _latencies(figures):
+    def cell(run):
+        lost = run['lost'] + run['unanswered']
+        return '{p50_ms:.1f} / {p99_ms:.1f} / {max_ms:.1f}'.format(**run) + (
+            f', {lost:,} lost' if lost else '')
     loads = figures['node']['loads'] + [{**one, 'vertices': '4, all at once'}
                                         for one in figures['node']['bursts']]
     return table_of(loads, {
         'obstacles': '{obstacles:,}', 'vertices': '{vertices}',
-        **{title: lambda one, kind=kind: _latency(one[kind]) if kind in one else '–'
+        **{title: lambda one, kind=kind: cell(one[kind]) if kind in one else '–'
            for kind, title in node.TITLES.items()}})
-
-
-def _latency(run):
-    lost = run['lost'] + run['unanswered']
-    return '{p50_ms:.1f} / {p99_ms:.1f} / {max_ms:.1f}'.format(**run) + (
-        f', {lost:,} lost' if lost else '')
 
 
 def _transforms(figures):
@@ -111,26 +99,26 @@ def _transforms(figures):
         'empty': '{floor_us:.0f}', 'ratio': '{ratio:.2f}', 'share of a core': '{core:.1%}'})
 
 
-def _frames(figures):
-    return table_of([{**figures['frames']['other_frame'], **figures['frames']['latency']}], {
-        'message in the fixed frame': '{fixed_us:.1f} µs',
-        'in another frame': lambda one: f'{one["fixed_us"] + one["more_us"]:.1f} µs',
-        'transform to flag': '{p50_ms:.1f} ms, 99 of 100 below {p99_ms:.1f} ms'})
-
-
-def _kernel(figures):
-    return table_of(figures['kernel'], {
+TABLES = {
+    'machine': lambda figures: table(figures['machine'], [figures['machine'].values()]),
+    'latencies': _latencies, 'transforms': _transforms,
+    'costs': lambda figures: table_of(figures['node']['loads'], {
+        'obstacles': '{obstacles:,}', 'vertices': '{vertices}',
+        **{title: f'{{{kind}[cpu_us]:.0f}}' for kind, title in node.TITLES.items()},
+        'times the empty node': '{together[times_floor]:.1f}',
+        'shapely, times ours': lambda one: '{:.1f}'.format(
+            one['rival']['cpu_us'] / one['monitor']['cpu_us'])}),
+    'kernel': lambda figures: table_of(figures['kernel'], {
         'pairs': lambda row: row['load'].replace('_', ' '), 'vertices': '{vertices:,}',
         'sat_collision': '{ours:,.0f}', 'shapely': '{shapely:,.0f}',
         'shapely, times ours': lambda row: f'{row["shapely"] / row["ours"]:.1f}',
         'make a polygon': lambda row: f'{1e3 * row["setup"]:,.0f}',
-        'different answers': '{wrong}'})
-
-
-TABLES = {
-    'machine': lambda figures: table(figures['machine'], [figures['machine'].values()]),
-    'costs': _costs, 'latencies': _latencies, 'kernel': _kernel, 'transforms': _transforms,
-    'frames': _frames,
+        'different answers': '{wrong}'}),
+    'frames': lambda figures: table_of([
+        {**figures['frames']['other_frame'], **figures['frames']['latency']}], {
+        'message in the fixed frame': '{fixed_us:.1f} µs',
+        'in another frame': lambda one: f'{one["fixed_us"] + one["more_us"]:.1f} µs',
+        'transform to flag': '{p50_ms:.1f} ms, 99 of 100 below {p99_ms:.1f} ms'}),
     'rates': lambda figures: table_of(figures['node']['rates'], {
         'kernel': lambda rate: _KERNELS[rate['kind']], 'sent a second': '{sent_per_second:,.0f}',
         'lost': '{lost:,}', 'share of the core': '{core:.0%}'}),

@@ -29,7 +29,7 @@ import subprocess
 import sys
 import time
 
-import _shared  # noqa: F401
+from _shared import table
 from builders import serialised
 import numpy as np
 from page_parts import replace_part
@@ -39,7 +39,6 @@ from sat_collision.messages.packer import max_non_convex, Packer
 from sat_collision.monitor import Monitor
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from traffic import regular
-from words import table
 
 MAX_VERTICES = 1024
 KERNELS = {'compiled': '0', 'in plain Python': '1'}
@@ -50,55 +49,35 @@ _TURNS = 0.0, 0.7, 2.0
 _CONTACTS = 1_000, 10_000
 
 
-def comb(count):
-    """Return a comb whose teeth are upright."""
-    teeth = count // 4
-    x = 1.0 - np.repeat(np.arange(2 * teeth), 2) / teeth
-    outline = np.column_stack([x, np.tile([0.1, 1.0, 1.0, 0.1], teeth)])
-    outline[[0, -1]] = [1.0, 0.0], [x[-1], 0.0]
-    return outline
-
-
-def zigzag(count):
-    """Return a band that goes up and down."""
-    half = count // 2
-    x, y = np.linspace(-1.0, 1.0, half), np.where(np.arange(half) % 2, 0.5, -0.5)
-    return np.vstack([np.column_stack([x, y]), np.column_stack([x, y + 0.2])[::-1]])
-
-
-def bays(count, number):
-    """Return a round body with bays of many reflex vertices."""
-    angle = 2.0 * np.pi * np.arange(count) / count
-    return _polar(angle, 1.0 - 0.6 * np.abs(np.sin(0.5 * number * angle)))
-
-
-def band(count, turns, inner, width):
-    """Return a band that winds around the middle, from an inner radius to 1."""
-    angle = np.linspace(0.0, 2.0 * np.pi * turns, count // 2)
-    radius = np.linspace(inner, 1.0, count // 2)
-    return np.vstack([_polar(angle, radius), _polar(angle, radius - width)[::-1]])
-
-
-def saw(count):
-    """Return a long body with teeth that lean, each under the next."""
-    k = np.arange(count - 2)
-    x = k / count + np.where(k % 2, 0.8, 0.0) - 1.0
-    y = np.where(k % 2, 1.0, 0.0) + 1e-3 * k
-    return np.vstack([np.column_stack([x, y]), [[0.0, -0.5], [-1.0, -0.5]]])
-
-
-def _polar(angle, radius):
-    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
-
-
 def shapes(count, rng):
-    """Return the outlines by name; the vertices of the star have random distances."""
-    angle = 2.0 * np.pi * np.arange(count) / count
-    return {'star': _polar(angle, rng.uniform(0.2, 1.0, count)), 'comb': comb(count),
-            'lying comb': comb(count)[:, ::-1] * [2.0, 0.5] - [1.0, 0.0],
-            'zigzag': zigzag(count), 'bays': bays(count, 8), 'four bays': bays(count, 4),
-            'spiral': band(count, 5.0, 0.2, 0.05), 'crescent': band(count, 0.75, 1.0, 0.05),
-            'saw': saw(count)}
+    """
+    Return outlines by name.
+
+    The vertices of a star have random distances; bays have many reflex vertices; bands wind around
+    the middle; and the teeth of a saw lean, each under the next.
+    """
+    def polar(angle, radius):
+        return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+
+    def band(turns, inner, width):
+        angle, radius = (np.linspace(*ends, count // 2) for ends in (
+            (0.0, 2.0 * np.pi * turns), (inner, 1.0)))
+        return np.vstack([polar(angle, radius), polar(angle, radius - width)[::-1]])
+
+    around, k = 2.0 * np.pi * np.arange(count) / count, np.arange(count - 2)
+    comb = np.column_stack([1.0 - np.repeat(np.arange(count // 2), 2) / (count // 4),
+                            np.tile([0.1, 1.0, 1.0, 0.1], count // 4)])
+    comb[[0, -1]] = [1.0, 0.0], [comb[-1, 0], 0.0]
+    zigzag = np.column_stack([np.linspace(-1.0, 1.0, count // 2),
+                              np.where(np.arange(count // 2) % 2, 0.5, -0.5)])
+    teeth = np.column_stack([k / count + np.where(k % 2, 0.8, 0.0) - 1.0, k % 2 + 1e-3 * k])
+    return {'star': polar(around, rng.uniform(0.2, 1.0, count)), 'comb': comb,
+            'lying comb': comb[:, ::-1] * [2.0, 0.5] - [1.0, 0.0],
+            'zigzag': np.vstack([zigzag, zigzag[::-1] + [0.0, 0.2]]),
+            'bays': polar(around, 1.0 - 0.6 * np.abs(np.sin(4.0 * around))),
+            'four bays': polar(around, 1.0 - 0.6 * np.abs(np.sin(2.0 * around))),
+            'spiral': band(5.0, 0.2, 0.05), 'crescent': band(0.75, 1.0, 0.05),
+            'saw': np.vstack([teeth, [[0.0, -0.5], [-1.0, -0.5]]])}
 
 
 def _placed(outline, x, y, turn):
@@ -116,11 +95,10 @@ def _best(repeats, function, *arguments):
     return 1e3 * min(times)
 
 
-def measure(repeats, seed):
+def measure(repeats):
     """Return for each shape its times in this process's kernel, and its worst counterpart."""
-    rng = np.random.default_rng(seed)
     packer = Packer(MAX_VERTICES)
-    outlines = shapes(max_non_convex(MAX_VERTICES), rng)
+    outlines = shapes(max_non_convex(MAX_VERTICES), np.random.default_rng(1))
     found = {}
     for name, outline in outlines.items():
         messages = [decode(serialised(_placed(outline, 0.0, 0.0, turn), 0), False)[2]
@@ -158,22 +136,20 @@ def contacts(count):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--repeats', type=int, default=5)
-    parser.add_argument('--seed', type=int, default=1)
     parser.add_argument('--json', action='store_true', help='print figures of this process only')
     parser.add_argument('--write', metavar='FILE', type=Path,
                         help='a page whose tables are to be replaced')
     arguments = parser.parse_args()
     if arguments.json:
         contacts(10)
-        print(json.dumps([measure(arguments.repeats, arguments.seed),
+        print(json.dumps([measure(arguments.repeats),
                           [contacts(count) for count in _CONTACTS]]))
         return
     parts, times = {}, []
     for kernel, disabled in KERNELS.items():
-        found, taken = json.loads(subprocess.run(
-            [sys.executable, __file__, '--json', '--repeats', str(arguments.repeats),
-             '--seed', str(arguments.seed)], stdout=subprocess.PIPE, check=True,
-            env={**os.environ, 'NUMBA_DISABLE_JIT': disabled}).stdout)
+        found, taken = json.loads(subprocess.check_output(
+            [sys.executable, __file__, '--json', '--repeats', str(arguments.repeats)],
+            env={**os.environ, 'NUMBA_DISABLE_JIT': disabled}))
         parts[f'hard shapes {kernel}'] = table(
             ['shape', 'to take [ms]', 'to decide [ms]', 'to measure [ms]', 'against'],
             [[name, *(f'{value:.1f}' for value in row[:3]), row[3]]

@@ -15,7 +15,8 @@
 """
 The node as a process under traffic, compared with shapely in a callback and with the floor.
 
-Processor time is that of all threads of the process, as the kernel's scheduler counts it.
+Then beside a monitor that ignores /tf, while transforms come. Processor time is that of all
+threads of the process, as the kernel's scheduler counts it.
 """
 
 import contextlib
@@ -28,7 +29,9 @@ import tempfile
 import time
 
 from _shared import ROOT
+from builders import box, serialised, transforms
 from discovery import discover_promptly
+from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 from matplotlib import pyplot
 from matplotlib.ticker import LogLocator
 import numpy as np
@@ -36,11 +39,11 @@ import rclpy
 from std_msgs.msg import Bool
 from traffic import Reader, SET_RATE, Traffic, until
 
-
 _PEERS = str(ROOT / 'benchmarks' / 'peers.py')
 _MONITOR = ['-m', 'sat_collision.node']
 NODES = {'monitor': _MONITOR, 'plain': _MONITOR, 'floor': [_PEERS, 'floor'],
-         'rival': [_PEERS, 'shapely']}
+         'rival': [_PEERS, 'shapely'], 'frames': [_PEERS, 'frames'],
+         'frames_floor': [_PEERS, 'frames_floor']}
 TITLES = {'monitor': 'sat_collision', 'floor': 'empty rclpy node',
           'rival': 'shapely in a callback'}
 _ENVIRONMENTS = {'plain': {'NUMBA_DISABLE_JIT': '1'}}
@@ -48,6 +51,13 @@ OBSTACLES = 10, 100, 1000
 VERTICES = 4, 32
 RATES = 10_000, 20_000, 30_000, 60_000
 PLAIN_RATES = RATES[:2]
+TRANSFORM_RATE = 100
+TRANSFORMS = 1, 5, 20
+ROBOTS = 20
+_FRAMES = {'frame_id': 'odom', 'footprint.timeout': '0.0', 'obstacle.timeout': '0.0',
+           'obstacle.type': 'polygon_instance'}
+_OUTLINE = {'footprint.points': '[0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0]',
+            'footprint.frame_id': 'base'}
 # Not those of the tests.
 _DOMAINS = range(215, 233)
 
@@ -102,44 +112,38 @@ def load(kind, obstacles, vertices, seconds, burst=False, rate=SET_RATE):
     return {'cpu_us': 1e6 * used / (taken + len(latencies)), 'core': used / seconds,
             'sent_per_second': sent / seconds, 'lost': sent - taken,
             'unanswered': footprints - len(latencies),
-            **{name: 1e3 * float(np.percentile(latencies, share)) for name, share in (
-                ('p50_ms', 50), ('p99_ms', 99), ('max_ms', 100))}}
+            **_percentiles(1e3 * np.array(latencies), p50_ms=50, p99_ms=99, max_ms=100)}
 
 
-def together(nodes, start, seconds, repeats):
+def _percentiles(values, **shares):
+    return {name: float(np.percentile(values, share)) for name, share in shares.items()}
+
+
+def together(nodes, make, seconds, repeats):
     """
     Return processor time in us a message of two nodes that share a core, and their ratio.
 
     They receive the same messages at once, because the machine's speed changes from one second to
     the next by more than they differ. They are restarted for each repeat, because the one that is
     discovered first warms the caches for the other. All are medians. `nodes` are kinds and
-    parameters; `start` takes an exit stack and the number of nodes to await, and returns a
-    function that sends messages for some seconds and returns how many.
+    parameters; `make` returns what sends the messages, such as `Traffic`.
     """
     core = max(os.sched_getaffinity(0))
     costs = []
     for _ in range(repeats):
         with contextlib.ExitStack() as stack:
             pids = [stack.enter_context(running(*node)) for node in nodes]
-            run = start(stack, len(pids))
+            traffic = stack.enter_context(contextlib.closing(make()))
+            traffic.connect(len(pids))
             for pid in pids:
                 pin(pid, core)
-            run(0.5)
+            traffic.send(0.5)
             before = [cpu_time(pid) for pid in pids]
-            count = run(seconds)
+            count = traffic.send(seconds)
             costs.append([1e6 * (cpu_time(pid) - used) / count
                           for pid, used in zip(pids, before)])
     return *map(statistics.median, zip(*costs)), statistics.median(
         one / other for one, other in costs)
-
-
-def _beside_the_floor(obstacles, vertices, seconds, repeats):
-    def start(stack, nodes):
-        traffic = stack.enter_context(contextlib.closing(Traffic(obstacles, vertices)))
-        traffic.connect(nodes)
-        return lambda seconds: sum(traffic.run(seconds)[:2])
-    us, floor, ratio = together([('monitor',), ('floor',)], start, seconds, repeats)
-    return {'us': {'monitor': us, 'floor': floor}, 'times_floor': ratio}
 
 
 def pin(pid, core):
@@ -158,10 +162,12 @@ def _by_turns(kinds, repeats, *arguments, **options):
 
 def measure(seconds, repeats):
     """Return the cost of each node under each load, bursts, and the rate that one core handles."""
+    def beside_the_floor(*load):
+        return together([('monitor',), ('floor',)], lambda: Traffic(*load), seconds,
+                        3 * repeats)[-1]
     return {
-        'repeats': repeats,
         'loads': [{'obstacles': obstacles, 'vertices': vertices,
-                   'together': _beside_the_floor(obstacles, vertices, seconds, 3 * repeats),
+                   'together': {'times_floor': beside_the_floor(obstacles, vertices)},
                    **_by_turns(TITLES, repeats, obstacles, vertices, seconds)}
                   for vertices in VERTICES for obstacles in OBSTACLES],
         'bursts': [{'obstacles': obstacles,
@@ -171,6 +177,87 @@ def measure(seconds, repeats):
                    **load(kind, 1000, 4, seconds, rate=rate / 1000)}
                   for kind, rates in (('monitor', RATES), ('plain', PLAIN_RATES))
                   for rate in rates]}
+
+
+class Transforms:
+    """
+    Sends /tf: a message for each group of children, `TRANSFORM_RATE` times a second.
+
+    Receives the flags of one node. The type is another one, see `peers`.
+    """
+
+    def __init__(self, groups=()):
+        self._groups = groups
+        self._node = rclpy.create_node('frames')
+        self._flags = []
+        self._node.create_subscription(Bool, '/footprint_monitor/footprint/collision',
+                                       lambda flag: self._flags.append(flag.data), 100)
+        self._publisher = self._node.create_publisher(PolygonStamped, '/tf', 100)
+        self._obstacles = self._node.create_publisher(PolygonInstanceStamped, '/obstacles', 10)
+
+    def close(self):
+        self._node.destroy_node()
+
+    def _until(self, condition):
+        until(condition, lambda: rclpy.spin_once(self._node, timeout_sec=0.01))
+
+    def connect(self, nodes):
+        """Wait until so many nodes are connected and one has sent a flag."""
+        self._until(lambda: self._flags and all(
+            publisher.get_subscription_count() == nodes
+            for publisher in (self._publisher, self._obstacles)))
+
+    def _publish(self, children, x=0.0):
+        stamp = time.time_ns()
+        self._publisher.publish(transforms(*(('odom', child, stamp, x, 0.0)
+                                             for child in children)))
+
+    def send(self, seconds):
+        """Send for some seconds; return how many messages."""
+        begin = time.monotonic()
+        for k in range(round(seconds * TRANSFORM_RATE)):
+            for i, children in enumerate(self._groups):
+                due = begin + (k + i / len(self._groups)) / TRANSFORM_RATE
+                time.sleep(max(due - time.monotonic(), 0.0))
+                self._publish(children)
+        return round(seconds * TRANSFORM_RATE) * len(self._groups)
+
+    def latencies(self, count):
+        """Return the ms from publishing transforms to the flags that follow."""
+        self._obstacles.publish(serialised(box(-5.0), time.time_ns(), 'odom', 0))
+
+        def is_clear():
+            self._publish(['base'], 9.0)
+            return not self._flags[-1]
+        self._until(is_clear)
+        times = []
+        for k in range(count):
+            raised = k % 2 == 0
+            time.sleep(0.03)
+            begin = time.perf_counter()
+            self._publish(['base'], -5.0 if raised else 9.0)
+            self._until(lambda: self._flags[-1] == raised)
+            times.append(1e3 * (time.perf_counter() - begin))
+        return times
+
+
+def measure_frames(seconds, repeats):
+    """Return the cost of transforms, and the ms until a flag follows one."""
+    def cost(*groups, **parameters):
+        us, floor, ratio = together(
+            [('frames', {**_FRAMES, **parameters}), ('frames_floor', _FRAMES)],
+            lambda: Transforms(groups), seconds, repeats)
+        return {'monitor_us': us, 'floor_us': floor, 'ratio': ratio,
+                'core': us * TRANSFORM_RATE * len(groups) / 1e6}
+    children = ['base', *(f'frame{k}' for k in range(1, ROBOTS))]
+    with running('frames', {**_FRAMES, **_OUTLINE}), \
+            contextlib.closing(Transforms()) as publisher:
+        publisher.connect(1)
+        latencies = publisher.latencies(100 * repeats)
+    return {'sizes': [{'transforms': size, **cost(children[:size])} for size in TRANSFORMS],
+            'outline': cost(['base'], **_OUTLINE),
+            'robots': cost(*([child] for child in children)),
+            'latency': _percentiles(latencies, p50_ms=50, p99_ms=99)}
 
 
 def _first_flag(kind, **environment):

@@ -17,10 +17,13 @@ Nodes to compare the monitor with: one that only receives and publishes, one tha
 
 `floor` has raw subscriptions, callbacks that look at a byte at most, and the same publishes, in
 rclpy's events executor. `shapely` has typed messages, one flag, and checks only intersection.
+`frames` is the monitor itself with a stand-in for TFMessage, as tf2_msgs may be missing and only
+bytes are passed; `frames_floor` is the same, but ignores the bytes of /tf that it receives.
 """
 
 import sys
 import time
+import types
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PolygonStamped
@@ -150,5 +153,18 @@ def run_shapely():
         pass
 
 
+def run_monitor(ignores_transforms=False):
+    """Run the monitor with the arguments of this program."""
+    messages = types.ModuleType('tf2_msgs.msg')
+    messages.TFMessage = PolygonStamped
+    sys.modules.update({'tf2_msgs': types.ModuleType('tf2_msgs'), 'tf2_msgs.msg': messages})
+    from sat_collision.monitor import Monitor
+    from sat_collision.node.__main__ import main
+    if ignores_transforms:
+        Monitor.receive_transforms = lambda *_: ()
+    return main(sys.argv[2:])
+
+
 if __name__ == '__main__':
-    {'floor': run_floor, 'shapely': run_shapely}[sys.argv[1]]()
+    sys.exit({'floor': run_floor, 'shapely': run_shapely, 'frames': run_monitor,
+              'frames_floor': lambda: run_monitor(True)}[sys.argv[1]]())

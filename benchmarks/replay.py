@@ -19,7 +19,6 @@ figures are processor time of one process, the least of some runs, in turn.
 """
 
 import argparse
-import math
 from pathlib import Path
 import tempfile
 import time
@@ -32,30 +31,25 @@ from sat_collision.geometry.jit import KERNEL
 from sat_collision.messages.rosbags_interfaces import STORE
 from sat_collision.replay.model.result import Options
 from sat_collision.replay.run import check
-
+import shapes
 
 _START = 1_700_000_000 * 10**9
 _KIND = 'geometry_msgs/msg/PolygonStamped'
-_TOPICS = ('/footprint', '/obstacles')
+_TOPICS = '/footprint', '/obstacles'
 
 
 def write(path, messages, per_set, storage):
     """Write a recording: boxes and other convex polygons, one set in 0.1 s."""
     rng = np.random.default_rng(0)
-    outlines = []
-    for k in range(per_set):
-        count = 4 + k % 8
-        angles = 2 * math.pi * np.arange(count) / count
-        centre = rng.uniform(3, 40) * np.array([math.cos(k), math.sin(k)])
-        outlines.append(centre + rng.uniform(0.3, 2.0) * np.column_stack(
-            [np.cos(angles), np.sin(angles)]))
+    outlines = [rng.uniform(3, 40) * np.array([np.cos(k), np.sin(k)]) + rng.uniform(0.3, 2.0)
+                * shapes.regular(rng, 1, 4 + k % 8)[0] for k in range(per_set)]
     robot = np.array([(-0.5, -0.4), (0.9, -0.4), (0.9, 0.4), (-0.5, 0.4)])
     with Writer(path, version=9, storage_plugin=StoragePlugin[storage]) as writer:
         footprint, obstacles = (writer.add_connection(topic, _KIND, typestore=STORE)
                                 for topic in _TOPICS)
         for frame in range(messages // (per_set + 1)):
             stamp = _START + frame * 10**8
-            drift = np.array([math.sin(frame / 300), math.cos(frame / 300)])
+            drift = np.array([np.sin(frame / 300), np.cos(frame / 300)])
             writer.write(footprint, stamp, serialised(robot + 2 * drift, stamp))
             for k, outline in enumerate(outlines):
                 writer.write(obstacles, stamp + k + 1, serialised(outline + 0.1 * drift, stamp))
@@ -79,16 +73,15 @@ def main():
         for storage in ('MCAP', 'SQLITE3'):
             path = Path(folder, storage)
             write(path, options.messages, options.per_set, storage)
-            what = {'iterate': iterate,
-                    'as live': lambda path: check(path, Options(as_live=True)).messages,
-                    'motion': lambda path: check(path).messages}
-            times = {name: [] for name in what}
+            tasks = {'iterate': iterate,
+                     'as live': lambda path: check(path, Options(as_live=True)).messages,
+                     'motion': lambda path: check(path).messages}
+            least = dict.fromkeys(tasks, float('inf'))
             for _ in range(options.runs):
-                for name, function in what.items():
+                for name, task in tasks.items():
                     begun = time.process_time()
-                    count = function(path)
-                    times[name].append(time.process_time() - begun)
-            least = {name: min(values) for name, values in times.items()}
+                    count = task(path)
+                    least[name] = min(least[name], time.process_time() - begun)
             for name, value in least.items():
                 print(f'{storage:8} {name:8} {1e6 * value / count:7.2f} us a message, '
                       f'{count / value:9.0f} messages/s, '

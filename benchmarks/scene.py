@@ -24,12 +24,12 @@ import time
 import tracemalloc
 
 from _shared import medians
-from builders import serialised
+from builders import box, serialised, transforms
 from matplotlib import pyplot
 import numpy as np
 from sat_collision import intersects_pairs, Polygon, PolygonSet
 from sat_collision.monitor import Monitor
-from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, TF
 import shapely
 import shapes
 from traffic import regular
@@ -40,7 +40,7 @@ MESSAGE_SIZES = 10, 100, 1_000, 10_000
 MAP = 200.0
 _FOOTPRINTS = 100
 _START = 1_700_000_000 * 10**9
-# The most messages that the node processes in one call.
+# As many messages as the node processes in one call.
 _TOGETHER = 64
 _PERIOD = 10**8
 
@@ -79,9 +79,9 @@ def shared_edges(rng, count, n):
 LOADS = [(random_pairs, n) for n in VERTICES] + [(abutting_boxes, 4), (shared_edges, 1024)]
 
 
-def measure_pairs(pairs, repeats, seed):
+def measure_pairs(pairs, repeats):
     """Return for each load median ns a pair, setup in us a polygon, and different answers."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     for load, n in LOADS:
         _measure_load(load, rng, 10, n, 1)  # whatever has to be compiled is compiled now
     return [_measure_load(load, rng, pairs, n, repeats) for load, n in LOADS]
@@ -101,7 +101,7 @@ def _measure_load(load, rng, count, n, repeats):
             **{name: 1e9 * seconds / count for name, seconds in medians(tasks, repeats).items()}}
 
 
-def plot_pairs(figures, path):
+def plot(figures, path):
     """Draw time against vertices, log-log, with the ratio between."""
     figure, axes = pyplot.subplots(figsize=(8.0, 4.6), layout='constrained')
     rows = [row for row in figures if row['load'] == 'random_pairs']
@@ -128,12 +128,11 @@ def plot_pairs(figures, path):
     pyplot.close(figure)
 
 
-def measure(seed, repeats):
+def measure(repeats):
     """Return all figures of this part; times are medians of repeats."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     footprints = _outlines(rng, _FOOTPRINTS, 4, 1.0)
     return {
-        'map': MAP,
         'one': [_one_against_many(rng, footprints, size, repeats) for size in SIZES],
         'message': [_message(rng, size, repeats) for size in MESSAGE_SIZES],
         'memory': [_memory(rng, vertices) for vertices in (4, 32, 256)]}
@@ -155,10 +154,10 @@ def _one_against_many(rng, footprints, size, repeats):
              'tree_us': lambda: [tree.query(body, predicate='intersects') for body in theirs]}
     for found, other in zip(*(task() for task in tasks.values())):
         assert np.array_equal(found, np.sort(other))
-    times = medians(tasks, repeats)
-    build = {'tree_build_us': lambda: shapely.STRtree(polygons).query(theirs[0])}
-    return {'obstacles': size, **{name: 1e6 * times[name] / len(own) for name in times},
-            'tree_build_us': 1e6 * medians(build, min(repeats, 5))['tree_build_us']}
+    tasks['build'] = lambda: shapely.STRtree(polygons).query(theirs[0])
+    times = {name: 1e6 * seconds for name, seconds in medians(tasks, repeats).items()}
+    return {'obstacles': size, 'tree_build_us': times['build'],
+            **{name: times[name] / len(own) for name in ('us', 'tree_us')}}
 
 
 def _monitor(size):
@@ -167,38 +166,55 @@ def _monitor(size):
                             (ObstacleSettings('obstacles', '/obstacles', max_count=size),)))
 
 
-def _rounds(rng, size, vertices, count):
-    """Yield (now, messages) of sets of obstacles."""
-    outlines = np.array(_outlines(rng, size, vertices, 0.5))
-    for k in range(count):
-        now = _START + k * _PERIOD
-        yield now, [serialised(outline, now) for outline in outlines + 0.01 * (k % 8)]
-
-
 def _message(rng, size, repeats):
     """Return the cost of a message in a scene of some size, from bytes to the changed state."""
     monitor = _monitor(size)
-    count = 2 + 2 * repeats * max(1, 500 // size)
-    times, footprint_times = {'alone': [], 'together': []}, []
+    times, footprint_times = {1: [], _TOGETHER: []}, []
+    obstacles = np.array(_outlines(rng, size, 4, 0.5))
     monitor.receive('footprint', serialised(regular(4, 0.0, 0.0, 1.0), _START), _START)
-    for now, messages in _rounds(rng, size, 4, count):
-        how = 'together' if len(times['together']) < len(times['alone']) else 'alone'
-        most = 1 if how == 'alone' else _TOGETHER
-        messages = [*messages, serialised(np.empty((0, 2)), now)]
+    for number in range(2 + 2 * repeats * max(1, 500 // size)):
+        now = _START + number * _PERIOD
+        messages = [serialised(outline, now)
+                    for outline in (*(obstacles + 0.01 * (number % 8)), np.empty((0, 2)))]
+        taken = _TOGETHER if number % 2 else 1
         start = time.perf_counter()
-        for k in range(0, len(messages), most):
-            monitor.receive_batch('obstacles', messages[k:k + most], now)
+        for k in range(0, len(messages), taken):
+            monitor.receive_batch('obstacles', messages[k:k + taken], now)
             monitor.scene.changes()
-        times[how].append((time.perf_counter() - start) / len(messages))
+        times[taken].append((time.perf_counter() - start) / len(messages))
         for outline in _outlines(rng, 10, 4, 1.0):
             message = serialised(outline, now)
             start = time.perf_counter()
             monitor.receive('footprint', message, now)
             monitor.scene.changes()
             footprint_times.append(time.perf_counter() - start)
-    return {'obstacles': size, 'obstacle_us': 1e6 * float(np.median(times['alone'][1:])),
-            'together_us': 1e6 * float(np.median(times['together'][1:])),
+    return {'obstacles': size, 'obstacle_us': 1e6 * float(np.median(times[1][1:])),
+            'together_us': 1e6 * float(np.median(times[_TOGETHER][1:])),
             'footprint_us': 1e6 * float(np.median(footprint_times[20:]))}
+
+
+def measure_other_frame(repeats, count=5000):
+    """Return us a message of the fixed frame, and of another one whose map is cached."""
+    monitor = Monitor(Settings(
+        frame_id='odom', footprints=(FootprintSettings('robot', TF, timeout=0.0),),
+        obstacles=(ObstacleSettings('seen', '/seen', type='polygon_instance', timeout=0.0),)),
+        transforms=True)
+    for k in range(10):
+        now = _START + k * _PERIOD // 10
+        monitor.receive_transforms(TF, transforms(('odom', 'base', now, k / 8, 0.0)), now)
+    seen = {frame: serialised(box(20.0), now - _PERIOD // 20, frame, 1)
+            for frame in ('odom', 'base')}
+    costs = {frame: [] for frame in seen}
+    for _ in range(repeats + 1):
+        for frame, message in seen.items():
+            begin = time.process_time()
+            for _ in range(count):
+                monitor.receive('seen', message, now)
+            costs[frame].append(1e6 * (time.process_time() - begin) / count)
+    if monitor.rejected or monitor.waiting.counts():
+        raise RuntimeError('the messages were not taken')
+    fixed, other = (np.array(costs[frame][1:]) for frame in seen)
+    return {'fixed_us': float(np.median(fixed)), 'more_us': float(np.median(other - fixed))}
 
 
 def _memory(rng, vertices, size=2_000):
@@ -211,19 +227,3 @@ def _memory(rng, vertices, size=2_000):
     allocated, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     return {'vertices': vertices, 'scene': allocated / size}
-
-
-def plot(figures, path):
-    """Draw a query against the number of obstacles."""
-    figure, axes = pyplot.subplots(figsize=(6.4, 4.0), layout='constrained')
-    sizes = [one['obstacles'] for one in figures['one']]
-    axes.loglog(sizes, [one['us'] for one in figures['one']], 'o-', label='sat_collision, scan')
-    axes.loglog(sizes, [one['tree_us'] for one in figures['one']], 's--',
-                label='shapely STRtree, built before')
-    axes.loglog(sizes, [one['tree_build_us'] for one in figures['one']], '^:',
-                label='shapely STRtree, with building it')
-    axes.set(xlabel='obstacles', ylabel='one footprint against all [µs]')
-    axes.grid(alpha=0.3)
-    axes.legend()
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)

@@ -25,6 +25,7 @@ import argparse
 import bisect
 import contextlib
 import math
+import operator
 from pathlib import Path
 import resource
 import statistics
@@ -32,7 +33,7 @@ import sys
 import time
 from typing import NamedTuple
 
-import _shared  # noqa: F401
+from _shared import table
 from builders import serialised
 from geometry_msgs.msg import PolygonInstanceStamped
 from matplotlib import pyplot
@@ -40,9 +41,8 @@ from node import cpu_time, ros, running
 import numpy as np
 from page_parts import replace_part
 from traffic import FOOTPRINT_RATE, Reader, regular, ROBOT, SET_RATE, tail, Traffic
-from words import table
 
-
+_WHEN = operator.itemgetter(0)
 _SLICE = 10.0
 _SETTLING = 3.0
 _STAY = 30
@@ -121,32 +121,31 @@ class Drive:
         if not is_on:
             left = self._meet_at - stamp / 1e9
             x = walker + _WALKER_RADIUS - ROBOT[0][0] + left * (_WALK_SPEED - _ROBOT_SPEED)
-        return tail(np.float32([(x + dx, dy, 0.0) for dx, dy in ROBOT])), is_on, is_first
+        return tail(np.add(ROBOT, (x, 0.0))), is_on, is_first
 
 
 def judge_times(stays, flags, times, latency=0.0):
     """
-    Return the verdict on the times to collision received; see `Drive.stays` and `Traffic.heard`.
+    Return the verdict on the times to collision received; see `Drive.stays` and `Traffic`.
 
     A delay of up to the greatest latency of a flag, in s, is not counted as an error.
     """
-    begins, heard = [begun for begun, _ in stays], [when for when, _ in flags]
-    errors, late, early, unknown = [], 0, 0, 0
+    errors, late, unknown = [], 0, 0
     for when, seconds in times:
-        k = bisect.bisect_right(begins, when) - 1
-        if k < 0 or math.isnan(seconds) or when - begins[k] < _TRANSPORT:
+        k = bisect.bisect_right(stays, when, key=_WHEN) - 1
+        if k < 0 or math.isnan(seconds) or when - stays[k][0] < _TRANSPORT:
             continue
         meet = stays[k][1]
         if meet is None:
             late += seconds > 0.0
             continue
         errors.append(when + seconds - meet)
-        around = flags[max(bisect.bisect_right(heard, when - _TRANSPORT) - 1, 0):
-                       bisect.bisect_left(heard, when + _TRANSPORT)]
+        around = flags[max(bisect.bisect_right(flags, when - _TRANSPORT, key=_WHEN) - 1, 0):
+                       bisect.bisect_left(flags, when + _TRANSPORT, key=_WHEN)]
         is_near = seconds < _THRESHOLD + _TRANSPORT
         unknown += bool(around) and not is_near and all(flag for _, flag in around)
     late += sum(error > _TRANSPORT + latency for error in errors)
-    early += sum(error < -_TRANSPORT for error in errors)
+    early = sum(error < -_TRANSPORT for error in errors)
     return Times(len(errors), late, early, unknown,
                  1e3 * statistics.median(errors or [math.nan]))
 
@@ -156,19 +155,17 @@ def memory(pid):
     return int(Path(f'/proc/{pid}/statm').read_text().split()[1]) * resource.getpagesize() / 1e6
 
 
-def judge(changes, heard):
+def judge(changes, received):
     """Return the verdict on the flags received, given when contacts changed; see `Traffic`."""
-    times = [when for when, _ in heard]
     counts = {hit: [0, 0, 0] for hit in (True, False)}
-    ends = [when for when, _ in changes[1:]] + [float('inf')]
-    for (begun, hit), ended in zip(changes, ends):
-        flags = [flag for _, flag in
-                 heard[bisect.bisect_left(times, begun):bisect.bisect_left(times, ended)]]
-        told = hit in flags
+    starts = [bisect.bisect_left(received, begun, key=_WHEN) for begun, _ in changes]
+    for (_, hit), start, end in zip(changes, starts, [*starts[1:], len(received)]):
+        flags = [flag for _, flag in received[start:end]]
         counts[hit][0] += 1
-        counts[hit][1] += not told
-        if told:
+        if hit in flags:
             counts[hit][2] += sum(flag != hit for flag in flags[flags.index(hit):])
+        else:
+            counts[hit][1] += 1
     return Verdict(*counts[True], *counts[False])
 
 
@@ -188,9 +185,8 @@ def soak(minutes, obstacles):
         # Before settling: it may take 2 s, and then the person is unknown for its timeout.
         count = reader.steady()
         _, sent, _ = traffic.run(_SETTLING)
-        traffic.changes.clear()
-        traffic.heard.clear()
-        traffic.times.clear()
+        for record in (traffic.changes, traffic.received, traffic.times):
+            record.clear()
         used = cpu_time(pid)
         for k in range(round(60.0 * minutes / _SLICE)):
             traffic.restart()
@@ -201,38 +197,33 @@ def soak(minutes, obstacles):
                                     1e6 * (used - before) / (more + footprints),
                                     1e3 * max(latencies, default=float('nan'))))
             if k % 6 == 5:
-                print(f'{readings[-1].minutes:5.1f} min  {readings[-1].megabytes:.1f} MB  '
-                      f'{readings[-1].microseconds:.1f} us a message, greatest latency '
-                      f'{max(one.latency for one in readings[-6:]):.1f} ms', flush=True)
+                print('{:5.1f} min  {:.1f} MB  {:.1f} us a message, latency {:.1f} ms'.format(
+                    *readings[-1]), flush=True)
         latency = np.nanmax([one.latency for one in readings]) / 1e3
-        return (readings, judge(traffic.changes, traffic.heard),
-                judge_times(drive.stays, traffic.heard, traffic.times, latency), sent,
+        return (readings, judge(traffic.changes, traffic.received),
+                judge_times(drive.stays, traffic.received, traffic.times, latency), sent,
                 sent - (reader.steady() - count))
-
-
-def growth(readings):
-    """Return the relative growth of memory after the first minutes, None if there are no more."""
-    settled = [one.megabytes for one in readings if one.minutes >= _SETTLED_MINUTES]
-    return max(settled) / settled[0] - 1.0 if len(settled) > 1 else None
 
 
 def summary(readings, verdict, times, sent, lost):
     """Return the figures of a soak as a table in Markdown."""
-    grown = growth(readings)
+    settled = [one.megabytes for one in readings if one.minutes >= _SETTLED_MINUTES]
     return table(['what', 'how many'], [
         ['minutes', f'{readings[-1].minutes:.3g}'],
         ['obstacle messages', f'{sent:,}'],
         ['of these lost by the middleware', f'{lost:,}'],
         ['contacts, and missed', f'{verdict.contacts:,}, {verdict.missed}'],
         ['wrong clears', verdict.wrong_clears],
-        ['departures, and not told within 0.6 s', f'{verdict.releases:,}, {verdict.held_back}'],
+        ['departures, and not reported within 0.6 s',
+         f'{verdict.releases:,}, {verdict.held_back}'],
         ['flags raised without a contact', verdict.false_alarms],
         ['greatest latency', f'{max(one.latency for one in readings):.0f} ms'],
         ['times to collision, and late or early by 0.1 s and that latency',
          f'{times.given:,}, {times.late + times.early}'],
         ['times given while unknown', times.while_unknown],
         ['their median error, transport included', f'{times.error:.1f} ms'],
-        ['growth of memory after 5 minutes', '–' if grown is None else f'{grown:.2%}']])
+        ['growth of memory after 5 minutes',
+         f'{max(settled) / settled[0] - 1.0:.2%}' if len(settled) > 1 else '–']])
 
 
 def plot(readings, path):

@@ -34,7 +34,7 @@ _AFTERMATH = 0.2
 ROBOT = (-0.5, -0.4), (0.9, -0.4), (0.9, 0.4), (-0.5, 0.4)
 FOOTPRINT_RATE = 50.0
 SET_RATE = 10.0
-_PATIENCE = 60.0
+_TIMEOUT = 60.0
 # The entry of /diagnostics with the number of obstacles that a node has received.
 RECEIVED = 'obstacle: received'
 
@@ -45,8 +45,9 @@ def _head(stamp):
 
 
 def tail(points):
-    """Return the rest of a PolygonStamped after the stamp, for (n, 3) float32 points."""
-    return struct.pack('<I4sI', 4, _FRAME.encode() + b'\0', len(points)) + points.tobytes()
+    """Return the rest of a PolygonStamped after the stamp, for (n, 2) points."""
+    spatial = np.pad(points, ((0, 0), (0, 1))).astype(np.float32)
+    return struct.pack('<I4sI', 4, _FRAME.encode() + b'\0', len(points)) + spatial.tobytes()
 
 
 def regular(count, x, y, radius):
@@ -57,7 +58,7 @@ def regular(count, x, y, radius):
 
 def until(condition, step=lambda: time.sleep(_PAUSE)):
     """Repeat a step until a condition holds."""
-    end = time.monotonic() + _PATIENCE
+    end = time.monotonic() + _TIMEOUT
     while not condition():
         if time.monotonic() > end:
             raise TimeoutError('the node under test does not answer')
@@ -72,7 +73,7 @@ class Traffic:
     the others are scattered around and never twice the same. An empty polygon ends each set.
     `footprint_at` takes a stamp in ns and returns what follows it, whether that is on an obstacle,
     and whether it begins a stay there. By the monotonic clock, `changes` has when stays began,
-    `heard` when flags were received, and `times`, if it is `timed`, when times to collision were.
+    `received` when flags came, and `times`, if it is `timed`, when times to collision came.
     """
 
     def __init__(self, obstacles, vertices, timed=False):
@@ -82,17 +83,13 @@ class Traffic:
         self._per_set = obstacles + 1
         self._sets = []
         for _ in range(_VARIANTS):
-            points = np.zeros((obstacles, vertices, 3), np.float32)
-            for k, (x, y) in enumerate(centres + rng.uniform(-0.1, 0.1, centres.shape)):
-                points[k, :, :2] = regular(vertices, x, y, 0.5)
-            self._sets.append([tail(outline) for outline in (*points, points[0, :0])])
-        footprints = itertools.cycle(
-            (tail(np.float32([(x + dx, dy, 0.0) for dx, dy in ROBOT])), hit, True)
-            for x, hit in ((0.0, True), (1000.0, False)))
+            moved = centres + rng.uniform(-0.1, 0.1, centres.shape)
+            outlines = [regular(vertices, x, y, 0.5) for x, y in moved]
+            self._sets.append([tail(outline) for outline in (*outlines, np.empty((0, 2)))])
+        footprints = itertools.cycle((tail(np.add(ROBOT, (x, 0.0))), hit, True)
+                                     for x, hit in ((0.0, True), (1000.0, False)))
         self.footprint_at = lambda stamp: next(footprints)
-        self.changes = []
-        self.heard = []
-        self.times = []
+        self.changes, self.received, self.times = [], [], []
         self.node = rclpy.create_node('traffic')
         self._footprint = self.node.create_publisher(PolygonStamped, 'footprint', 10)
         self._obstacle = self._new_publisher()
@@ -143,7 +140,7 @@ class Traffic:
         begun = time.monotonic()
         while (now := time.monotonic() - begun) < seconds + _AFTERMATH:
             for flag in _arrived(self._flags, Bool):
-                self.heard.append((begun + now, flag))
+                self.received.append((begun + now, flag))
                 latencies += _answer(unanswered, flag, now)
             if self._times:
                 self.times += [(begun + now, one) for one in _arrived(self._times, Float64)]
@@ -156,7 +153,8 @@ class Traffic:
                     self.changes.append((sent, hit))
                 self._footprint.publish(_head(stamp) + body)
                 footprints += 1
-            elif now < seconds and self._due(obstacles, burst) <= now * rate:
+            elif now < seconds and obstacles - burst * (
+                    obstacles % self._per_set) <= now * rate * self._per_set:
                 number, k = divmod(obstacles, self._per_set)
                 if k == 0:
                     head = _head(time.time_ns())
@@ -166,9 +164,9 @@ class Traffic:
                 time.sleep(_PAUSE)
         return footprints, obstacles, latencies
 
-    def _due(self, obstacle, burst):
-        """Return when an obstacle is due, in sets."""
-        return obstacle // self._per_set if burst else obstacle / self._per_set
+    def send(self, seconds):
+        """Send as `run` does; return how many messages."""
+        return sum(self.run(seconds)[:2])
 
 
 def _arrived(subscription, message_type):
@@ -182,14 +180,10 @@ def _arrived(subscription, message_type):
 
 def _answer(unanswered, flag, now):
     """Return the latency of the footprint that a flag answers: none if the flag is repeated."""
-    while unanswered:
-        sent, expected = unanswered[0]
-        if flag == expected:
-            unanswered.popleft()
-            return [now - sent]
-        if len(unanswered) == 1:
-            return []
+    while len(unanswered) > 1 and unanswered[0][1] != flag:
         unanswered.popleft()  # superseded before the node processed it
+    if unanswered and unanswered[0][1] == flag:
+        return [now - unanswered.popleft()[0]]
     return []
 
 

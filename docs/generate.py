@@ -147,20 +147,25 @@ def import_picture():
 def cost_table(loads):
     """Return in Markdown how much processor time a node with shapely takes, times that of ours."""
     loads = [load for load in loads if load['vertices'] == 4]
-    head = '| obstacles, each at 10 Hz | ' + ' | '.join(
-        f'{load["obstacles"]:,}' for load in loads) + ' |'
-    ratios = ' | '.join(f'{load["rival"]["cpu_us"] / load["monitor"]["cpu_us"]:.1f} times ours'
-                        for load in loads)
-    return '\n'.join([head, '|---' * (len(loads) + 1) + '|',
-                      f'| processor time of shapely in a callback | {ratios} |'])
+    return _table(['obstacles, each at 10 Hz', *(f'{load["obstacles"]:,}' for load in loads)], [
+        'processor time of shapely in a callback',
+        *(f'{load["rival"]["cpu_us"] / load["monitor"]["cpu_us"]:.1f} times ours'
+          for load in loads)])
 
 
-def rate_words(rates):
-    """Return in Markdown what share of a core the node takes, with and without numba."""
+def rate_table(rates):
+    """Return in Markdown what share of a core obstacle messages take, with and without numba."""
+    rates = [rate for rate in rates if rate['asked_per_second'] == 10_000]
     kernels = {'monitor': 'with numba', 'plain': 'in plain Python'}
-    shares = [f'{rate["core"]:.0%} of a core {kernels[rate["kind"]]}' for rate in rates
-              if rate['asked_per_second'] == 10_000]
-    return f'10,000 obstacle messages a second take {", ".join(shares)}.'
+    return _table(['', *(kernels[rate['kind']] for rate in rates)], [
+        '10,000 obstacle messages a second',
+        *(f'{rate["core"]:.0%} of a core' for rate in rates)])
+
+
+def _table(head, row):
+    """Return a table of one row in Markdown."""
+    return '\n'.join([f'| {" | ".join(head)} |', '|---' * len(head) + '|',
+                      f'| {" | ".join(row)} |'])
 
 
 def documents():
@@ -169,7 +174,7 @@ def documents():
     found = {ROOT / 'config' / 'footprint_monitor.yaml': parameter_file()}
     for name, mark, part in (
             ('README.md', 'costs', cost_table(node['loads'])),
-            ('docs/install.md', 'rates', rate_words(node['rates'])),
+            ('docs/install.md', 'rates', rate_table(node['rates'])),
             ('docs/api.md', 'names', api_entries()),
             ('docs/parameters.md', 'parameters', parameter_table()),
             ('docs/ARCHITECTURE.md', 'imports', import_picture())):

@@ -15,6 +15,10 @@
 
 """Parts of pages that programs write: between `<!-- name -->` and `<!-- until here -->`."""
 
+import re
+
+_MARK = re.compile(r'<!-- ([\w -]+) -->\n(?=.*?<!-- until here -->)', re.DOTALL)
+
 
 def with_part(text, name, part):
     """
@@ -44,3 +48,11 @@ def with_part(text, name, part):
 def replace_part(path, name, part):
     """Replace a part of a page, a `pathlib.Path`, see `with_part`."""
     path.write_text(with_part(path.read_text(), name, part))
+
+
+def with_tables(page, tables, figures):
+    """Return the text of a page with its parts made anew of figures, by functions by name."""
+    for name in _MARK.findall(page):
+        if name != 'until here':
+            page = with_part(page, name, tables[name](figures))
+    return page

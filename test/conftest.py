@@ -20,6 +20,7 @@ import itertools
 import os
 from pathlib import Path
 import signal
+import subprocess
 import sys
 import tempfile
 import types
@@ -107,17 +108,40 @@ def start(domain):
 
 @pytest.fixture
 def join(domain):
-    """Start another peer, whose node has its own name."""
+    """Start another peer, whose node may have its own name."""
     from harness import Peer
     peers = []
 
-    def join(own_name):
+    def join(own_name='peer'):
         peers.append(Peer(domain, own_name=own_name))
         return peers[-1]
 
     yield join
     for peer in peers:
         peer.close()
+
+
+@pytest.fixture
+def peer(join):
+    """Return a peer of what runs in the domain."""
+    return join()
+
+
+@pytest.fixture
+def run(domain):
+    """Run Python in the domain, with arguments and more environment; it ends with the test."""
+    started = []
+
+    def run(*arguments, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env={}, **options):
+        started.append(subprocess.Popen(
+            [sys.executable, *arguments], cwd=Path(__file__).parents[1], stdout=stdout,
+            stderr=stderr, env={**os.environ, 'ROS_DOMAIN_ID': str(domain), **env}, **options))
+        return started[-1]
+
+    yield run
+    for process in started:
+        process.kill()
+        process.communicate()
 
 
 @pytest.fixture

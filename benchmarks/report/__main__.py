@@ -15,32 +15,27 @@
 """
 Measure everything, and write the tables and plots of docs/report: `make report`.
 
-With --written they are made again from the figures stored there, after an accuracy run for
-instance.
+With --written they are made again from the figures stored there; with --accuracy after the long
+run against the oracle, in which any wrong answer is a failure: `make accuracy`.
 """
 
 import argparse
 import json
-import os
 from pathlib import Path
 import sys
-import tempfile
 import time
 
-# Compile the current kernels: numba's cache does not notice changes in functions that they call.
-FRESH_CACHE = tempfile.TemporaryDirectory()
-os.environ['NUMBA_CACHE_DIR'] = FRESH_CACHE.name
 sys.path.append(str(Path(__file__).parents[1]))
 
-from _shared import describe, ROOT  # noqa: E402, I100
+from _shared import compact, describe, ROOT  # noqa: E402, I100
 import libraries  # noqa: E402
 import methods  # noqa: E402
 import numpy as np  # noqa: E402
+from page_parts import with_tables  # noqa: E402
 import plots  # noqa: E402
 import scenes  # noqa: E402
 import stability  # noqa: E402
 import tables  # noqa: E402
-import words  # noqa: E402
 
 PACKAGES = 'numpy', 'numba', 'shapely', 'pymunk', 'box2d'
 PAGES = 'README.md', 'appendix.md'
@@ -55,16 +50,21 @@ def main():
                         help='share of the usual number of pairs')
     parser.add_argument('--written', action='store_true',
                         help='write tables and plots from the figures stored before')
+    parser.add_argument('--accuracy', metavar='PAIRS', type=lambda text: int(float(text)),
+                        help='compare so many answers with the oracle, and measure nothing else')
     arguments = parser.parse_args()
-    stored = arguments.directory / 'figures.json'
-    if not arguments.written:
-        stored.write_text(words.compact(measure(arguments.scale)) + '\n')
-    figures = json.loads(stored.read_text())
-    figures['accuracy'] = json.loads((arguments.directory / 'accuracy.json').read_text())
+    stored, accuracy = (arguments.directory / f'{name}.json' for name in ('figures', 'accuracy'))
+    if arguments.accuracy:
+        found = stability.long_run(arguments.accuracy, SEEDS[0])
+        accuracy.write_text(compact({'machine': describe('numpy'), **found}) + '\n')
+    elif not arguments.written:
+        stored.write_text(compact(measure(arguments.scale)) + '\n')
+    figures = json.loads(stored.read_text()) | {'accuracy': json.loads(accuracy.read_text())}
     plots.write_all(figures, arguments.directory)
     for page in PAGES:
         path = arguments.directory / page
-        path.write_text(words.with_tables(path.read_text(), tables.TABLES, figures))
+        path.write_text(with_tables(path.read_text(), tables.TABLES, figures))
+    return bool(figures['accuracy']['wrong'])
 
 
 def measure(scale):
@@ -94,4 +94,4 @@ def measure(scale):
 
 
 if __name__ == '__main__':
-    main()
+    sys.exit(main())

@@ -21,18 +21,16 @@ vertices nearer than 2.5 mm and takes at most 16 of them.
 """
 
 from fractions import Fraction
-from functools import partial
 import math
 from typing import Callable, NamedTuple
 
 from _shared import medians
 import families
+from methods import counts, Pairs, run, sample, shapely_shape
 import numpy as np
 import oracle
 import rationals
-import samples
-from sat_collision import (
-    intersects, intersects_pairs, Polygon, PolygonSet, separation, time_of_contact)
+from sat_collision import intersects, Polygon, separation, time_of_contact
 import shapely
 
 try:
@@ -70,12 +68,6 @@ class Library(NamedTuple):
     is_fragile: bool = False  # whether hard pairs may end the process
 
 
-def shapely_shape(body):
-    if len(body) > 2:
-        return shapely.Polygon(body)
-    return shapely.LineString(body) if len(body) == 2 else shapely.Point(body[0])
-
-
 def _chipmunk_shape(body):
     place = Body(body_type=Body.STATIC)
     points = body.tolist()
@@ -95,14 +87,13 @@ def _sampled_time(body, other, move):
 
 
 def _box2d_time(body, other, move):
-    ways = Box2D.b2Sweep(), Box2D.b2Sweep()
-    for way in ways:
-        way.localCenter = way.c0 = way.c = (0, 0)
-        way.a0 = way.a = way.alpha0 = 0
-    ways[1].c = tuple(move.tolist())
+    sweeps = Box2D.b2Sweep(), Box2D.b2Sweep()
+    for sweep, end in zip(sweeps, ((0, 0), tuple(move.tolist()))):
+        sweep.localCenter, sweep.c0, sweep.c = (0, 0), (0, 0), end
+        sweep.a0 = sweep.a = sweep.alpha0 = 0
     state, time = Box2D.b2TimeOfImpact(
-        shapeA=_box2d_shape(body), shapeB=_box2d_shape(other), sweepA=ways[0], sweepB=ways[1],
-        tMax=1.0)
+        shapeA=_box2d_shape(body), shapeB=_box2d_shape(other),
+        sweepA=sweeps[0], sweepB=sweeps[1], tMax=1.0)
     return time if state in (Box2D.b2TOIOutput.e_touching, Box2D.b2TOIOutput.e_overlapped) \
         else None
 
@@ -132,43 +123,41 @@ if Box2D is not None:
 
 def decisions(rng, count):
     """Return the ns of making a body and of deciding a near pair, and wrong answers."""
-    rows = []
-    for n in SIDES:
-        pairs, _ = samples.sample(rng, n, 'near', count)
-        for name, library in LIBRARIES.items():
-            if n <= library.max_vertices:
-                bodies = [[library.make(body) for body in pair] for pair in pairs]
-                rows.append({'library': name, 'n': n, **_times(len(pairs), {
-                    'make': lambda: [library.make(a) for a, _ in pairs],
-                    'ask': lambda: [library.meets(a, b) for a, b in bodies]})})
+    rows = _near_times(rng, count, 'meets')
     for kind in ('near', 'hard'):
-        pairs, meet = samples.sample(rng, RATED, kind, 4 * count)
+        pairs, meet = sample(rng, RATED, kind, 4 * count)
         for name, library in LIBRARIES.items():
             if kind == 'near' or not library.is_fragile:
                 answers = np.array([library.meets(*map(library.make, pair)) for pair in pairs])
-                rows.append({'library': name, 'kind': kind, **samples.counts(answers, meet)})
+                rows.append({'library': name, 'kind': kind, **counts(answers, meet)})
     return rows
 
 
 def separations(rng, count):
     """Return the ns of measuring a separation, and its errors, see `_errors`."""
-    rows = []
-    asked = {name: library for name, library in LIBRARIES.items() if library.distance}
-    for n in SIDES:
-        pairs, _ = samples.sample(rng, n, 'near', count)
-        for name, library in asked.items():
-            if n <= library.max_vertices:
-                bodies = [[library.make(body) for body in pair] for pair in pairs]
-                rows.append({'library': name, 'n': n, **_times(len(pairs), {
-                    'ask': lambda: [library.distance(a, b) for a, b in bodies]})})
+    rows = _near_times(rng, count, 'distance')
     for family in MEASURED:
         of = {**families.CONVEX, **families.EXTREME, 'deep': families.deep}[family]
         pairs = of(rng, count, 8)
         exact = [_separation(a, b) for a, b in pairs]
-        for name, library in asked.items():
-            if family == 'near' or not library.is_fragile:
-                rows.append({'library': name, 'family': family,
-                             **_errors(name, pairs, exact)})
+        for name, library in LIBRARIES.items():
+            if library.distance and (family == 'near' or not library.is_fragile):
+                rows.append({'library': name, 'family': family, **_errors(name, pairs, exact)})
+    return rows
+
+
+def _near_times(rng, count, question):
+    """Return the ns of making a body and of asking a question, a field of `Library`."""
+    rows = []
+    for n in SIDES:
+        pairs, _ = sample(rng, n, 'near', count)
+        for name, library in LIBRARIES.items():
+            ask = getattr(library, question)
+            if ask and n <= library.max_vertices:
+                bodies = [[library.make(body) for body in pair] for pair in pairs]
+                rows.append({'library': name, 'n': n, **_times(len(pairs), {
+                    'make': lambda: [library.make(a) for a, _ in pairs],
+                    'ask': lambda: [ask(a, b) for a, b in bodies]})})
     return rows
 
 
@@ -188,13 +177,11 @@ def contact_times(rng, count):
             found = [library.time(*moving) for moving in moves]
             both = [abs(float(Fraction(one) - other)) * math.hypot(*move) for one, other, (
                 *_, move) in zip(found, exact, moves) if None not in (one, other)]
+            seen = [(one is not None, other is not None) for one, other in zip(found, exact)]
             rows.append({
                 'library': name, 'n': n, 'pairs': len(moves),
-                'contacts': sum(one is not None for one in exact),
-                'missed': sum(one is None and other is not None
-                              for one, other in zip(found, exact)),
-                'invented': sum(one is not None and other is None
-                                for one, other in zip(found, exact)),
+                'contacts': sum(is_contact for _, is_contact in seen),
+                'missed': seen.count((False, True)), 'invented': seen.count((True, False)),
                 'median': float(np.median(both)), 'worst': max(both),
                 **_times(len(moves), {'ask': lambda: [library.time(*one) for one in moves]})})
     return rows
@@ -206,18 +193,13 @@ def non_convex(rng, count):
     for n in NON_CONVEX_SIDES:
         pairs = families.interlocked_combs(rng, count, n)
         meet, _ = oracle.intersects_pairs(pairs)
-        bodies = [[Polygon(pair[k]) for pair in pairs] for k in (0, 1)]
-        sets = [PolygonSet(polygons) for polygons in bodies]
-        shapes = [[shapely.Polygon(pair[k]) for pair in pairs] for k in (0, 1)]
-        arrays = [np.array(of) for of in shapes]
-        tasks = {
-            'improved': {'make': lambda: [Polygon(a) for a, _ in pairs],
-                         'ask': partial(intersects_pairs, *sets)},
-            'shapely': {'make': lambda: [shapely.Polygon(a) for a, _ in pairs],
-                        'ask': partial(shapely.intersects, *arrays)}}
-        for name, of in tasks.items():
+        prepared = Pairs(pairs)
+        for name in ('improved', 'shapely'):
+            make = LIBRARIES[name].make
             rows.append({'library': name, 'n': len(pairs[0][0]), 'pairs': len(pairs),
-                         'wrong': int((of['ask']() != meet).sum()), **_times(len(pairs), of)})
+                         'wrong': int((run(name, prepared)[0] != meet).sum()),
+                         **_times(len(pairs), {'make': lambda: [make(a) for a, _ in pairs],
+                                               'ask': lambda: run(name, prepared)})})
     return rows
 
 
@@ -232,29 +214,23 @@ def _times(count, tasks):
 def _separation(a, b):
     """Return the exact signed separation of two convex bodies, as a rational."""
     p, q = Polygon(a), Polygon(b)
-    if oracle.intersects(a, b):
-        return -rationals.exact_depth(p, q)
-    return rationals.exact_distance(p, q)
+    return (-rationals.exact_depth(p, q) if oracle.intersects(a, b)
+            else rationals.exact_distance(p, q))
 
 
 def _errors(name, pairs, exact):
     """Return errors in ulp of the largest coordinate; of others than ours for pairs apart."""
     library = LIBRARIES[name]
-    worst, signs, unusable, measured = Fraction(0), 0, 0, 0
-    for pair, truth in zip(pairs, exact):
-        if truth <= 0 and name != 'improved':
-            continue
-        measured += 1
-        with np.errstate(all='ignore'):
-            value = float(library.distance(*map(library.make, pair)))
-        signs += (value > 0) != (truth > 0)
-        if not math.isfinite(value):
-            unusable += 1
-            continue
-        ulp = Fraction(float(np.spacing(max(np.abs(body).max() for body in pair))))
-        worst = max(worst, abs(Fraction(value) - truth) / ulp)
-    return {'pairs': measured, 'worst_ulp': float(worst) if worst < 10**300 else math.inf,
-            'wrong_signs': signs, 'unusable': unusable}
+    with np.errstate(all='ignore'):
+        found = [(float(library.distance(*map(library.make, pair))), truth, pair)
+                 for pair, truth in zip(pairs, exact) if truth > 0 or name == 'improved']
+    errors = [abs(Fraction(value) - truth)
+              / Fraction(float(np.spacing(max(np.abs(body).max() for body in pair))))
+              for value, truth, pair in found if math.isfinite(value)]
+    worst = max(errors, default=0)
+    return {'pairs': len(found), 'worst_ulp': float(worst) if worst < 10**300 else math.inf,
+            'wrong_signs': sum((value > 0) != (truth > 0) for value, truth, _ in found),
+            'unusable': len(found) - len(errors)}
 
 
 def _move(rng, a, b):

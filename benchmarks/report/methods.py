@@ -13,32 +13,34 @@
 # limitations under the License.
 
 """
-The methods compared, each as a loop over many pairs prepared for it: their speed and errors.
+The methods compared, each as a loop over many pairs, and the pairs: speed and errors.
 
 Data of each body is prepared before: packed arrays, boxes, centres of gravity, shapely's shapes.
+Pairs are of four kinds, with n vertices each and the exact answers.
 """
 
+from collections import Counter, defaultdict
 from functools import cached_property, partial
+import itertools
 import sys
 from typing import NamedTuple
 
 from _shared import medians, times
-from libraries import shapely_shape
+import families
 import numpy as np
+import oracle
 import rivals
-import samples
 from sat_collision import intersects_pairs, Polygon, PolygonSet
 from sat_collision.geometry.intersection import convex_meet
-from sat_collision.geometry.jit import COMPILED, indexable, kernel, scratch
+from sat_collision.geometry.jit import COMPILED, elements, indexable, kernel, scratch
 from sat_collision.geometry.layout import Packed, packed_size
 from sat_collision.geometry.packing import pack
-import sat_methods
 import shapely
 
 
 class Method(NamedTuple):
     """
-    The name and style of a method, its kernel, and the data of each body that the kernel takes.
+    The name and style of a method, its kernel, and the kernel that prepares each body for it.
 
     The colours are safe for the colour-blind (Okabe and Ito, and Tol).
     """
@@ -47,22 +49,26 @@ class Method(NamedTuple):
     colour: str
     marker: str
     kernel: object = None
-    prepared: str = None
+    prepare: object = None
 
 
 METHODS = {
-    'traditional': Method('traditional', '#000000', 'o', sat_methods.traditional_axes),
+    'traditional': Method('traditional', '#000000', 'o', rivals.traditional_axes),
     'traditional_float32': Method('traditional, float32', '#7f7f7f', 's',
-                                  sat_methods.traditional_axes),
-    'boxed': Method('box pre-test', '#56B4E9', '^', sat_methods.boxed_axes, 'bounds'),
-    'published_a': Method('published A', '#D55E00', 'v', sat_methods.published_a_axes, 'centres'),
-    'published_b': Method('published B', '#CC79A7', 'D', sat_methods.published_b_axes, 'centres'),
-    'hybrid': Method('published, hybrid', '#AA4499', '<', sat_methods.hybrid_axes, 'centres'),
-    'closest': Method('published, Eq. 3–4', '#999933', '>', sat_methods.closest_axes),
-    'literal': Method('published, Eq. 5', '#CC6677', 'd', sat_methods.literal_axes, 'centres'),
-    'binary': Method('binary-search SAT', '#E69F00', 'h', rivals.binary_axes, 'heads'),
-    'gjk': Method('GJK', '#332288', 'p', rivals.gjk_axes, 'heads'),
-    'filtered': Method('filtered orientations', '#117733', '8', rivals.filtered_axes, 'heads'),
+                                  rivals.traditional_axes),
+    'boxed': Method('box pre-test', '#56B4E9', '^', rivals.boxed_axes, rivals.bounds),
+    'published_a': Method('published A', '#D55E00', 'v', rivals.published_a_axes,
+                          rivals.centre_of_gravity),
+    'published_b': Method('published B', '#CC79A7', 'D', rivals.published_b_axes,
+                          rivals.centre_of_gravity),
+    'hybrid': Method('published, hybrid', '#AA4499', '<', rivals.hybrid_axes,
+                     rivals.centre_of_gravity),
+    'closest': Method('published, Eq. 3–4', '#999933', '>', rivals.closest_axes),
+    'literal': Method('published, Eq. 5', '#CC6677', 'd', rivals.literal_axes,
+                      rivals.centre_of_gravity),
+    'binary': Method('binary-search SAT', '#E69F00', 'h', rivals.binary_axes, rivals.head),
+    'gjk': Method('GJK', '#332288', 'p', rivals.gjk_axes, rivals.head),
+    'filtered': Method('filtered orientations', '#117733', '8', rivals.filtered_axes, rivals.head),
     'improved': Method('improved', '#009E73', '*'),
     'shapely': Method('shapely', '#0072B2', 'X'),
 }
@@ -71,6 +77,19 @@ LABELS = {name: method.label for name, method in METHODS.items()}
 UNTIMED = 'traditional_float32',
 REPEATS = 5
 ONCE_SIDES = 4, 16, 64
+KINDS = 'clear', 'near', 'deep', 'hard'
+SIDES = 3, 4, 8, 16, 32, 64, 256
+HARD = (families.hair_gaps, families.far_offsets, families.slivers, families.vertex_on_vertex,
+        families.vertex_on_edge, families.edge_on_edge, families.one_ulp, families.flat_arcs,
+        families.float32_round_trip)
+# Families for bodies of many vertices, which are measured less often, and with how many.
+MANY = {'many_sided': (256, 1024)}
+
+
+def shapely_shape(body):
+    if len(body) > 2:
+        return shapely.Polygon(body)
+    return shapely.LineString(body) if len(body) == 2 else shapely.Point(body[0])
 
 
 class Pairs:
@@ -78,9 +97,17 @@ class Pairs:
 
     def __init__(self, pairs):
         self.sides = [a for a, _ in pairs], [b for _, b in pairs]
+        self._prepared = {}
 
     def __len__(self):
         return len(self.sides[0])
+
+    def prepared(self, prepare):
+        """Return what a function makes of each body, an array a side."""
+        if prepare not in self._prepared:
+            self._prepared[prepare] = [np.array([prepare(body) for body in bodies])
+                                       for bodies in self.sides]
+        return self._prepared[prepare]
 
     @cached_property
     def packed(self):
@@ -92,29 +119,8 @@ class Pairs:
             return [_pack(bodies, np.float32) for bodies in self.sides]
 
     @cached_property
-    def bounds(self):
-        return _each(sat_methods.bounds, self.sides)
-
-    @cached_property
-    def centres(self):
-        return _each(sat_methods.centre_of_gravity, self.sides)
-
-    @cached_property
-    def heads(self):
-        """Return a bounding box and a centre of gravity a body."""
-        return [np.hstack(parts) for parts in zip(self.bounds, self.centres)]
-
-    @cached_property
-    def polygons(self):
-        return [[Polygon(body) for body in bodies] for bodies in self.sides]
-
-    @cached_property
     def sets(self):
-        return [PolygonSet(polygons) for polygons in self.polygons]
-
-    @cached_property
-    def shapely(self):
-        return [np.array([shapely_shape(body) for body in bodies]) for bodies in self.sides]
+        return [PolygonSet(map(Polygon, bodies)) for bodies in self.sides]
 
 
 def run(name, pairs):
@@ -122,18 +128,16 @@ def run(name, pairs):
     if name == 'improved':
         return intersects_pairs(*pairs.sets), None
     if name == 'shapely':
-        return shapely.intersects(*pairs.shapely), None
-    method, prepared = METHODS[name].kernel, METHODS[name].prepared
-    extra = prepared and [side if COMPILED else side.tolist()
-                          for side in getattr(pairs, prepared)]
+        return shapely.intersects(*pairs.prepared(shapely_shape)), None
+    method, prepare = METHODS[name].kernel, METHODS[name].prepare
     answers, axes = np.empty(len(pairs), np.bool_), np.empty(len(pairs), np.int64)
-
     (a, a_ends), (b, b_ends) = (pairs.packed_float32 if name == 'traditional_float32'
                                 else pairs.packed)
-    if not extra:
+    if prepare is None:
         _stream(method, a, a_ends, b, b_ends, answers, axes)
     else:
-        _stream_prepared(method, a, a_ends, extra[0], b, b_ends, extra[1], answers, axes)
+        of_a, of_b = (side if COMPILED else side.tolist() for side in pairs.prepared(prepare))
+        _stream_prepared(method, a, a_ends, of_a, b, b_ends, of_b, answers, axes)
     return answers, axes
 
 
@@ -147,22 +151,16 @@ def run_once(name, pairs):
     """Return the answers of a method for bodies used once, including their preparation."""
     if name == 'shapely':
         return shapely.intersects(*(shapely.polygons(np.stack(bodies)) for bodies in pairs.sides))
+    method, prepare = METHODS[name].kernel, METHODS[name].prepare
+    if name != 'improved' and prepare is None:
+        return run(name, pairs)[0]
     answers = np.empty(len(pairs), np.bool_)
     (a, a_ends), (b, b_ends) = pairs.packed
     if name == 'improved':
         _pack_and_meet(a, a_ends, b, b_ends, answers)
-    elif METHODS[name].prepared is None:
-        _stream(METHODS[name].kernel, a, a_ends, b, b_ends, answers,
-                np.empty(len(pairs), np.int64))
     else:
-        _stream_once(METHODS[name].kernel, _PREPARING[METHODS[name].prepared], a, a_ends,
-                     b, b_ends, answers)
+        _stream_once(method, prepare, a, a_ends, b, b_ends, answers)
     return answers
-
-
-def _each(function, sides):
-    """Return function of each body: an array a side."""
-    return [np.array([function(body) for body in bodies]) for bodies in sides]
 
 
 def _pack(bodies, dtype):
@@ -171,21 +169,16 @@ def _pack(bodies, dtype):
 
 
 if COMPILED:
-    import numba.extending
+    import numba
 
-    @numba.extending.intrinsic
-    def _borrowed(typing_context, array):
+    @kernel
+    def _borrowed(array):
         """
         Return an array without its reference count, for the inside of a hot loop.
 
         Passing an array on counts references atomically, which costs more than a collision check.
         """
-        def generate(context, builder, signature, arguments):
-            view = context.make_array(array)(context, builder, arguments[0])
-            view.meminfo = view.meminfo.type(None)
-            view.parent = view.parent.type(None)
-            return view._getvalue()
-        return array(array), generate
+        return numba.carray(elements(array), array.shape)
 else:
     def _borrowed(array):
         return array
@@ -193,7 +186,6 @@ else:
 
 @kernel
 def _stream(method, a, a_ends, b, b_ends, answers, axes):
-    # Without reference counts, which would cost more than the faster methods themselves.
     a, b = _borrowed(a), _borrowed(b)
     for i in range(len(answers)):
         answers[i], axes[i] = method(a[a_ends[i]:a_ends[i + 1]], b[b_ends[i]:b_ends[i + 1]])
@@ -227,29 +219,24 @@ def _pack_and_meet(a, a_ends, b, b_ends, answers):
         answers[i] = convex_meet(Packed(p, 0, n), Packed(q, 0, m))
 
 
-@kernel
-def _head(body):
-    low_x, low_y, high_x, high_y = sat_methods.bounds(body)
-    x, y = sat_methods.centre_of_gravity(body)
-    return low_x, low_y, high_x, high_y, x, y
-
-
-# The functions that prepare a body, by the name of the data that a method takes.
-_PREPARING = {'bounds': sat_methods.bounds, 'centres': sat_methods.centre_of_gravity,
-              'heads': _head}
-
-
 def measure(seeds, scale=1.0):
-    """Return rows of figures: answers and times of each method, of the runs with all seeds."""
+    """Return a row of answers and times for each method and kind of pairs, of all seeds."""
     rows = []
-    for n in samples.SIDES:
-        for kind in samples.KINDS:
-            runs = []
-            for seed in seeds:
-                rng = np.random.default_rng([seed, n])
-                runs.append(_run_all(*samples.sample(rng, n, kind, _count(n, scale))))
-            rows += [{'n': n, 'kind': kind, **row} for row in _pooled(runs)]
-        print(f'speed: {n}', file=sys.stderr)
+    for n, kind in itertools.product(SIDES, KINDS):
+        found, taken = defaultdict(Counter), defaultdict(list)
+        for seed in seeds:
+            pairs, meet = sample(np.random.default_rng([seed, n]), n, kind, _count(n, scale))
+            prepared = Pairs(pairs)
+            with np.errstate(all='ignore'):
+                for name in applicable():
+                    found[name].update(counts(run(name, prepared)[0], meet))
+            for name, seconds in times({name: partial(run, name, prepared) for name in found
+                                        if name not in UNTIMED}, REPEATS).items():
+                taken[name] += [1e9 * one / len(pairs) for one in seconds]
+        rows += [{'n': n, 'kind': kind, 'method': name, **found[name], **({
+            'ns': np.quantile(taken[name], [0.5, 0.25, 0.75]).round(1).tolist()}
+            if name in taken else {})} for name in found]
+        print(f'speed: {n}, {kind}', file=sys.stderr)
     return rows
 
 
@@ -257,7 +244,7 @@ def once(rng, scale=1.0):
     """Return the time of near pairs in ns if bodies are prepared for each pair."""
     rows = []
     for n in ONCE_SIDES:
-        pairs = samples.sample(rng, n, 'near', _count(n, scale))[0]
+        pairs = sample(rng, n, 'near', _count(n, scale))[0]
         # Of those whose vertices rounding has not made fewer, so that shapely takes an array.
         prepared = Pairs([pair for pair in pairs if len(pair[0]) == len(pair[1]) == n])
         tasks = {name: partial(run_once, name, prepared) for name in applicable()
@@ -270,30 +257,63 @@ def once(rng, scale=1.0):
     return rows
 
 
-def _run_all(pairs, meet):
-    """Return for each method the answers' counts and all times in ns."""
-    prepared = Pairs(pairs)
-    with np.errstate(all='ignore'):
-        answers = {name: run(name, prepared)[0] for name in applicable()}
-    taken = times({name: partial(run, name, prepared)
-                   for name in answers if name not in UNTIMED}, REPEATS)
-    return {name: {**samples.counts(answer, meet),
-                   'ns': [seconds / len(pairs) * 1e9 for seconds in taken.get(name, ())]}
-            for name, answer in answers.items()}
-
-
-def _pooled(runs):
-    """Return a row a method of the runs with several seeds; its times are median, quartiles."""
-    for name in runs[0]:
-        of = [run_[name] for run_ in runs]
-        row = {'method': name, **{key: sum(one[key] for one in of) for key in (
-            'pairs', 'apart', 'false_collisions', 'false_clears')}}
-        taken = np.concatenate([one['ns'] for one in of])
-        if len(taken):
-            row['ns'] = [round(value, 1) for value in np.quantile(taken, [0.5, 0.25, 0.75])]
-        yield row
-
-
 def _count(n, scale):
     """Return how many pairs a seed: enough for rates of a per cent, and seconds for a method."""
     return max(8, int(scale * min(1200, max(300, 40_000 // n))) // 2 * 2)
+
+
+def of_family(rng, family, count, sides):
+    """Return count pairs of a family, in equal shares of the numbers of vertices it is for."""
+    if family.__name__ in MANY:
+        sides, count = MANY[family.__name__], count // 25
+    return sum((chunked(family, rng, max(1, count // len(sides)), n) for n in sides), [])
+
+
+def sample(rng, n, kind, count):
+    """
+    Return count pairs of a kind and their exact answers; half of near and hard pairs are apart.
+
+    Clear pairs are all apart and deep ones all overlap, so of equal numbers of the four kinds half
+    are apart.
+    """
+    if kind in ('clear', 'deep'):
+        pairs = _generate(rng, n, kind, count)
+        return pairs, oracle.intersects_pairs(pairs)[0]
+    found = {False: [], True: []}
+    while min(len(pairs) for pairs in found.values()) < count // 2:
+        pairs = _generate(rng, n, kind, count)
+        for pair, meet in zip(pairs, oracle.intersects_pairs(pairs)[0].tolist()):
+            found[meet].append(pair)
+    pairs = [*found[False][:count // 2], *found[True][:count // 2]]
+    order = rng.permutation(len(pairs))
+    return [pairs[i] for i in order], order >= count // 2
+
+
+def chunked(generate, rng, count, n):
+    """Return count pairs of a generator of families, made in parts that fit into memory."""
+    pairs = []
+    for part in chunks(count, n):
+        pairs += generate(rng, part, n)
+    return pairs
+
+
+def chunks(count, n):
+    """Yield numbers of pairs that fit into memory, count in all."""
+    size = min(max(5_000_000 // n**2, 4), 10_000)
+    while count > 0:
+        yield min(size, count)
+        count -= size
+
+
+def counts(answers, meet):
+    """Return the numbers of pairs, of those apart, of false collisions and of false clears."""
+    return {'pairs': len(meet), 'apart': int((~meet).sum()),
+            'false_collisions': int((answers & ~meet).sum()),
+            'false_clears': int((~answers & meet).sum())}
+
+
+def _generate(rng, n, kind, count):
+    if kind != 'hard':
+        return chunked(getattr(families, kind), rng, count, n)
+    pairs = sum((chunked(family, rng, -(-count // len(HARD)), n) for family in HARD), [])
+    return [pairs[i] for i in rng.permutation(len(pairs))]

@@ -16,16 +16,17 @@
 
 import math
 
+from _shared import wilson
 from matplotlib import pyplot
 from methods import LABELS, METHODS
 import numpy as np
+import rivals
+from sat_collision.geometry.jit import indexable
 import shapely
 from stability import centre_of_bin, FIRST
 from tables import distinct, parts, speed_row
-from words import wilson
 
-U = 2.0 ** -53
-U_FLOAT32 = 2.0 ** -24
+U, U_FLOAT32 = 2.0 ** -53, 2.0 ** -24
 # Drawn in the first figure; the others are in its table.
 DRAWN = ('improved', 'traditional', 'published_a', 'published_b', 'binary', 'gjk', 'filtered',
          'shapely')
@@ -65,16 +66,13 @@ def _speed_error(figures):
     for (above, below), kind in zip(panels.T, ('near', 'hard')):
         for place, method in enumerate(reversed(DRAWN)):
             _speed_error_line(above, below, figures, kind, method, place)
-        above.set_title(f'{kind} pairs')
-        above.set_ylim(-0.4, 4.1)
+        above.set(title=f'{kind} pairs', ylim=(-0.4, 4.1))
         above.set_yticks(range(5), ['0.01 %', '0.1 %', '1 %', '10 %', '100 %'])
-        below.set_ylim(-0.6, len(DRAWN) - 0.1)
+        below.set(ylim=(-0.6, len(DRAWN) - 0.1), xscale='log', xlabel='median time a pair, ns')
         below.set_yticks(range(len(DRAWN)), [LABELS[method] for method in reversed(DRAWN)])
         below.grid(axis='y', visible=False)
         below.axhspan(*(DRAWN[::-1].index('improved') + end for end in (-0.5, 0.5)),
                       color=METHODS['improved'].colour, alpha=0.15)
-        below.set_xscale('log')
-        below.set_xlabel('median time a pair, ns')
     panels[0, 0].set_ylabel('wrong answers')
     panels[1, 0].set_ylabel('no wrong answer')
     for text in panels[1, 0].get_yticklabels():
@@ -91,8 +89,8 @@ def _speed_error_line(above, below, figures, kind, method, place):
     times = np.array([row['ns'][:3] for row in rows])
     shares = [parts(row) for row in rows]
     wrong = np.array([part > 0 for part, _ in shares])
-    ends = np.array([[_height(end) for end in (part / whole, *wilson(part, whole))]
-                     for part, whole in shares])
+    ends = np.array([(part / whole, *wilson(part, whole)) for part, whole in shares])
+    ends = np.log10(1e4 * np.maximum(ends, 10 ** -4.4))
     for panel, shown, heights in ((above, wrong, ends[:, 0]),
                                   (below, ~wrong, np.full(len(rows), place))):
         panel.plot(times[:, 0], np.where(shown, heights, math.nan), **style(method))
@@ -116,10 +114,6 @@ def _speed_error_line(above, below, figures, kind, method, place):
                        ha='right' if method == 'published_b' else 'center')
 
 
-def _height(share):
-    return max(math.log10(1e4 * share), -0.4) if share else -0.4
-
-
 def _condition(figures):
     figure, (left, right) = pyplot.subplots(1, 2, figsize=(10.5, 4.6), sharey=True)
     found = figures['condition']
@@ -128,38 +122,31 @@ def _condition(figures):
         if np.nan_to_num(shares).any():
             left.plot(x, shares, linewidth=1.0, marker='os^vDPX<>hp8d'[number % 13], markersize=4,
                       label=family.replace('_', ' '))
-    left.set_title('traditional by family, pairs apart')
     for method in CONDITIONED:
         for side, line in (('apart', '-'), ('meet', ':')):
             x, shares, ends = _curve(found['bins'][method], side)
             if side == 'apart' or np.nan_to_num(shares).any():
-                label = _label(found, method) if side == 'apart' else None
-                right.plot(x, shares, **style(method, linestyle=line, linewidth=1.4,
-                                              markersize=4, label=label))
+                never_wrong = '' if found['backward'][method] else ' (as all never wrong)'
+                right.plot(x, shares, **style(
+                    method, linestyle=line, linewidth=1.4, markersize=4,
+                    label=LABELS[method] + never_wrong if side == 'apart' else None))
                 right.fill_between(x, *ends.T, color=METHODS[method].colour, alpha=0.12,
                                    linewidth=0)
     right.plot([], [], ':', color='#666666', label='dotted: pairs that overlap')
-    right.set_title('all families')
     for panel, step in ((left, 1), (right, 3)):
-        panel.set_xscale('log')
+        panel.set(xscale='log', ylim=(-3, 109),
+                  xlabel='gap or overlap in units of u D:  1/κ = |g| / (u D)')
         panel.axvline(4, color='#666666', linewidth=0.8, linestyle='--')
         panel.annotate('4 u D', (4, 103), (-3, 0), textcoords='offset points', fontsize=8,
                        color='#666666', ha='right')
-        panel.set_xlabel('gap or overlap in units of u D:  1/κ = |g| / (u D)')
         panel.set_xticks([10.0 ** k for k in range(-2, 17, step)])
         panel.minorticks_off()
-        panel.set_ylim(-3, 109)
         panel.legend(frameon=False, fontsize=8, loc='upper right')
-    left.set_xlim(10 ** FIRST, 1e3)
-    left.set_ylabel('wrong answers, %')
+    left.set(title='traditional by family, pairs apart', xlim=(10 ** FIRST, 1e3),
+             ylabel='wrong answers, %')
+    right.set_title('all families')
     figure.tight_layout()
     return figure
-
-
-def _label(found, method):
-    """Return the label of a line: improved stands for all methods that are never wrong."""
-    never = [m for m, worst in found['backward'].items() if not worst]
-    return f'{LABELS[method]} (as all never wrong)' if method in never else LABELS[method]
 
 
 def _curve(bins, side):
@@ -187,10 +174,8 @@ def _growth(figures):
                   and row['widest'] > 1e-300]
         if points:
             panel.plot(*zip(*points), **style(method, linewidth=0.8))
-    panel.set_xscale('log')
-    panel.set_yscale('log')
-    panel.set_xlabel('distance from the origin D, m')
-    panel.set_ylabel('widest gap or overlap misjudged, m')
+    panel.set(xscale='log', yscale='log', xlabel='distance from the origin D, m',
+              ylabel='widest gap or overlap misjudged, m')
     panel.legend(frameon=False, fontsize=8, loc='upper left', bbox_to_anchor=(1, 1))
     return figure
 
@@ -261,7 +246,8 @@ def _draw_b(panel, example):
     along = along / np.hypot(*along)
     across = np.array([-along[1], along[0]])
     for body, centre, name, sign in zip(map(np.array, bodies), centres, 'PQ', (1, -1)):
-        edge = body[_crossed(body, centre, sign * along)]
+        i = rivals.crossed_edge(indexable(body), centre, *(sign * along).tolist())
+        edge = body[[i - 1, i]]
         panel.plot(*edge.T, 'o-', color=_B, linewidth=4, markersize=8,
                    label='edges that it crosses: four vertices' if name == 'P' else None)
         for vertices, what, colour in ((edge, 'those vertices, all that B sees', _B),
@@ -270,9 +256,3 @@ def _draw_b(panel, example):
             panel.plot(*np.array([foot - 0.6 * across, foot + 0.6 * across]).T, color=colour,
                        linestyle='-' if name == 'P' else ':', linewidth=2,
                        label=f'how far {name} reaches by {what}')
-
-
-def _crossed(body, centre, along):
-    """Return the vertices of the edge that the ray from the centre crosses."""
-    sides = (body - centre) @ np.array([-along[1], along[0]])
-    return next([i - 1, i] for i in range(len(body)) if sides[i - 1] <= 0 <= sides[i])

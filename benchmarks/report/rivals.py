@@ -13,11 +13,15 @@
 # limitations under the License.
 
 """
-Other methods: binary-search SAT and GJK in plain floating point, and exact orientations.
+The methods compared, as kernels: the traditional one, the paper's, other SATs, GJK, orientations.
 
-All take two convex polygons as counter-clockwise (n, 2) arrays, and for each a head made in
-advance, its bounding box and centre of gravity; all begin with the boxes. A kernel returns the
-answer and how many axes or edges it tried, with a test of the boxes counted as two.
+Each takes two convex polygons as counter-clockwise (n, 2) and (m, 2) arrays, and returns whether
+the closed sets share a point and how many axes or edges it tried, with a test of the bounding
+boxes counted as two. What a method needs to know of each body is an argument: its box, its centre
+of gravity or its head, which is both. All compute in plain floating point except one.
+
+The paper is Liang and Liu, "The Research of Collision Detection Algorithm Based on Separating Axis
+Theorem"; boxes and centres belong to its pre-treatment stage (section 6).
 
 Two convex polygons are apart iff some edge of one has every vertex of the other strictly on its
 outer side. *filtered orientations* tests each edge with the semi-static filter of CGAL's kernel
@@ -27,7 +31,8 @@ edge before, which makes most pairs O(n).
 
 import math
 
-from sat_collision.geometry.jit import kernel
+from sat_collision.geometry.jit import inner, kernel
+from sat_collision.geometry.plane import centroid
 from sat_collision.geometry.predicates import orient, segments_meet
 
 # The support vertex of bodies with up to so many vertices is found by a linear scan.
@@ -36,13 +41,219 @@ _SCANNED = 8
 # GJK counts bodies nearer than this as touching, relative to the largest difference between their
 # vertices; it ends after so many steps, and then counts them as touching, too.
 GJK_TOLERANCE = 1e-10
-_MOST_STEPS = 64
+_MAX_STEPS = 64
 
 # The constants of CGAL's Orientation_2: error of the determinant of 2 x 2 rounded differences,
 # and the magnitudes between which neither the bound underflows nor the determinant overflows.
 _CGAL_ERROR = 8.8872057372592798e-16
-_CGAL_LEAST = 1e-146
-_CGAL_MOST = 1e153
+_CGAL_MIN = 1e-146
+_CGAL_MAX = 1e153
+
+
+@kernel
+def traditional_axes(p, q):
+    """
+    Decide by the normals of all edges (section 2.3), points and segments too.
+
+    Complete, up to rounding. Arrays of float32 are processed in float32.
+    """
+    axes = 0
+    for body in (p, q):
+        for i in range(len(body)):
+            axes += 1
+            if edge_separates(p, q, body, i):
+                return False, axes
+    if len(p) < 3 and len(q) < 3:
+        # Without area, bodies on one line are separate along that line only.
+        return not (separates(p, q, 1, 0) or separates(p, q, 0, 1)), axes + 2
+    return True, axes
+
+
+@kernel
+def boxed_axes(p, q, bounds_p, bounds_q):
+    """Decide by bounding boxes, which are exact, then as the traditional method (section 1)."""
+    if boxes_apart(bounds_p, bounds_q):
+        return False, 2
+    collides, axes = traditional_axes(p, q)
+    return collides, axes + 2
+
+
+@kernel
+def published_a_axes(p, q, centre_p, centre_q):
+    """
+    Decide as the paper's sections 3.1 and 3.2 say (reading A).
+
+    Axes are the centre line; the normals of the two edges at each potential nearest point, the
+    vertices B of P and C of Q that reach furthest along the centre line; and the lines from B and
+    from C to their nearest points on the two edges at the other. The separating axis may be the
+    normal of another edge, so separate bodies that are near are called colliding.
+    """
+    x, y = centre_q[0] - centre_p[0], centre_q[1] - centre_p[1]
+    if separates(p, q, x, y):
+        return False, 1
+    return _axes_at(p, q, _furthest(p, x, y), _furthest(q, -x, -y))
+
+
+@kernel
+def literal_axes(p, q, centre_p, centre_q):
+    """Decide as reading A, with B and C as equation 5 is printed: the longest OB / cos BOE."""
+    x, y = centre_q[0] - centre_p[0], centre_q[1] - centre_p[1]
+    if separates(p, q, x, y):
+        return False, 1
+    return _axes_at(p, q, _longest(p, centre_p, x, y), _longest(q, centre_q, -x, -y))
+
+
+@kernel
+def published_b_axes(p, q, centre_p, centre_q):
+    """
+    Decide by steps 1 to 4 of the paper's section 4 (reading B).
+
+    Only the ends of the edge of each polygon that the centre line crosses are projected on it;
+    then the normals of those two edges are tried. Beside the fault of reading A, another vertex
+    may reach further along the centre line than those four: overlapping bodies are called apart.
+    """
+    x, y = centre_q[0] - centre_p[0], centre_q[1] - centre_p[1]
+    i, j = crossed_edge(p, centre_p, x, y), crossed_edge(q, centre_q, -x, -y)
+    high = max(p[i - 1, 0] * x + p[i - 1, 1] * y, p[i, 0] * x + p[i, 1] * y)
+    low = min(q[j - 1, 0] * x + q[j - 1, 1] * y, q[j, 0] * x + q[j, 1] * y)
+    if high < low:
+        return False, 1
+    if edge_separates(p, q, p, i):
+        return False, 2
+    return not edge_separates(p, q, q, j), 3
+
+
+@kernel
+def hybrid_axes(p, q, centre_p, centre_q):
+    """Project all vertices on the centre line, then on the normals of the edges it crosses."""
+    x, y = centre_q[0] - centre_p[0], centre_q[1] - centre_p[1]
+    if separates(p, q, x, y):
+        return False, 1
+    if edge_separates(p, q, p, crossed_edge(p, centre_p, x, y)):
+        return False, 2
+    return not edge_separates(p, q, q, crossed_edge(q, centre_q, -x, -y)), 3
+
+
+@kernel
+def closest_axes(p, q):
+    """Decide by the line through the closest points, by brute force as equations 3 and 4 say."""
+    least, x, y = math.inf, 0.0, 0.0
+    for body, other in ((p, q), (q, p)):
+        for k in range(len(body)):
+            for i in range(len(other)):
+                to_x, to_y = to_edge(body[k, 0], body[k, 1], other, i)
+                square = to_x * to_x + to_y * to_y
+                if square < least:
+                    least, x, y = square, to_x, to_y
+    return not separates(p, q, x, y), 1
+
+
+@kernel
+def bounds(polygon):
+    """Return the bounding box (min_x, min_y, max_x, max_y)."""
+    return (polygon[:, 0].min(), polygon[:, 1].min(), polygon[:, 0].max(), polygon[:, 1].max())
+
+
+@kernel
+def centre_of_gravity(polygon):
+    """Return the centre of gravity (section 2.2); of a segment its middle."""
+    return centroid(polygon.ravel(), len(polygon))
+
+
+@kernel
+def head(polygon):
+    """Return bounding box and centre of gravity, six numbers."""
+    return bounds(polygon) + centre_of_gravity(polygon)
+
+
+@kernel
+def _axes_at(p, q, b, c):
+    """Try the edges at two vertices that may be nearest, and the lines from each to the others."""
+    axes = 1
+    for body, nearest in ((p, b), (q, c)):
+        for i in (nearest, (nearest + 1) % len(body)):
+            axes += 1
+            if edge_separates(p, q, body, i):
+                return False, axes
+    for body, vertex, other, nearest in ((p, b, q, c), (q, c, p, b)):
+        for i in (nearest, (nearest + 1) % len(other)):
+            axes += 1
+            x, y = to_edge(body[vertex, 0], body[vertex, 1], other, i)
+            if separates(p, q, x, y):
+                return False, axes
+    return True, axes
+
+
+@kernel
+def edge_separates(p, q, body, i):
+    return separates(p, q, body[i, 1] - body[i - 1, 1], body[i - 1, 0] - body[i, 0])
+
+
+@kernel
+def separates(p, q, x, y):
+    """Return whether projections of two polygons on an axis are apart, without error bounds."""
+    low_p, high_p = _project(p, x, y)
+    low_q, high_q = _project(q, x, y)
+    return high_p < low_q or high_q < low_p
+
+
+@inner
+def _project(polygon, x, y):
+    low = high = polygon[0, 0] * x + polygon[0, 1] * y
+    for i in range(1, len(polygon)):
+        along = polygon[i, 0] * x + polygon[i, 1] * y
+        low = min(low, along)
+        high = max(high, along)
+    return low, high
+
+
+@inner
+def _furthest(polygon, x, y):
+    """Return the vertex furthest along an axis, up to rounding, by a scan."""
+    best, most = 0, polygon[0, 0] * x + polygon[0, 1] * y
+    for i in range(1, len(polygon)):
+        along = polygon[i, 0] * x + polygon[i, 1] * y
+        if along > most:
+            best, most = i, along
+    return best
+
+
+@kernel
+def _longest(polygon, centre, x, y):
+    """Return the vertex with the longest OB / cos of those before the centre, up to |(x, y)|."""
+    best, most = 0, 0.0
+    for i in range(len(polygon)):
+        to_x, to_y = polygon[i, 0] - centre[0], polygon[i, 1] - centre[1]
+        along = to_x * x + to_y * y
+        if along > 0.0:
+            length = (to_x * to_x + to_y * to_y) / along
+            if length > most:
+                best, most = i, length
+    return best
+
+
+@kernel
+def to_edge(x, y, body, i):
+    """Return the vector from a point to the nearest point of an edge."""
+    start_x, start_y = body[i - 1, 0], body[i - 1, 1]
+    along_x, along_y = body[i, 0] - start_x, body[i, 1] - start_y
+    length = along_x * along_x + along_y * along_y
+    share = 0.0
+    if length > 0:
+        share = ((x - start_x) * along_x + (y - start_y) * along_y) / length
+    share = min(max(share, 0.0), 1.0)
+    return start_x + share * along_x - x, start_y + share * along_y - y
+
+
+@kernel
+def crossed_edge(polygon, centre, x, y):
+    """Return the end of the edge that the ray from the centre along (x, y) crosses."""
+    for i in range(len(polygon)):
+        start = x * (polygon[i - 1, 1] - centre[1]) - y * (polygon[i - 1, 0] - centre[0])
+        end = x * (polygon[i, 1] - centre[1]) - y * (polygon[i, 0] - centre[0])
+        if start <= 0 <= end:
+            return i
+    return 0
 
 
 @kernel
@@ -54,8 +265,7 @@ def binary_axes(p, q, head_p, head_q):
     for body, other in ((p, q), (q, p)):
         for i in range(len(body)):
             axes += 1
-            x = body[i, 1] - body[i - 1, 1]
-            y = body[i - 1, 0] - body[i, 0]
+            x, y = body[i, 1] - body[i - 1, 1], body[i - 1, 0] - body[i, 0]
             k = support(other, -x, -y)
             reach = max(body[i - 1, 0] * x + body[i - 1, 1] * y, body[i, 0] * x + body[i, 1] * y)
             if other[k, 0] * x + other[k, 1] * y > reach:
@@ -74,21 +284,18 @@ def gjk_axes(p, q, head_p, head_q):
     if boxes_apart(head_p, head_q):
         return False, 2
     axes = 2
-    x = head_q[4] - head_p[4]
-    y = head_q[5] - head_p[5]
-    ax = bx = x
-    ay = by = y
+    x, y = head_q[4] - head_p[4], head_q[5] - head_p[5]
+    ax, ay, bx, by = x, y, x, y
     points = 1
     largest = math.sqrt(x * x + y * y)
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         axes += 1
         length = math.sqrt(x * x + y * y)
         if length <= GJK_TOLERANCE * largest:
             return True, axes
         i = support(p, x, y)
         j = support(q, -x, -y)
-        wx = q[j, 0] - p[i, 0]
-        wy = q[j, 1] - p[i, 1]
+        wx, wy = q[j, 0] - p[i, 0], q[j, 1] - p[i, 1]
         largest = max(largest, math.sqrt(wx * wx + wy * wy))
         if wx * x + wy * y > GJK_TOLERANCE * length * largest:
             return False, axes
@@ -96,9 +303,7 @@ def gjk_axes(p, q, head_p, head_q):
             return True, axes
         # The nearest point of the triangle lies on one of the two edges at the new vertex.
         x, y, ax, ay = _nearer_edge(ax, ay, bx, by, wx, wy)
-        bx = wx
-        by = wy
-        points = 2
+        bx, by, points = wx, wy, 2
     return True, axes
 
 
@@ -112,18 +317,9 @@ def boxes_apart(head_p, head_q):
 @kernel
 def support(body, x, y):
     """Return the vertex furthest along an axis, up to rounding; vertices are counter-clockwise."""
-    count = len(body)
-    if count <= _SCANNED:
-        best = 0
-        most = body[0, 0] * x + body[0, 1] * y
-        for k in range(1, count):
-            along = body[k, 0] * x + body[k, 1] * y
-            if along > most:
-                best = k
-                most = along
-        return best
-    low = 0
-    high = count
+    if len(body) <= _SCANNED:
+        return _furthest(body, x, y)
+    low, high = 0, len(body)
     rises = _rise(body, 0, x, y) > 0
     if not rises and _rise(body, -1, x, y) > 0:
         return 0
@@ -134,15 +330,10 @@ def support(body, x, y):
             return middle
         higher = ((body[low, 0] - body[middle, 0]) * x
                   + (body[low, 1] - body[middle, 1]) * y) > 0
-        if rises:
-            before = ahead <= 0 or higher
-        else:
-            before = ahead <= 0 and not higher
-        if before:
+        if (ahead <= 0 or higher) if rises else (ahead <= 0 and not higher):
             high = middle
         else:
-            low = middle
-            rises = ahead > 0
+            low, rises = middle, ahead > 0
     return low
 
 
@@ -175,8 +366,7 @@ def _nearer_edge(ax, ay, bx, by, wx, wy):
 @kernel
 def _nearest_on_segment(ax, ay, bx, by):
     """Return the point of a segment that is nearest to the origin."""
-    x = bx - ax
-    y = by - ay
+    x, y = bx - ax, by - ay
     square = x * x + y * y
     along = -(ax * x + ay * y)
     if not along > 0.0:
@@ -192,7 +382,8 @@ def filtered_axes(p, q, head_p, head_q):
     if boxes_apart(head_p, head_q):
         return False, 2
     if len(p) <= 2 and len(q) <= 2:
-        return _segments_meet(p, q), 3
+        return segments_meet(p[0, 0], p[0, 1], p[-1, 0], p[-1, 1],
+                             q[0, 0], q[0, 1], q[-1, 0], q[-1, 1]), 3
     apart, axes = _some_edge_separates(p, q)
     if not apart:
         apart, more = _some_edge_separates(q, p)
@@ -217,25 +408,15 @@ def _some_edge_separates(body, other):
 
 
 @kernel
-def _segments_meet(p, q):
-    return segments_meet(p[0, 0], p[0, 1], p[-1, 0], p[-1, 1],
-                         q[0, 0], q[0, 1], q[-1, 0], q[-1, 1])
-
-
-@kernel
 def semi_static_orient(ax, ay, bx, by, cx, cy):
     """Return the sign of the turn a, b, c through CGAL's semi-static filter."""
-    abx = bx - ax
-    aby = by - ay
-    acx = cx - ax
-    acy = cy - ay
+    abx, aby, acx, acy = bx - ax, by - ay, cx - ax, cy - ay
     determinant = abx * acy - aby * acx
-    x = max(abs(abx), abs(acx))
-    y = max(abs(aby), abs(acy))
+    x, y = max(abs(abx), abs(acx)), max(abs(aby), abs(acy))
     least = min(x, y)
     if least == 0.0:
         return 0
-    if least > _CGAL_LEAST and max(x, y) < _CGAL_MOST:
+    if least > _CGAL_MIN and max(x, y) < _CGAL_MAX:
         bound = _CGAL_ERROR * x * y
         if determinant > bound:
             return 1

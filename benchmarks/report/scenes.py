@@ -27,7 +27,6 @@ from _shared import medians
 import numpy as np
 from published import load
 from sat_collision import intersects_pairs, Polygon, PolygonSet, separation
-from sat_collision.geometry.intersection import bodies_meet
 from sat_collision.geometry.jit import indexable, kernel
 from sat_collision.geometry.layout import convex_part, Packed
 from sat_collision.geometry.separating_axis import (
@@ -54,16 +53,11 @@ _RECTANGLE = np.array([(-0.4, -0.25), (0.4, -0.25), (0.4, 0.25), (-0.4, 0.25)])
 
 def scenes():
     """Return the frames of each scene by name."""
-    found = {title: recorded(name) for name, title in NAMES.items()}
+    found = {title: [frame[1:] for frame in stamped(name)] for name, title in NAMES.items()}
     for name, scene in (('docking', docking), ('racks in line', racks)):
         found[name] = scene(0.0)
         found[f'{name}, turned by 30°'] = scene(np.pi / 6)
     return found
-
-
-def recorded(name):
-    """Return the frames of a recording, footprint and obstacles of equal stamps."""
-    return [frame[1:] for frame in stamped(name)]
 
 
 def stamped(name):
@@ -84,7 +78,7 @@ def docking(angle):
     The dock is a U, its sides 0.1 m off; a wall and boxes stand about. The robot stays as long as
     it drove, its front against the ground of the dock.
     """
-    place = _Place(angle, (12.0, 7.0))
+    place = functools.partial(_placed, angle, (12.0, 7.0))
     about = [_box(x, y, 0.6, 0.6) for x in (-2.0, -1.0, 0.2) for y in (-3.0, -1.8, 1.8, 3.0)]
     wall = _box(0.8, 0.0, 0.2, 8.0)
     obstacles = [place(body) for body in (_DOCK, wall, *about)]
@@ -100,7 +94,7 @@ def racks(angle):
     Racks of 1.2 by 2.4 m stand edge to edge in two rows of 50 with gaps of one rack, as wide as
     the robot; it drives 48 m flush with the racks' faces, and into each gap between two of them.
     """
-    place = _Place(angle, (20.0, 10.0))
+    place = functools.partial(_placed, angle, (20.0, 10.0))
     gaps = range(4, 50, 5)
     obstacles = [place(_box(1.2 * k + 0.6, y, 1.2, 2.4)) for y in (-3.0, 3.0) for k in range(50)
                  if k not in gaps]
@@ -110,43 +104,39 @@ def racks(angle):
     return [(body, obstacles) for body in (*along, *into)]
 
 
-class _Place:
-    """Turn and move bodies, and round them to float32."""
-
-    def __init__(self, angle, origin):
-        self._turn = np.array([(np.cos(angle), np.sin(angle)), (-np.sin(angle), np.cos(angle))])
-        self._origin = origin
-
-    def __call__(self, body):
-        return (body @ self._turn + self._origin).astype(np.float32).astype(float)
+def _placed(angle, origin, body):
+    """Return a body turned, moved and rounded to float32."""
+    turn = np.array([(np.cos(angle), np.sin(angle)), (-np.sin(angle), np.cos(angle))])
+    return (body @ turn + origin).astype(np.float32).astype(float)
 
 
 def _box(x, y, length, width):
-    return np.array([(x - length / 2, y - width / 2), (x + length / 2, y - width / 2),
-                     (x + length / 2, y + width / 2), (x - length / 2, y + width / 2)])
+    return (x, y) + np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * (length / 2, width / 2)
 
 
 def cost():
     """Return for each scene how many pairs the exact stage decides, and its share of the time."""
-    return [{'scene': name, **_exact_stage(frames)} for name, frames in scenes().items()]
+    rows = []
+    for name, frames in scenes().items():
+        a, b = zip(*((Polygon(footprint), Polygon(obstacle))
+                     for footprint, obstacles in frames for obstacle in obstacles))
+        axes, exact = tried(a, b)
+        whole, contacts = _timed(a, b)
+        unsure = np.flatnonzero(exact)
+        there, _ = _timed([a[i] for i in unsure], [b[i] for i in unsure])
+        rows.append({'scene': name, 'frames': len(frames), 'pairs': len(a), 'contacts': contacts,
+                     'boxes': int((axes == BOX_AXES).sum()), 'exact': len(unsure),
+                     'ns': whole and round(whole / len(a) * 1e9, 1),
+                     'exact_time': 0.0 if not len(unsure) else there and round(there / whole, 4)})
+    return rows
 
 
-def _exact_stage(frames):
-    made = {id(body): Polygon(body) for footprint, obstacles in frames
-            for body in (footprint, *obstacles)}
-    pairs = [(made[id(footprint)], made[id(obstacle)])
-             for footprint, obstacles in frames for obstacle in obstacles]
-    a, b = [p for p, _ in pairs], [q for _, q in pairs]
-    axes, exact = tried(a, b)
-    row = {'frames': len(frames), 'pairs': len(pairs),
-           'contacts': int(intersects_pairs(PolygonSet(a), PolygonSet(b)).sum()),
-           'boxes': int((axes == BOX_AXES).sum()), 'exact': int(exact.sum())}
-    whole = seconds(a, b, REPEATS)
-    unsure = np.flatnonzero(exact)
-    there = seconds([a[i] for i in unsure], [b[i] for i in unsure], REPEATS)
-    row['ns'] = whole and round(whole / len(pairs) * 1e9, 1)
-    row['exact_time'] = 0.0 if not len(unsure) else there and round(there / whole, 4)
-    return row
+def _timed(a, b):
+    """Return the median seconds of deciding pairs in one call, None of few, and the contacts."""
+    task = functools.partial(intersects_pairs, PolygonSet(a), PolygonSet(b))
+    contacts = int(task().sum())
+    seconds = medians({'whole': task}, REPEATS)['whole'] if len(a) >= _FEWEST_TIMED else None
+    return seconds, contacts
 
 
 def tried(a, b):
@@ -158,15 +148,6 @@ def tried(a, b):
     axes, exact = np.empty(len(a), np.int64), np.empty(len(a), np.bool_)
     _count(*_packed(a), *_packed(b), axes, exact)
     return axes, exact
-
-
-def seconds(a, b, repeats=7):
-    """Return the median seconds of deciding pairs in one compiled call; None of few pairs."""
-    if len(a) < _FEWEST_TIMED:
-        return None
-    task = functools.partial(_decide, *_packed(a), *_packed(b), np.empty(len(a), np.bool_))
-    task()
-    return medians({'whole': task}, repeats)['whole']
 
 
 def _packed(polygons):
@@ -181,13 +162,6 @@ def _count(a, a_starts, a_counts, b, b_starts, b_counts, axes, exact):
     for row in range(len(axes)):
         axes[row], exact[row] = _axes_and_doubt(Packed(a, a_starts[row], a_counts[row]),
                                                 Packed(b, b_starts[row], b_counts[row]))
-
-
-@kernel
-def _decide(a, a_starts, a_counts, b, b_starts, b_counts, answers):
-    for row in range(len(answers)):
-        answers[row] = bodies_meet(Packed(a, a_starts[row], a_counts[row]),
-                                   Packed(b, b_starts[row], b_counts[row]))
 
 
 @kernel
@@ -211,16 +185,15 @@ def _axes_and_doubt(p, q):
 
 
 def ages():
-    """Return a row of figures for each recording."""
+    """
+    Return for each recording how wrong separations are, in m, by a footprint of another stamp.
+
+    It is the one of the frame before, or the one half way between the frames before and after.
+    """
     return [{'scene': title, **_age_of(stamped(name))} for name, title in NAMES.items()]
 
 
 def _age_of(frames):
-    """
-    Return how wrong separations are, in m, if the footprint is not that of the same stamp.
-
-    It is the one of the frame before, or the one half way between the frames before and after.
-    """
     before, between, speeds, gaps = [], [], [], []
     for (t0, p0, _), (t1, p1, obstacles), (t2, p2, _) in zip(frames, frames[1:], frames[2:]):
         if not obstacles or not len(p0) == len(p1) == len(p2):

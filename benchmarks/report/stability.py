@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Wrong answers by family, condition, distance from the origin, float32, step of the paper's method.
+Wrong answers by family, condition, distance from the origin, float32, step; and the long run.
 
 A pair's signed separation g is exact up to its last rounding. With D the largest magnitude of a
 coordinate and u = 2^-53 the condition number is u D / |g|, infinite where bodies touch; figures
@@ -21,18 +21,20 @@ are by its reciprocal, the gap in units of u D. A wrong answer about a gap g is 
 moved by |g| / 2 each: |g| / 2 in units of u D is its backward error c.
 """
 
+from collections import Counter, defaultdict
 import math
+import sys
+import time
 
 import families
-from libraries import shapely_shape
-from methods import applicable, Pairs, run
+import methods
 import numpy as np
 import oracle
 import rationals
-import samples
-from sat_collision import closest_points, intersects, PolygonError, separation
-import sat_methods
-import shapely
+import rivals
+from sat_collision import (
+    closest_points, intersects, intersects_pairs, Polygon, PolygonError, PolygonSet, separation)
+from scenes import tried
 import shapes
 
 SIDES = 3, 4, 8, 16, 64
@@ -41,12 +43,14 @@ OFFSETS = 0, *(10**k for k in range(9))
 SHOWN_SIDES = 8
 DISTANCES = 10, 100, 1e3, 5e3, 1e4, 2e4, 1e5, 1e6, 5e6
 GROWING = 'traditional', 'traditional_float32', 'gjk', 'improved', 'shapely'
-PUBLISHED = 'published_a', 'published_b'
 # The last axis of each step.
 STEPS = {'published_a': {'centre line': 1, 'edge normals at B and C': 5,
                          'lines to the nearest points': 9},
          'published_b': {'centre line, four vertices': 1, 'normals of the crossed edges': 3}}
 FEW_SIDES = 3, 4, 8, 16
+# Of the long run, and the share of answers proved by the oracle's filter that integers check.
+LONG_SIDES = 3, 4, 5, 6, 8, 16, 32, 64, 256, 1024
+CHECKED = 1 / 1000
 # Bins of half a decade of |g| / (u D); below the first all, and bodies that touch, in bins of
 # their own.
 STEP = 0.5
@@ -57,38 +61,108 @@ def by_family(rng, count=2000):
     """Return wrong answers by family and method; non-convex bodies are decided by two methods."""
     rows = []
     for name, family in {**families.CONVEX, **families.SIMPLE}.items():
-        pairs = samples.of_family(rng, family, count, SIDES)
+        pairs = methods.of_family(rng, family, count, SIDES)
         meet, _ = oracle.intersects_pairs(pairs)
-        if name in families.SIMPLE:
-            answers = {
-                'improved': np.array([intersects(a, b) for a, b in pairs]),
-                'shapely': shapely.intersects(*(np.array([shapely_shape(pair[k])
-                                                          for pair in pairs]) for k in (0, 1)))}
-        else:
-            answers = _answers(pairs)
-        rows += [{'family': name, 'method': method, **samples.counts(answer, meet)}
+        answers = _answers(pairs, ('improved', 'shapely') if name in families.SIMPLE
+                           else methods.applicable())
+        rows += [{'family': name, 'method': method, **methods.counts(answer, meet)}
                  for method, answer in answers.items()]
     return rows
 
 
-def _answers(pairs):
-    """Return the answers of all methods, by name."""
-    prepared = Pairs(pairs)
+def _answers(pairs, names):
+    """Return the answers of some methods, by name."""
+    prepared = methods.Pairs(pairs)
     with np.errstate(all='ignore'):
-        return {method: run(method, prepared)[0] for method in applicable()}
+        return {name: methods.run(name, prepared)[0] for name in names}
+
+
+def long_run(pairs, seed):
+    """
+    Compare millions of answers with the exact oracle, over all hard families.
+
+    Bodies go through the checked constructor and the bulk decision, as the node runs them; the
+    oracle does not use separating axes. Also measured: how often floating point left the decision
+    to the exact stage, and its cost. Returns counts by family, and the pairs of wrong answers.
+    """
+    _compare(families.near(np.random.default_rng(seed), 1, 3), ())  # compiles everything
+    results, wrong, start = {}, [], time.perf_counter()
+    for k, (family, n, count) in enumerate(_shares(pairs)):
+        rng = np.random.default_rng([seed, k])
+        total = results.setdefault(family.__name__, Counter())
+        for part in methods.chunks(count, n):
+            bodies = family(rng, part, n)
+            counts, rows = _compare(bodies, np.flatnonzero(rng.random(len(bodies)) < CHECKED))
+            total.update(counts)
+            wrong += [{'family': family.__name__, 'n': n, 'pair': [
+                body.tolist() for body in bodies[row]]} for row in rows]
+        print(f'{time.perf_counter() - start:6.0f} s  {family.__name__}, n = {n}: '
+              f'{len(wrong)} wrong so far', file=sys.stderr)
+    whole = Counter()
+    for counts in results.values():
+        whole.update(counts)  # unlike a sum, keeps zeros
+    return {'seed': seed, 'seconds': round(time.perf_counter() - start),
+            'families': {**results, 'all': whole}, 'wrong': wrong}
+
+
+def _shares(pairs):
+    """Return (family, n, count): equal shares for the families, less for `MANY`; by 1 / n."""
+    named = [*families.CONVEX.values(), *families.EXTREME.values(), *families.SIMPLE.values()]
+    shares = []
+    for family in named:
+        share, sides = pairs // len(named), LONG_SIDES
+        if family.__name__ in methods.MANY:
+            share, sides = share // 50, methods.MANY[family.__name__]
+        elif family.__name__ in families.SIMPLE:
+            sides = LONG_SIDES[:-2]
+        whole = sum(1 / n for n in sides)
+        shares += [(family, n, max(1, int(share / n / whole))) for n in sides]
+    left = pairs - sum(count for _, _, count in shares)
+    return [(*shares[0][:2], shares[0][2] + left), *shares[1:]]
+
+
+def _compare(pairs, checked):
+    """Return counts, and the rows of wrong answers; of the checked rows by integers, too."""
+    expected, unknown = oracle.intersects_pairs(pairs)
+    checked = [i for i in checked if not unknown[i]]
+    if any(oracle.intersects(*pairs[i]) != expected[i] for i in checked):
+        raise AssertionError('the filtered oracle contradicts the exact one')
+    a, b = ([Polygon(pair[k]) for pair in pairs] for k in (0, 1))
+    _, unsure = tried(a, b)
+    answers, seconds = np.empty(len(pairs), np.bool_), {}
+    for exact in (False, True):
+        rows = np.flatnonzero(unsure == exact)
+        sets = [PolygonSet(polygons[i] for i in rows) for polygons in (a, b)]
+        start = time.perf_counter()
+        answers[rows] = intersects_pairs(*sets)
+        seconds[exact] = time.perf_counter() - start
+    wrong = np.flatnonzero(answers != expected)
+    return Counter({
+        'pairs': len(pairs), 'meet': int(expected.sum()), 'wrong': len(wrong),
+        'oracle_in_integers': int(unknown.sum()), 'oracle_checked': len(checked),
+        'exact': int(unsure.sum()), 'seconds': seconds[False], 'exact_seconds': seconds[True],
+    }), wrong
 
 
 def by_offset(rng, count=2000):
     """Return wrong answers and the widest gap or overlap misjudged, by distance from 0."""
-    return [{'offset': offset, **row} for offset in OFFSETS
-            for row in _misjudged(rng, SHOWN_SIDES, offset, count)]
+    rows = []
+    for offset in OFFSETS:
+        pairs, gaps = hair_pairs(rng, offset, count, -16)
+        meet, _ = oracle.intersects_pairs(pairs)
+        prepared = methods.Pairs(pairs)
+        for method in filter(GROWING.__contains__, methods.applicable()):
+            answers, _ = methods.run(method, prepared)
+            rows.append({'offset': offset, 'method': method, **methods.counts(answers, meet),
+                         'widest': float(np.abs(gaps[answers != meet]).max(initial=0.0))})
+    return rows
 
 
 def by_float32(rng, count=2000):
     """Return how often rounding bodies to float32, as a message does, changes the exact answer."""
     rows = []
     for distance in DISTANCES:
-        pairs, gaps = hair_pairs(rng, SHOWN_SIDES, distance, count, -5, 0)
+        pairs, gaps = hair_pairs(rng, distance, count, -5)
         changed, refused = [], 0
         for (a, b), gap in zip(pairs, gaps):
             try:
@@ -104,78 +178,60 @@ def by_float32(rng, count=2000):
     return rows
 
 
-def hair_pairs(rng, n, offset, count, least, most):
+def hair_pairs(rng, offset, count, least):
     """
-    Return pairs of unit size, 10^least to 10^most apart or overlapping, and their separations.
+    Return pairs of unit size, 10^least to 1 apart or overlapping, and their separations.
 
     They are moved by the offset, rounded there. Moved back, which is exact far from the origin,
     they are measured with an error that does not grow with the offset.
     """
-    gap = rng.choice([-1, 1], count) * 10.0 ** rng.uniform(least, most, count)
-    move = offset * shapes.directions(rng, count)
+    gaps = rng.choice([-1, 1], count) * 10.0 ** rng.uniform(least, 0, count)
+    moves = offset * shapes.directions(rng, count)
     pairs = []
-    for part in samples.chunks(count, n):
-        rows = slice(len(pairs), len(pairs) + part)
-        pairs += _moved_pairs(rng, n, gap[rows], move[rows])
+    for part in methods.chunks(count, SHOWN_SIDES):
+        gap, move = (of[len(pairs):len(pairs) + part] for of in (gaps, moves))
+        a, b = (shapes.polygons(rng, part, SHOWN_SIDES) for _ in range(2))
+        heading = shapes.directions(rng, part)
+        reach, cosine = shapes.reach(a, b, heading)
+        b += ((reach + gap / np.maximum(cosine, 0.1))[:, None] * heading)[:, None]
+        pairs += zip(*(shapes.convex(body + move[:, None]) for body in (a, b)))
     back = [a[0] if offset > 1 else 0.0 for a, _ in pairs]
     return pairs, np.array([separation(a - to, b - to) for (a, b), to in zip(pairs, back)])
-
-
-def _misjudged(rng, n, offset, count):
-    pairs, gaps = hair_pairs(rng, n, offset, count, -16, 0)
-    meet, _ = oracle.intersects_pairs(pairs)
-    prepared = Pairs(pairs)
-    rows = []
-    for method in filter(GROWING.__contains__, applicable()):
-        answers, _ = run(method, prepared)
-        rows.append({'method': method, **samples.counts(answers, meet), 'widest': float(
-            np.abs(gaps[answers != meet]).max(initial=0.0))})
-    return rows
-
-
-def _moved_pairs(rng, n, gap, move):
-    count = len(gap)
-    a, b = shapes.polygons(rng, count, n), shapes.polygons(rng, count, n)
-    heading = shapes.directions(rng, count)
-    reach, cosine = shapes.reach(a, b, heading)
-    b += ((reach + gap / np.maximum(cosine, 0.1))[:, None] * heading)[:, None]
-    return list(zip(*(shapes.convex(body + move[:, None]) for body in (a, b))))
 
 
 def by_step(rng, count=4000):
     """Return by number of vertices at which step near pairs are called clear, rightly or not."""
     rows = []
-    for n in samples.SIDES:
-        pairs, meet = samples.sample(rng, n, 'near', count if n < 256 else count // 4)
-        prepared = Pairs(pairs)
-        for method in PUBLISHED:
-            answers, axes = run(method, prepared)
-            row = {'n': n, 'method': method, 'apart': int((~meet).sum()),
-                   'meet': int(meet.sum()), 'steps': []}
-            first = 1
-            for step, last in STEPS[method].items():
-                here = ~answers & (axes >= first) & (axes <= last)
-                row['steps'].append({'step': step, 'clears': int((here & ~meet).sum()),
-                                     'false_clears': int((here & meet).sum())})
-                first = last + 1
-            rows.append(row)
+    for n in methods.SIDES:
+        pairs, meet = methods.sample(rng, n, 'near', count if n < 256 else count // 4)
+        prepared = methods.Pairs(pairs)
+        for method, steps in STEPS.items():
+            answers, axes = methods.run(method, prepared)
+            found, before = [], 0
+            for step, last in steps.items():
+                here = ~answers & (before < axes) & (axes <= last)
+                found.append({'step': step, 'clears': int((here & ~meet).sum()),
+                              'false_clears': int((here & meet).sum())})
+                before = last
+            rows.append({'n': n, 'method': method, 'apart': int((~meet).sum()),
+                         'meet': int(meet.sum()), 'steps': found})
     return rows
 
 
 def examples(rng, count=4000):
     """Return the near pair furthest apart of those A calls colliding, and B's deepest miss."""
-    pairs, meet = samples.sample(rng, SHOWN_SIDES, 'near', count)
-    prepared = Pairs(pairs)
+    pairs, meet = methods.sample(rng, SHOWN_SIDES, 'near', count)
+    prepared = methods.Pairs(pairs)
     found = {}
     for method, wrong in (('published_a', ~meet), ('published_b', meet)):
-        answers, _ = run(method, prepared)
+        answers, _ = methods.run(method, prepared)
         rows = np.flatnonzero((answers != meet) & wrong)
         values = [separation(*pairs[i]) for i in rows]
         a, b = pairs[rows[np.argmax(np.abs(values))]]
         found[method] = {
             'a': a.tolist(), 'b': b.tolist(), 'separation': float(separation(a, b)),
             'closest_points': [point.tolist() for point in closest_points(a, b)],
-            'centres': [list(map(float, sat_methods.centre_of_gravity(body))) for body in (a, b)]}
+            'centres': [list(map(float, rivals.centre_of_gravity(body))) for body in (a, b)]}
     return found
 
 
@@ -186,29 +242,28 @@ def by_condition(rng, count):
     The families are those of convex bodies with few vertices, count pairs of each. A bin is a list
     of its number, false collisions, pairs apart, false clears, and pairs that meet.
     """
-    pooled, of_families, worst, total = {}, {}, {}, 0
+    pooled = defaultdict(lambda: defaultdict(lambda: np.zeros(4, int)))
+    of_families, worst = defaultdict(list), defaultdict(float)
     for name, family in families.CONVEX.items():
-        if name in samples.MANY:
+        if name in methods.MANY:
             continue
-        pairs = samples.of_family(rng, family, count, FEW_SIDES)
-        total += len(pairs)
+        pairs = methods.of_family(rng, family, count, FEW_SIDES)
         meet, _ = oracle.intersects_pairs(pairs)
         units = np.array([gap_in_units(a, b, met) for (a, b), met in zip(pairs, meet.tolist())])
         bins = np.array([bin_of(value) for value in units])
-        for method, answer in _answers(pairs).items():
+        for method, answer in _answers(pairs, methods.applicable()).items():
             wrong = answer != meet
-            worst[method] = max(worst.get(method, 0.0), float(units[wrong].max(initial=0.0)) / 2)
+            worst[method] = max(worst[method], float(units[wrong].max(initial=0.0)) / 2)
             for k in np.unique(bins).tolist():
                 here = bins == k
                 found = np.array([(of & here).sum() for of in (
                     wrong & ~meet, ~meet, wrong & meet, meet)])
-                of_method = pooled.setdefault(method, {})
-                of_method[k] = of_method.get(k, 0) + found
+                pooled[method][k] += found
                 if method == 'traditional':
-                    of_families.setdefault(name, []).append([k, *found.tolist()])
+                    of_families[name].append([k, *found.tolist()])
     return {'bins': {method: [[k, *of[k].tolist()] for k in sorted(of)]
                      for method, of in pooled.items()},
-            'families': dict(sorted(of_families.items())), 'backward': worst, 'pairs': total}
+            'families': dict(sorted(of_families.items())), 'backward': worst}
 
 
 def gap_in_units(a, b, meet):

@@ -16,10 +16,10 @@
 
 import math
 
+from _shared import (
+    distance, duration, durations, length, power, rate, share, table, table_of)
 from libraries import LABELS as LIBRARIES
 from methods import LABELS
-from samples import FEWEST_TIMED
-from words import distance, duration, durations, length, power, rate, share, table, table_of
 
 MIX = 'clear', 'near', 'deep'
 SHOWN = 4, 16, 64
@@ -28,6 +28,8 @@ READINGS = 'published_a', 'published_b', 'hybrid', 'closest', 'literal'
 # Of the long tables: one small and one large n that the page does not show.
 _KIND_SIDES = 8, 256
 _KINDS = *MIX, 'hard'
+# The long run gives no time for fewer pairs than this.
+_FEWEST_TIMED = 1000
 
 
 def distinct(rows, key):
@@ -41,11 +43,9 @@ def speed_row(figures, n, kind, method):
                  and row['method'] == method), None)
 
 
-def parts(row, what='wrong'):
-    """Return false collisions and the pairs apart, or false clears and the others, or both."""
-    if what == 'wrong':
-        return row['false_collisions'] + row['false_clears'], row['pairs']
-    return row[what], row['apart'] if what == 'false_collisions' else row['pairs'] - row['apart']
+def parts(row):
+    """Return the wrong answers and the pairs."""
+    return row['false_collisions'] + row['false_clears'], row['pairs']
 
 
 def count_wrong(rows):
@@ -59,7 +59,8 @@ def _rate(row):
 
 
 def _both_errors(row):
-    return ' / '.join(share(*parts(row, what)) for what in ('false_collisions', 'false_clears'))
+    return (f'{share(row["false_collisions"], row["apart"])} / '
+            f'{share(row["false_clears"], row["pairs"] - row["apart"])}')
 
 
 def _time(figures, n, method, kinds=MIX):
@@ -93,11 +94,6 @@ def _speed(figures):
             power(worst) if worst else '–'])
     return table(['', *(f'n = {n}, near' for n in SHOWN), 'wrong, near', 'wrong, hard', 'c'],
                  lines)
-
-
-def _once(figures):
-    times = {(row['n'], row['method']): row['ns'] for row in figures['once']}
-    return _by_sides(SHOWN, _timed(figures), lambda *key: duration(times[key]))
 
 
 def _asked(figures):
@@ -144,24 +140,6 @@ def _separation_families(figures):
         for family in distinct(rows.values(), 'family')])
 
 
-def _time_of_contact(figures):
-    return table_of(figures['contact_times'], {
-        '': lambda row: LIBRARIES[row['library']], 'n': '{n}',
-        'time': lambda row: duration(row['ask']), 'missed': '{missed} of {contacts}',
-        'invented': lambda row: f'{row["invented"]} of {row["pairs"] - row["contacts"]}',
-        'median error': lambda row: length(row['median']),
-        'greatest error': lambda row: length(row['worst'])})
-
-
-def _stepping(figures):
-    return table_of(figures['stepping'], {
-        '': lambda row: f'steps of {row["step"]:g} s' if row['step'] else '**continuous**',
-        'missed': '{missed:,} of {contacts:,}',
-        'late, mean': lambda row: duration(1e9 * row['mean']) if row['step'] else '0',
-        'late, at most': lambda row: duration(1e9 * row['worst']) if row['step'] else '0',
-        'an obstacle': lambda row: duration(row['ns'])})
-
-
 def _non_convex(figures):
     rows = figures['non_convex']
     sides = distinct(rows, 'n')
@@ -174,29 +152,6 @@ def _non_convex(figures):
     return table(['', *(f'n = {n}' for n in sides), 'wrong'], lines)
 
 
-def _readings(figures):
-    return _by_sides(_sides(figures), {method: LABELS[method] for method in READINGS},
-                     lambda n, method: _both_errors(speed_row(figures, n, 'near', method)))
-
-
-def _scenes(figures):
-    return table_of(figures['cost'], {
-        'scene': '{scene}', 'pairs': '{pairs:,}', 'in contact': '{contacts:,}',
-        'boxes or discs decide': lambda row: share(row['boxes'], row['pairs']),
-        'exact stage': lambda row: share(row['exact'], row['pairs']),
-        'of the time': lambda row: share(row['exact_time']),
-        'a pair': lambda row: duration(row['ns'])})
-
-
-def _ages(figures):
-    return table_of([row for row in figures['ages'] if row['speed']], {
-        'scene': '{scene}', 'sample interval': lambda row: f'{1e3 * row["spacing"]:.0f} ms',
-        'fastest': '{speed:.2g} m/s',
-        'one sample older': lambda row: ' to '.join(map(length, row['before'])),
-        'between two samples': lambda row: ' to '.join(map(length, row['between'])),
-        'float32': lambda row: length(row['coordinates'])})
-
-
 def _measured_on(figures):
     facts = figures['machine']
     versions = ', '.join(f'{name} {facts[name]}' for name in facts
@@ -205,11 +160,6 @@ def _measured_on(figures):
     return table(['machine', 'versions', 'pairs for each n and kind', 'minutes'], [[
         f'{facts["processor"]}, {facts["cores"]} cores, {facts["system"]}', versions,
         f'{min(counts):,} to {max(counts):,}', f'{figures["seconds"] / 60:.0f}']])
-
-
-def _times(figures):
-    return _by_sides(_sides(figures), {name: LABELS[name] for name in _timed(figures)},
-                     lambda n, method: _time(figures, n, method))
 
 
 def _times_by_kind(figures):
@@ -263,19 +213,10 @@ def _offsets(figures):
         for offset in sorted(distinct(rows, 'offset'))])
 
 
-def _float32(figures):
-    return table_of(figures['float32'], {
-        'distance from the origin': lambda row: distance(row['distance']),
-        'step': lambda row: length(row['step']), 'pairs': '{pairs:,}',
-        'answer changed': '{changed:,}',
-        'widest': lambda row: length(row['widest']) if row['widest'] else '–',
-        'refused': '{refused:,}'})
-
-
-def long_run(families):
-    """Return the table of the accuracy run; without times where there are too few pairs."""
+def _long_run(figures):
     def each(seconds, pairs):
-        return duration(seconds * 1e9 / pairs) if pairs >= FEWEST_TIMED else '–'
+        return duration(seconds * 1e9 / pairs) if pairs >= _FEWEST_TIMED else '–'
+    families = figures['accuracy']['families']
     return table_of([{'family': name.replace('_', ' '), **of} for name, of in families.items()], {
         'family': '{family}', 'pairs': '{pairs:,}',
         'in contact': lambda of: share(of['meet'], of['pairs']), 'wrong': '{wrong}',
@@ -285,11 +226,48 @@ def long_run(families):
 
 
 TABLES = {
-    'speed against error': _speed, 'bodies used once': _once, 'asked from Python': _asked,
-    'separation': _separation, 'time of contact': _time_of_contact, 'stepping': _stepping,
-    'non convex': _non_convex, 'readings of the paper': _readings, 'scenes': _scenes,
-    'ages': _ages, 'measured on': _measured_on, 'times': _times, 'times by kind': _times_by_kind,
-    'wrong on hard pairs': _wrong_on_hard, 'steps': _steps, 'families': _families,
-    'distance from the origin': _offsets, 'float32': _float32,
-    'separation by family': _separation_families,
-    'long run': lambda figures: long_run(figures['accuracy']['families'])}
+    'speed against error': _speed, 'asked from Python': _asked,
+    'separation': _separation, 'non convex': _non_convex, 'measured on': _measured_on,
+    'times by kind': _times_by_kind, 'wrong on hard pairs': _wrong_on_hard, 'steps': _steps,
+    'families': _families, 'distance from the origin': _offsets,
+    'separation by family': _separation_families, 'long run': _long_run,
+    'bodies used once': lambda figures: _by_sides(
+        SHOWN, _timed(figures), lambda n, method: next(
+            duration(row['ns']) for row in figures['once']
+            if row['n'] == n and row['method'] == method)),
+    'times': lambda figures: _by_sides(
+        _sides(figures), {method: LABELS[method] for method in _timed(figures)},
+        lambda n, method: _time(figures, n, method)),
+    'readings of the paper': lambda figures: _by_sides(
+        _sides(figures), {method: LABELS[method] for method in READINGS},
+        lambda n, method: _both_errors(speed_row(figures, n, 'near', method))),
+    'time of contact': lambda figures: table_of(figures['contact_times'], {
+        '': lambda row: LIBRARIES[row['library']], 'n': '{n}',
+        'time': lambda row: duration(row['ask']), 'missed': '{missed} of {contacts}',
+        'invented': lambda row: f'{row["invented"]} of {row["pairs"] - row["contacts"]}',
+        'median error': lambda row: length(row['median']),
+        'greatest error': lambda row: length(row['worst'])}),
+    'stepping': lambda figures: table_of(figures['stepping'], {
+        '': lambda row: f'steps of {row["step"]:g} s' if row['step'] else '**continuous**',
+        'missed': '{missed:,} of {contacts:,}',
+        'late, mean': lambda row: duration(1e9 * row['mean']) if row['step'] else '0',
+        'late, at most': lambda row: duration(1e9 * row['worst']) if row['step'] else '0',
+        'an obstacle': lambda row: duration(row['ns'])}),
+    'scenes': lambda figures: table_of(figures['cost'], {
+        'scene': '{scene}', 'pairs': '{pairs:,}', 'in contact': '{contacts:,}',
+        'boxes or discs decide': lambda row: share(row['boxes'], row['pairs']),
+        'exact stage': lambda row: share(row['exact'], row['pairs']),
+        'of the time': lambda row: share(row['exact_time']),
+        'a pair': lambda row: duration(row['ns'])}),
+    'ages': lambda figures: table_of([row for row in figures['ages'] if row['speed']], {
+        'scene': '{scene}', 'sample interval': lambda row: f'{1e3 * row["spacing"]:.0f} ms',
+        'fastest': '{speed:.2g} m/s',
+        'one sample older': lambda row: ' to '.join(map(length, row['before'])),
+        'between two samples': lambda row: ' to '.join(map(length, row['between'])),
+        'float32': lambda row: length(row['coordinates'])}),
+    'float32': lambda figures: table_of(figures['float32'], {
+        'distance from the origin': lambda row: distance(row['distance']),
+        'step': lambda row: length(row['step']), 'pairs': '{pairs:,}',
+        'answer changed': '{changed:,}',
+        'widest': lambda row: length(row['widest']) if row['widest'] else '–',
+        'refused': '{refused:,}'})}

@@ -38,7 +38,6 @@ sys.path += PATHS[1:3]
 import libraries  # noqa: E402, I100
 import methods  # noqa: E402
 import rivals  # noqa: E402
-import samples  # noqa: E402
 import scenes  # noqa: E402
 import shapes  # noqa: E402
 import stability  # noqa: E402
@@ -270,13 +269,13 @@ def test_scenes_have_contacts_and_clear_pairs(scene, angle):
 @pytest.mark.parametrize('name', scenes.NAMES)
 def test_recorded_scenes_have_their_known_contacts(name):
     meet = [sum(oracle.intersects(footprint, obstacle) for obstacle in obstacles)
-            for footprint, obstacles in scenes.recorded(name)]
+            for _, footprint, obstacles in scenes.stamped(name)]
     assert meet == [len(moment['hits']) for moment in load('recordings')[name]['contacts']]
 
 
-@pytest.mark.parametrize('kind', samples.KINDS)
+@pytest.mark.parametrize('kind', methods.KINDS)
 def test_kinds_of_samples(kind):
     """Clear pairs are apart, deep ones meet, half of the others do; improved is right."""
-    pairs, meet = samples.sample(np.random.default_rng(1), 8, kind, 40)
+    pairs, meet = methods.sample(np.random.default_rng(1), 8, kind, 40)
     assert meet.sum() == {'clear': 0, 'deep': 40}.get(kind, 20)
     assert (answers('improved', pairs) == meet).all()

@@ -19,6 +19,7 @@ from pathlib import Path
 import re
 import sys
 
+from page_parts import with_tables
 import pytest
 
 ROOT = Path(__file__).parents[2]
@@ -26,9 +27,9 @@ STORED = ROOT / 'docs' / 'report'
 PAGES = 'README.md', 'appendix.md'
 sys.path += [str(ROOT / 'benchmarks'), str(ROOT / 'benchmarks' / 'report')]
 
-import stability  # noqa: E402, I100
+import _shared as shared  # noqa: E402, I100
+import stability  # noqa: E402
 import tables  # noqa: E402
-import words  # noqa: E402
 
 
 @pytest.fixture(scope='module')
@@ -45,7 +46,7 @@ def text_of(name):
 
 @pytest.mark.parametrize('name', PAGES)
 def test_stored_tables_match_their_figures(figures, name):
-    assert words.with_tables(text_of(name), tables.TABLES, figures) == text_of(name)
+    assert with_tables(text_of(name), tables.TABLES, figures) == text_of(name)
 
 
 def test_stored_benchmarks_match_their_figures():
@@ -53,7 +54,7 @@ def test_stored_benchmarks_match_their_figures():
     import bench
     page = ROOT / 'docs' / 'benchmarks' / 'README.md'
     figures = json.loads(page.with_name('figures.json').read_text())
-    assert words.with_tables(page.read_text(), bench.TABLES, figures) == page.read_text()
+    assert with_tables(page.read_text(), bench.TABLES, figures) == page.read_text()
 
 
 def test_each_table_is_on_a_page_once():
@@ -92,38 +93,37 @@ def test_claims_of_the_text_hold_in_the_figures(figures):
 def test_figures_are_stored_one_row_per_line():
     value = {'rows': [{'n': 3, 'ns': [1.5, 2.0]}, {'n': 4, 'ns': []}], 'some': {'none': None},
              'nested': {'rows': [[1, 2], [3, 4]], 'deep': {'er': {'x': 1}}}, 'empty': []}
-    assert json.loads(words.compact(value)) == value
-    assert '{"n": 3, "ns": [1.5, 2.0]},\n' in words.compact(value)
+    assert json.loads(shared.compact(value)) == value
+    assert '{"n": 3, "ns": [1.5, 2.0]},\n' in shared.compact(value)
 
 
 @pytest.mark.parametrize('value, text', [
     (None, '–'), (0.5, '0.50 ns'), (59.49, '59.5 ns'), (999.6, '1.00 µs'), (12_345, '12.3 µs'),
     (999_600, '1.00 ms'), (2.5e9, '2.50 s')])
 def test_durations_have_three_figures(value, text):
-    assert words.duration(value) == text
+    assert shared.duration(value) == text
 
 
 def test_ranges_of_times_have_one_unit():
-    assert words.durations(1500, 900, 2100) == '1.50 (0.90–2.10) µs'
+    assert shared.durations(1500, 900, 2100) == '1.50 (0.90–2.10) µs'
 
 
 @pytest.mark.parametrize('part, whole, text', [
     (0, 10, '0'), (0, 0, '–'), (1, 10_000, '0.01 %'), (1, 3, '33 %'), (None, 1, '–'),
     (999, 1000, '99.9 %'), (10, 10, '100 %')])
 def test_shares_are_not_rounded_to_0_or_100_percent(part, whole, text):
-    assert words.share(part, whole) == text
+    assert shared.share(part, whole) == text
 
 
 @pytest.mark.parametrize('part, whole, low, high', [
     (0, 100, 0.0, 0.0370), (1, 10, 0.0179, 0.4042), (50, 100, 0.4038, 0.5962), (9, 9, 0.7008, 1)])
 def test_wilson_intervals(part, whole, low, high):
-    assert words.wilson(part, whole) == (pytest.approx(low, abs=2e-4),
-                                         pytest.approx(high, abs=2e-4))
+    assert shared.wilson(part, whole) == pytest.approx((low, high), abs=2e-4)
 
 
 def test_rate_of_0_has_an_upper_bound():
-    assert words.rate(0, 100) == '0 (< 3.7 %)'
-    assert words.rate(50, 100) == '50 % (40–60)'
+    assert shared.rate(0, 100) == '0 (< 3.7 %)'
+    assert shared.rate(50, 100) == '50 % (40–60)'
 
 
 @pytest.mark.parametrize('units', [1e-9, 0.3, 3.0, 1e9, 1e40])

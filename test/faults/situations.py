@@ -467,7 +467,7 @@ _REFUSED = {
     '2,000 vertices': {'points': [
         (math.cos(k * math.pi / 1000), math.sin(k * math.pi / 1000)) for k in range(2000)]},
     'a message that is cut off': {'length': -5},
-    'a frame nobody tells of': {'frame_id': 'nowhere'}}
+    'a frame that nobody sends': {'frame_id': 'nowhere'}}
 
 SITUATIONS = {
     'the monitor is stopped for 60 to 300 ms again and again': Situation(_monitor_stopped),

@@ -85,34 +85,13 @@ def _nearly_level(rng, count):
 @kernel
 def score(which, x, share):
     """Return error over a share of the bound, less if the value exceeds twice the bound."""
+    if not steering.are_between(x, 1e-30, 1e30):
+        return -1.0, False
     value, bound, error, wrong = filter_bounds.evaluate(which, x)
     bound *= share
     if not 0.0 < bound < np.inf:
         return 0.0, wrong
     return abs(error) / bound * min(1.0, 2.0 * bound / max(abs(value), bound)), wrong
-
-
-@kernel
-def climb(which, x, steps, share, random):
-    """Change an input in place, step by step; return its score and the number of wrong signs."""
-    best, wrong = score(which, x, share)
-    mistakes = int(wrong)
-    kept = x.copy()
-    for _ in range(steps):
-        steering.nudge(x, random)
-        usual = True
-        for k in range(len(x)):
-            usual = usual and 1e-30 < abs(x[k]) < 1e30
-        found = 0.0
-        if usual:
-            found, wrong = score(which, x, share)
-            mistakes += wrong
-        if usual and found >= best:
-            best = found
-            kept[:] = x
-        else:
-            x[:] = kept
-    return best, mistakes
 
 
 def largest(which, evaluations, seed=1, share=1.0):
@@ -137,9 +116,11 @@ def largest(which, evaluations, seed=1, share=1.0):
     """
     rng = np.random.default_rng(seed)
     starts = starts_of(rng, which, max(evaluations // 2 // STEPS, CONFIRMED))
-    found = [climb(which, x, evaluations // 2 // len(starts), share, rng) for x in starts]
+    found = [steering.climb(score, which, x, share, evaluations // 2 // len(starts), rng)
+             for x in starts]
     best = starts[np.argsort([ratio for ratio, _ in found])[-CONFIRMED:]]
-    found += [climb(which, x, evaluations // 2 // CONFIRMED, share, rng) for x in best]
+    found += [steering.climb(score, which, x, share, evaluations // 2 // CONFIRMED, rng)
+              for x in best]
     return (max(filter_bounds.exact(which, x, share) for x in best),
             sum(mistakes for _, mistakes in found))
 

@@ -32,7 +32,7 @@ from sat_collision.geometry.packing import CONVEX, NON_CONVEX, pack
 from sat_collision.geometry.predicates import orient
 import separations
 from separations import distance_to_edges, reach_beyond_edges, UNIT
-from steering import nudge
+import steering
 
 NORMAL, POINTS, GAP, WAY_OUT = range(4)
 NAMES = ('length of the normal', 'points outside their body', 'offset of the points',
@@ -141,31 +141,15 @@ def errors(p, q):
 
 
 @kernel
-def climb(which, x, n, steps, random):
-    """Change two bodies in place, n points and the rest, to increase an error; return it."""
-    best = -1.0
-    wrong = 0
-    kept = x.copy()
-    for step in range(steps):
-        if step > 0:
-            nudge(x, random)
-        found = -1.0
-        usual = True
-        for k in range(len(x)):
-            usual = usual and 1e-60 < abs(x[k]) < 1e60
-        if usual:
-            p = packed_body(x[:2 * n])
-            q = packed_body(x[2 * n:])
-            if p.n != 0 and q.n != 0:
-                ratios, contradicts = errors(p, q)
-                wrong += contradicts or max(ratios) > 1.0
-                found = ratios[which]
-        if found >= best:
-            best = found
-            kept[:] = x
-        else:
-            x[:] = kept
-    return best, wrong
+def score(which, x, n):
+    """Return an error for bodies of n points and the rest, and whether a promise is broken."""
+    if steering.are_between(x, 1e-60, 1e60):
+        p = packed_body(x[:2 * n])
+        q = packed_body(x[2 * n:])
+        if p.n != 0 and q.n != 0:
+            ratios, contradicts = errors(p, q)
+            return ratios[which], contradicts or max(ratios) > 1.0
+    return -1.0, False
 
 
 def starts_of(rng, kind, count):
@@ -198,7 +182,7 @@ def largest(which, kind, evaluations, seed=1):
     rng = np.random.default_rng(seed)
     starts = starts_of(rng, kind, max(evaluations // STEPS, 10))
     n = COUNTS[kind][0]
-    found = [climb(which, x, n, evaluations // len(starts), rng) for x in starts]
+    found = [steering.climb(score, which, x, n, evaluations // len(starts), rng) for x in starts]
     return max(ratio for ratio, _ in found), sum(wrong for _, wrong in found)
 
 

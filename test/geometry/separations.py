@@ -146,29 +146,15 @@ def error(which, p, q):
 
 
 @kernel
-def climb(which, x, n, steps, random):
-    """Change two bodies in place, n vertices and the rest, to increase an error; return it."""
+def score(which, x, n):
+    """Return the error for bodies of n vertices and the rest relative to its bound."""
     m = len(x) // 2 - n
     a = np.empty(packed_size(n))
     b = np.empty(packed_size(m))
-    best = 0.0
-    kept = x.copy()
-    for step in range(steps):
-        if step > 0:
-            steering.nudge(x, random)
-        found = -1.0
-        usual = True
-        for k in range(len(x)):
-            usual = usual and abs(x[k]) < 1e60
-        if usual and steering.pack_both(x, n, a, b):
-            wrong_by, bound = error(which, Packed(a, 0, n), Packed(b, 0, m))
-            found = wrong_by / bound if bound > 0.0 else 0.0
-        if found >= best:
-            best = found
-            kept[:] = x
-        else:
-            x[:] = kept
-    return best
+    if not (steering.are_between(x, -1.0, 1e60) and steering.pack_both(x, n, a, b)):
+        return -1.0, False
+    wrong_by, bound = error(which, Packed(a, 0, n), Packed(b, 0, m))
+    return wrong_by / bound if bound > 0.0 else 0.0, False
 
 
 def exact(which, x, n):
@@ -203,7 +189,8 @@ def largest(which, n, m, evaluations, seed=1):
     """Return the largest error relative to its bound, confirmed."""
     rng = np.random.default_rng(seed)
     starts = starts_of(rng, max(evaluations // STEPS, CONFIRMED), n, m)
-    found = [climb(which, x, n, evaluations // len(starts), rng) for x in starts]
+    found = [steering.climb(score, which, x, n, evaluations // len(starts), rng)[0]
+             for x in starts]
     return max(exact(which, starts[k], n) for k in np.argsort(found)[-CONFIRMED:])
 
 

@@ -141,6 +141,38 @@ def nudge(x, random):
 
 
 @kernel
+def climb(score, which, x, shape, steps, random):
+    """
+    Change an input in place, step by step; return its score and the mistakes on the way.
+
+    `score(which, x, shape)` returns the score, which changes must not lessen, and a mistake.
+    """
+    best = -1.0
+    mistakes = 0
+    kept = x.copy()
+    for step in range(steps):
+        if step > 0:
+            nudge(x, random)
+        found, wrong = score(which, x, shape)
+        mistakes += wrong
+        if found >= best:
+            best = found
+            kept[:] = x
+        else:
+            x[:] = kept
+    return best, mistakes
+
+
+@kernel
+def are_between(x, least, greatest):
+    """Return whether the magnitudes of all numbers are between two."""
+    for k in range(len(x)):
+        if not least < abs(x[k]) < greatest:
+            return False
+    return True
+
+
+@kernel
 def steer(which, x, n, steps, random):
     """
     Change two bodies in place, n vertices and the rest, to increase a filter's danger.

@@ -57,7 +57,7 @@ def test_compiled_error_agrees_with_rationals(which):
     rng = np.random.default_rng(3)
     compared = 0
     for x in adversary.starts_of(rng, which, 100):
-        adversary.climb(which, x, 10, 1.0, rng)
+        steering.climb(adversary.score, which, x, 1.0, 10, rng)
         exact = filter_bounds.exact(which, x)
         if exact > 0.0:
             compared += 1

@@ -15,16 +15,12 @@
 """A flooded node; nodes and publishers that come and go without leaking threads or files."""
 
 import os
-from pathlib import Path
 import signal
-import subprocess
-import sys
 
-from harness import APART, box, Peer, ROBOT, RunningMonitor, values
+from harness import APART, box, ROBOT, RunningMonitor, values
 import pytest
 from sat_collision.geometry.jit import COMPILED
 
-ROOT = Path(__file__).resolve().parents[2]
 NODE = ['-m', 'sat_collision.node', '--ros-args', '-p', 'obstacles:=[obstacle, flood]',
         '-p', 'obstacle.topic:=obstacles', '-p', 'flood.topic:=flood']
 # The flood ends by itself after this time in s.
@@ -35,32 +31,14 @@ MAX_RATE = 10_000
 SOON = 40.0
 
 
-@pytest.fixture
-def process(domain, monkeypatch):
-    """Start Python with some arguments; it ends with the test."""
-    monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
-    started = []
-
-    def process(*arguments):
-        started.append(subprocess.Popen([sys.executable, *arguments], cwd=ROOT,
-                                        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
-        return started[-1]
-
-    yield process
-    for one in started:
-        one.kill()
-        one.wait()
-
-
 @pytest.mark.long
 @pytest.mark.skipif(not COMPILED, reason='a comb takes plain Python seconds')
 @pytest.mark.parametrize('kind', ['1024-gons', 'combs of 1024', '4-gons', 'truncated', 'NaN'])
-def test_flood_on_one_topic_does_not_block_others(process, domain, kind):
+def test_flood_on_one_topic_does_not_block_others(run, peer, kind):
     """Contacts on the other topic are seen soon, and so is a signal."""
-    peer = Peer(domain)
-    node = process(*NODE)
+    node = run(*NODE)
     peer.until(peer.status, 'a state')
-    flooder = process('test/node/flooder.py', kind, str(FLOODED), f'--max={MAX_RATE}')
+    flooder = run('test/node/flooder.py', kind, str(FLOODED), f'--max={MAX_RATE}')
     peer.until(lambda: (health := peer.health())
                and float(values(health).get('flood: rate [Hz]', 0)) > 50, 'a flood')
     near, far = (box(1, 1), ['obstacle/0']), (box(5, 5), [])
@@ -77,7 +55,6 @@ def test_flood_on_one_topic_does_not_block_others(process, domain, kind):
     node.send_signal(signal.SIGTERM)
     assert node.wait(timeout=SOON) == 0
     assert flooder.poll() is None, 'it was flooded to the end'
-    peer.close()
 
 
 def resources():

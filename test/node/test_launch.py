@@ -27,7 +27,6 @@ import pytest
 pytest.importorskip('launch_ros')
 pytest.importorskip('rclpy')
 
-from harness import Peer  # noqa: E402, I100
 from rclpy.parameter_client import AsyncParameterClient  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -81,13 +80,6 @@ def launch(installed, domain):
         with contextlib.suppress(ProcessLookupError):  # it has ended by itself
             os.killpg(process.pid, signal.SIGINT)
         process.communicate(timeout=60)
-
-
-@pytest.fixture
-def peer(domain):
-    peer = Peer(domain)
-    yield peer
-    peer.close()
 
 
 def parameters(peer, node, *names):

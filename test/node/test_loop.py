@@ -20,14 +20,13 @@ import time
 
 from geometry_msgs.msg import PolygonStamped
 from harness import (
-    APART, box, health, LASTING, MonitorPeer, ROBOT, RunningMonitor, SECOND, to_parameters,
-    TOUCHING, values)
+    APART, box, health, LASTING, MonitorPeer, ROBOT, RunningMonitor, SECOND, streaming,
+    to_parameters, TOUCHING, values)
 import pytest
 import rclpy
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sat_collision.node import footprint_monitor
-from streams import streaming
 
 MAP_OF_IDS = {'obstacle__type': 'polygon_instance', 'obstacle__timeout': 0.0}
 DEPTH = 'qos_overrides./obstacles.subscription.depth'

@@ -21,7 +21,7 @@ import time
 from types import SimpleNamespace
 
 from geometry_msgs.msg import Point32, Polygon, PolygonStamped
-from harness import Peer
+from harness import streaming
 import pytest
 from rcl_interfaces.srv import ListParameters
 import rclpy
@@ -29,7 +29,6 @@ from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import QoSProfile
 from sat_collision.node import loop
-from streams import streaming
 
 
 class Recorder:
@@ -79,9 +78,8 @@ class Recorder:
 
 
 @pytest.fixture
-def looped(domain):
+def looped(peer):
     """Return a peer, and a context that runs a Loop on 'flood' and 'other', which ends rests."""
-    peer = Peer(domain)
     node = rclpy.create_node('receiver', context=peer.context)
     inputs = [loop.Input(name, node.create_subscription(
         PolygonStamped, name, id, QoSProfile(depth=2000), raw=True,
@@ -96,7 +94,6 @@ def looped(domain):
     looped.node = node
     yield peer, looped
     node.destroy_node()
-    peer.close()
 
 
 def arrive(peer, **counts):

@@ -30,7 +30,7 @@ from sat_collision.messages.transform_listener import decode_odometry
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def tell(running, *links):
+def send_transforms(running, *links):
     running.publisher('/tf', PolygonStamped).publish(transforms(*links))
 
 
@@ -45,7 +45,7 @@ def test_bodies_are_placed_by_tf(start_with_tf):
 
     def drive(x):
         stamp = running.now()
-        tell(running, ('odom', 'base', stamp, x, 0.0))
+        send_transforms(running, ('odom', 'base', stamp, x, 0.0))
         running.send('/footprint', box(0), stamp, 'base')
         running.send_set('/obstacles', box(4.5 - x), stamp=stamp, frame_id='camera')
         running.spin(0.02)
@@ -71,7 +71,7 @@ def test_static_transform_sent_before_the_start_is_received(domain, start_with_t
 def test_message_waits_for_its_transform(start_with_tf):
     """Until then the obstacle stays where it was, and nothing is refused."""
     running = start_with_tf(transform_timeout=9.0, footprint__timeout=0.0, obstacle__timeout=60.0)
-    tell(running, ('odom', 'base', running.now(), 0.0, 0.0))
+    send_transforms(running, ('odom', 'base', running.now(), 0.0, 0.0))
     running.send('/footprint', box(0), frame_id='odom')
     running.send_set_until('collision', '/obstacles', box(0.5), frame_id='odom')
     received = running.received['obstacle']
@@ -81,7 +81,7 @@ def test_message_waits_for_its_transform(start_with_tf):
     count = len(running.states())
     running.until(lambda: len(running.states()) > count + 2)
     assert running.state() == 'collision'
-    tell(running, ('odom', 'base', stamp, 9.0, 0.0))
+    send_transforms(running, ('odom', 'base', stamp, 9.0, 0.0))
     running.await_state('clear')
     assert not running.monitor._monitor.rejected
 
@@ -95,7 +95,7 @@ def test_missing_transform_is_logged(start_with_tf):
 
 def test_invalid_transform_is_logged(start_with_tf):
     running = start_with_tf()
-    tell(running, ('odom', 'base', running.now(), float('nan'), 0.0))
+    send_transforms(running, ('odom', 'base', running.now(), float('nan'), 0.0))
     assert running.logged("the transform of 'base' in 'odom' by an unknown publisher")
 
 

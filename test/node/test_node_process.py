@@ -14,6 +14,7 @@
 
 """The node as a process: how it starts and ends."""
 
+import functools
 import os
 from pathlib import Path
 import re
@@ -22,7 +23,7 @@ import subprocess
 import sys
 import time
 
-from harness import box, Peer
+from harness import box
 import pytest
 from sat_collision.node.__main__ import main
 from sat_collision.node.arguments import unused_files
@@ -75,28 +76,10 @@ assert compiled() == before
 
 
 @pytest.fixture
-def launch(domain, monkeypatch):
+def launch(run):
     """Start the node's process with some arguments; its output goes to a pipe."""
-    monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
-    started = []
-
-    def launch(*arguments, **options):
-        started.append(subprocess.Popen(
-            [sys.executable, '-m', 'sat_collision.node', '--ros-args', *arguments], cwd=ROOT,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options))
-        return started[-1]
-
-    yield launch
-    for process in started:
-        process.kill()
-        process.communicate()
-
-
-@pytest.fixture
-def peer(domain):
-    peer = Peer(domain)
-    yield peer
-    peer.close()
+    return functools.partial(run, '-m', 'sat_collision.node', '--ros-args', stdout=subprocess.PIPE,
+                             stderr=subprocess.STDOUT, text=True)
 
 
 def output_until(process, words):

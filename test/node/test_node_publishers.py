@@ -14,9 +14,8 @@
 
 """The publishers of a node's topics: exactly one per topic, otherwise a fault."""
 
+import functools
 import itertools
-import subprocess
-import sys
 import time
 from types import SimpleNamespace
 
@@ -167,17 +166,9 @@ while True:
 
 
 @pytest.fixture
-def detector(domain):
+def detector(run, domain):
     """Start a process that publishes sets thirty times a second, with a lease of 0.5 s."""
-    started = []
-
-    def start():
-        started.append(subprocess.Popen([sys.executable, '-c', PUBLISHER, str(domain)]))
-        return started[-1]
-    yield start
-    for one in started:
-        one.kill()
-        one.wait()
+    return functools.partial(run, '-c', PUBLISHER, str(domain))
 
 
 LIVELINESS = {'qos_overrides./obstacles.subscription.liveliness': 'automatic',

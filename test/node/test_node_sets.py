@@ -16,7 +16,7 @@
 
 
 from geometry_msgs.msg import PolygonStamped
-from harness import APART, box, LASTING, Peer, polygon_message, ROBOT, SECOND, TOUCHING
+from harness import APART, box, LASTING, polygon_message, ROBOT, SECOND, TOUCHING
 from sat_collision.node.footprint_monitor import FootprintMonitor
 
 
@@ -53,9 +53,8 @@ def test_set_window_can_be_changed_live(start):
     monitor.await_state('clear')
 
 
-def test_set_in_progress_when_the_node_starts_does_not_count(start, domain):
+def test_set_in_progress_when_the_node_starts_does_not_count(start, peer):
     """Its first messages were missed; the next set is whole."""
-    peer = Peer(domain)
     publisher = peer.node.create_publisher(PolygonStamped, '/obstacles', 10)
     stamp = peer.now()
     publisher.publish(polygon_message(TOUCHING, stamp))
@@ -70,7 +69,6 @@ def test_set_in_progress_when_the_node_starts_does_not_count(start, domain):
     for points in (APART, []):
         publisher.publish(polygon_message(points, stamp + SECOND // 10))
     monitor.await_state('clear')
-    peer.close()
 
 
 def test_burst_of_thousands_of_obstacles_is_received(start):

@@ -15,15 +15,12 @@
 """A stalled loop: the watchdog raises the flags, and DDS reports a dead node."""
 
 import math
-import os
 import signal
 import socket
-import subprocess
-import sys
 import threading
 import time
 
-from harness import box, health, Peer, values
+from harness import box, health, values
 import pytest
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -67,6 +64,7 @@ def stall():
 
 def clear(running):
     """Bring the monitor to a clear state."""
+    running.send_set('obstacles', box(5, 5))
     running.send_until('clear', 'footprint', box(0, 0))
     running.until(lambda: running.flag() is False)
 
@@ -77,7 +75,6 @@ PARAMETERS = {'footprint__timeout': 0.0, 'obstacle__timeout': 60.0, 'watchdog': 
 def test_stalled_loop_raises_the_flags(start, stall):
     """All flags are raised and all states unknown until the loop continues."""
     running = start(**PARAMETERS)
-    running.send_set('obstacles', box(5, 5))
     clear(running)
     assert running.flag('footprint') is not True
     running.logged('footprint: ')
@@ -105,7 +102,6 @@ def test_stalled_loop_raises_the_flags(start, stall):
 def test_flags_fall_after_the_stall(start, stall):
     """The two threads that publish do not overtake each other."""
     running = start(**PARAMETERS)
-    running.send_set('obstacles', box(5, 5))
     clear(running)
     for _ in range(2):
         stalled = stall(running)
@@ -120,7 +116,6 @@ def test_flags_fall_after_the_stall(start, stall):
 def test_without_a_watchdog(start, stall):
     """With watchdog 0.0 the last flag stays."""
     running = start(**{**PARAMETERS, 'watchdog': 0.0})
-    running.send_set('obstacles', box(5, 5))
     clear(running)
     stalled = stall(running)
     received = len(running.listen('~/collision'))
@@ -131,7 +126,6 @@ def test_without_a_watchdog(start, stall):
 
 def test_watchdog_can_be_changed_live(start, stall):
     running = start(**PARAMETERS)
-    running.send_set('obstacles', box(5, 5))
     clear(running)
     assert running.set_parameters(watchdog=30.0) == [None]
     running.logged('parameter watchdog was changed from 1.0 to 30.0')
@@ -143,28 +137,13 @@ def test_watchdog_can_be_changed_live(start, stall):
     stalled.release()
 
 
-@pytest.fixture
-def process(domain):
-    """Start the node's process in this domain."""
-    started = []
-
-    def start(**environment):
-        started.append(subprocess.Popen(
-            [sys.executable, '-m', 'sat_collision.node'], stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            env={**os.environ, 'ROS_DOMAIN_ID': str(domain), **environment}))
-        return started[-1]
-    yield start
-    for one in started:
-        one.kill()
-        one.wait()
+NODE = '-m', 'sat_collision.node'
 
 
 @pytest.mark.parametrize('number', (signal.SIGKILL, signal.SIGSTOP))
-def test_dds_reports_a_dead_monitor(process, domain, number):
+def test_dds_reports_a_dead_monitor(run, peer, number):
     """Killed or stopped, to a subscriber with a deadline and liveliness."""
-    monitor = process()
-    peer = Peer(domain)
+    monitor = run(*NODE)
     late, lost, received = [], [], []
     qos = QoSProfile(depth=10, deadline=Duration(seconds=0.4),
                      liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
@@ -180,16 +159,15 @@ def test_dds_reports_a_dead_monitor(process, domain, number):
     monitor.send_signal(number)
     # Without them DDS reports a killed process after 20 s, and a stopped one never.
     peer.until(lambda: late and lost, 'events', timeout=15.0)
-    peer.close()
 
 
-def test_systemd_is_notified(process, tmp_path):
+def test_systemd_is_notified(run, tmp_path):
     """READY=1 when the loop runs, then WATCHDOG=1, and STOPPING=1 at the end."""
     address = str(tmp_path / 'notify')
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as connection:
         connection.bind(address)
         connection.settimeout(60.0)
-        monitor = process(NOTIFY_SOCKET=address, WATCHDOG_USEC='200000')
+        monitor = run(*NODE, env={'NOTIFY_SOCKET': address, 'WATCHDOG_USEC': '200000'})
         received = [connection.recv(100) for _ in range(5)]
         monitor.terminate()
         assert received == [b'READY=1', *[b'WATCHDOG=1'] * 4]
@@ -199,8 +177,6 @@ def test_systemd_is_notified(process, tmp_path):
     assert monitor.wait(60) == 0
 
 
-def test_missing_systemd_socket_is_ignored(process, domain, tmp_path):
-    process(NOTIFY_SOCKET=str(tmp_path / 'nobody'))
-    peer = Peer(domain)
+def test_missing_systemd_socket_is_ignored(run, peer, tmp_path):
+    run(*NODE, env={'NOTIFY_SOCKET': str(tmp_path / 'nobody')})
     peer.until(lambda: len(peer.listen('~/collision')) > 3, 'flags')
-    peer.close()

@@ -14,6 +14,7 @@
 
 """A running node and a client that talks to it over DDS, each with a participant of its own."""
 
+from contextlib import contextmanager
 import threading
 import time
 
@@ -326,3 +327,26 @@ class RunningMonitor(MonitorPeer):
         self._monitor_context.shutdown()
         super().close()
         self._check()
+
+
+@contextmanager
+def streaming(domain, topic, rate, points=APART):
+    """Publish a polygon repeatedly from a thread, at a rate in Hz."""
+    stop = threading.Event()
+    peer = Peer(domain)
+
+    def stream():
+        due = time.monotonic()
+        while not stop.wait(max(due - time.monotonic(), 0.0)):
+            peer.send(topic, points, stamp=0)
+            # A busy machine catches up, but by no more than this.
+            due = max(due + 1 / rate, time.monotonic() - 0.5)
+
+    thread = threading.Thread(target=stream)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+        peer.close()
